@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shock Filter: sharpening of geometry, colors and images by advection along flow-lines.
+
+Blender finds its entry here (``register`` and ``unregister``); Python finds the package:
+``from shock_filter import core``. Importing this file needs neither bpy, numba nor scipy.
+"""
+
+__version__ = "0.1.0"
+
+
+def register() -> None:
+    """Add the operators, panels and menus to Blender."""
+    from . import shock_addon
+
+    shock_addon.register()
+
+
+def unregister() -> None:
+    """Remove from Blender all that :func:`register` added."""
+    from . import shock_addon
+
+    shock_addon.unregister()

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shock filters on meshes and images: arrays in, arrays out.
+
+The names below are the public interface. They are loaded when first used, so that importing
+this package (Blender does when the extension is enabled) needs neither numba nor scipy.
+
+References
+----------
+F. Prada, M. Kazhdan: Unconditionally Stable Shock Filters for Image and Geometry Processing,
+2015.
+"""
+
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
+
+from .errors import (
+    Cancelled,
+    InvalidMesh,
+    InvalidSettings,
+    InvalidSignal,
+    ShockError,
+    SolverError,
+)
+from .settings import FitSettings, GeometrySettings, ShockSettings
+
+if _TYPE_CHECKING:
+    from .fit import fit_to_normals
+    from .flow import flow_field
+    from .mesh import TriangleMesh, weld
+    from .shock import sharpen_geometry, sharpen_normals
+
+_LAZY = {
+    "TriangleMesh": "mesh",
+    "weld": "mesh",
+    "flow_field": "flow",
+    "fit_to_normals": "fit",
+    "sharpen_normals": "shock",
+    "sharpen_geometry": "shock",
+}
+
+__all__ = [
+    "Cancelled",
+    "FitSettings",
+    "GeometrySettings",
+    "InvalidMesh",
+    "InvalidSettings",
+    "InvalidSignal",
+    "ShockError",
+    "ShockSettings",
+    "SolverError",
+    "TriangleMesh",
+    "fit_to_normals",
+    "flow_field",
+    "sharpen_geometry",
+    "sharpen_normals",
+    "weld",
+]
+
+
+def __getattr__(name: str) -> _Any:
+    if name in _LAZY:
+        value = getattr(_import_module("." + _LAZY[name], __name__), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

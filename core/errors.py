@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The errors that the core raises; each message names the fix."""
+
+
+class ShockError(Exception):
+    """Base of all errors that Shock Filter raises on purpose."""
+
+
+class InvalidMesh(ShockError, ValueError):
+    """The mesh's arrays do not describe triangles in space."""
+
+
+class InvalidSignal(ShockError, ValueError):
+    """A signal or mask does not fit its mesh or image, or holds NaN or infinity."""
+
+
+class InvalidSettings(ShockError, ValueError):
+    """A setting is outside its range or contradicts another one."""
+
+
+class SolverError(ShockError, RuntimeError):
+    """A linear solve failed or stopped improving; no result is returned."""
+
+
+class Cancelled(ShockError):
+    """The progress callback returned False; nothing was changed."""

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of all filters, with ranges, units and descriptions.
+
+This module is the one source of parameters: Python defaults, command-line flags and Blender
+properties are made from these dataclasses. It imports neither numpy nor numba.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any, get_type_hints
+
+from .errors import InvalidSettings
+
+INF = math.inf
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a person needs to know about one field.
+
+    Attributes
+    ----------
+    description : str
+        One or more full sentences without the final period (Blender adds it); says what the
+        neutral value is.
+    unit : str
+        Unit in words; empty for counts and choices.
+    minimum, maximum : float
+        Allowed range, both ends included.
+    soft_minimum, soft_maximum : float
+        Range in which values are useful; sliders end there.
+    choices : dict
+        For text fields: the allowed words, each with its description.
+    advanced : bool
+        True for fields that belong into a closed sub-panel.
+    """
+
+    description: str
+    unit: str = ""
+    minimum: float = -INF
+    maximum: float = INF
+    soft_minimum: float = -INF
+    soft_maximum: float = INF
+    choices: dict[str, str] = dataclasses.field(default_factory=dict)
+    advanced: bool = False
+
+
+def _setting(default: Any, description: str, **about: Any) -> Any:
+    return dataclasses.field(
+        default=default, metadata={"setting": Setting(description=description, **about)}
+    )
+
+
+def describe(settings: type) -> dict[str, tuple[type, Any, Setting]]:
+    """List a settings class's fields as ``{name: (type, default, Setting)}``, in order."""
+    types = get_type_hints(settings)
+    return {
+        f.name: (types[f.name], f.default, f.metadata["setting"])
+        for f in dataclasses.fields(settings)
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Settings:
+    def __post_init__(self) -> None:
+        for name, (kind, _, about) in describe(type(self)).items():
+            value = getattr(self, name)
+            if kind is str:
+                if value not in about.choices:
+                    words = ", ".join(about.choices)
+                    raise InvalidSettings(f"{name} is {value!r}; choose one of: {words}.")
+                continue
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not number and hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
+                value = value.item()  # a numpy scalar
+                number = isinstance(value, (int, float)) and not isinstance(value, bool)
+                object.__setattr__(self, name, value)
+            if not number:
+                raise InvalidSettings(f"{name} is {value!r}; give a number.")
+            if kind is int and value != int(value if math.isfinite(value) else 0):
+                raise InvalidSettings(f"{name} is {value!r}; give a whole number.")
+            if not about.minimum <= value <= about.maximum:
+                raise InvalidSettings(
+                    f"{name} is {value!r}; give a value from {about.minimum:g} to"
+                    f" {about.maximum:g}{' ' + about.unit if about.unit else ''}."
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShockSettings(_Settings):
+    """Settings of the flow: shared by signals and geometry (paper sections 3 and 4)."""
+
+    time: float = _setting(
+        64.0,
+        "How long values flow towards the edges. 0 changes nothing; 16 is subtle, 256 strong,"
+        " 4096 and more (or infinity) is the steady state",
+        unit="flow time in mean edge lengths",
+        minimum=0.0,
+        maximum=INF,
+        soft_minimum=0.0,
+        soft_maximum=4096.0,
+    )
+    smoothing_passes: int = _setting(
+        1,
+        "Smoothing passes on the flow, not on the result. 0 follows every wrinkle; more passes"
+        " ignore noise and pull from farther away",
+        unit="passes",
+        minimum=0,
+        maximum=1000,
+        soft_maximum=16,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSettings(_Settings):
+    """Settings of the screened Poisson refit of positions to normals (paper 4.1)."""
+
+    screening_radius: float = _setting(
+        5.0,
+        "How far the refit may move the surface as a whole. Small values keep positions and"
+        " turn faces less; above 10 there is little to gain",
+        unit="mean edge lengths",
+        minimum=1e-3,
+        maximum=1e6,
+        soft_minimum=0.5,
+        soft_maximum=30.0,
+        advanced=True,
+    )
+    fidelity: float = _setting(
+        0.0,
+        "The paper's epsilon: weight of the old positions on the surface scaled to unit area."
+        " 0 uses the screening radius instead",
+        unit="per unit area",
+        minimum=0.0,
+        maximum=1e12,
+        soft_maximum=1e6,
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        default = describe(FitSettings)["screening_radius"][1]
+        if self.fidelity > 0 and self.screening_radius != default:
+            raise InvalidSettings(
+                "fidelity and screening_radius are two ways to say the same: give only one."
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeometrySettings(FitSettings, ShockSettings):
+    """Settings of :func:`shock_filter.core.sharpen_geometry` (paper 4.1)."""
+
+    mollify_passes: int = _setting(
+        0,
+        "Smoothing passes on the normals before anything else, for noisy scans. 0 keeps the"
+        " normals as they are; 2 cleans light noise",
+        unit="passes",
+        minimum=0,
+        maximum=1000,
+        soft_maximum=16,
+    )
+    feature_threshold: float = _setting(
+        0.5,
+        "How much curvature must fall along a flow-line before the surface is sharpened there."
+        " 0 sharpens everything; higher values leave gently curved regions alone",
+        unit="fraction",
+        minimum=0.0,
+        maximum=0.99,
+        soft_minimum=0.0,
+        soft_maximum=0.9,
+    )
+    sampling: str = _setting(
+        "detail",
+        "How normals are read at the end of a flow-line",
+        choices={
+            "detail": "Add the change of the smoothed normal to each face's own normal: keeps"
+            " fine relief; a short time changes little",
+            "linear": "Take the smoothed normal there, as in the paper: removes fine noise and"
+            " fine relief",
+            "nearest": "Take the normal of the face there: keeps noise",
+        },
+        advanced=True,
+    )
+    repeat: int = _setting(
+        1,
+        "Apply the whole filter again on its own result. 1 is once",
+        unit="times",
+        minimum=1,
+        maximum=100,
+        soft_maximum=10,
+        advanced=True,
+    )
+    max_displacement: float = _setting(
+        0.0,
+        "No vertex moves farther than this. 0 sets no limit",
+        unit="mean edge lengths",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=5.0,
+        advanced=True,
+    )
