@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Calculus on triangle meshes: gradient, divergence, cotangent stiffness, averages, smoothing.
+
+All lengths are in mean edge lengths of the mesh (`TriangleMesh.scaled_vertices`). Faces without
+area carry nothing: their gradients, weights and stiffness are zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import InvalidSignal
+from .mesh import Floats, TriangleMesh
+from .parallel import Progress, kernel, run
+
+
+def checked_signal(signal: npt.ArrayLike, count: int, what: str = "signal") -> Floats:
+    """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
+    try:
+        array = np.ascontiguousarray(signal, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidSignal(f"The {what} is not made of numbers; give floats.") from error
+    if array.ndim == 1:
+        array = array.reshape(-1, 1)
+    if array.ndim != 2 or len(array) != count or array.shape[1] == 0:
+        raise InvalidSignal(
+            f"The {what} has the shape {np.shape(signal)}; give ({count},) or ({count}, channels)."
+        )
+    if not np.isfinite(array).all():
+        raise InvalidSignal(f"The {what} holds NaN or infinity; replace these values first.")
+    return array
+
+
+def checked_mask(mask: npt.ArrayLike | None, count: int) -> Floats | None:
+    """Return a mask as (count,) float64 in [0, 1], or None where all weights are 1."""
+    if mask is None:
+        return None
+    array = np.asarray(mask)
+    if array.shape != (count,):
+        raise InvalidSignal(f"The mask has the shape {array.shape}; give ({count},).")
+    weights = checked_signal(array, count, "mask").reshape(-1)
+    if weights.min() < 0 or weights.max() > 1:
+        raise InvalidSignal("The mask leaves the range 0 to 1; clip or rescale it.")
+    return None if weights.min() == 1 else weights
+
+
+def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
+    """Compute the gradient of the linear interpolant in each face (paper A, Appendix A).
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (n,) or (n, d) array of float
+        Values at the vertices.
+
+    Returns
+    -------
+    (m, d, 3) float64
+        Tangent vectors, per mean edge length; zero in faces without area.
+
+    Raises
+    ------
+    InvalidSignal
+        If the signal does not fit the mesh or is not finite.
+    """
+    values = checked_signal(signal, mesh.vertex_count)
+    out = np.zeros((mesh.face_count, values.shape[1], 3))
+    run(_gradient, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals, mesh.areas,
+        values, out)  # fmt: skip
+    return out
+
+
+def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
+    """Integrate the divergence of face vectors against each vertex's hat function.
+
+    The transposed gradient with face areas, with a minus: ``divergence(gradient(x))`` is minus
+    the stiffness times x.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    field : (m, d, 3) array of float
+
+    Returns
+    -------
+    (n, d) float64
+    """
+    vectors = np.ascontiguousarray(field, dtype=np.float64)
+    if vectors.ndim != 3 or vectors.shape[0] != mesh.face_count or vectors.shape[2] != 3:
+        raise InvalidSignal(
+            f"The field has the shape {vectors.shape}; give ({mesh.face_count}, channels, 3)."
+        )
+    out = np.zeros((mesh.vertex_count, vectors.shape[1]))
+    run(_divergence, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
+        mesh.normals, vectors, out)  # fmt: skip
+    return out
+
+
+def cotangents(mesh: TriangleMesh) -> Floats:
+    """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate."""
+    out = np.empty((mesh.face_count, 3))
+    run(_cotangents, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, out)
+    return out
+
+
+def lumped_mass(mesh: TriangleMesh) -> Floats:
+    """A third of the area around each vertex, in squared mean edge lengths: (n,)."""
+    out = np.empty(mesh.vertex_count)
+    run(_lumped_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out)
+    return out
+
+
+def average_to_vertices(
+    mesh: TriangleMesh, values: Floats, progress: Progress | None = None
+) -> Floats:
+    """Area-weighted averages of face values at the vertices: (m, d) -> (n, d).
+
+    Vertices without area get zeros.
+    """
+    out = np.empty((mesh.vertex_count, values.shape[1]))
+    run(_average, mesh.vertex_count, *mesh.corners, mesh.areas, values, out, progress=progress)
+    return out
+
+
+def average_to_faces(mesh: TriangleMesh, values: Floats) -> Floats:
+    """Means of the three vertex values of each face: (n,) -> (m,)."""
+    return values[mesh.faces].mean(axis=1)
+
+
+def smooth_vertices(
+    mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress | None = None
+) -> Floats:
+    """Umbrella smoothing with Gaussian weights (paper A, Appendix A, "Smoothing").
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (n, d) float64
+    passes : int
+        0 returns the signal itself.
+    """
+    ring_start, ring = mesh.neighbours
+    spare = None
+    for done in range(passes):
+        phase = progress.part(done / passes, (done + 1) / passes, "Smoothing") if progress else None
+        out = np.empty_like(signal) if spare is None else spare
+        run(_umbrella, mesh.vertex_count, mesh.scaled_vertices, ring_start, ring, signal, out,
+            progress=phase)  # fmt: skip
+        spare = signal if done else None  # the caller's array is never written to
+        signal = out
+    return signal
+
+
+@kernel
+def _gradient(start, stop, vertices, faces, normals, areas, values, out):
+    for f in range(start, stop):
+        if areas[f] == 0:
+            continue
+        nx, ny, nz = normals[f]
+        for k in range(3):
+            v, a, b = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            ex = vertices[b, 0] - vertices[a, 0]
+            ey = vertices[b, 1] - vertices[a, 1]
+            ez = vertices[b, 2] - vertices[a, 2]
+            scale = 0.5 / areas[f]
+            gx = (ny * ez - nz * ey) * scale
+            gy = (nz * ex - nx * ez) * scale
+            gz = (nx * ey - ny * ex) * scale
+            for j in range(values.shape[1]):
+                out[f, j, 0] += values[v, j] * gx
+                out[f, j, 1] += values[v, j] * gy
+                out[f, j, 2] += values[v, j] * gz
+
+
+@kernel
+def _divergence(start, stop, vertices, faces, corner_start, corners, normals, field, out):
+    for v in range(start, stop):
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            nx, ny, nz = normals[f]  # zero without area
+            ex = vertices[b, 0] - vertices[a, 0]
+            ey = vertices[b, 1] - vertices[a, 1]
+            ez = vertices[b, 2] - vertices[a, 2]
+            x = 0.5 * (ny * ez - nz * ey)
+            y = 0.5 * (nz * ex - nx * ez)
+            z = 0.5 * (nx * ey - ny * ex)
+            for j in range(field.shape[1]):
+                out[v, j] -= x * field[f, j, 0] + y * field[f, j, 1] + z * field[f, j, 2]
+
+
+@kernel
+def _cotangents(start, stop, vertices, faces, areas, out):
+    for f in range(start, stop):
+        if areas[f] == 0:
+            out[f] = 0.0
+            continue
+        for k in range(3):
+            a, b, c = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            dot = 0.0
+            for x in range(3):
+                dot += (vertices[a, x] - vertices[c, x]) * (vertices[b, x] - vertices[c, x])
+            out[f, k] = 0.25 * dot / areas[f]
+
+
+@kernel
+def _lumped_mass(start, stop, corner_start, corners, areas, out):
+    for v in range(start, stop):
+        total = 0.0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            total += areas[corners[i] // 3]
+        out[v] = total / 3
+
+
+@kernel
+def _average(start, stop, corner_start, corners, areas, values, out):
+    for v in range(start, stop):
+        total = 0.0
+        out[v] = 0.0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            area = areas[f]
+            total += area
+            for j in range(values.shape[1]):
+                out[v, j] += area * values[f, j]
+        if total > 0:
+            for j in range(values.shape[1]):
+                out[v, j] /= total
+
+
+@kernel
+def _umbrella(start, stop, vertices, ring_start, ring, values, out):
+    for v in range(start, stop):
+        total = 1.0
+        for j in range(values.shape[1]):
+            out[v, j] = values[v, j]
+        for i in range(ring_start[v], ring_start[v + 1]):
+            w = ring[i]
+            x = vertices[w, 0] - vertices[v, 0]
+            y = vertices[w, 1] - vertices[v, 1]
+            z = vertices[w, 2] - vertices[v, 2]
+            weight = np.exp(-(x * x + y * y + z * z))
+            total += weight
+            for j in range(values.shape[1]):
+                out[v, j] += weight * values[w, j]
+        for j in range(values.shape[1]):
+            out[v, j] /= total

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Screened Poisson refit of vertex positions to face normals (paper A, section 4.1)."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import numpy.typing as npt
+
+from .calculus import checked_mask, checked_signal, cotangents, lumped_mass
+from .errors import InvalidSignal
+from .mesh import Floats, TriangleMesh
+from .parallel import Progress, ProgressCallback, kernel, run
+from .settings import FitSettings
+from .solve import Matrix, SolveReport, solve
+
+log = logging.getLogger(__name__)
+
+TOLERANCE = 1e-3
+"""Residual of the linear solve, relative to its right side."""
+
+MULTIGRID_RADIUS = 20.0
+"""Screening radius, in mean edge lengths, above which multigrid pays for its set-up."""
+
+
+def fit_to_normals(
+    mesh: TriangleMesh,
+    normals: npt.ArrayLike,
+    settings: FitSettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Move vertices so that faces turn towards given normals.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    normals : (m, 3) array of float
+        Unit target normals, wound as the faces that the mesh was made from. A face's own normal,
+        its opposite or a zero vector asks for no change.
+    settings : FitSettings, optional
+        How far the surface may move as a whole.
+    mask : (n,) array of float in [0, 1], optional
+        1 moves freely, less moves less, 0 stays bit for bit.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (n, 3) float64
+        New positions in the unit of `mesh.vertices`.
+
+    Raises
+    ------
+    InvalidSignal
+        If normals or mask do not fit the mesh, are not finite, or normals are not unit vectors.
+    SolverError
+        If the linear system cannot be solved.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    Minimises eps |c - c0|^2 + |grad c - w|^2, where w is grad c0 without its part along the
+    target normal N. The projection acts on coordinates: with G the matrix whose rows are the
+    gradients of the three coordinates, w = G - N (N^T G). Solved for the displacement, whose
+    right side -div(N (N^T G)) is exactly zero for a face's own normal.
+    """
+    targets = checked_signal(normals, mesh.face_count, "array of normals")
+    if targets.shape[1] != 3:
+        raise InvalidSignal(f"Normals have {targets.shape[1]} components; give ({mesh.face_count}, 3).")
+    lengths = np.linalg.norm(targets, axis=1)
+    if not ((abs(lengths - 1) < 1e-3) | (lengths == 0)).all():
+        raise InvalidSignal("Some normals are not unit vectors; divide them by their lengths.")
+    weights = checked_mask(mask, mesh.vertex_count)
+    moved, _ = displacement(mesh, targets, settings or FitSettings(), weights, Progress.of(progress))
+    return mesh.vertices + moved
+
+
+def displacement(
+    mesh: TriangleMesh,
+    normals: Floats,
+    settings: FitSettings,
+    mask: Floats | None,
+    progress: Progress,
+) -> tuple[Floats, SolveReport]:
+    """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went."""
+    step = progress.part(0.0, 0.2, "Preparing the refit")
+    screen = screening(mesh, settings) * lumped_mass(mesh)
+    if mask is not None:
+        np.divide(screen, mask, out=screen, where=mask > 0)
+        screen[mask == 0] = 0.0
+    matrix = screened_stiffness(mesh, screen, step)
+    right = np.zeros((mesh.vertex_count, 3))
+    run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
+        mesh.normals, normals, screen, right)  # fmt: skip
+    solution, report = solve(
+        matrix,
+        right,
+        TOLERANCE,
+        multigrid=screening(mesh, settings) < MULTIGRID_RADIUS**-2,
+        progress=progress.part(0.2, 1.0, "Fitting the surface"),
+    )
+    log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
+             " with multigrid" if report.multigrid else "", report.residual)  # fmt: skip
+    solution *= mesh.mean_edge_length
+    return solution, report
+
+
+def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
+    """The weight eps of the old positions, per squared mean edge length."""
+    if settings.fidelity > 0:
+        return settings.fidelity / float(mesh.areas.sum())
+    return settings.screening_radius**-2
+
+
+def screened_stiffness(
+    mesh: TriangleMesh, screen: Floats, progress: Progress | None = None
+) -> Matrix:
+    """Assemble the cotangent stiffness plus `screen` on the diagonal.
+
+    Vertices whose `screen` (n,) is zero stay put: their rows and columns are the identity's.
+    """
+    start, ring = mesh.neighbours
+    values = np.empty(len(ring))
+    diagonal = np.empty(mesh.vertex_count)
+    run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, cotangents(mesh), screen, start,
+        ring, values, diagonal, progress=progress)  # fmt: skip
+    return Matrix(start, ring, values, diagonal)
+
+
+@kernel
+def _assemble(
+    start, stop, corner_start, corners, twins, cots, screen, ring_start, ring, values, diagonal
+):
+    # `ring` lists neighbours in the order of the corners: see TriangleMesh.neighbours.
+    for v in range(start, stop):
+        place = ring_start[v]
+        total = 0.0
+        fixed = screen[v] == 0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            weight = cots[f, k]
+            t = twins[f, k]
+            if t >= 0:
+                weight += cots[t // 3, t % 3]
+            if fixed or screen[ring[place]] == 0:
+                values[place] = 0.0
+            else:
+                values[place] = -weight
+            total += weight
+            place += 1
+            if twins[f, (k + 2) % 3] < 0:
+                weight = cots[f, (k + 2) % 3]
+                if fixed or screen[ring[place]] == 0:
+                    values[place] = 0.0
+                else:
+                    values[place] = -weight
+                total += weight
+                place += 1
+        diagonal[v] = 1.0 if fixed else total + screen[v]
+
+
+@kernel
+def _turning(start, stop, vertices, faces, corner_start, corners, normals, targets, screen, right):
+    # Minus the integral of <grad(hat function), grad(N . x)> N over each face; the gradient of
+    # a hat function times the area is half of normal x opposite edge.
+    for v in range(start, stop):
+        if screen[v] == 0:
+            continue
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            nx, ny, nz = normals[f]
+            ex = vertices[b, 0] - vertices[a, 0]
+            ey = vertices[b, 1] - vertices[a, 1]
+            ez = vertices[b, 2] - vertices[a, 2]
+            tx, ty, tz = targets[f]
+            along = 0.5 * (
+                tx * (ny * ez - nz * ey) + ty * (nz * ex - nx * ez) + tz * (nx * ey - ny * ex)
+            )
+            right[v, 0] -= along * tx
+            right[v, 1] -= along * ty
+            right[v, 2] -= along * tz

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The potential and the flow field of a signal (paper A, sections 3.2, 3.3 and Appendix A)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .calculus import average_to_vertices, checked_signal, gradient, smooth_vertices
+from .mesh import Floats, TriangleMesh
+from .parallel import Progress, ProgressCallback, kernel, run
+from .settings import ShockSettings
+
+
+def flow_field(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    settings: ShockSettings | None = None,
+    progress: ProgressCallback | None = None,
+) -> tuple[Floats, Floats]:
+    """Compute where a signal's values will be pulled.
+
+    The potential is P = sum over channels of the squared gradient; the flow is half its
+    gradient and points towards the edges of the signal.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (n,) or (n, d) array of float
+        Values at the vertices; all channels share one flow.
+    settings : ShockSettings, optional
+        Only `smoothing_passes` is used; 0 smooths nothing.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    potential : (n,) float64
+        P at the vertices, in squared signal units per squared mean edge length.
+    flow : (m, 3) float64
+        u at the faces, a tangent vector in mean edge lengths per unit of time.
+
+    Raises
+    ------
+    InvalidSignal
+        If the signal does not fit the mesh or is not finite.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    u = grad(P) / 2 as in section 3.2; Appendix A leaves out the half, which only scales time.
+    """
+    values = checked_signal(signal, mesh.vertex_count)
+    passes = (settings or ShockSettings()).smoothing_passes
+    potential = flow_potential(mesh, values, passes, Progress.of(progress))
+    return potential, 0.5 * gradient(mesh, potential)[:, 0]
+
+
+def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress) -> Floats:
+    """Compute the potential P at the vertices, smoothed before and after: (n, d) -> (n,)."""
+    smooth = smooth_vertices(mesh, signal, passes, progress.part(0.0, 0.5, "Computing the flow"))
+    energy = np.empty((mesh.face_count, 1))
+    run(_energy, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, smooth, energy,
+        progress=progress.part(0.5, 0.7, "Computing the flow"))  # fmt: skip
+    potential = average_to_vertices(mesh, energy)
+    return smooth_vertices(
+        mesh, potential, passes, progress.part(0.7, 1.0, "Computing the flow")
+    ).reshape(-1)
+
+
+@kernel
+def _energy(start, stop, vertices, faces, areas, values, energy):
+    # Squared gradient of each channel from differences along two edges and their metric.
+    for f in range(start, stop):
+        total = 0.0
+        if areas[f] > 0:
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            uu = 0.0
+            uv = 0.0
+            vv = 0.0
+            for x in range(3):
+                u = vertices[b, x] - vertices[a, x]
+                v = vertices[c, x] - vertices[a, x]
+                uu += u * u
+                uv += u * v
+                vv += v * v
+            for j in range(values.shape[1]):
+                p = values[b, j] - values[a, j]
+                q = values[c, j] - values[a, j]
+                total += p * p * vv - 2 * p * q * uv + q * q * uu
+            total /= 4 * areas[f] * areas[f]
+        energy[f, 0] = max(total, 0.0)

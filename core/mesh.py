@@ -1,0 +1,407 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangle meshes: validation, connectivity and the unit of length.
+
+A half-edge is numbered ``3 * face + k`` and runs from corner k of its face to corner
+``(k + 1) % 3``; a corner has the number of the half-edge that leaves it.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import InvalidMesh
+from .parallel import kernel, run
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int32]
+
+
+class TriangleMesh:
+    """A triangle mesh with its connectivity.
+
+    Any set of triangles is accepted: open borders, several components, loose vertices,
+    zero-area faces, edges with three faces and more (they count as borders). Faces that are
+    wound against their neighbours are turned, where the surface allows it: see `flipped`.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+        Positions in any unit of length. Never modified.
+    faces : (m, 3) array of int
+        Vertex indices of each triangle. Never modified.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        The positions as given.
+    faces : (m, 3) int32
+        Vertex indices, consistently wound.
+    flipped : (m,) bool
+        True for faces that were turned against the input's winding.
+
+    Raises
+    ------
+    InvalidMesh
+        If the arrays have the wrong shape or type, are empty, hold NaN or infinity, or indices
+        outside the vertices, or if all faces have zero area.
+    """
+
+    def __init__(self, vertices: npt.ArrayLike, faces: npt.ArrayLike) -> None:
+        self.vertices = _checked_vertices(vertices)
+        self.faces = _checked_faces(faces, len(self.vertices))
+        self.flipped = np.zeros(len(self.faces), dtype=bool)
+        if self._match_twins():
+            self._unify_winding()
+        if not self.mean_edge_length > 0 or not self.areas.any():
+            raise InvalidMesh("All faces have zero area; give a mesh with a surface.")
+
+    @property
+    def vertex_count(self) -> int:
+        """Number of vertices, loose ones included."""
+        return len(self.vertices)
+
+    @property
+    def face_count(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @cached_property
+    def corners(self) -> tuple[Ints, Ints]:
+        """Corners at each vertex: ``corners[start[v]:start[v + 1]]``; returns (start, corners)."""
+        start = np.zeros(self.vertex_count + 1, dtype=np.int32)
+        corners = np.empty(3 * self.face_count, dtype=np.int32)
+        _sort_corners(self.faces.reshape(-1), start, corners)
+        return start, corners
+
+    def _match_twins(self) -> bool:
+        """Pair half-edges; True if some pairs run in the same direction (bad winding)."""
+        self.twins: Ints = np.full((self.face_count, 3), -1, dtype=np.int32)
+        same = np.zeros(1, dtype=np.int64)
+        run(_pair, self.vertex_count, self.faces, *self.corners, self.twins.reshape(-1), same)
+        return bool(same[0])
+
+    def _unify_winding(self) -> None:
+        # Pairs of equal direction are marked in twins as -2 - twin.
+        _turn_faces(self.faces, self.twins.reshape(-1), self.flipped)
+        del self.corners
+        self._match_twins()
+        self.twins[self.twins < -1] = -1  # what stays is not orientable: a border
+
+    @cached_property
+    def neighbours(self) -> tuple[Ints, Ints]:
+        """One-ring neighbours: ``vertices[start[v]:start[v + 1]]``; returns (start, vertices).
+
+        Around a vertex they follow its corners: the next vertex of each face, and the previous
+        one where no face lies beyond.
+        """
+        start, corners = self.corners
+        ring_start = np.zeros(self.vertex_count + 1, dtype=np.int32)
+        run(_count_ring, self.vertex_count, self.faces, self.twins, start, corners, ring_start)
+        np.cumsum(ring_start, out=ring_start)
+        ring = np.empty(ring_start[-1], dtype=np.int32)
+        run(_fill_ring, self.vertex_count, self.faces, self.twins, start, corners, ring_start, ring)
+        return ring_start, ring
+
+    @cached_property
+    def mean_edge_length(self) -> float:
+        """Mean length of the edges, each counted once, in the unit of `vertices`."""
+        sums = np.zeros((-(-self.face_count // _SUM_CHUNK), 2))
+        run(_sum_edges, self.face_count, self.vertices, self.faces, self.twins, sums,
+            chunk=_SUM_CHUNK)  # fmt: skip
+        length, count = sums.sum(axis=0)
+        if not np.isfinite(length):
+            raise InvalidMesh("The mesh is too large for its lengths to be added; scale it down.")
+        return float(length / count) if count else 0.0
+
+    @cached_property
+    def scaled_vertices(self) -> Floats:
+        """Positions from the bounding box's centre, in mean edge lengths: (n, 3)."""
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        scaled = self.vertices - (low + 0.5 * (high - low))
+        scaled /= self.mean_edge_length
+        return scaled
+
+    @cached_property
+    def _normals_and_areas(self) -> tuple[Floats, Floats]:
+        normals = np.empty((self.face_count, 3))
+        areas = np.empty(self.face_count)
+        run(_measure_faces, self.face_count, self.scaled_vertices, self.faces, normals, areas)
+        return normals, areas
+
+    @property
+    def normals(self) -> Floats:
+        """Unit normals of `faces`, zero for faces without area: (m, 3)."""
+        return self._normals_and_areas[0]
+
+    @property
+    def areas(self) -> Floats:
+        """Areas of the faces in squared mean edge lengths, exactly zero if degenerate: (m,)."""
+        return self._normals_and_areas[1]
+
+    def displaced(self, displacement: Floats) -> TriangleMesh:
+        """Return this mesh with its vertices moved by `displacement` (n, 3); connectivity shared."""
+        moved = TriangleMesh.__new__(TriangleMesh)
+        moved.vertices = self.vertices + displacement
+        for name in ("faces", "flipped", "twins", "corners", "neighbours"):
+            if name in self.__dict__:
+                moved.__dict__[name] = self.__dict__[name]
+        return moved
+
+
+def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Find vertices at exactly the same place.
+
+    Files split vertices along UV seams; filtering such a mesh would open cracks. Filter
+    ``vertices[representatives]`` with ``index[faces]`` instead, and take ``result[index]``.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+
+    Returns
+    -------
+    representatives : (k,) int
+        The first vertex at each place, in the order of the input.
+    index : (n,) int
+        The number in `representatives` that stands for each vertex.
+
+    Raises
+    ------
+    InvalidMesh
+        If `vertices` is not an (n, 3) array of finite numbers.
+    """
+    points = _checked_vertices(vertices) + 0.0  # -0.0 and 0.0 are the same place
+    rows = points.view(np.dtype((np.void, 24))).reshape(-1)
+    _, first, index = np.unique(rows, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[index.reshape(-1)]
+
+
+def _checked_vertices(vertices: npt.ArrayLike) -> Floats:
+    try:
+        array = np.array(vertices, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidMesh("Vertices are not numbers; give an (n, 3) array of floats.") from error
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InvalidMesh(f"Vertices have the shape {array.shape}; give an (n, 3) array.")
+    if len(array) == 0:
+        raise InvalidMesh("The mesh has no vertices; give at least one triangle.")
+    if not np.isfinite(array).all():
+        bad = int(np.argmin(np.isfinite(array).all(axis=1)))
+        raise InvalidMesh(f"Vertex {bad} is {array[bad]}; remove or repair NaN and infinity.")
+    return array
+
+
+def _checked_faces(faces: npt.ArrayLike, vertex_count: int) -> Ints:
+    array = np.asarray(faces)
+    if array.size == 0:
+        raise InvalidMesh("The mesh has no faces; give at least one triangle.")
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InvalidMesh(f"Faces have the shape {array.shape}; triangulate to an (m, 3) array.")
+    if array.dtype.kind not in "iu":
+        raise InvalidMesh(f"Faces are of type {array.dtype}; give vertex indices as integers.")
+    if len(array) > _MOST_FACES:
+        raise InvalidMesh(f"The mesh has {len(array)} faces; at most {_MOST_FACES} are supported.")
+    low, high = int(array.min()), int(array.max())
+    if low < 0 or high >= vertex_count:
+        raise InvalidMesh(
+            f"Faces refer to the vertices {low} to {high}, but there are 0 to {vertex_count - 1};"
+            " repair the indices."
+        )
+    return np.array(array, dtype=np.int32, order="C")
+
+
+_MOST_FACES = (2**31 - 1) // 3
+_SUM_CHUNK = 1 << 15
+
+
+@kernel
+def _sort_corners(corner_vertices, start, corners):
+    # Counting sort of corners by vertex.
+    for vertex in corner_vertices:
+        start[vertex + 1] += 1
+    for v in range(1, start.shape[0]):
+        start[v] += start[v - 1]
+    # Placing from the back lets start serve as the cursor: start[v + 1] falls to v's begin.
+    for c in range(corner_vertices.shape[0] - 1, -1, -1):
+        v = corner_vertices[c] + 1
+        start[v] -= 1
+        corners[start[v]] = c
+    for v in range(start.shape[0] - 1):
+        start[v] = start[v + 1]
+    start[start.shape[0] - 1] = corner_vertices.shape[0]
+
+
+@kernel
+def _pair(start, stop, faces, corner_start, corners, twins, same):
+    # Around each vertex v, collect the half-edges between v and vertices of higher number.
+    size = 64
+    far = np.empty(size, np.int32)
+    half = np.empty(size, np.int32)
+    for v in range(start, stop):
+        first, last = corner_start[v], corner_start[v + 1]
+        if 2 * (last - first) > size:
+            size = 2 * (last - first)
+            far = np.empty(size, np.int32)
+            half = np.empty(size, np.int32)
+        count = 0
+        for i in range(first, last):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            ahead = faces[f, (k + 1) % 3]
+            behind = faces[f, (k + 2) % 3]
+            if ahead == v or behind == v or ahead == behind:
+                continue  # a face with a repeated vertex has no edges
+            if ahead > v:
+                far[count] = ahead
+                half[count] = 3 * f + k
+                count += 1
+            if behind > v:
+                far[count] = behind
+                half[count] = 3 * f + (k + 2) % 3
+                count += 1
+        if count > 64:
+            order = np.argsort(far[:count], kind="mergesort")
+            far[:count] = far[:count][order]
+            half[:count] = half[:count][order]
+        else:
+            for i in range(1, count):
+                w, h = far[i], half[i]
+                j = i - 1
+                while j >= 0 and far[j] > w:
+                    far[j + 1] = far[j]
+                    half[j + 1] = half[j]
+                    j -= 1
+                far[j + 1] = w
+                half[j + 1] = h
+        i = 0
+        while i < count:
+            j = i + 1
+            while j < count and far[j] == far[i]:
+                j += 1
+            if j - i == 2:  # one face: a border; more than two: not a surface there
+                a, b = half[i], half[i + 1]
+                if faces[a // 3, a % 3] != faces[b // 3, b % 3]:
+                    twins[a] = b
+                    twins[b] = a
+                else:
+                    twins[a] = -2 - b
+                    twins[b] = -2 - a
+                    same[0] = 1
+            i = j
+
+
+@kernel
+def _turn_faces(faces, twins, flipped):
+    # Flood each component from its lowest face; the majority keeps its winding.
+    count = faces.shape[0]
+    seen = np.zeros(count, np.bool_)
+    queue = np.empty(count, np.int32)
+    for seed in range(count):
+        if seen[seed]:
+            continue
+        seen[seed] = True
+        queue[0] = seed
+        head, tail, turned = 0, 1, 0
+        while head < tail:
+            f = queue[head]
+            head += 1
+            for k in range(3):
+                t = twins[3 * f + k]
+                if t == -1:
+                    continue
+                against = t < -1
+                if against:
+                    t = -2 - t
+                g = t // 3
+                if not seen[g]:
+                    seen[g] = True
+                    flipped[g] = flipped[f] != against
+                    turned += flipped[g]
+                    queue[tail] = g
+                    tail += 1
+        if 2 * turned > tail:
+            for i in range(tail):
+                flipped[queue[i]] = not flipped[queue[i]]
+    for f in range(count):
+        if flipped[f]:
+            faces[f, 1], faces[f, 2] = faces[f, 2], faces[f, 1]
+    twins[:] = -1
+
+
+@kernel
+def _count_ring(start, stop, faces, twins, corner_start, corners, ring_start):
+    for v in range(start, stop):
+        count = 0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            count += 1
+            if twins[f, (k + 2) % 3] < 0:
+                count += 1
+        ring_start[v + 1] = count
+
+
+@kernel
+def _fill_ring(start, stop, faces, twins, corner_start, corners, ring_start, ring):
+    for v in range(start, stop):
+        place = ring_start[v]
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            ring[place] = faces[f, (k + 1) % 3]
+            place += 1
+            if twins[f, (k + 2) % 3] < 0:
+                ring[place] = faces[f, (k + 2) % 3]
+                place += 1
+
+
+@kernel
+def _sum_edges(start, stop, vertices, faces, twins, sums):
+    total = 0.0
+    count = 0
+    for f in range(start, stop):
+        for k in range(3):
+            if twins[f, k] < 3 * f + k:  # borders are -1: each edge once
+                a, b = faces[f, k], faces[f, (k + 1) % 3]
+                x = vertices[b, 0] - vertices[a, 0]
+                y = vertices[b, 1] - vertices[a, 1]
+                z = vertices[b, 2] - vertices[a, 2]
+                total += np.sqrt(x * x + y * y + z * z)
+                count += 1
+    sums[start // _SUM_CHUNK, 0] = total
+    sums[start // _SUM_CHUNK, 1] = count
+
+
+@kernel
+def _measure_faces(start, stop, vertices, faces, normals, areas):
+    for f in range(start, stop):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux = vertices[b, 0] - vertices[a, 0]
+        uy = vertices[b, 1] - vertices[a, 1]
+        uz = vertices[b, 2] - vertices[a, 2]
+        vx = vertices[c, 0] - vertices[a, 0]
+        vy = vertices[c, 1] - vertices[a, 1]
+        vz = vertices[c, 2] - vertices[a, 2]
+        x = uy * vz - uz * vy
+        y = uz * vx - ux * vz
+        z = ux * vy - uy * vx
+        double = np.sqrt(x * x + y * y + z * z)
+        wx, wy, wz = vx - ux, vy - uy, vz - uz
+        longest = max(
+            ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
+        )
+        # Flatter than this, the direction of the normal is rounding noise.
+        if double > 1e-10 * longest and double > 1e-14:
+            normals[f, 0] = x / double
+            normals[f, 1] = y / double
+            normals[f, 2] = z / double
+            areas[f] = 0.5 * double
+        else:
+            normals[f] = 0.0
+            areas[f] = 0.0

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run compiled kernels over index ranges on all cores, with progress and cancelling.
+
+Kernels are serial numba functions ``kernel(start, stop, *arrays)`` that release the GIL; the
+chunks of the range run on a thread pool. (numba's own ``parallel=True`` aborts the process when
+two Python threads enter it, and its cache and thread counts clash.)
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+from numba import njit
+
+from .errors import Cancelled
+
+CHUNK = 1 << 15
+"""Indices that a kernel gets at once: small enough that cancelling acts within milliseconds."""
+
+kernel = njit(nogil=True, cache=True, error_model="numpy")
+"""Decorator for kernels: releases the GIL, keeps compiled code on disk, divides like numpy."""
+
+ProgressCallback = Callable[[float, str], bool]
+
+
+class Progress:
+    """A part of a run's progress: maps a phase's fraction to the whole and reports it.
+
+    Parameters
+    ----------
+    callback : callable or None
+        ``callback(fraction, message) -> bool``; False cancels.
+    start, stop : float
+        The part of the whole run that this phase covers.
+    message : str
+        What is being done, for people.
+    """
+
+    def __init__(
+        self,
+        callback: ProgressCallback | None,
+        start: float = 0.0,
+        stop: float = 1.0,
+        message: str = "",
+    ) -> None:
+        self._callback = callback
+        self._start, self._stop, self._message = start, stop, message
+
+    @classmethod
+    def of(cls, progress: Progress | ProgressCallback | None) -> Progress:
+        """Wrap a user's callback; a `Progress` passes through."""
+        return progress if isinstance(progress, Progress) else cls(progress)
+
+    def part(self, start: float, stop: float, message: str) -> Progress:
+        """Begin the phase that covers the fractions `start` to `stop` of this one."""
+        span = self._stop - self._start
+        phase = Progress(
+            self._callback, self._start + start * span, self._start + stop * span, message
+        )
+        phase.update(0.0)
+        return phase
+
+    def update(self, fraction: float) -> None:
+        """Report; raises `Cancelled` if the callback returns False."""
+        if self._callback is None:
+            return
+        whole = self._start + fraction * (self._stop - self._start)
+        # "is False" would let numpy's False pass; a callback that returns nothing goes on.
+        answer = self._callback(whole, self._message)
+        if answer is not None and not answer:
+            raise Cancelled("The run was cancelled; nothing was changed.")
+
+
+@cache
+def thread_count() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS and Windows
+        return os.cpu_count() or 1
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max(thread_count() - 1, 1), thread_name_prefix="shock-filter")
+
+
+def run(
+    function: Callable[..., Any],
+    count: int,
+    *arguments: Any,
+    progress: Progress | None = None,
+    chunk: int = CHUNK,
+) -> None:
+    """Call ``function(start, stop, *arguments)`` for all chunks of ``range(count)``.
+
+    The calling thread works too, and reports progress between its chunks. Chunks do not depend
+    on the number of threads, so that sums kept per chunk are the same on every machine.
+
+    Raises
+    ------
+    Cancelled
+        When the progress callback asks for it; chunks under way are finished first.
+    """
+    chunks = -(-count // chunk)
+    helpers = min(thread_count(), chunks) - 1
+    if helpers <= 0:
+        for start in range(0, count, chunk):
+            function(start, min(start + chunk, count), *arguments)
+            if progress is not None:
+                progress.update(min(start + chunk, count) / count)
+        return
+
+    numbers = itertools.count()
+    stopped = False
+
+    def work(report: Progress | None) -> None:
+        nonlocal stopped
+        try:
+            while not stopped and (number := next(numbers)) < chunks:
+                start = number * chunk
+                function(start, min(start + chunk, count), *arguments)
+                if report is not None:
+                    report.update((number + 1) / chunks)
+        except BaseException:
+            stopped = True
+            raise
+
+    futures = [_pool().submit(work, None) for _ in range(helpers)]
+    try:
+        work(progress)
+    finally:
+        for future in futures:
+            future.result()

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The filters: sharpening by shock filter advection (Prada and Kazhdan 2015)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .advect import advect_faces
+from .calculus import average_to_faces, average_to_vertices, checked_mask, smooth_vertices
+from .fit import displacement
+from .flow import flow_potential
+from .mesh import Floats, TriangleMesh
+from .parallel import Progress, ProgressCallback
+from .settings import GeometrySettings
+
+
+def sharpen_normals(
+    mesh: TriangleMesh,
+    settings: GeometrySettings | None = None,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Sharpen the face normals of a mesh (paper A, section 4.1).
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    settings : GeometrySettings, optional
+        The settings of the refit and `repeat` are not used.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (m, 3) float64
+        Unit normals, wound as the faces that the mesh was made from; zero for faces without
+        area. A time of 0 returns the (mollified) normals.
+
+    Raises
+    ------
+    Cancelled
+        If `progress` returned False.
+    """
+    normals = _sharpened(mesh, settings or GeometrySettings(), Progress.of(progress))
+    normals[mesh.flipped] *= -1
+    return normals
+
+
+def sharpen_geometry(
+    mesh: TriangleMesh,
+    settings: GeometrySettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Sharpen a mesh: advect its normals towards its creases and refit positions to them.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    settings : GeometrySettings, optional
+    mask : (n,) array of float in [0, 1], optional
+        1 sharpens fully, less sharpens less, 0 leaves the vertex in place bit for bit.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (n, 3) float64
+        New positions in the unit of `mesh.vertices`. A time of 0 returns the old ones bit for
+        bit (unless `mollify_passes` asks for smoother normals).
+
+    Raises
+    ------
+    InvalidSignal
+        If the mask does not fit the mesh or leaves [0, 1].
+    SolverError
+        If the refit's linear system cannot be solved.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    Paper A, section 4.1. Beyond the paper: detail sampling, the feature threshold (see
+    `advect_faces`), masks, repeating, the displacement limit, and the screening radius in place
+    of a fixed epsilon (see `fit_to_normals`).
+    """
+    settings = settings or GeometrySettings()
+    progress = Progress.of(progress)
+    weights = checked_mask(mask, mesh.vertex_count)
+    if settings.time == 0 and settings.mollify_passes == 0:
+        return mesh.vertices.copy()
+    moved = np.zeros_like(mesh.vertices)
+    current = mesh
+    for turn in range(settings.repeat):
+        round_ = progress.part(turn / settings.repeat, (turn + 1) / settings.repeat, "Sharpening")
+        normals = _sharpened(current, settings, round_.part(0.0, 0.6, "Sharpening"))
+        if weights is not None:
+            normals = _blended(current.normals, normals, average_to_faces(mesh, weights))
+        step, _ = displacement(
+            current, normals, settings, weights, round_.part(0.6, 1.0, "Fitting the surface")
+        )
+        moved += step
+        if settings.max_displacement > 0:
+            _limit(moved, settings.max_displacement * mesh.mean_edge_length)
+        if turn + 1 < settings.repeat:
+            current = mesh.displaced(moved)
+    progress.update(1.0)
+    return mesh.vertices + moved
+
+
+def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progress) -> Floats:
+    normals = mesh.normals
+    if settings.mollify_passes:
+        smooth = smooth_vertices(mesh, average_to_vertices(mesh, normals), settings.mollify_passes)
+        normals = _unit(smooth[mesh.faces].mean(axis=1), normals)
+    signal = average_to_vertices(mesh, normals)
+    potential = flow_potential(
+        mesh, signal, settings.smoothing_passes, progress.part(0.0, 0.4, "Computing the flow")
+    )
+    return advect_faces(mesh, normals, potential, settings.time, settings.sampling,
+                        settings.feature_threshold,
+                        progress.part(0.4, 1.0, "Tracing flow-lines"))  # fmt: skip
+
+
+def _unit(vectors: Floats, fallback: Floats) -> Floats:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    usable = (lengths > 1e-12) & fallback.any(axis=1, keepdims=True)
+    return np.where(usable, vectors / np.where(usable, lengths, 1.0), fallback)
+
+
+def _blended(old: Floats, new: Floats, weights: Floats) -> Floats:
+    return _unit(old + weights[:, None] * (new - old), old)
+
+
+def _limit(moved: Floats, most: float) -> None:
+    lengths = np.linalg.norm(moved, axis=1)
+    far = lengths > most
+    moved[far] *= (most / lengths[far])[:, None]
