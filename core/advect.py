@@ -19,7 +19,6 @@ def advect_faces(
     potential: Floats,
     time: float,
     sampling: str,
-    feature_threshold: float = 0.0,
     progress: Progress | None = None,
 ) -> Floats:
     """Advect face normals: trace from each face's centre and sample there ("Face Advection").
@@ -38,9 +37,6 @@ def advect_faces(
         averages there (both as in paper 4.1). "detail" is not in the paper: it adds the change
         of the interpolated normal along the flow-line, S(end) - S(start), to the face's own
         normal, so that a short time changes little and relief finer than the average is kept.
-    feature_threshold : float
-        Not in the paper. Fraction by which the curvature sqrt(P) must fall along the flow-line
-        for the new normal to count fully; 0 lets all count.
 
     Returns
     -------
@@ -53,16 +49,14 @@ def advect_faces(
     averages = average_to_vertices(mesh, normals)
     out = np.empty_like(normals)
     run(_sample, mesh.face_count, mesh.faces, normals, averages, faces, coordinates,
-        potential, _SAMPLING[sampling], feature_threshold, out,
-        progress=progress.part(0.9, 1.0, "Tracing flow-lines"))  # fmt: skip
+        _SAMPLING[sampling], out, progress=progress.part(0.9, 1.0, "Tracing flow-lines"))  # fmt: skip
     return out
 
 
 @kernel
 def _sample(
-    start, stop, faces, normals, averages, end_faces, coordinates, potential, sampling,
-    threshold, out,
-):  # fmt: skip
+    start, stop, faces, normals, averages, end_faces, coordinates, sampling, out
+):
     n = np.empty(3)
     for f in range(start, stop):
         own = normals[f]
@@ -82,14 +76,4 @@ def _sample(
             out[f] = own
             continue
         n /= length
-        if threshold > 0:
-            here = 0.0
-            there = 0.0
-            for c in range(3):
-                here += potential[faces[f, c]] / 3.0
-                there += coordinates[f, c] * potential[faces[g, c]]
-            fall = 1.0 - np.sqrt(there / here) if here > 0 else 0.0
-            weight = min(max(fall / threshold * 2.0 - 1.0, 0.0), 1.0)
-            n[:] = weight * n + (1.0 - weight) * own
-            n /= np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
         out[f] = n

@@ -98,7 +98,11 @@ def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
 
 
 def cotangents(mesh: TriangleMesh) -> Floats:
-    """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate."""
+    """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate.
+
+    Needle-like faces (cotangents above 1000, angles below 0.06 degrees) are weakened as a whole
+    to that bound, which keeps the stiffness positive and linear solves possible.
+    """
     out = np.empty((mesh.face_count, 3))
     run(_cotangents, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, out)
     return out
@@ -203,6 +207,10 @@ def _cotangents(start, stop, vertices, faces, areas, out):
             for x in range(3):
                 dot += (vertices[a, x] - vertices[c, x]) * (vertices[b, x] - vertices[c, x])
             out[f, k] = 0.25 * dot / areas[f]
+        largest = max(abs(out[f, 0]), abs(out[f, 1]), abs(out[f, 2]))
+        if largest > 500.0:
+            for k in range(3):
+                out[f, k] *= 500.0 / largest
 
 
 @kernel

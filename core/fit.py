@@ -13,14 +13,15 @@ from .errors import InvalidSignal
 from .mesh import Floats, TriangleMesh
 from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import FitSettings
-from .solve import Matrix, SolveReport, solve
+from .solve import ScreenedLaplacian, SolveReport, solve
 
 log = logging.getLogger(__name__)
 
-TOLERANCE = 1e-3
-"""Residual of the linear solve, relative to its right side."""
+TOLERANCE = 3e-3
+"""Residual of the linear solve, relative to its right side: positions are then within 1 to 3 % of
+the displacement, normals within 0.02 degrees, of the exact solution."""
 
-MULTIGRID_RADIUS = 20.0
+MULTIGRID_RADIUS = 10.0
 """Screening radius, in mean edge lengths, above which multigrid pays for its set-up."""
 
 
@@ -99,7 +100,7 @@ def displacement(
         matrix,
         right,
         TOLERANCE,
-        multigrid=screening(mesh, settings) < MULTIGRID_RADIUS**-2,
+        multigrid=screening(mesh, settings) < 0.999 * MULTIGRID_RADIUS**-2,
         progress=progress.part(0.2, 1.0, "Fitting the surface"),
     )
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
@@ -117,28 +118,25 @@ def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
 
 def screened_stiffness(
     mesh: TriangleMesh, screen: Floats, progress: Progress | None = None
-) -> Matrix:
+) -> ScreenedLaplacian:
     """Assemble the cotangent stiffness plus `screen` on the diagonal.
 
-    Vertices whose `screen` (n,) is zero stay put: their rows and columns are the identity's.
+    Vertices whose `screen` (n,) is zero stay put.
     """
     start, ring = mesh.neighbours
-    values = np.empty(len(ring))
+    weights = np.empty(len(ring))
     diagonal = np.empty(mesh.vertex_count)
     run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, cotangents(mesh), screen, start,
-        ring, values, diagonal, progress=progress)  # fmt: skip
-    return Matrix(start, ring, values, diagonal)
+        weights, diagonal, progress=progress)  # fmt: skip
+    return ScreenedLaplacian(start, ring, weights, screen, diagonal)
 
 
 @kernel
-def _assemble(
-    start, stop, corner_start, corners, twins, cots, screen, ring_start, ring, values, diagonal
-):
-    # `ring` lists neighbours in the order of the corners: see TriangleMesh.neighbours.
+def _assemble(start, stop, corner_start, corners, twins, cots, screen, ring_start, weights, diagonal):
+    # Entries follow the corners, as in TriangleMesh.neighbours.
     for v in range(start, stop):
         place = ring_start[v]
-        total = 0.0
-        fixed = screen[v] == 0
+        total = screen[v]
         for i in range(corner_start[v], corner_start[v + 1]):
             f = corners[i] // 3
             k = corners[i] - 3 * f
@@ -146,21 +144,15 @@ def _assemble(
             t = twins[f, k]
             if t >= 0:
                 weight += cots[t // 3, t % 3]
-            if fixed or screen[ring[place]] == 0:
-                values[place] = 0.0
-            else:
-                values[place] = -weight
+            weights[place] = weight
             total += weight
             place += 1
-            if twins[f, (k + 2) % 3] < 0:
-                weight = cots[f, (k + 2) % 3]
-                if fixed or screen[ring[place]] == 0:
-                    values[place] = 0.0
-                else:
-                    values[place] = -weight
-                total += weight
+            back = (k + 2) % 3
+            if twins[f, back] < 0:
+                weights[place] = cots[f, back]
+                total += cots[f, back]
                 place += 1
-        diagonal[v] = 1.0 if fixed else total + screen[v]
+        diagonal[v] = total
 
 
 @kernel

@@ -94,9 +94,9 @@ class ShockSettings(_Settings):
     """Settings of the flow: shared by signals and geometry (paper sections 3 and 4)."""
 
     time: float = _setting(
-        64.0,
-        "How long values flow towards the edges. 0 changes nothing; 16 is subtle, 256 strong,"
-        " 4096 and more (or infinity) is the steady state",
+        256.0,
+        "How long values flow towards the edges. 0 changes nothing; 16 is subtle, 256 pulls"
+        " narrow edges together, 4096 wide ones; infinity is the steady state",
         unit="flow time in mean edge lengths",
         minimum=0.0,
         maximum=INF,
@@ -163,14 +163,14 @@ class GeometrySettings(FitSettings, ShockSettings):
         soft_maximum=16,
     )
     feature_threshold: float = _setting(
-        0.5,
-        "How much curvature must fall along a flow-line before the surface is sharpened there."
-        " 0 sharpens everything; higher values leave gently curved regions alone",
-        unit="fraction",
+        1.1,
+        "How many times more the surface must bend than around it to be sharpened there. 0"
+        " sharpens everything, gently curved regions get facets; 1.5 and more keeps all but"
+        " the sharpest creases",
+        unit="times the surroundings",
         minimum=0.0,
-        maximum=0.99,
-        soft_minimum=0.0,
-        soft_maximum=0.9,
+        maximum=100.0,
+        soft_maximum=2.0,
     )
     sampling: str = _setting(
         "detail",

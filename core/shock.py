@@ -9,7 +9,7 @@ import numpy.typing as npt
 from .advect import advect_faces
 from .calculus import average_to_faces, average_to_vertices, checked_mask, smooth_vertices
 from .fit import displacement
-from .flow import flow_potential
+from .flow import above_surroundings, flow_potential
 from .mesh import Floats, TriangleMesh
 from .parallel import Progress, ProgressCallback
 from .settings import GeometrySettings
@@ -80,8 +80,8 @@ def sharpen_geometry(
 
     Notes
     -----
-    Paper A, section 4.1. Beyond the paper: detail sampling, the feature threshold (see
-    `advect_faces`), masks, repeating, the displacement limit, and the screening radius in place
+    Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature threshold (see
+    `flow.above_surroundings`), masks, repeating, the displacement limit, and the screening radius in place
     of a fixed epsilon (see `fit_to_normals`).
     """
     settings = settings or GeometrySettings()
@@ -117,9 +117,18 @@ def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progres
     potential = flow_potential(
         mesh, signal, settings.smoothing_passes, progress.part(0.0, 0.4, "Computing the flow")
     )
-    return advect_faces(mesh, normals, potential, settings.time, settings.sampling,
-                        settings.feature_threshold,
-                        progress.part(0.4, 1.0, "Tracing flow-lines"))  # fmt: skip
+    if settings.feature_threshold > 0:
+        potential = above_surroundings(
+            mesh, potential, settings.feature_threshold, settings.time, progress.part(
+                0.4, 0.5, "Finding features"))  # fmt: skip
+    return advect_faces(
+        mesh,
+        normals,
+        potential,
+        settings.time,
+        settings.sampling,
+        progress.part(0.5, 1.0, "Tracing flow-lines"),
+    )
 
 
 def _unit(vectors: Floats, fallback: Floats) -> Floats:

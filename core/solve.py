@@ -1,49 +1,60 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Symmetric positive definite sparse systems with several right sides at once.
+"""Screened Laplace systems with three right sides at once.
 
 Conjugate gradients over our own kernels, all columns together, so that the matrix is read once
-an iteration for all of them. The preconditioner is the diagonal where that converges quickly,
-and one V-cycle of smoothed-aggregation multigrid where it does not.
+an iteration for all three. The preconditioner is the diagonal where that converges quickly, in
+single precision with a residual checked in double, and one V-cycle of smoothed-aggregation
+multigrid, in double precision, where it does not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse
 
 from .errors import SolverError
 from .mesh import Floats, Ints
-from .parallel import Progress, kernel, run, thread_count
+from .parallel import Progress, kernel, run
 
 _CHUNK = 1 << 15
 
 
 @dataclass(frozen=True)
-class Matrix:
-    """A symmetric sparse matrix: CSR without its diagonal, and the diagonal.
+class ScreenedLaplacian:
+    """The matrix: row i of A x is screen_i x_i + sum over j of weight_ij (x_i - x_j).
+
+    Kept as differences, so that rounded weights still leave constants alone.
 
     Attributes
     ----------
     start : (n + 1,) int32
-    columns, values : (k,) int32, float64
-        Entries off the diagonal; several with the same place add up.
+    columns, weights : (k,) int32, float64
+        Neighbours of each vertex and their symmetric weights; repeated neighbours add up.
+    screen : (n,) float64
+        Weight of staying; where it is 0, the unknown is fixed at 0.
     diagonal : (n,) float64
-        Positive.
+        Screen plus sum of weights.
     """
 
     start: Ints
     columns: Ints
-    values: Floats
+    weights: Floats
+    screen: Floats
     diagonal: Floats
 
     def scipy(self) -> scipy.sparse.csr_matrix:
-        """The same matrix as scipy's."""
-        n = len(self.diagonal)
-        off = scipy.sparse.csr_matrix((self.values, self.columns, self.start), shape=(n, n))
-        return (off + scipy.sparse.diags(self.diagonal)).tocsr()
+        """The same matrix as scipy's; fixed rows and columns are the identity's."""
+        n = len(self.screen)
+        fixed = self.screen == 0
+        values = -self.weights
+        values[fixed[self.columns] | np.repeat(fixed, np.diff(self.start))] = 0.0
+        off = scipy.sparse.csr_matrix((values, self.columns, self.start), shape=(n, n))
+        matrix = (off + scipy.sparse.diags(np.where(fixed, 1.0, self.diagonal))).tocsr()
+        matrix.eliminate_zeros()
+        return matrix
 
 
 @dataclass(frozen=True)
@@ -55,7 +66,7 @@ class SolveReport:
     iterations : int
         Iterations of conjugate gradients.
     residual : float
-        Largest of the columns' residual norms, relative to the right side's norm.
+        Largest of the columns' residual norms, relative to the largest right side's norm.
     multigrid : bool
         Whether the multilevel preconditioner was used.
     """
@@ -66,7 +77,7 @@ class SolveReport:
 
 
 def solve(
-    matrix: Matrix,
+    matrix: ScreenedLaplacian,
     right: Floats,
     tolerance: float,
     *,
@@ -74,14 +85,15 @@ def solve(
     limit: int = 1000,
     progress: Progress | None = None,
 ) -> tuple[Floats, SolveReport]:
-    """Solve ``matrix @ x = right`` from zero.
+    """Solve ``A x = right``, starting from zero.
 
     Parameters
     ----------
-    matrix : Matrix
-    right : (n, d) float64
+    matrix : ScreenedLaplacian
+    right : (n, 3) float64
+        Zero at fixed unknowns.
     tolerance : float
-        Wanted residual norm of each column, relative to the largest column's right side.
+        Wanted residual, relative as in `SolveReport`.
     multigrid : bool
         Use the multilevel preconditioner instead of the diagonal.
     limit : int
@@ -90,13 +102,14 @@ def solve(
 
     Returns
     -------
-    x : (n, d) float64
+    x : (n, 3) float64
     report : SolveReport
 
     Raises
     ------
     SolverError
-        If the matrix is not positive definite, or the tolerance is not reached within `limit`.
+        If the system is not positive definite or finite, or the tolerance is not reached within
+        `limit` iterations.
     """
     progress = progress or Progress(None)
     x = np.zeros_like(right)
@@ -104,51 +117,79 @@ def solve(
     if scale == 0:
         return x, SolveReport(0, 0.0, multigrid)
     if not np.isfinite(scale):
-        raise SolverError("The right side of the linear system is not finite.")
-    precondition: Callable[[Floats, Floats], None] | None = None
-    if multigrid:
-        precondition = Multigrid(matrix, progress).cycle
-    n, d = right.shape
-    chunks = -(-n // _CHUNK)
-    sums = np.zeros((chunks, 2, d))
-    inverse = 1.0 / matrix.diagonal
-    r = right.copy()
-    z = np.zeros_like(right)
-    q = np.empty_like(right)
-    p = np.zeros_like(right)
-    before = np.ones(d)
-    beta = np.zeros(d)
-    minus_alpha = np.zeros(d)
-    residual = 1.0
+        raise SolverError("The right side of the linear system is not finite; check the mesh.")
+    hierarchy = Multigrid(matrix, progress.part(0.0, 0.3, "Coarsening")) if multigrid else None
+    precision = np.float64 if multigrid else np.float32
+    descent = progress.part(0.3 if multigrid else 0.0, 1.0, "Fitting the surface")
+    rest = right.copy()
+    iterations = 0
+    relative = 1.0
+    while iterations < limit:
+        # Single precision reaches a few digits; what is left is solved for again.
+        step, count = _conjugate_gradients(
+            matrix, rest.astype(precision), max(0.9 * tolerance / relative, 1e-4), hierarchy,
+            limit - iterations, descent)  # fmt: skip
+        iterations += count
+        x += step
+        run(_true_residual, len(x), matrix.start, matrix.columns, matrix.weights, matrix.screen,
+            x, right, rest)  # fmt: skip
+        relative = float(np.sqrt((rest**2).sum(axis=0).max())) / scale
+        if relative <= tolerance:
+            return x, SolveReport(iterations, relative, multigrid)
+        if not np.isfinite(relative):
+            break
+    raise SolverError(
+        f"The linear solve stopped at a relative residual of {relative:.1e} after {iterations}"
+        f" iterations ({tolerance:.1e} is needed). Use a smaller screening radius, or repair"
+        " needle-like faces."
+    )
+
+
+def _conjugate_gradients(
+    matrix: ScreenedLaplacian,
+    r: npt.NDArray[np.floating],
+    tolerance: float,
+    hierarchy: Multigrid | None,
+    limit: int,
+    progress: Progress,
+) -> tuple[npt.NDArray[np.floating], int]:
+    # Overwrites r, from which it starts, with the residual that is left.
+    n = len(r)
+    weights = matrix.weights.astype(r.dtype, copy=False)
+    screen = matrix.screen.astype(r.dtype, copy=False)
+    inverse = np.divide(1.0, matrix.diagonal, out=np.zeros(n), where=matrix.screen > 0)
+    inverse = inverse.astype(r.dtype, copy=False)
+    x, p, q = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
+    z = np.empty_like(r) if hierarchy else r
+    sums = np.zeros((-(-n // _CHUNK), 2, 3))
+    alpha, before = np.zeros(3), np.ones(3)
+    scale = 0.0
     for iteration in range(limit + 1):
-        # The update of x and r by the last step is merged with the preconditioner.
-        run(_update, n, minus_alpha, inverse, p, q, x, r, z, sums, chunk=_CHUNK)
+        run(_reduce, n, alpha, inverse, q, r, sums, chunk=_CHUNK)
         norms, products = sums.sum(axis=0)
-        residual = float(np.sqrt(norms.max())) / scale
-        if not np.isfinite(residual):
-            raise SolverError("The linear solve broke down; the mesh is too badly shaped.")
-        if residual <= tolerance:
-            return x, SolveReport(iteration, residual, multigrid)
-        # The residual falls roughly geometrically: progress is its logarithm.
-        progress.update(min(0.1 + 0.9 * np.log(min(residual, 1.0)) / np.log(tolerance), 1.0))
-        if precondition is not None:
-            precondition(r, z)
-            products = np.einsum("ij,ij->j", r, z)
-        beta = np.where(before > 0, products / np.where(before > 0, before, 1.0), 0.0)
+        norm = float(np.sqrt(norms.max()))
         if iteration == 0:
-            beta[:] = 0.0
-        before = products
-        run(_direction, n, beta, z, p, chunk=_CHUNK)
-        run(_apply, n, matrix.start, matrix.columns, matrix.values, matrix.diagonal, p, q, sums,
-            chunk=_CHUNK)  # fmt: skip
+            scale = norm
+        if not np.isfinite(norm):
+            raise SolverError("The linear solve broke down; repair needle-like faces.")
+        if hierarchy is not None:
+            hierarchy.cycle(r, z)
+            products = np.einsum("ij,ij->j", r, z)
+        beta = products / before if iteration else np.zeros(3)
+        # Adds the last step to x, too, while p is at hand.
+        run(_direct, n, alpha, beta, inverse, z, hierarchy is None, x, p, chunk=_CHUNK)
+        if norm <= tolerance * scale or iteration == limit:
+            break
+        # The residual falls roughly geometrically: progress is its logarithm.
+        progress.update(min(float(np.log(norm / scale) / np.log(tolerance)), 1.0))
+        run(_apply, n, matrix.start, matrix.columns, weights, screen, p, q, sums, chunk=_CHUNK)
         curvature = sums[:, 0].sum(axis=0)
         if (curvature < 0).any():
-            raise SolverError("The linear system is not positive definite.")
-        minus_alpha = -np.where(curvature > 0, products / np.where(curvature > 0, curvature, 1.0), 0)
-    raise SolverError(
-        f"The linear solve stopped at a relative residual of {residual:.1e} after {limit}"
-        f" iterations; {tolerance:.1e} was asked for. Use a smaller screening radius."
-    )
+            raise SolverError("The linear system is not positive definite; repair the mesh.")
+        # A column that is solved stands still.
+        alpha = np.divide(products, curvature, out=np.zeros(3), where=curvature > 0)
+        before = np.where(products > 0, products, 1.0)
+    return x, iteration
 
 
 class Multigrid:
@@ -158,13 +199,11 @@ class Multigrid:
     smoother is one damped Jacobi sweep before and after; the coarsest level is solved densely.
     """
 
-    def __init__(self, matrix: Matrix, progress: Progress | None = None) -> None:
+    def __init__(self, matrix: ScreenedLaplacian, progress: Progress) -> None:
         a = matrix.scipy()
-        a.sum_duplicates()
         self._levels: list[_Level] = []
         while a.shape[0] > 400 and len(self._levels) < 20:
-            if progress is not None:
-                progress.update(min(0.02 * len(self._levels), 0.1))
+            progress.update(min(0.2 * len(self._levels), 1.0))
             level, coarse = _coarsen(a)
             if coarse.shape[0] > 0.8 * a.shape[0]:
                 break
@@ -208,7 +247,7 @@ class _Level:
 def _coarsen(a: scipy.sparse.csr_matrix) -> tuple[_Level, scipy.sparse.csr_matrix]:
     diagonal = a.diagonal()
     aggregates = np.full(a.shape[0], -1, dtype=np.int32)
-    size = _aggregate(a.indptr, a.indices, a.data, diagonal, 0.0, aggregates)
+    size = _aggregate(a.indptr, a.indices, a.data, aggregates)
     n = a.shape[0]
     tentative = scipy.sparse.csr_matrix(
         (np.ones(n), aggregates, np.arange(n + 1, dtype=np.int32)), shape=(n, size)
@@ -229,41 +268,70 @@ def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
 
 
 @kernel
-def _update(start, stop, minus_alpha, inverse, p, q, x, r, z, sums):
-    d = r.shape[1]
-    place = start // _CHUNK
-    sums[place] = 0.0
+def _reduce(start, stop, alpha, inverse, q, r, sums):
+    # r -= alpha q; sums of r^2 and of r D^-1 r.
+    a, b, c = alpha
+    n0 = n1 = n2 = m0 = m1 = m2 = 0.0
     for i in range(start, stop):
-        for j in range(d):
-            x[i, j] -= minus_alpha[j] * p[i, j]
-            value = r[i, j] + minus_alpha[j] * q[i, j]
-            r[i, j] = value
-            z[i, j] = inverse[i] * value
-            sums[place, 0, j] += value * value
-            sums[place, 1, j] += value * value * inverse[i]
+        x = r[i, 0] - a * q[i, 0]
+        y = r[i, 1] - b * q[i, 1]
+        z = r[i, 2] - c * q[i, 2]
+        r[i, 0], r[i, 1], r[i, 2] = x, y, z
+        k = inverse[i]
+        n0 += x * x
+        n1 += y * y
+        n2 += z * z
+        m0 += k * x * x
+        m1 += k * y * y
+        m2 += k * z * z
+    place = start // _CHUNK
+    sums[place, 0, 0], sums[place, 0, 1], sums[place, 0, 2] = n0, n1, n2
+    sums[place, 1, 0], sums[place, 1, 1], sums[place, 1, 2] = m0, m1, m2
 
 
 @kernel
-def _direction(start, stop, beta, z, p):
+def _direct(start, stop, alpha, beta, inverse, z, scaled, x, p):
+    # x += alpha p; p = z + beta p, where z is D^-1 r if `scaled` (then r is passed as z).
     for i in range(start, stop):
-        for j in range(p.shape[1]):
-            p[i, j] = z[i, j] + beta[j] * p[i, j]
+        k = inverse[i] if scaled else inverse[i] * 0 + 1
+        for j in range(3):
+            x[i, j] += alpha[j] * p[i, j]
+            p[i, j] = k * z[i, j] + beta[j] * p[i, j]
 
 
 @kernel
-def _apply(start, stop, row_start, columns, values, diagonal, p, q, sums):
-    d = p.shape[1]
-    place = start // _CHUNK
-    sums[place] = 0.0
+def _apply(start, stop, row_start, columns, weights, screen, p, q, sums):
+    t0 = t1 = t2 = 0.0
     for i in range(start, stop):
-        for j in range(d):
-            q[i, j] = diagonal[i] * p[i, j]
+        k = screen[i]
+        if k == 0:
+            continue  # fixed: q stays zero there
+        x, y, z = p[i, 0], p[i, 1], p[i, 2]
+        sx, sy, sz = k * x, k * y, k * z
         for e in range(row_start[i], row_start[i + 1]):
             c = columns[e]
-            for j in range(d):
-                q[i, j] += values[e] * p[c, j]
-        for j in range(d):
-            sums[place, 0, j] += q[i, j] * p[i, j]
+            w = weights[e]
+            sx += w * (x - p[c, 0])
+            sy += w * (y - p[c, 1])
+            sz += w * (z - p[c, 2])
+        q[i, 0], q[i, 1], q[i, 2] = sx, sy, sz
+        t0 += sx * x
+        t1 += sy * y
+        t2 += sz * z
+    place = start // _CHUNK
+    sums[place, 0, 0], sums[place, 0, 1], sums[place, 0, 2] = t0, t1, t2
+
+
+@kernel
+def _true_residual(start, stop, row_start, columns, weights, screen, x, right, out):
+    for i in range(start, stop):
+        if screen[i] == 0:
+            continue
+        for j in range(3):
+            total = screen[i] * x[i, j]
+            for e in range(row_start[i], row_start[i + 1]):
+                total += weights[e] * (x[i, j] - x[columns[e], j])
+            out[i, j] = right[i, j] - total
 
 
 @kernel
@@ -295,9 +363,9 @@ def _multiply_add(start, stop, row_start, columns, values, x, out):
 
 
 @kernel
-def _aggregate(row_start, columns, values, diagonal, strength, aggregates):
+def _aggregate(row_start, columns, values, aggregates):
     # Whole neighbourhoods first; what is left joins the strongest neighbouring aggregate.
-    n = diagonal.shape[0]
+    n = aggregates.shape[0]
     size = 0
     for i in range(n):
         if aggregates[i] >= 0:

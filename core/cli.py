@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line, shared by ``shock-filter`` and Blender.
+
+A backend reads, sharpens and writes one file; all else (flags, several inputs, progress, messages,
+exit codes) is here. Numerics and file formats are imported when the first file is at hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import glob
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any, Protocol
+
+from .. import __version__
+from .errors import Cancelled, InvalidSettings, ShockError
+from .settings import GeometrySettings, Setting, describe
+
+if TYPE_CHECKING:
+    from .files import Outcome
+
+DONE, FAILED, INTERRUPTED = 0, 1, 130
+
+_EPILOG = """\
+exit codes:
+  0    every input was sharpened and written
+  1    some inputs failed; the others were written
+  2    the command line is wrong; nothing was done
+  130  interrupted; the file at hand was not written
+
+examples:
+  {prog} sharpen-geometry scan.ply sharp.ply
+  {prog} sharpen-geometry --time inf --smoothing-passes 3 scans/*.obj sharp/
+"""
+
+
+class Backend(Protocol):
+    """What differs between Blender and plain Python."""
+
+    prog: str
+    formats: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add the flags that only this backend has."""
+
+    def sharpen_geometry(
+        self,
+        source: str,
+        target: Path,
+        settings: GeometrySettings,
+        options: argparse.Namespace,
+        progress: Callable[[float, str], bool],
+    ) -> Outcome:
+        """Sharpen one file into another; raises ShockError or OSError."""
+
+
+class FileBackend:
+    """Files outside Blender."""
+
+    prog = "shock-filter"
+    formats = "PLY, OBJ, STL, OFF, GLB and glTF files"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add the mask flags."""
+        parser.add_argument(
+            "--mask",
+            metavar="NAME",
+            help="vertex property of PLY files that says how far each vertex may go:"
+            " 0 stays, 1 (or the largest whole number of its type) moves fully",
+        )
+        parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
+
+    def sharpen_geometry(
+        self,
+        source: str,
+        target: Path,
+        settings: GeometrySettings,
+        options: argparse.Namespace,
+        progress: Callable[[float, str], bool],
+    ) -> Outcome:
+        """Sharpen one file into another."""
+        from .files import sharpen_file
+
+        return sharpen_file(
+            source,
+            target,
+            settings,
+            mask=options.mask,
+            invert_mask=options.invert_mask,
+            overwrite=options.overwrite,
+            progress=progress,
+        )
+
+
+def main(arguments: Sequence[str] | None = None, backend: Backend | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The words after the program's name; those of ``sys.argv`` if left out.
+    backend : Backend, optional
+        Who reads, sharpens and writes; :class:`FileBackend` if left out.
+
+    Returns
+    -------
+    int
+        The exit code: 0, 1 or 130. Usage errors raise ``SystemExit(2)``.
+    """
+    backend = backend or FileBackend()
+    parser = build_parser(backend)
+    options = parser.parse_args(arguments)
+    try:
+        settings = _settings(GeometrySettings, options)
+        pairs = _pairs(options.inputs, options.output)
+    except (InvalidSettings, _Usage) as error:
+        parser.error(str(error))
+    return _run_all(backend, pairs, settings, options)
+
+
+def build_parser(backend: Backend) -> argparse.ArgumentParser:
+    """Make the parser; each field of a settings class becomes a flag."""
+    parser = argparse.ArgumentParser(
+        prog=backend.prog,
+        description="Sharpen meshes by shock filter advection.",
+        epilog=_EPILOG.format(prog=backend.prog),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"Shock Filter {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    geometry = commands.add_parser(
+        "sharpen-geometry",
+        help="sharpen the creases of meshes",
+        description=f"Sharpen the creases of meshes: {backend.formats}.",
+        allow_abbrev=False,
+    )
+    geometry.add_argument("inputs", nargs="+", metavar="IN", help="mesh files; * and ** work")
+    geometry.add_argument(
+        "output",
+        metavar="OUT",
+        help="file to write, its ending says the format; or folder, if it is one, ends in / or"
+        " there are several inputs: files keep their names and formats there",
+    )
+    geometry.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    geometry.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    backend.add_arguments(geometry)
+    _add_settings(geometry, GeometrySettings)
+    return parser
+
+
+def _add_settings(parser: argparse.ArgumentParser, settings: type) -> None:
+    main_group = parser.add_argument_group("settings")
+    advanced = parser.add_argument_group("advanced settings")
+    for name, (kind, default, about) in describe(settings).items():
+        (advanced if about.advanced else main_group).add_argument(
+            "--" + name.replace("_", "-"),
+            dest=name,
+            type=str if kind is str else _number,
+            choices=list(about.choices) or None,
+            metavar=None if about.choices else "N",
+            default=default,
+            help=_help(default, about).replace("%", "%%"),
+        )
+
+
+def _help(default: Any, about: Setting) -> str:
+    parts = [about.description + "."]
+    parts += [f"{word}: {meaning}." for word, meaning in about.choices.items()]
+    facts = [f"default {default if about.choices else format(default, 'g')}"]
+    if not about.choices:
+        facts.append(f"{about.minimum:g} to {about.maximum:g}")
+    if about.unit:
+        facts.append(about.unit)
+    return " ".join([*parts, f"({', '.join(facts)})"])
+
+
+def _number(text: str) -> float:
+    # Whether it has to be whole is for the settings to say.
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
+_number.__name__ = "number"  # argparse says "invalid number value"
+
+
+def _settings(kind: type, options: argparse.Namespace) -> Any:
+    return kind(**{name: getattr(options, name) for name in describe(kind)})
+
+
+# ------------------------------------------------------------------------------- inputs and outputs
+
+
+class _Usage(Exception):
+    """The command line asks for something that cannot be meant."""
+
+
+def _pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
+    """Each input with the file that it is written to."""
+    sources = list(dict.fromkeys(name for pattern in patterns for name in _expand(pattern)))
+    if "-" in sources and len(sources) > 1:
+        raise _Usage("- (the open file) must be the only input")
+    is_folder = os.path.isdir(output) or output.endswith(("/", os.sep))
+    if len(sources) > 1 and not is_folder and os.path.exists(output):
+        raise _Usage(f"{output} is a file; several inputs need a folder as OUT")
+    if len(sources) == 1 and not is_folder:
+        return [(sources[0], Path(output))]
+    if sources == ["-"]:
+        raise _Usage("name the file to write for - (the open file), not a folder")
+    taken: dict[Path, str] = {}
+    for source in sources:
+        target = Path(output, os.path.basename(source))
+        if target in taken:
+            raise _Usage(f"{taken[target]} and {source} would both be written to {target}")
+        taken[target] = source
+    return [(source, target) for target, source in taken.items()]
+
+
+def _expand(pattern: str) -> list[str]:
+    # A name that cannot be found stays, to be reported as a failed input.
+    if os.path.exists(pattern) or not glob.has_magic(pattern):
+        return [pattern]
+    return sorted(glob.glob(pattern, recursive=True)) or [pattern]
+
+
+def _check_target(target: Path, overwrite: bool) -> None:
+    if target.is_dir():
+        raise ShockError(f"{target} is a folder; name a file.")
+    if target.exists() and not overwrite:
+        raise ShockError(f"{target} exists already; add --overwrite or choose another output.")
+
+
+# ----------------------------------------------------------------------------------------- running
+
+
+def _run_all(
+    backend: Backend,
+    pairs: list[tuple[str, Path]],
+    settings: GeometrySettings,
+    options: argparse.Namespace,
+) -> int:
+    failed = False
+    with _Interrupt() as interrupt:
+        for source, target in pairs:
+            bar = _Bar(source, interrupt, shown=sys.stderr.isatty() and not options.quiet)
+            start = time.perf_counter()
+            try:
+                _check_target(target, options.overwrite)
+                if len(pairs) > 1:
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                outcome = backend.sharpen_geometry(source, target, settings, options, bar)
+            except (Cancelled, KeyboardInterrupt):
+                bar.clear()
+                print(f"Interrupted; {target} was not written.", file=sys.stderr)
+                return INTERRUPTED
+            except (ShockError, OSError) as error:
+                bar.clear()
+                print(f"Failed: {_sentence(source, error)}", file=sys.stderr)
+                failed = True
+                continue
+            bar.clear()
+            if not options.quiet:
+                _report(source, target, outcome, time.perf_counter() - start)
+            if interrupt.asked:
+                return INTERRUPTED
+    return FAILED if failed else DONE
+
+
+def _sentence(source: str, error: Exception) -> str:
+    text = str(error)
+    return text if source in text else f"{source}: {text}"
+
+
+def _report(source: str, target: Path, outcome: Outcome, seconds: float) -> None:
+    print(
+        f"{source} -> {target}: moved {outcome.moved} of {outcome.vertices} vertices"
+        f" in {seconds:.1f} s",
+        flush=True,
+    )
+    for note in outcome.notes:
+        print(f"  {note}", flush=True)
+
+
+class _Interrupt:
+    """Ctrl-C asks for an end through the progress callback; the second one forces it."""
+
+    asked = False
+
+    def __enter__(self) -> _Interrupt:
+        self._is_main = threading.current_thread() is threading.main_thread()
+        if self._is_main:
+            self._before = signal.signal(signal.SIGINT, self._ask)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._is_main:
+            signal.signal(signal.SIGINT, self._before)
+
+    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+
+
+class _Bar:
+    """A progress callback that draws a bar on the terminal."""
+
+    def __init__(self, name: str, interrupt: _Interrupt, shown: bool) -> None:
+        self._name = os.path.basename(name)
+        self._interrupt = interrupt
+        self._shown = shown
+
+    def __call__(self, fraction: float, message: str) -> bool:
+        if self._shown:
+            filled = round(20 * fraction)
+            bar = "#" * filled + "." * (20 - filled)
+            self._draw(f"{self._name} [{bar}] {fraction:4.0%} {message}")
+        return not self._interrupt.asked
+
+    def clear(self) -> None:
+        """Remove the bar."""
+        if self._shown:
+            self._draw("")
+
+    def _draw(self, text: str) -> None:
+        sys.stderr.write(f"\r\x1b[K{text}")
+        sys.stderr.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""GLB and glTF files, rewritten in their buffers."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, unquote
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import InvalidMesh, ShockError
+from .formats import (
+    NEW_NORMALS,
+    NO_FACES,
+    NO_PARTS,
+    NO_VERTICES,
+    Bools,
+    Floats,
+    copy_beside,
+    renewed_vertex_normals,
+    transformed,
+    unit,
+)
+
+_GLTF_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_GLTF_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_TRIANGLES = 4
+_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+
+
+class GltfFile:
+    """A GLB or glTF file; only positions and normals in its buffers are rewritten.
+
+    All meshes are put into the space of the scene, so that they are sharpened as they look there
+    and join where they touch. A mesh that stands there several times counts once.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        data = path.read_bytes()
+        chunks = _glb_chunks(data) if data.startswith(b"glTF") else {_JSON: data}
+        self._tree = json.loads(chunks[_JSON])
+        self._buffers = [
+            self._load(buffer["uri"]) if "uri" in buffer else bytearray(chunks[_BINARY])
+            for buffer in self._tree.get("buffers", [])
+        ]
+        to_world = _gltf_matrices(self._tree)
+        self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
+        self._normals: dict[int, int] = {}  # the NORMAL accessor of each POSITION accessor
+        blocks, faces, parts, first = [NO_VERTICES], [NO_FACES], [NO_PARTS], 0
+        for number, primitive in self._primitives():
+            accessor = primitive["attributes"]["POSITION"]
+            if accessor not in self._rows:
+                matrix = to_world.get(number, np.eye(4))
+                blocks.append(transformed(self._floats(accessor), matrix))
+                self._rows[accessor] = slice(first, first + len(blocks[-1])), matrix
+                first += len(blocks[-1])
+            if "NORMAL" in primitive["attributes"]:
+                self._normals[accessor] = primitive["attributes"]["NORMAL"]
+            rows = self._rows[accessor][0]
+            corners = np.arange(rows.stop - rows.start)
+            if "indices" in primitive:
+                corners = self._array(primitive["indices"])[:, 0].astype(np.int64)
+            if len(corners) and corners.max() >= rows.stop - rows.start:
+                raise InvalidMesh(f"{path}: a face names a vertex that is not there.")
+            faces.append(corners[: len(corners) // 3 * 3].reshape(-1, 3) + rows.start)
+            parts.append(np.full(len(faces[-1]), number))
+        self.vertices, self.faces = np.vstack(blocks), np.vstack(faces)
+        self.parts = np.concatenate(parts)
+
+    def _primitives(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        for number, mesh in enumerate(self._tree.get("meshes", [])):
+            for primitive in mesh["primitives"]:
+                if primitive.get("mode", _TRIANGLES) == _TRIANGLES:
+                    yield number, primitive
+
+    def _load(self, uri: str) -> bytearray:
+        if uri.startswith("data:"):
+            return bytearray(base64.b64decode(uri.partition(",")[2]))
+        return bytearray((self._path.parent / unquote(uri)).read_bytes())
+
+    def _array(self, number: int) -> npt.NDArray[Any]:
+        """The values of an accessor, as a view into its buffer."""
+        accessor = self._tree["accessors"][number]
+        view = self._tree["bufferViews"][accessor.get("bufferView", 0)]
+        if "bufferView" not in accessor or "sparse" in accessor or "extensions" in view:
+            raise ShockError(f"{self._path} is compressed; export it without compression.")
+        dtype = np.dtype(_GLTF_TYPES[accessor["componentType"]])
+        width = _GLTF_WIDTHS[accessor["type"]]
+        return np.ndarray(
+            (accessor["count"], width),
+            dtype,
+            self._buffers[view["buffer"]],
+            view.get("byteOffset", 0) + accessor.get("byteOffset", 0),
+            (view.get("byteStride", width * dtype.itemsize), dtype.itemsize),
+        )
+
+    def _floats(self, number: int) -> npt.NDArray[np.float32]:
+        array = self._array(number)
+        if array.dtype.kind != "f":
+            raise ShockError(f"{self._path} is quantized; export it without quantization.")
+        return array
+
+    def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        notes = []
+        if moved.any() and self._normals:
+            self._renew_normals(positions)
+            notes.append(NEW_NORMALS)
+        for number, (rows, matrix) in self._rows.items():
+            values, chosen = self._floats(number), moved[rows]
+            values[chosen] = transformed(positions[rows][chosen], np.linalg.inv(matrix))
+            accessor = self._tree["accessors"][number]
+            accessor["min"], accessor["max"] = (
+                [float(v) for v in bound] for bound in (values.min(axis=0), values.max(axis=0))
+            )
+        return notes + self._write(path)
+
+    def _renew_normals(self, positions: Floats) -> None:
+        old = np.zeros_like(positions)
+        for number, normal in self._normals.items():
+            rows, matrix = self._rows[number]
+            old[rows] = unit(self._floats(normal) @ np.linalg.inv(matrix[:3, :3]))
+        new = renewed_vertex_normals(self.vertices, positions, self.faces, old)
+        for number, normal in self._normals.items():
+            rows, matrix = self._rows[number]
+            self._floats(normal)[:] = unit(new[rows] @ matrix[:3, :3])
+        for _, primitive in self._primitives():
+            primitive["attributes"].pop("TANGENT", None)  # stale; readers make them anew
+
+    def _write(self, path: Path) -> list[str]:
+        binary = b""
+        for number, (buffer, data) in enumerate(
+            zip(self._tree.get("buffers", []), self._buffers, strict=True)
+        ):
+            uri = buffer.get("uri")
+            if uri is None:
+                binary = bytes(data)
+            elif uri.startswith("data:"):
+                buffer["uri"] = uri.partition(",")[0] + "," + base64.b64encode(data).decode()
+            else:
+                name = f"{path.stem}{number or ''}.bin"
+                (path.parent / name).write_bytes(data)
+                buffer["uri"] = quote(name)
+        text = json.dumps(self._tree, separators=(",", ":"), ensure_ascii=False).encode()
+        path.write_bytes(text if path.suffix.lower() == ".gltf" else _glb(text, binary))
+        uris = [image.get("uri", "data:") for image in self._tree.get("images", [])]
+        images = [unquote(uri) for uri in uris if not uri.startswith("data:")]
+        return copy_beside(self._path.parent, images, path.parent)
+
+
+def _glb_chunks(data: bytes) -> dict[int, bytes]:
+    chunks, place = {}, 12
+    while place + 8 <= len(data):
+        length, kind = struct.unpack_from("<II", data, place)
+        chunks[kind] = data[place + 8 : place + 8 + length]
+        place += 8 + length
+    return chunks
+
+
+def _glb(text: bytes, binary: bytes) -> bytes:
+    text += b" " * (-len(text) % 4)
+    binary += bytes(-len(binary) % 4)
+    body = struct.pack("<II", len(text), _JSON) + text
+    if binary:
+        body += struct.pack("<II", len(binary), _BINARY) + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def _gltf_matrices(tree: dict[str, Any]) -> dict[int, Floats]:
+    """From each mesh's own space to that of the scene, where the mesh stands first."""
+    nodes = tree.get("nodes", [])
+    children = {child for node in nodes for child in node.get("children", [])}
+    open_nodes = [(n, np.eye(4)) for n in range(len(nodes) - 1, -1, -1) if n not in children]
+    matrices: dict[int, Floats] = {}
+    while open_nodes:
+        number, parent = open_nodes.pop()
+        matrix = parent @ _gltf_matrix(nodes[number])
+        if "mesh" in nodes[number] and np.linalg.det(matrix):
+            matrices.setdefault(nodes[number]["mesh"], matrix)
+        open_nodes += [(child, matrix) for child in reversed(nodes[number].get("children", []))]
+    return matrices
+
+
+def _gltf_matrix(node: dict[str, Any]) -> Floats:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= node.get("scale", (1.0, 1.0, 1.0))
+    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return matrix

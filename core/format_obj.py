@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""OBJ files, rewritten line by line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from .errors import InvalidMesh
+from .formats import NEW_NORMALS, Bools, Floats, Ints, copy_beside, decimal, renewed_normals
+
+
+class ObjFile:
+    """An OBJ file as lines; only the `v` lines of moved vertices and the normals are rewritten."""
+
+    def __init__(self, path: Path) -> None:
+        text = re.sub(rb"\\\r?\n", b" ", path.read_bytes())
+        self.path = path
+        self.lines = text.splitlines(keepends=True)
+        self._vertex_lines: list[int] = []
+        self._normal_lines: list[int] = []
+        self._face_lines: list[int] = []
+        corners: list[tuple[int, int]] = []  # vertex and normal of each corner, -1 for none
+        sizes, parts, part = [], [], 0
+        for number, line in enumerate(self.lines):
+            word, _, rest = line.strip().partition(b" ")
+            if b"\t" in word:
+                word, _, rest = line.strip().partition(b"\t")
+            if word == b"v":
+                self._vertex_lines.append(number)
+            elif word == b"vn":
+                self._normal_lines.append(number)
+            elif word == b"o":
+                part += 1
+            elif word == b"f":
+                tokens = rest.partition(b"#")[0].split()
+                self._face_lines.append(number)
+                corners += map(self._corner, tokens)
+                sizes.append(len(tokens))
+                parts.append(part)
+        self.vertices = self._numbers(self._vertex_lines)
+        self._normal_values = self._numbers(self._normal_lines)
+        self._corners = np.array(corners, dtype=np.int64).reshape(-1, 2)
+        self._triangles, owner = _fans(np.array(sizes, dtype=np.int64))
+        self.faces = self._corners[self._triangles, 0]
+        self.parts = np.array(parts, dtype=np.int64)[owner]
+        if len(corners) and not (
+            self._corners[:, 0].min() >= 0
+            and self._corners[:, 0].max() < len(self.vertices)
+            and self._corners[:, 1].max() < len(self._normal_values)
+        ):
+            raise InvalidMesh(f"{path}: a face names a vertex or normal that is not there.")
+
+    def _corner(self, token: bytes) -> tuple[int, int]:
+        fields = token.split(b"/")
+        vertex = int(fields[0])
+        vertex += len(self._vertex_lines) if vertex < 0 else -1
+        normal = int(fields[2]) if len(fields) == 3 and fields[2] else 0
+        normal += len(self._normal_lines) if normal < 0 else -1
+        return vertex, normal
+
+    def _numbers(self, lines: list[int]) -> Floats:
+        rows = [[float(word) for word in self.lines[n].split()[1:4]] for n in lines]
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+    def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        lines = list(self.lines)
+        for vertex in np.flatnonzero(moved):
+            number = self._vertex_lines[vertex]
+            end = lines[number][len(lines[number].rstrip(b"\r\n")) :]
+            extra = lines[number].split()[4:]
+            lines[number] = b" ".join([b"v", decimal(positions[vertex]), *extra]) + end
+        fresh = bool(moved.any() and (self._corners[:, 1] >= 0).any())
+        if fresh:
+            self._renew_normals(lines, positions)
+        path.write_bytes(b"".join(lines))
+        return [*_copy_materials(self.path, self.lines, path.parent), *[NEW_NORMALS] * fresh]
+
+    def _renew_normals(self, lines: list[bytes], positions: Floats) -> None:
+        # Corners that shared a vertex and a normal share it again: hard edges stay hard.
+        pairs, keys = np.unique(self._corners, axis=0, return_inverse=True)
+        keys = keys.reshape(-1)
+        old = np.where(pairs[:, 1:] >= 0, self._normal_values[pairs[:, 1]], 0.0)
+        values = renewed_normals(positions, self.faces, keys[self._triangles], old)
+        given = pairs[:, 1] >= 0
+        number = np.cumsum(given)
+        for line in self._normal_lines:
+            lines[line] = b""
+        key = iter(keys)
+        for line in self._face_lines:
+            body, mark, comment = lines[line].partition(b"#")
+            tokens = body.split()[1:]
+            end = b" " + mark + comment if mark else body[len(body.rstrip()) :]
+            for k, token in enumerate(tokens):
+                corner = next(key)
+                if given[corner]:
+                    tokens[k] = b"%b/%d" % (token.rpartition(b"/")[0], number[corner])
+            lines[line] = b" ".join([b"f", *tokens]) + end
+        first = self._face_lines[0]
+        block = b"".join(b"vn " + decimal(value) + b"\n" for value in values[given])
+        lines[first] = block + lines[first]
+
+
+def _fans(sizes: Ints) -> tuple[Ints, Ints]:
+    """Cut polygons into fans: corner numbers (t, 3), and the polygon of each triangle."""
+    counts = np.maximum(sizes - 2, 0)
+    owner = np.repeat(np.arange(len(sizes)), counts)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = (np.cumsum(sizes) - sizes)[owner]
+    return np.column_stack([first, first + step + 1, first + step + 2]), owner
+
+
+def _copy_materials(source: Path, lines: list[bytes], folder: Path) -> list[str]:
+    """Copy the material files that an OBJ names, and their textures, beside its copy."""
+    libraries = _named_files(source.parent, lines, rb"mtllib")
+    images: list[str] = []
+    for library in libraries:
+        if (source.parent / library).is_file():
+            words = (source.parent / library).read_bytes().splitlines()
+            images += _named_files(source.parent, words, rb"map_\w+|bump|disp|decal|refl|norm")
+    return copy_beside(source.parent, libraries + images, folder)
+
+
+def _named_files(folder: Path, lines: list[bytes], keyword: bytes) -> list[str]:
+    # A name may hold spaces, and options may stand before it: the whole rest if there is such a
+    # file, else the last word.
+    pattern = re.compile(rb"\s*(?:" + keyword + rb")\s+(.+)", re.IGNORECASE)
+    found = {
+        match[1].strip().decode("utf-8", "replace") for match in map(pattern.match, lines) if match
+    }
+    return sorted(name if (folder / name).is_file() else name.split()[-1] for name in found)

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files read by trimesh, to be written in another format."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import ShockError
+from .formats import NO_FACES, NO_PARTS, NO_VERTICES, Bools, Floats, transformed
+from .mesh import weld
+
+# What each format can hold besides triangles, as far as trimesh writes it.
+KEEPS: dict[str, set[str]] = {
+    ".glb": {"colors", "UVs", "materials", "object names"},
+    ".gltf": {"colors", "UVs", "materials", "object names"},
+    ".obj": {"colors", "UVs", "materials"},
+    ".ply": {"colors", "UVs"},
+    ".off": set(),
+    ".stl": set(),
+}
+
+
+def load_scene(path: Path) -> Any:
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ShockError(
+            f"{path}: this needs trimesh; run: pip install 'shock-filter[files]'."
+        ) from error
+    options: dict[str, Any] = {}
+    if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
+        options = {"fix_texture": False, "skip_materials": True}
+    return trimesh.load_scene(path, process=False, **options)
+
+
+class SceneFile:
+    """Any file that trimesh reads, to be written in another format; triangles only."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._scene = load_scene(path)
+        self._meshes: list[tuple[Any, Floats, slice]] = []
+        blocks, faces, parts, first = [NO_VERTICES], [NO_FACES], [NO_PARTS], 0
+        for name, mesh in self._scene.geometry.items():
+            if not len(getattr(mesh, "faces", ())):
+                continue
+            if path.suffix.lower() == ".stl":  # it repeats a vertex in each of its triangles
+                representatives, index = weld(np.asarray(mesh.vertices))
+                mesh.faces, mesh.vertices = index[mesh.faces], mesh.vertices[representatives]
+            nodes = self._scene.graph.geometry_nodes[name]
+            matrix = self._scene.graph[nodes[0]][0] if nodes else np.eye(4)
+            blocks.append(transformed(np.asarray(mesh.vertices), matrix))
+            faces.append(mesh.faces + first)
+            parts.append(np.full(len(mesh.faces), len(self._meshes)))
+            self._meshes.append((mesh, matrix, slice(first, first + len(blocks[-1]))))
+            first += len(blocks[-1])
+        self.vertices, self.faces = np.vstack(blocks), np.vstack(faces)
+        self.parts = np.concatenate(parts)
+
+    def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        for mesh, matrix, rows in self._meshes:
+            vertices = np.array(mesh.vertices)
+            back = transformed(positions[rows][moved[rows]], np.linalg.inv(matrix))
+            vertices[moved[rows]] = back
+            mesh.vertices = vertices  # trimesh forgets stale normals by this
+        _export(self._scene, path)
+        return self._losses(path.suffix.lower())
+
+    def _losses(self, ending: str) -> list[str]:
+        notes = []
+        polygons = _polygon_count(self._path)
+        if polygons is not None and polygons < len(self.faces):
+            notes.append("polygons were cut into triangles")
+        lost = sorted(_contents([mesh for mesh, _, _ in self._meshes]) - KEEPS[ending])
+        if lost:
+            notes.append(f"{ending} cannot hold {', '.join(lost)}: left behind")
+        return notes
+
+
+def _contents(meshes: list[Any]) -> set[str]:
+    kinds = {mesh.visual.kind for mesh in meshes}
+    contents = {"object names"} if len(meshes) > 1 else set()
+    if kinds & {"vertex", "face"}:
+        contents.add("colors")
+    if "texture" in kinds:
+        contents |= {"UVs", "materials"}
+    return contents
+
+
+def _polygon_count(path: Path) -> int | None:
+    """Number of polygons that a file states, for formats that have them."""
+    ending, data = path.suffix.lower(), path.read_bytes()
+    if ending == ".obj":
+        return len(re.findall(rb"^[ \t]*f[ \t]", data, re.MULTILINE))
+    if ending == ".ply":
+        stated = re.search(rb"^element face (\d+)", data, re.MULTILINE)
+    elif ending == ".off":
+        stated = re.search(rb"^\s*\d+\s+(\d+)\s+\d+\s*$", data, re.MULTILINE)
+    else:
+        return None
+    return int(stated[1]) if stated else None
+
+
+def _export(scene: Any, path: Path) -> None:
+    ending = path.suffix.lower()
+    if ending in (".glb", ".gltf"):
+        scene.export(path, **({"embed_buffers": True} if ending == ".gltf" else {}))
+    elif ending == ".obj":
+        scene.export(path, digits=12, mtl_name=f"{path.stem}.mtl")
+    elif ending == ".off":
+        scene.to_mesh().export(path, digits=17)
+    else:
+        scene.to_mesh().export(path)

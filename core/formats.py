@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all mesh formats share: the document that a file becomes, normals, side files."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+NO_VERTICES: Floats = np.empty((0, 3))
+NO_FACES: Ints = np.empty((0, 3), dtype=np.int64)
+NO_PARTS: Ints = np.empty(0, dtype=np.int64)
+NEW_NORMALS = "normals were computed anew from the sharpened surface"
+
+
+class Document(Protocol):
+    """A file in memory: all its vertices, its triangles, and which object each belongs to."""
+
+    vertices: Floats
+    faces: Ints
+    parts: Ints
+
+    def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        """Write it with other positions; returns notes on what changed or got lost."""
+
+
+def renewed_normals(positions: Floats, triangles: Ints, keys: Ints, old: Floats) -> Floats:
+    """Mean normal, weighted by area, of the triangle corners that share a key.
+
+    `triangles` and `keys` are (t, 3); a key without area keeps its row of `old`, and none
+    changes sides.
+    """
+    a, b, c = (positions[triangles[:, corner]] for corner in range(3))
+    crosses = np.cross(b - a, c - a)
+    sums = np.zeros_like(old)
+    for corner in range(3):
+        for axis in range(3):
+            sums[:, axis] += np.bincount(keys[:, corner], crosses[:, axis], minlength=len(old))
+    sums[np.einsum("ij,ij->i", sums, old) < 0] *= -1.0  # faces wound against their normals
+    return np.where(sums.any(axis=1, keepdims=True), unit(sums), old)
+
+
+def renewed_vertex_normals(before: Floats, after: Floats, triangles: Ints, old: Floats) -> Floats:
+    """New vertex normals: split vertices that shared place and normal share it again."""
+    kept, key = np.unique(np.hstack([before, old]), axis=0, return_inverse=True)
+    key = key.reshape(-1)
+    return renewed_normals(after, triangles, key[triangles], kept[:, 3:])[key]
+
+
+NEW_NORMALS = "normals were computed anew from the sharpened surface"
+
+
+def decimal(values: Iterable[float]) -> bytes:
+    """Write numbers as text, with more digits than float32 has and fewer than noise needs."""
+    return b" ".join(b"%.12g" % value for value in values)
+
+
+def transformed(points: npt.NDArray[Any], matrix: Floats) -> Floats:
+    if np.array_equal(matrix, np.eye(4)):
+        return points.astype(np.float64)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def unit(vectors: npt.NDArray[Any]) -> Floats:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(lengths > 0, lengths, 1.0)
+
+
+def copy_beside(folder: Path, names: list[str], target: Path) -> list[str]:
+    """Copy files that lie in or below a folder; returns a note on those that do not."""
+    missing = []
+    for name in dict.fromkeys(names):
+        relative = PurePosixPath(name.replace("\\", "/"))
+        outside = relative.is_absolute() or ".." in relative.parts
+        if outside or not (folder / relative).is_file():
+            missing.append(name)
+            continue
+        (target / relative).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(folder / relative, target / relative)
+    return [f"not copied, as not beside the input: {', '.join(missing)}"] if missing else []
