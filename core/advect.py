@@ -54,9 +54,7 @@ def advect_faces(
 
 
 @kernel
-def _sample(
-    start, stop, faces, normals, averages, end_faces, coordinates, sampling, out
-):
+def _sample(start, stop, faces, normals, averages, end_faces, coordinates, sampling, out):
     n = np.empty(3)
     for f in range(start, stop):
         own = normals[f]

@@ -146,7 +146,7 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
         "output",
         metavar="OUT",
         help="file to write, its ending says the format; or folder, if it is one, ends in / or"
-        " there are several inputs: files keep their names and formats there",
+        " there are several inputs: files keep their names and formats there; folders are made",
     )
     geometry.add_argument("--overwrite", action="store_true", help="replace files that exist")
     geometry.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -254,8 +254,7 @@ def _run_all(
             start = time.perf_counter()
             try:
                 _check_target(target, options.overwrite)
-                if len(pairs) > 1:
-                    target.parent.mkdir(parents=True, exist_ok=True)
+                target.parent.mkdir(parents=True, exist_ok=True)
                 outcome = backend.sharpen_geometry(source, target, settings, options, bar)
             except (Cancelled, KeyboardInterrupt):
                 bar.clear()
@@ -265,10 +264,10 @@ def _run_all(
                 bar.clear()
                 print(f"Failed: {_sentence(source, error)}", file=sys.stderr)
                 failed = True
-                continue
-            bar.clear()
-            if not options.quiet:
-                _report(source, target, outcome, time.perf_counter() - start)
+            else:
+                bar.clear()
+                if not options.quiet:
+                    _report(source, target, outcome, time.perf_counter() - start)
             if interrupt.asked:
                 return INTERRUPTED
     return FAILED if failed else DONE
@@ -302,7 +301,8 @@ class _Interrupt:
 
     def __exit__(self, *_: object) -> None:
         if self._is_main:
-            signal.signal(signal.SIGINT, self._before)
+            # None: it was set from C, as Blender does.
+            signal.signal(signal.SIGINT, self._before or signal.SIG_DFL)
 
     def _ask(self, _number: int, _frame: FrameType | None) -> None:
         if self.asked:

@@ -70,12 +70,16 @@ def fit_to_normals(
     """
     targets = checked_signal(normals, mesh.face_count, "array of normals")
     if targets.shape[1] != 3:
-        raise InvalidSignal(f"Normals have {targets.shape[1]} components; give ({mesh.face_count}, 3).")
+        raise InvalidSignal(
+            f"Normals have {targets.shape[1]} components; give ({mesh.face_count}, 3)."
+        )
     lengths = np.linalg.norm(targets, axis=1)
     if not ((abs(lengths - 1) < 1e-3) | (lengths == 0)).all():
         raise InvalidSignal("Some normals are not unit vectors; divide them by their lengths.")
     weights = checked_mask(mask, mesh.vertex_count)
-    moved, _ = displacement(mesh, targets, settings or FitSettings(), weights, Progress.of(progress))
+    moved, _ = displacement(
+        mesh, targets, settings or FitSettings(), weights, Progress.of(progress)
+    )
     return mesh.vertices + moved
 
 
@@ -132,7 +136,9 @@ def screened_stiffness(
 
 
 @kernel
-def _assemble(start, stop, corner_start, corners, twins, cots, screen, ring_start, weights, diagonal):
+def _assemble(
+    start, stop, corner_start, corners, twins, cots, screen, ring_start, weights, diagonal
+):
     # Entries follow the corners, as in TriangleMesh.neighbours.
     for v in range(start, stop):
         place = ring_start[v]

@@ -100,13 +100,12 @@ def above_surroundings(
     rings = round(min(max(time**0.25 / 2, 2.0), 8.0))
     strength = np.sqrt(potential)
     level = strength
-    for sign in (1.0, -1.0):
-        for ring in range(rings):
-            phase = progress.part(ring / rings, (ring + 1) / rings, "Finding features")
-            out = np.empty_like(level)
-            run(_ring_minimum, mesh.vertex_count, *mesh.neighbours, sign, level, out,
-                progress=phase)  # fmt: skip
-            level = out
+    for step in range(2 * rings):
+        out = np.empty_like(level)
+        run(_ring_minimum, mesh.vertex_count, *mesh.neighbours, 1.0 if step < rings else -1.0,
+            level, out)  # fmt: skip
+        level = out
+        progress.update((step + 1) / (2 * rings))
     level = smooth_vertices(mesh, level.reshape(-1, 1), 2).reshape(-1)
     return np.maximum(strength - threshold * level, 0.0) ** 2
 

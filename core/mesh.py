@@ -73,7 +73,7 @@ class TriangleMesh:
         """Corners at each vertex: ``corners[start[v]:start[v + 1]]``; returns (start, corners)."""
         start = np.zeros(self.vertex_count + 1, dtype=np.int32)
         corners = np.empty(3 * self.face_count, dtype=np.int32)
-        _sort_corners(self.faces.reshape(-1), start, corners)
+        count_sort(self.faces.reshape(-1), start, corners)
         return start, corners
 
     def _match_twins(self) -> bool:
@@ -221,20 +221,20 @@ _SUM_CHUNK = 1 << 15
 
 
 @kernel
-def _sort_corners(corner_vertices, start, corners):
-    # Counting sort of corners by vertex.
-    for vertex in corner_vertices:
-        start[vertex + 1] += 1
-    for v in range(1, start.shape[0]):
-        start[v] += start[v - 1]
-    # Placing from the back lets start serve as the cursor: start[v + 1] falls to v's begin.
-    for c in range(corner_vertices.shape[0] - 1, -1, -1):
-        v = corner_vertices[c] + 1
-        start[v] -= 1
-        corners[start[v]] = c
-    for v in range(start.shape[0] - 1):
-        start[v] = start[v + 1]
-    start[start.shape[0] - 1] = corner_vertices.shape[0]
+def count_sort(keys, start, order):
+    """Sort indices by their keys, stably; keys' ranges are ``order[start[k]:start[k + 1]]``."""
+    for key in keys:
+        start[key + 1] += 1
+    for k in range(1, start.shape[0]):
+        start[k] += start[k - 1]
+    # Placing from the back lets start serve as the cursor: start[k + 1] falls to k's begin.
+    for i in range(keys.shape[0] - 1, -1, -1):
+        k = keys[i] + 1
+        start[k] -= 1
+        order[start[k]] = i
+    for k in range(start.shape[0] - 1):
+        start[k] = start[k + 1]
+    start[start.shape[0] - 1] = keys.shape[0]
 
 
 @kernel

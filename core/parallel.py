@@ -53,8 +53,17 @@ class Progress:
 
     @classmethod
     def of(cls, progress: Progress | ProgressCallback | None) -> Progress:
-        """Wrap a user's callback; a `Progress` passes through."""
-        return progress if isinstance(progress, Progress) else cls(progress)
+        """Wrap a user's callback, for which fractions never fall; a `Progress` passes through."""
+        if progress is None or isinstance(progress, Progress):
+            return progress or cls(None)
+        highest = 0.0
+
+        def rising(fraction: float, message: str) -> bool:
+            nonlocal highest
+            highest = max(highest, fraction)
+            return progress(highest, message)
+
+        return cls(rising)
 
     def part(self, start: float, stop: float, message: str) -> Progress:
         """Begin the phase that covers the fractions `start` to `stop` of this one."""

@@ -72,21 +72,23 @@ class _Settings:
                 if value not in about.choices:
                     words = ", ".join(about.choices)
                     raise InvalidSettings(f"{name} is {value!r}; choose one of: {words}.")
-                continue
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if not number and hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
-                value = value.item()  # a numpy scalar
-                number = isinstance(value, (int, float)) and not isinstance(value, bool)
-                object.__setattr__(self, name, value)
-            if not number:
-                raise InvalidSettings(f"{name} is {value!r}; give a number.")
-            if kind is int and value != int(value if math.isfinite(value) else 0):
-                raise InvalidSettings(f"{name} is {value!r}; give a whole number.")
-            if not about.minimum <= value <= about.maximum:
-                raise InvalidSettings(
-                    f"{name} is {value!r}; give a value from {about.minimum:g} to"
-                    f" {about.maximum:g}{' ' + about.unit if about.unit else ''}."
-                )
+            else:
+                object.__setattr__(self, name, _checked_number(name, value, kind, about))
+
+
+def _checked_number(name: str, value: Any, kind: type, about: Setting) -> Any:
+    if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
+        value = value.item()  # a numpy scalar
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InvalidSettings(f"{name} is {value!r}; give a number.")
+    if kind is int and value != value // 1:
+        raise InvalidSettings(f"{name} is {value!r}; give a whole number.")
+    if not about.minimum <= value <= about.maximum:
+        raise InvalidSettings(
+            f"{name} is {value!r}; give a value from {about.minimum:g} to"
+            f" {about.maximum:g}{' ' + about.unit if about.unit else ''}."
+        )
+    return kind(value)
 
 
 @dataclass(frozen=True, kw_only=True)

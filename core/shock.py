@@ -11,6 +11,7 @@ from .calculus import average_to_faces, average_to_vertices, checked_mask, smoot
 from .fit import displacement
 from .flow import above_surroundings, flow_potential
 from .mesh import Floats, TriangleMesh
+from .order import is_scattered, sorted_along_curve
 from .parallel import Progress, ProgressCallback
 from .settings import GeometrySettings
 
@@ -41,8 +42,18 @@ def sharpen_normals(
     Cancelled
         If `progress` returned False.
     """
-    normals = _sharpened(mesh, settings or GeometrySettings(), Progress.of(progress))
+    settings = settings or GeometrySettings()
+    phases = Progress.of(progress)
+    if is_scattered(mesh):
+        ordered, _, face_order = sorted_along_curve(mesh)
+        sharpened = _sharpened(ordered, settings, phases)
+        sharpened[ordered.flipped] *= -1
+        normals = np.empty_like(sharpened)
+        normals[face_order] = sharpened
+    else:
+        normals = _sharpened(mesh, settings, phases)
     normals[mesh.flipped] *= -1
+    phases.update(1.0)
     return normals
 
 
@@ -80,15 +91,29 @@ def sharpen_geometry(
 
     Notes
     -----
-    Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature threshold (see
-    `flow.above_surroundings`), masks, repeating, the displacement limit, and the screening radius in place
-    of a fixed epsilon (see `fit_to_normals`).
+    Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature
+    threshold (see `flow.above_surroundings`), masks, repeating, the displacement limit, and the
+    screening radius in place of a fixed epsilon (see `fit_to_normals`).
     """
     settings = settings or GeometrySettings()
-    progress = Progress.of(progress)
+    phases = Progress.of(progress)
     weights = checked_mask(mask, mesh.vertex_count)
     if settings.time == 0 and settings.mollify_passes == 0:
         return mesh.vertices.copy()
+    if is_scattered(mesh):
+        ordered, order, _ = sorted_along_curve(mesh)
+        moved = np.empty_like(mesh.vertices)
+        ordered_weights = None if weights is None else weights[order]
+        moved[order] = _displaced(ordered, settings, ordered_weights, phases)
+    else:
+        moved = _displaced(mesh, settings, weights, phases)
+    phases.update(1.0)
+    return mesh.vertices + moved
+
+
+def _displaced(
+    mesh: TriangleMesh, settings: GeometrySettings, weights: Floats | None, progress: Progress
+) -> Floats:
     moved = np.zeros_like(mesh.vertices)
     current = mesh
     for turn in range(settings.repeat):
@@ -104,8 +129,7 @@ def sharpen_geometry(
             _limit(moved, settings.max_displacement * mesh.mean_edge_length)
         if turn + 1 < settings.repeat:
             current = mesh.displaced(moved)
-    progress.update(1.0)
-    return mesh.vertices + moved
+    return moved
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progress) -> Floats:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Screened Laplace systems with three right sides at once.
 
-Conjugate gradients over our own kernels, all columns together, so that the matrix is read once
-an iteration for all three. The preconditioner is the diagonal where that converges quickly, in
-single precision with a residual checked in double, and one V-cycle of smoothed-aggregation
-multigrid, in double precision, where it does not.
+Conjugate gradients over our own kernels, on all columns as one long vector: the matrix is read
+once an iteration for all three, and turning the axes turns the solution. The preconditioner is
+the diagonal where that converges quickly, in single precision with a residual checked in double,
+and one V-cycle of smoothed-aggregation multigrid, in double precision, where it does not.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class SolveReport:
     iterations : int
         Iterations of conjugate gradients.
     residual : float
-        Largest of the columns' residual norms, relative to the largest right side's norm.
+        Norm of the residual of all columns, relative to the right side's.
     multigrid : bool
         Whether the multilevel preconditioner was used.
     """
@@ -113,7 +113,7 @@ def solve(
     """
     progress = progress or Progress(None)
     x = np.zeros_like(right)
-    scale = float(np.sqrt((right**2).sum(axis=0).max()))
+    scale = float(np.linalg.norm(right))
     if scale == 0:
         return x, SolveReport(0, 0.0, multigrid)
     if not np.isfinite(scale):
@@ -133,7 +133,7 @@ def solve(
         x += step
         run(_true_residual, len(x), matrix.start, matrix.columns, matrix.weights, matrix.screen,
             x, right, rest)  # fmt: skip
-        relative = float(np.sqrt((rest**2).sum(axis=0).max())) / scale
+        relative = float(np.linalg.norm(rest)) / scale
         if relative <= tolerance:
             return x, SolveReport(iterations, relative, multigrid)
         if not np.isfinite(relative):
@@ -155,40 +155,37 @@ def _conjugate_gradients(
 ) -> tuple[npt.NDArray[np.floating], int]:
     # Overwrites r, from which it starts, with the residual that is left.
     n = len(r)
+    kind = r.dtype.type
     weights = matrix.weights.astype(r.dtype, copy=False)
     screen = matrix.screen.astype(r.dtype, copy=False)
     inverse = np.divide(1.0, matrix.diagonal, out=np.zeros(n), where=matrix.screen > 0)
     inverse = inverse.astype(r.dtype, copy=False)
     x, p, q = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
     z = np.empty_like(r) if hierarchy else r
-    sums = np.zeros((-(-n // _CHUNK), 2, 3))
-    alpha, before = np.zeros(3), np.ones(3)
-    scale = 0.0
+    sums = np.zeros((-(-n // _CHUNK), 2))
+    alpha, before, scale = 0.0, 1.0, 0.0
     for iteration in range(limit + 1):
-        run(_reduce, n, alpha, inverse, q, r, sums, chunk=_CHUNK)
-        norms, products = sums.sum(axis=0)
-        norm = float(np.sqrt(norms.max()))
+        run(_reduce, n, kind(alpha), inverse, q, r, sums, chunk=_CHUNK)
+        norm, product = float(np.sqrt(sums[:, 0].sum())), float(sums[:, 1].sum())
         if iteration == 0:
             scale = norm
         if not np.isfinite(norm):
             raise SolverError("The linear solve broke down; repair needle-like faces.")
         if hierarchy is not None:
             hierarchy.cycle(r, z)
-            products = np.einsum("ij,ij->j", r, z)
-        beta = products / before if iteration else np.zeros(3)
+            product = float(np.vdot(r, z))
+        beta = product / before if iteration else 0.0
         # Adds the last step to x, too, while p is at hand.
-        run(_direct, n, alpha, beta, inverse, z, hierarchy is None, x, p, chunk=_CHUNK)
+        run(_direct, n, kind(alpha), kind(beta), inverse, z, hierarchy is None, x, p, chunk=_CHUNK)
         if norm <= tolerance * scale or iteration == limit:
             break
         # The residual falls roughly geometrically: progress is its logarithm.
         progress.update(min(float(np.log(norm / scale) / np.log(tolerance)), 1.0))
         run(_apply, n, matrix.start, matrix.columns, weights, screen, p, q, sums, chunk=_CHUNK)
-        curvature = sums[:, 0].sum(axis=0)
-        if (curvature < 0).any():
+        curvature = float(sums[:, 0].sum())
+        if curvature <= 0:
             raise SolverError("The linear system is not positive definite; repair the mesh.")
-        # A column that is solved stands still.
-        alpha = np.divide(products, curvature, out=np.zeros(3), where=curvature > 0)
-        before = np.where(products > 0, products, 1.0)
+        alpha, before = product / curvature, product
     return x, iteration
 
 
@@ -270,38 +267,37 @@ def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
 @kernel
 def _reduce(start, stop, alpha, inverse, q, r, sums):
     # r -= alpha q; sums of r^2 and of r D^-1 r.
-    a, b, c = alpha
-    n0 = n1 = n2 = m0 = m1 = m2 = 0.0
+    squares = 0.0
+    products = 0.0
     for i in range(start, stop):
-        x = r[i, 0] - a * q[i, 0]
-        y = r[i, 1] - b * q[i, 1]
-        z = r[i, 2] - c * q[i, 2]
+        x = r[i, 0] - alpha * q[i, 0]
+        y = r[i, 1] - alpha * q[i, 1]
+        z = r[i, 2] - alpha * q[i, 2]
         r[i, 0], r[i, 1], r[i, 2] = x, y, z
-        k = inverse[i]
-        n0 += x * x
-        n1 += y * y
-        n2 += z * z
-        m0 += k * x * x
-        m1 += k * y * y
-        m2 += k * z * z
-    place = start // _CHUNK
-    sums[place, 0, 0], sums[place, 0, 1], sums[place, 0, 2] = n0, n1, n2
-    sums[place, 1, 0], sums[place, 1, 1], sums[place, 1, 2] = m0, m1, m2
+        square = x * x + y * y + z * z
+        squares += square
+        products += inverse[i] * square
+    sums[start // _CHUNK, 0] = squares
+    sums[start // _CHUNK, 1] = products
 
 
 @kernel
 def _direct(start, stop, alpha, beta, inverse, z, scaled, x, p):
     # x += alpha p; p = z + beta p, where z is D^-1 r if `scaled` (then r is passed as z).
     for i in range(start, stop):
-        k = inverse[i] if scaled else inverse[i] * 0 + 1
+        k = inverse[i]
+        if k == 0:
+            continue  # fixed: x and p stay zero there
+        if not scaled:
+            k += 1 - k
         for j in range(3):
-            x[i, j] += alpha[j] * p[i, j]
-            p[i, j] = k * z[i, j] + beta[j] * p[i, j]
+            x[i, j] += alpha * p[i, j]
+            p[i, j] = k * z[i, j] + beta * p[i, j]
 
 
 @kernel
 def _apply(start, stop, row_start, columns, weights, screen, p, q, sums):
-    t0 = t1 = t2 = 0.0
+    curvature = 0.0
     for i in range(start, stop):
         k = screen[i]
         if k == 0:
@@ -315,11 +311,8 @@ def _apply(start, stop, row_start, columns, weights, screen, p, q, sums):
             sy += w * (y - p[c, 1])
             sz += w * (z - p[c, 2])
         q[i, 0], q[i, 1], q[i, 2] = sx, sy, sz
-        t0 += sx * x
-        t1 += sy * y
-        t2 += sz * z
-    place = start // _CHUNK
-    sums[place, 0, 0], sums[place, 0, 1], sums[place, 0, 2] = t0, t1, t2
+        curvature += sx * x + sy * y + sz * z
+    sums[start // _CHUNK, 0] = curvature
 
 
 @kernel

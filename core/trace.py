@@ -24,8 +24,8 @@ import numpy as np
 from .mesh import Floats, Ints, TriangleMesh
 from .parallel import Progress, kernel, run
 
-LITERAL_STEP = 0.1
-"""The paper's delta, in mean edge lengths."""
+PAPER_STEP = 0.1
+"""The paper's delta: length of a literal step, in mean edge lengths."""
 
 
 def trace_faces(
@@ -33,7 +33,7 @@ def trace_faces(
     potential: Floats,
     time: float,
     *,
-    literal: bool = False,
+    step: float | None = None,
     progress: Progress | None = None,
 ) -> tuple[Ints, Floats]:
     """Trace from the centre of each face for `time` against the flow of `potential`.
@@ -45,8 +45,9 @@ def trace_faces(
         P at the vertices; lengths are in mean edge lengths.
     time : float
         Flow time; infinity walks until the flow ends.
-    literal : bool
-        Take the paper's small steps instead of the exact walk.
+    step : float, optional
+        Walk literally, in steps of this length in mean edge lengths; the paper's is
+        `PAPER_STEP`. None walks exactly.
 
     Returns
     -------
@@ -60,10 +61,13 @@ def trace_faces(
         rates, progress=progress)  # fmt: skip
     faces = np.empty(mesh.face_count, dtype=np.int32)
     coordinates = np.empty((mesh.face_count, 3))
-    walk = _walk_literal if literal else _walk_exact
-    run(walk, mesh.face_count, float(time), mesh.scaled_vertices, mesh.faces, mesh.twins,
-        *mesh.corners, mesh.areas, mesh.normals, potential, rates, faces, coordinates,
-        progress=progress)  # fmt: skip
+    shape = mesh.scaled_vertices, mesh.faces, mesh.twins
+    if step is None:
+        run(_walk_exact, mesh.face_count, float(time), *shape, mesh.areas, potential, rates,
+            faces, coordinates, progress=progress)  # fmt: skip
+    else:
+        run(_walk_literal, mesh.face_count, float(time), float(step), *shape, mesh.areas,
+            mesh.normals, rates, faces, coordinates, progress=progress)  # fmt: skip
     return faces, coordinates
 
 
@@ -156,9 +160,8 @@ def _leave_vertex(f, k, vertices, faces, twins, areas, potential, rates, came):
 
 @kernel
 def _walk_exact(
-    start, stop, time, vertices, faces, twins, corner_start, corners, areas, normals,
-    potential, rates, end_faces, end_coordinates,
-):  # fmt: skip
+    start, stop, time, vertices, faces, twins, areas, potential, rates, end_faces, end_coordinates
+):
     b = np.empty(3)
     for seed in range(start, stop):
         f = seed
@@ -256,8 +259,8 @@ def _walk_exact(
 
 @kernel
 def _walk_literal(
-    start, stop, time, vertices, faces, twins, corner_start, corners, areas, normals,
-    potential, rates, end_faces, end_coordinates,
+    start, stop, time, step, vertices, faces, twins, areas, normals, rates, end_faces,
+    end_coordinates,
 ):  # fmt: skip
     b = np.empty(3)
     r = np.empty(3)
@@ -276,7 +279,7 @@ def _walk_literal(
         while left > 0 and steps < 1000000 and v[0] * old[0] + v[1] * old[1] + v[2] * old[2] > 0:
             steps += 1
             speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-            pace = min(left, LITERAL_STEP / speed)
+            pace = min(left, step / speed)
             left -= pace
             # Walk the straight geodesic from here in direction v for `pace`, face by face.
             old[:] = v

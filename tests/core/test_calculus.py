@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, rotation
+from shock_filter import core
+from shock_filter.core import calculus, fit
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """A jittered sheet, bent and turned, with a border."""
+    vertices, faces = grid(9, 8, jitter=0.3)
+    vertices[:, 2] = 0.1 * vertices[:, 0] ** 2 - np.sin(vertices[:, 1])
+    return core.TriangleMesh(vertices @ rotation().T * 3.7, faces)
+
+
+def test_gradient_of_a_linear_field_is_exact():
+    vertices, faces = grid(9, 8, jitter=0.3)
+    turn = rotation(1)
+    mesh = core.TriangleMesh(vertices @ turn.T, faces)
+    slopes = np.array([[2.0, -1.0, 0], [0.5, 3.0, 0]])
+    found = calculus.gradient(mesh, vertices @ slopes.T)
+    # Lengths are in mean edge lengths.
+    assert np.allclose(found, slopes @ turn.T * mesh.mean_edge_length)
+
+
+def test_stiffness_is_the_gradients_square(bent):
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(bent.vertex_count, 2))
+    screen = rng.uniform(0.5, 1, bent.vertex_count)
+    stiffness = fit.screened_stiffness(bent, screen).scipy()
+    assert abs(stiffness - stiffness.T).max() < 1e-12
+    by_parts = -calculus.divergence(bent, calculus.gradient(bent, values))
+    assert np.allclose(stiffness @ values - screen[:, None] * values, by_parts)
+    gradient = calculus.gradient(bent, values[:, :1])
+    energy = (bent.areas[:, None, None] * gradient**2).sum()
+    assert values[:, 0] @ by_parts[:, 0] == pytest.approx(energy)
+
+
+def test_mass_adds_up_to_the_area(bent):
+    assert calculus.lumped_mass(bent).sum() == pytest.approx(bent.areas.sum())
+
+
+def test_vertex_averages_agree_with_brute_force(bent):
+    values = np.random.default_rng(1).normal(size=(bent.face_count, 3))
+    found = calculus.average_to_vertices(bent, values)
+    for v in range(0, bent.vertex_count, 7):
+        around = (bent.faces == v).any(axis=1)
+        expected = np.average(values[around], axis=0, weights=bent.areas[around])
+        assert np.allclose(found[v], expected)
+
+
+def test_smoothing_agrees_with_brute_force(bent):
+    values = np.random.default_rng(2).normal(size=(bent.vertex_count, 2))
+    expected = values
+    for _ in range(3):
+        new = np.empty_like(values)
+        for v in range(bent.vertex_count):
+            ring = sorted(set(bent.faces[(bent.faces == v).any(axis=1)].ravel()) - {v})
+            offsets = (bent.vertices[ring] - bent.vertices[v]) / bent.mean_edge_length
+            weights = np.exp(-(offsets**2).sum(axis=1))
+            new[v] = (expected[v] + weights @ expected[ring]) / (1 + weights.sum())
+        expected = new
+    before = values.copy()
+    assert np.allclose(calculus.smooth_vertices(bent, values, 3), expected)
+    assert np.array_equal(values, before)
+    assert calculus.smooth_vertices(bent, values, 0) is values
+
+
+def test_needles_are_weakened_as_a_whole():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-8, 0], [0.5, -1, 0]])
+    mesh = core.TriangleMesh(vertices, [[0, 1, 2], [1, 0, 3]])
+    weights = calculus.cotangents(mesh)
+    assert abs(weights).max() <= 500
+    # Still a semidefinite form: what keeps the linear solve possible.
+    a, b, c = weights[0]
+    assert a * b + b * c + c * a >= 0
+    assert max(a + b, b + c, c + a) > 0
+
+
+@pytest.mark.parametrize(
+    ("signal", "words"),
+    [
+        (np.zeros(3), "shape"),
+        (np.full(162, np.nan), "NaN"),
+        (np.full(162, "x"), "numbers"),
+        (np.zeros((162, 0)), "shape"),
+        (np.zeros((162, 2, 2)), "shape"),
+    ],
+)
+def test_bad_signals_are_refused(signal, words):
+    with pytest.raises(core.InvalidSignal, match=words):
+        core.flow_field(core.TriangleMesh(*icosphere(2)), signal)
+
+
+def test_calculus_on_a_closed_cube_sums_to_zero():
+    mesh = core.TriangleMesh(*cube(3))
+    field = np.random.default_rng(3).normal(size=(mesh.face_count, 1, 3))
+    assert calculus.divergence(mesh, field).sum() == pytest.approx(0)

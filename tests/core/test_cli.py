@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line: flags, several inputs, messages, exit codes."""
+
+import io
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from shock_filter import core
+from shock_filter.core import cli
+from shock_filter.core.files import Outcome
+from shock_filter.core.settings import describe
+
+ROOF = """v 0 0 0
+v 1 0 0
+v 2 0 0
+v 0 1 1
+v 1 1 1.2
+v 2 1 1
+v 0 2 0
+v 1 2 0
+v 2 2 0
+f 1 2 5 4
+f 2 3 6 5
+f 4 5 8 7
+f 5 6 9 8
+"""
+STILL = ["--time", "0"]
+
+
+class Recorder:
+    """A backend that copies files and remembers what it was asked."""
+
+    prog = "shock-filter"
+    formats = "any files"
+
+    def __init__(self):
+        self.calls = []
+
+    def add_arguments(self, parser):
+        pass
+
+    def sharpen_geometry(self, source, target, settings, options, progress):
+        self.calls.append((source, target, settings))
+        target.write_bytes(Path(source).read_bytes())
+        return Outcome(9, 3, ("a note",))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def make(*names):
+    for name in names:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_text(ROOF)
+
+
+def sharpen(*words, backend=None):
+    return cli.main(["sharpen-geometry", *map(str, words)], backend)
+
+
+def usage_error(capsys, *words):
+    with pytest.raises(SystemExit) as stop:
+        sharpen(*words, backend=Recorder())
+    assert stop.value.code == 2
+    return capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------------ flags
+
+
+def test_flags_are_the_settings_with_their_defaults(folder):
+    make("a.obj")
+    recorder = Recorder()
+    assert sharpen("a.obj", "b.obj", backend=recorder) == 0
+    assert recorder.calls == [("a.obj", Path("b.obj"), core.GeometrySettings())]
+    words, wanted = [], {}
+    for name, (kind, default, about) in describe(core.GeometrySettings).items():
+        if name == "fidelity":
+            continue  # it excludes the radius
+        value = list(about.choices)[-1] if kind is str else default + (1 if kind is int else 0.25)
+        words += ["--" + name.replace("_", "-"), str(value)]
+        wanted[name] = value
+    assert sharpen(*words, "a.obj", "c.obj", backend=recorder) == 0
+    assert recorder.calls[1][2] == core.GeometrySettings(**wanted)
+
+
+def test_flags_may_stand_between_and_time_may_be_endless(folder):
+    make("a.obj")
+    recorder = Recorder()
+    assert sharpen("a.obj", "--time", "inf", "b.obj", backend=recorder) == 0
+    assert recorder.calls[0][2].time == math.inf
+
+
+def test_help_says_description_unit_range_and_default(capsys):
+    with pytest.raises(SystemExit) as stop:
+        sharpen("--help")
+    assert stop.value.code == 0
+    text = " ".join(capsys.readouterr().out.split())
+    for name, (_, default, about) in describe(core.GeometrySettings).items():
+        assert "--" + name.replace("_", "-") in text
+        assert about.description in text
+        for meaning in about.choices.values():
+            assert meaning in text
+        if not about.choices:
+            assert about.unit in text
+            assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
+    assert "--mask" in text
+
+
+def test_help_is_quick_and_loads_no_numerics():
+    code = (
+        "import sys; from shock_filter.core import cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print({'numpy', 'numba', 'scipy', 'trimesh'} & set(sys.modules))"
+    )
+    start = time.perf_counter()
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert time.perf_counter() - start < 2  # 0.05 s on an idle machine
+    assert run.stdout.splitlines()[-1] == "set()", run.stderr
+    assert "exit codes" in run.stdout
+
+
+@pytest.mark.parametrize(
+    "words, sentence",
+    [
+        (["--time", "-1"], "time is -1; give a value from 0 to inf flow time in mean edge lengths"),
+        (["--time", "nan"], "time is nan; give a value from 0 to inf"),
+        (["--time", "long"], "argument --time: invalid number value: 'long'"),
+        (["--smoothing-passes", "1.5"], "smoothing_passes is 1.5; give a whole number"),
+        (["--sampling", "blurry"], "invalid choice: 'blurry'"),
+        (["--fidelity", "9", "--screening-radius", "3"], "give only one"),
+        (["--tim", "3"], "unrecognized arguments: --tim"),
+    ],
+)
+def test_bad_values_are_usage_errors(folder, capsys, words, sentence):
+    make("a.obj")
+    assert sentence in usage_error(capsys, *words, "a.obj", "b.obj")
+    assert not Path("b.obj").exists()
+
+
+def test_missing_words_are_usage_errors(capsys):
+    assert "OUT" in usage_error(capsys, "a.obj")
+    with pytest.raises(SystemExit) as stop:
+        cli.main([])
+    assert stop.value.code == 2
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["polish", "a.obj", "b.obj"])
+    assert stop.value.code == 2
+
+
+# ------------------------------------------------------------------------------- inputs and outputs
+
+
+def test_several_inputs_go_to_a_folder_that_is_made(folder):
+    make("in/a.obj", "in/b.obj")
+    recorder = Recorder()
+    assert sharpen("in/a.obj", "in/b.obj", "out/deep", backend=recorder) == 0
+    assert sorted(os.listdir("out/deep")) == ["a.obj", "b.obj"]
+
+
+@pytest.mark.parametrize("output", ["out/", "ready"])
+def test_one_input_goes_to_a_folder(folder, output):
+    make("a.obj")
+    Path("ready").mkdir()
+    assert sharpen("a.obj", output, backend=Recorder()) == 0
+    assert Path(output, "a.obj").exists()
+
+
+def test_patterns_are_expanded(folder):
+    make("in/a.obj", "in/b.obj", "in/deep/c.obj", "in/[odd].obj")
+    recorder = Recorder()
+    assert sharpen("in/?.obj", "in/**/c.obj", "in/[odd].obj", "out", backend=recorder) == 0
+    assert sorted(os.listdir("out")) == ["[odd].obj", "a.obj", "b.obj", "c.obj"]
+
+
+def test_an_input_named_twice_is_done_once(folder):
+    make("in/a.obj", "in/b.obj")
+    recorder = Recorder()
+    assert sharpen("in/a.obj", "in/*.obj", "out", backend=recorder) == 0
+    assert [source for source, _, _ in recorder.calls] == ["in/a.obj", os.path.join("in", "b.obj")]
+
+
+def test_names_that_collide_are_usage_errors(folder, capsys):
+    make("in/a.obj", "also/a.obj")
+    message = usage_error(capsys, "in/a.obj", "also/a.obj", "out")
+    assert "in/a.obj and also/a.obj would both be written to" in message
+    assert not Path("out").exists()
+
+
+def test_several_inputs_into_a_file_are_a_usage_error(folder, capsys):
+    make("a.obj", "b.obj", "c.obj")
+    assert "several inputs need a folder" in usage_error(capsys, "a.obj", "b.obj", "c.obj")
+
+
+def test_nothing_is_overwritten_unless_asked(folder, capsys):
+    make("a.obj")
+    Path("b.obj").write_text("mine")
+    for target in ("b.obj", "a.obj", "."):
+        assert sharpen("a.obj", target) == 1
+        assert "exists already; add --overwrite" in capsys.readouterr().err
+    assert Path("b.obj").read_text() == "mine"
+    assert Path("a.obj").read_text() == ROOF
+    assert sharpen("a.obj", "b.obj", "--overwrite", *STILL) == 0
+    assert Path("b.obj").read_text() == ROOF
+
+
+def test_failures_do_not_stop_the_others(folder, capsys):
+    make("in/a.obj", "in/z.obj")
+    Path("in/broken.obj").write_text("v 0 0\n")
+    assert sharpen("in/a.obj", "in/broken.obj", "in/gone.obj", "in/z.obj", "out", *STILL) == 1
+    out, err = capsys.readouterr()
+    assert sorted(os.listdir("out")) == ["a.obj", "z.obj"]
+    failures = err.splitlines()
+    assert len(failures) == 2
+    assert failures[0].startswith("Failed: in/broken.obj cannot be read")
+    assert failures[1].startswith("Failed: There is no file in/gone.obj")
+    assert len(out.splitlines()) == 2
+
+
+def test_a_pattern_without_a_match_fails(folder, capsys):
+    assert sharpen("*.obj", "out/") == 1
+    assert "*.obj" in capsys.readouterr().err
+
+
+def test_an_output_that_cannot_be_written_fails(folder, capsys):
+    make("a.obj")
+    Path("file").write_text("")
+    assert sharpen("a.obj", "file/b.obj") == 1
+    assert "a.obj: " in capsys.readouterr().err
+    assert sharpen("a.obj", "deep/folder/b.obj", *STILL) == 0
+
+
+# ------------------------------------------------------------------------------- what is printed
+
+
+def test_one_line_a_file_and_its_notes(folder, capsys):
+    make("a.obj")
+    assert sharpen("a.obj", "b.obj", backend=Recorder()) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[0].startswith("a.obj -> b.obj: moved 3 of 9 vertices in ")
+    assert out.splitlines()[1] == "  a note"
+    assert err == ""
+
+
+def test_quiet_prints_errors_only(folder, capsys):
+    make("a.obj")
+    assert sharpen("a.obj", "gone.obj", "out", "--quiet", *STILL) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+
+
+class Terminal(io.StringIO):
+    """A standard error that says it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_bar_on_a_terminal_only(folder, monkeypatch):
+    make("a.obj")
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert sharpen("a.obj", "b.obj") == 0
+    drawn = terminal.getvalue().split("\r\x1b[K")
+    assert any("a.obj [##########" in line for line in drawn)
+    assert drawn[-1] == ""
+    terminal.truncate(0)
+    assert sharpen("a.obj", "c.obj", "--quiet") == 0
+    assert terminal.getvalue().strip("\0") == ""
+
+
+# ------------------------------------------------------------------------------------ interruption
+
+
+class Interrupted(cli.FileBackend):
+    """Ctrl-C is pressed at the third report of progress."""
+
+    presses = 1
+
+    def sharpen_geometry(self, source, target, settings, options, progress):
+        calls = []
+
+        def pressing(fraction, message):
+            calls.append(fraction)
+            if len(calls) == 3:
+                for _ in range(self.presses):
+                    signal.raise_signal(signal.SIGINT)
+            return progress(fraction, message)
+
+        return super().sharpen_geometry(source, target, settings, options, pressing)
+
+
+class TwiceInterrupted(Interrupted):
+    """Ctrl-C is pressed twice."""
+
+    presses = 2
+
+
+@pytest.mark.parametrize("backend", [Interrupted(), TwiceInterrupted()])
+def test_ctrl_c_ends_without_output(folder, capsys, backend):
+    make("in/a.obj", "in/b.obj")
+    before = signal.getsignal(signal.SIGINT)
+    assert sharpen("in/a.obj", "in/b.obj", "out", backend=backend) == 130
+    assert os.listdir("out") == []
+    assert "out/a.obj was not written" in capsys.readouterr().err.replace(os.sep, "/")
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_the_installed_command(folder):
+    make("a.obj")
+    command = Path(sys.executable).with_name("shock-filter")
+    run = subprocess.run(
+        [command, "sharpen-geometry", "a.obj", "b.obj", *STILL],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout.startswith("a.obj -> b.obj: moved 0 of 9 vertices")
+    assert Path("b.obj").read_text() == ROOF

@@ -1,0 +1,691 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mesh files: what changes, what survives, what is refused."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from scipy.spatial import cKDTree
+from shock_filter import core
+from shock_filter.core.files import sharpen_file, staged
+
+STILL = core.GeometrySettings(time=0)
+STRONG = core.GeometrySettings(time=256)
+
+
+def rounded_box(size=1.0):
+    """A box of 386 vertices whose edges were smoothed away."""
+    box = trimesh.creation.box(extents=(size, size, size)).subdivide().subdivide().subdivide()
+    trimesh.smoothing.filter_laplacian(box, iterations=4)
+    return np.array(box.vertices), np.array(box.faces, dtype=np.int64)
+
+
+def expected(vertices, faces, settings=STRONG):
+    return core.sharpen_geometry(core.TriangleMesh(vertices, faces), settings)
+
+
+def obj_text(vertices, faces, first=1):
+    rows = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in vertices]
+    rows += [f"f {a + first} {b + first} {c + first}" for a, b, c in faces]
+    return "\n".join(rows) + "\n"
+
+
+def read_obj(path):
+    """Positions and the words of the faces."""
+    lines = [line.split() for line in path.read_text().splitlines()]
+    positions = np.array([line[1:4] for line in lines if line[:1] == ["v"]], dtype=float)
+    return positions, [line[1:] for line in lines if line[:1] == ["f"]]
+
+
+def ply_bytes(vertices, faces, extra=(), order="<", before=b""):
+    """A binary PLY file; `extra` holds (name, PLY type, numpy type, values) of vertices."""
+    fields = [(axis, order + "f4") for axis in "xyz"] + [(n, order + t) for n, _, t, _ in extra]
+    table = np.zeros(len(vertices), dtype=fields)
+    for k, axis in enumerate("xyz"):
+        table[axis] = vertices[:, k]
+    for name, _, _, values in extra:
+        table[name] = values
+    rows = np.zeros(len(faces), dtype=[("n", "u1"), ("v", order + "i4", faces.shape[1])])
+    rows["n"], rows["v"] = faces.shape[1], faces
+    names = [("float", axis) for axis in "xyz"] + [(kind, n) for n, kind, _, _ in extra]
+    header = [
+        "ply",
+        f"format binary_{'little' if order == '<' else 'big'}_endian 1.0",
+        "comment a scan",
+        *(["element camera 1", "property double focal"] if before else []),
+        f"element vertex {len(vertices)}",
+        *[f"property {kind} {name}" for kind, name in names],
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header\n",
+    ]
+    return "\n".join(header).encode() + before + table.tobytes() + rows.tobytes()
+
+
+def ply_table(data, fields, count, start=None):
+    start = data.index(b"end_header\n") + 11 if start is None else start
+    return np.frombuffer(data, np.dtype(fields), count, start)
+
+
+def seams(vertices, faces):
+    """Give every triangle its own vertices, as the worst of UV seams does."""
+    return vertices[faces.reshape(-1)], np.arange(faces.size).reshape(-1, 3)
+
+
+def farthest(points, others):
+    """The largest distance from a point to the nearest of the others."""
+    return cKDTree(others).query(points)[0].max()
+
+
+def assert_closed(positions, faces):
+    assert trimesh.Trimesh(positions, faces, process=True).is_watertight
+
+
+# -------------------------------------------------------------------------------------------- OBJ
+
+QUADS = b"""# made by hand\r
+mtllib box.mtl\r
+o box\r
+v 0 0 0 0.5 0.25 1\r
+v 1.0 0 0 0.5 0.25 1\r
+v  1 1 0 0.5 0.25 1\r
+v 0 1.000 0 0.5 0.25 1\r
+v 0 0 1 0.5 0.25 1\r
+v 1 0 1 0.5 0.25 1\r
+v 1 1 1.5 0.5 0.25 1\r
+v 0 1 1 0.5 0.25 1\r
+vt 0 0\r
+vt 1 0\r
+usemtl red stuff\r
+s 1\r
+f 1/1 4/2 3/1 2/2 # the floor\r
+f 5/1 6/2 7/1 8/2\r
+f 1/1 2/2 6/1 5/2\r
+usemtl blue\r
+f 2/1 3/2 7/1 6/2\r
+f 3/1 4/2 8/1 7/2\r
+f -8/1 -4/2 -1/1 -5/2\r
+l 1 2\r
+"""
+
+
+def test_obj_changes_vertex_lines_only(tmp_path):
+    (tmp_path / "in.obj").write_bytes(QUADS)
+    outcome = sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STRONG)
+    assert outcome.vertices == 8
+    assert 0 < outcome.moved <= 8
+    before, after = (
+        (tmp_path / name).read_bytes().splitlines(keepends=True) for name in ("in.obj", "out.obj")
+    )
+    assert len(before) == len(after)
+    for old, new in zip(before, after, strict=True):
+        if old.startswith(b"v "):
+            assert new.startswith(b"v ")
+            assert new.endswith(b" 0.5 0.25 1\r\n")
+        else:
+            assert old == new
+    changed = sum(a != b for a, b in zip(before, after, strict=True))
+    assert changed == outcome.moved
+
+
+def test_obj_gives_the_core_result_in_file_order(tmp_path):
+    vertices, faces = rounded_box()
+    (tmp_path / "in.obj").write_text(obj_text(vertices, faces))
+    sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STRONG)
+    positions, _ = read_obj(tmp_path / "out.obj")
+    np.testing.assert_allclose(positions, expected(vertices, faces), atol=1e-9)
+    assert abs(positions - vertices).max() > 0.01
+
+
+def test_obj_relative_indices_mean_the_same(tmp_path):
+    vertices, faces = rounded_box()
+    (tmp_path / "a.obj").write_text(obj_text(vertices, faces))
+    (tmp_path / "b.obj").write_text(obj_text(vertices, faces, first=-len(vertices)))
+    for name in "ab":
+        sharpen_file(tmp_path / f"{name}.obj", tmp_path / f"{name}2.obj", STRONG)
+    np.testing.assert_array_equal(
+        read_obj(tmp_path / "a2.obj")[0], read_obj(tmp_path / "b2.obj")[0]
+    )
+
+
+def test_obj_time_zero_returns_the_same_bytes(tmp_path):
+    text = QUADS.replace(b"vt 0 0", b"vn 0 0 1").replace(b"1/1 ", b"1//1 ")
+    (tmp_path / "in.obj").write_bytes(text)
+    outcome = sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STILL)
+    assert outcome.moved == 0
+    assert (tmp_path / "out.obj").read_bytes() == text
+
+
+def normals_at_corners(path):
+    lines = [line.split() for line in path.read_text().splitlines()]
+    normals = np.array([line[1:] for line in lines if line[:1] == ["vn"]], dtype=float)
+    corners = [[c.split("/") for c in line[1:]] for line in lines if line[:1] == ["f"]]
+    return normals[[[int(c[2]) - 1 for c in face] for face in corners]]
+
+
+def test_obj_normals_are_renewed_and_hard_edges_stay_hard(tmp_path):
+    vertices, faces = rounded_box()
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    rows = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in vertices]
+    # One normal for each face, but those that point up share theirs, as exporters write it.
+    shared = np.where(mesh.face_normals[:, 2] > 0.99, 0, np.arange(len(faces)))
+    rows += ["vn {:.6f} {:.6f} {:.6f}".format(*n) for n in mesh.face_normals]
+    rows += [
+        f"f {a + 1}//{n + 1} {b + 1}//{n + 1} {c + 1}//{n + 1}"
+        for (a, b, c), n in zip(faces, shared, strict=True)
+    ]
+    (tmp_path / "in.obj").write_text("\n".join(rows))
+    outcome = sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STRONG)
+    assert any("normals" in note for note in outcome.notes)
+    positions, _ = read_obj(tmp_path / "out.obj")
+    new = trimesh.Trimesh(positions, faces, process=False).face_normals
+    corners = normals_at_corners(tmp_path / "out.obj")
+    hard = shared != 0
+    np.testing.assert_allclose(corners[hard], np.repeat(new[hard][:, None], 3, 1), atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(corners, axis=2), 1, atol=1e-9)
+
+
+def test_obj_materials_and_textures_come_along(tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "in/textures").mkdir()
+    (tmp_path / "in/a.obj").write_bytes(QUADS)
+    (tmp_path / "in/box.mtl").write_text(
+        "newmtl blue\nmap_Kd -s 2 2 textures/wood.png\nmap_Bump my bump.png\nmap_Ks ../gone.png\n"
+    )
+    (tmp_path / "in/textures/wood.png").write_bytes(b"wood")
+    (tmp_path / "in/my bump.png").write_bytes(b"bump")
+    outcome = sharpen_file(tmp_path / "in/a.obj", tmp_path / "out/b.obj", STRONG)
+    assert (tmp_path / "out/textures/wood.png").read_bytes() == b"wood"
+    assert (tmp_path / "out/my bump.png").read_bytes() == b"bump"
+    assert (tmp_path / "out/box.mtl").read_bytes() == (tmp_path / "in/box.mtl").read_bytes()
+    assert any("../gone.png" in note for note in outcome.notes)
+
+
+def test_side_files_of_others_are_not_replaced(tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "in/a.obj").write_bytes(QUADS)
+    (tmp_path / "in/box.mtl").write_text("newmtl blue\n")
+    (tmp_path / "out/box.mtl").write_text("newmtl other\n")
+    with pytest.raises(core.ShockError, match=r"box\.mtl exists already"):
+        sharpen_file(tmp_path / "in/a.obj", tmp_path / "out/a.obj", STRONG)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["box.mtl"]
+    assert (tmp_path / "out/box.mtl").read_text() == "newmtl other\n"
+
+
+def test_objects_are_sharpened_on_their_own(tmp_path):
+    vertices, faces = rounded_box()
+    large = vertices * 100 + 500
+    text = "o small\n" + obj_text(vertices, faces) + "o large\n"
+    text += obj_text(large, faces, first=1 + len(vertices))
+    text += "o flat\nv 9 9 9\nv 8 8 8\nv 7 7 7\nf -1 -2 -3\n"
+    (tmp_path / "in.obj").write_text(text)
+    sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STRONG)
+    positions, _ = read_obj(tmp_path / "out.obj")
+    n = len(vertices)
+    np.testing.assert_allclose(positions[:n], expected(vertices, faces), atol=1e-9)
+    np.testing.assert_allclose(positions[n : 2 * n], expected(large, faces), atol=1e-6)
+    np.testing.assert_array_equal(positions[2 * n :], [[9] * 3, [8] * 3, [7] * 3])
+
+
+# -------------------------------------------------------------------------------------------- PLY
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_ply_changes_positions_and_normals_only(tmp_path, order):
+    vertices, faces = rounded_box()
+    normals = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
+    extra = [
+        ("quality", "double", "f8", np.linspace(0, 1, len(vertices))),
+        *[(name, "float", "f4", normals[:, k]) for k, name in enumerate(("nx", "ny", "nz"))],
+        ("red", "uchar", "u1", np.arange(len(vertices)) % 256),
+    ]
+    data = ply_bytes(vertices, faces, extra, order, before=struct.pack(order + "d", 35.0))
+    (tmp_path / "in.ply").write_bytes(data)
+    outcome = sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
+    result = (tmp_path / "out.ply").read_bytes()
+    start = data.index(b"end_header\n") + 11 + 8
+    fields = [(name, order + "f4") for name in "xyz"]
+    fields += [(name, order + t) for name, _, t, _ in extra]
+    end = start + len(vertices) * np.dtype(fields).itemsize
+    assert (result[:start], result[end:]) == (data[:start], data[end:])
+    old, new = (ply_table(blob, fields, len(vertices), start) for blob in (data, result))
+    for name in ("quality", "red"):
+        np.testing.assert_array_equal(new[name], old[name])
+    positions = np.column_stack([new[axis] for axis in "xyz"])
+    exact = np.column_stack([old[axis] for axis in "xyz"]).astype(float)
+    np.testing.assert_allclose(positions, expected(exact, faces), atol=1e-6)
+    smooth = trimesh.Trimesh(positions, faces, process=False)
+    given = np.column_stack([new[name] for name in ("nx", "ny", "nz")])
+    np.testing.assert_allclose(np.linalg.norm(given, axis=1), 1, atol=1e-6)
+    assert np.einsum("ij,ij->i", given, smooth.vertex_normals).min() > 0.9
+    assert abs(given - normals).max() > 0.05
+    assert outcome.notes == ("normals were computed anew from the sharpened surface",)
+
+
+def test_ply_quads_stay_quads(tmp_path):
+    (tmp_path / "in.obj").write_bytes(QUADS)
+    vertices, words = read_obj(tmp_path / "in.obj")
+    quads = np.array([[int(w.split("/")[0]) for w in face] for face in words[1:5]]) - 1
+    data = ply_bytes(vertices, quads)
+    (tmp_path / "in.ply").write_bytes(data)
+    outcome = sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
+    result = (tmp_path / "out.ply").read_bytes()
+    assert outcome.moved > 0
+    assert len(result) == len(data)
+    assert result[-quads.size * 4 - len(quads) :] == data[-quads.size * 4 - len(quads) :]
+
+
+def text_ply(vertices, faces, value="0.50"):
+    rows = [f"{x:.9g}  {y:.9g} {z:.9g} {value} 7" for x, y, z in vertices]
+    rows += [f"3 {a} {b} {c}" for a, b, c in faces]
+    header = f"""ply
+format ascii 1.0
+element vertex {len(vertices)}
+property float x
+property float y
+property float z
+property float quality
+property int tag
+element face {len(faces)}
+property list uchar int vertex_indices
+end_header
+"""
+    return header + "\n".join(rows) + "\n"
+
+
+def test_text_ply_keeps_all_words_but_positions(tmp_path):
+    vertices, faces = rounded_box()
+    (tmp_path / "in.ply").write_text(text_ply(vertices, faces))
+    outcome = sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
+    old, new = ((tmp_path / name).read_text().splitlines() for name in ("in.ply", "out.ply"))
+    assert outcome.moved > 300
+    assert len(old) == len(new)
+    rows = slice(old.index("end_header") + 1, old.index("end_header") + 1 + len(vertices))
+    assert all(line.endswith(" 0.50 7") for line in new[rows])
+    positions = np.array([line.split()[:3] for line in new[rows]], dtype=float)
+    np.testing.assert_allclose(positions, expected(vertices, faces), atol=1e-6)
+    assert new[: rows.start] == old[: rows.start]
+    assert new[rows.stop :] == old[rows.stop :]
+
+
+@pytest.mark.parametrize("kind", ["binary", "text"])
+def test_ply_time_zero_returns_the_same_bytes(tmp_path, kind):
+    vertices, faces = rounded_box()
+    vertices[0] = [-0.0, 0.0, 1e-30]
+    text = text_ply(vertices, faces).encode()
+    data = ply_bytes(vertices, faces) if kind == "binary" else text
+    (tmp_path / "in.ply").write_bytes(data)
+    assert sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STILL).moved == 0
+    assert (tmp_path / "out.ply").read_bytes() == data
+
+
+@pytest.mark.parametrize("name", ["weight", "byte"])
+def test_ply_mask_holds_vertices_bit_for_bit(tmp_path, name):
+    vertices, faces = rounded_box()
+    held = vertices[:, 0] < 0
+    extra = [
+        ("weight", "float", "f4", ~held),
+        ("byte", "uchar", "u1", np.where(held, 0, 255)),
+    ]
+    (tmp_path / "in.ply").write_bytes(ply_bytes(vertices, faces, extra))
+    fields = [(axis, "<f4") for axis in "xyz"] + [("weight", "<f4"), ("byte", "u1")]
+    old = ply_table((tmp_path / "in.ply").read_bytes(), fields, len(vertices))
+    for invert, still in ((False, held), (True, ~held)):
+        target = tmp_path / f"{invert}.ply"
+        sharpen_file(tmp_path / "in.ply", target, STRONG, mask=name, invert_mask=invert)
+        new = ply_table(target.read_bytes(), fields, len(vertices))
+        moved = np.any([old[axis] != new[axis] for axis in "xyz"], axis=0)
+        assert not moved[still].any()
+        assert moved[~still].sum() > 50
+
+
+def test_mask_reaches_split_vertices(tmp_path):
+    vertices, faces = seams(*rounded_box())
+    free = np.ones(len(vertices))
+    free[0] = 0  # one of the several vertices there
+    data = ply_bytes(vertices, faces, [("weight", "float", "f4", free)])
+    (tmp_path / "in.ply").write_bytes(data)
+    sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG, mask="weight")
+    fields = [(axis, "<f4") for axis in "xyz"] + [("weight", "<f4")]
+    old, new = (
+        ply_table((tmp_path / name).read_bytes(), fields, len(vertices))
+        for name in ("in.ply", "out.ply")
+    )
+    there = np.all([old[axis] == old[axis][0] for axis in "xyz"], axis=0)
+    assert there.sum() > 3
+    for axis in "xyz":
+        np.testing.assert_array_equal(new[axis][there], old[axis][there])
+
+
+def test_unknown_mask_lists_the_properties(tmp_path):
+    (tmp_path / "in.ply").write_text(text_ply(*rounded_box()))
+    with pytest.raises(core.ShockError, match="'paint'; it has: x, y, z, quality, tag"):
+        sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", mask="paint")
+    (tmp_path / "in.obj").write_bytes(QUADS)
+    with pytest.raises(core.ShockError, match="PLY files only"):
+        sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", mask="paint")
+
+
+def test_seams_do_not_crack(tmp_path):
+    vertices, faces = rounded_box()
+    split, triangles = seams(vertices, faces)
+    uv = np.random.default_rng(0).random((len(split), 2))
+    extra = [("s", "float", "f4", uv[:, 0]), ("t", "float", "f4", uv[:, 1])]
+    (tmp_path / "in.ply").write_bytes(ply_bytes(split, triangles, extra))
+    sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
+    fields = [(name, "<f4") for name in ("x", "y", "z", "s", "t")]
+    table = ply_table((tmp_path / "out.ply").read_bytes(), fields, len(split))
+    positions = np.column_stack([table[axis] for axis in "xyz"])
+    assert_closed(positions, triangles)
+    np.testing.assert_array_equal(table["s"], uv[:, 0].astype("f4"))
+    near = expected(vertices.astype("f4").astype(float), faces)[faces.reshape(-1)]
+    np.testing.assert_allclose(positions, near, atol=1e-3)
+
+
+# ------------------------------------------------------------------------------------------- glTF
+
+
+def two_material_glb(vertices, faces):
+    """A textured box in two materials under a node that stretches it, and what it should keep."""
+    half = vertices[faces].mean(axis=1)[:, 0] < 0
+    scene = trimesh.Scene()
+    stretch = np.diag([3.0, 1.0, 0.5, 1.0])
+    stretch[:3, 3] = [5, 6, 7]
+    image = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
+    for name, chosen, color in (("left", half, 255), ("right", ~half, 128)):
+        used, corners = np.unique(faces[chosen], return_inverse=True)
+        mesh = trimesh.Trimesh(vertices[used], corners.reshape(-1, 3), process=False)
+        material = trimesh.visual.material.PBRMaterial(
+            name=name, baseColorTexture=image, baseColorFactor=[color, color, color, 255]
+        )
+        mesh.visual = trimesh.visual.TextureVisuals(uv=vertices[used][:, :2], material=material)
+        mesh.vertex_normals  # noqa: B018 (put into the file)
+        scene.add_geometry(mesh, geom_name=name, node_name=f"{name} node", transform=stretch)
+    return scene.export(file_type="glb", include_normals=True)
+
+
+def glb_tree(data):
+    length = struct.unpack_from("<I", data, 12)[0]
+    return json.loads(data[20 : 20 + length])
+
+
+def test_glb_keeps_all_but_positions_and_normals(tmp_path):
+    vertices, faces = rounded_box()
+    data = two_material_glb(vertices, faces)
+    (tmp_path / "in.glb").write_bytes(data)
+    outcome = sharpen_file(tmp_path / "in.glb", tmp_path / "out.glb", STRONG)
+    assert outcome.notes == ("normals were computed anew from the sharpened surface",)
+    old, new = (
+        trimesh.load_scene(tmp_path / name, process=False) for name in ("in.glb", "out.glb")
+    )
+    assert set(new.geometry) == {"left", "right"}
+    assert set(new.graph.nodes) == set(old.graph.nodes)
+    for name, mesh in new.geometry.items():
+        np.testing.assert_array_equal(mesh.faces, old.geometry[name].faces)
+        np.testing.assert_array_equal(mesh.visual.uv, old.geometry[name].visual.uv)
+        assert mesh.visual.material.name == name
+        assert mesh.visual.material.baseColorTexture.size == (4, 4)
+        assert np.einsum("ij,ij->i", mesh.vertex_normals, np.asarray(mesh.vertices)).min() > 0
+    positions = np.vstack(
+        [
+            trimesh.transform_points(mesh.vertices, new.graph.get(f"{name} node")[0])
+            for name, mesh in new.geometry.items()
+        ]
+    )
+    world = vertices.astype("f4") * [3, 1, 0.5] + [5, 6, 7]
+    wanted = expected(world, faces)
+    assert farthest(positions, wanted) < 1e-3  # float32, and ties of flow-lines
+    assert abs(wanted - world).max() > 0.02
+    tree = glb_tree((tmp_path / "out.glb").read_bytes())
+    for mesh in tree["meshes"]:
+        accessor = tree["accessors"][mesh["primitives"][0]["attributes"]["POSITION"]]
+        mesh_vertices = new.geometry[mesh["name"]].vertices
+        np.testing.assert_allclose(accessor["min"], mesh_vertices.min(axis=0), atol=1e-6)
+        np.testing.assert_allclose(accessor["max"], mesh_vertices.max(axis=0), atol=1e-6)
+
+
+def test_glb_materials_do_not_crack_apart(tmp_path):
+    vertices, faces = rounded_box()
+    (tmp_path / "in.glb").write_bytes(two_material_glb(vertices, faces))
+    sharpen_file(tmp_path / "in.glb", tmp_path / "out.glb", STRONG)
+    mesh = trimesh.load_scene(tmp_path / "out.glb", process=False).to_mesh()
+    assert_closed(mesh.vertices.round(5), mesh.faces)
+
+
+def test_glb_time_zero_keeps_the_binary_chunk(tmp_path):
+    data = two_material_glb(*rounded_box())
+    (tmp_path / "in.glb").write_bytes(data)
+    assert sharpen_file(tmp_path / "in.glb", tmp_path / "out.glb", STILL).moved == 0
+    result = (tmp_path / "out.glb").read_bytes()
+    starts = [20 + struct.unpack_from("<I", blob, 12)[0] for blob in (data, result)]
+    assert result[starts[1] :] == data[starts[0] :]
+    assert struct.unpack_from("<I", result, 8)[0] == len(result)
+    assert glb_tree(result)["nodes"] == glb_tree(data)["nodes"]
+
+
+def test_gltf_leaves_its_input_alone(tmp_path):
+    vertices, faces = rounded_box()
+    points, triangles = vertices.astype("<f4"), faces.astype("<u2")
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "rotation": [0, 0, 0.6, 0.8], "scale": [-2, 2, 2]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "animations": [{"name": "spin", "channels": [], "samplers": []}],
+        "images": [{"uri": "a%20picture.png"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": triangles.size, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": points.nbytes},
+            {"buffer": 0, "byteOffset": points.nbytes, "byteLength": triangles.nbytes},
+        ],
+        "buffers": [{"uri": "data.bin", "byteLength": points.nbytes + triangles.nbytes}],
+    }
+    (tmp_path / "in.gltf").write_text(json.dumps(tree))
+    (tmp_path / "data.bin").write_bytes(points.tobytes() + triangles.tobytes())
+    (tmp_path / "a picture.png").write_bytes(b"png")
+    (tmp_path / "out").mkdir()
+    sharpen_file(tmp_path / "in.gltf", tmp_path / "out/x.gltf", STRONG)
+    assert (tmp_path / "data.bin").read_bytes() == points.tobytes() + triangles.tobytes()
+    assert (tmp_path / "out/a picture.png").read_bytes() == b"png"
+    result = json.loads((tmp_path / "out/x.gltf").read_text())
+    assert result["animations"] == tree["animations"]
+    assert result["buffers"][0]["uri"] == "x.bin"
+    data = (tmp_path / "out/x.bin").read_bytes()
+    assert data[points.nbytes :] == triangles.tobytes()
+    positions = np.frombuffer(data, "<f4", points.size).reshape(-1, 3)
+    # A rotation, a mirror and a uniform scale change nothing but the odd tie.
+    difference = np.linalg.norm(positions - expected(points.astype(float), faces), axis=1)
+    assert np.median(difference) < 1e-4
+    assert np.median(np.linalg.norm(positions - points, axis=1)) > 1e-3
+
+
+def test_compressed_glb_is_refused(tmp_path):
+    tree = glb_tree(two_material_glb(*rounded_box()))
+    for accessor in tree["accessors"]:
+        del accessor["bufferView"]
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIIII", b"glTF", 2, 28 + len(text), len(text), 0x4E4F534A)
+    (tmp_path / "in.glb").write_bytes(head + text + struct.pack("<II", 0, 0x004E4942))
+    with pytest.raises(core.ShockError, match="without compression"):
+        sharpen_file(tmp_path / "in.glb", tmp_path / "out.glb")
+
+
+# ---------------------------------------------------------------------------------- other formats
+
+
+@pytest.mark.parametrize("ending", ["stl", "off"])
+def test_stl_and_off(tmp_path, ending):
+    vertices, faces = rounded_box()
+    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / f"in.{ending}")
+    outcome = sharpen_file(tmp_path / f"in.{ending}", tmp_path / f"out.{ending}", STRONG)
+    assert outcome.vertices == len(vertices)
+    result = trimesh.load_mesh(tmp_path / f"out.{ending}")
+    assert result.is_watertight
+    assert len(result.faces) == len(faces)
+    wanted = expected(vertices.astype("f4").astype(float), faces)
+    assert farthest(result.vertices, wanted) < 2e-3
+    assert farthest(vertices, wanted) > 0.01
+
+
+@pytest.mark.parametrize("ending", ["ply", "obj", "glb", "gltf"])
+def test_colors_survive_conversion(tmp_path, ending):
+    vertices, faces = rounded_box()
+    colors = np.full((len(vertices), 4), 255, dtype=np.uint8)
+    colors[:, 0] = np.arange(len(vertices)) % 256
+    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
+    source = tmp_path / ("in.glb" if ending == "ply" else "in.ply")
+    mesh.export(source)
+    outcome = sharpen_file(source, tmp_path / f"out.{ending}", STRONG)
+    assert outcome.notes == ()
+    result = trimesh.load_scene(tmp_path / f"out.{ending}", process=False).to_mesh()
+    near = abs(result.visual.vertex_colors[:, 0].astype(int) - colors[:, 0])
+    assert len(result.vertices) == len(vertices)
+    assert near.max() <= 1
+    assert outcome.moved > 300
+
+
+@pytest.mark.parametrize(
+    "source, target, note",
+    [
+        ("in.obj", "out.stl", ".stl cannot hold UVs, materials, object names: left behind"),
+        ("in.obj", "out.ply", "polygons were cut into triangles"),
+        ("in.glb", "out.ply", ".ply cannot hold materials, object names: left behind"),
+    ],
+)
+def test_losses_are_said(tmp_path, source, target, note):
+    (tmp_path / "in.obj").write_bytes(QUADS.replace(b"# the floor", b""))
+    (tmp_path / "box.mtl").write_text("newmtl blue\nnewmtl red stuff\n")
+    (tmp_path / "in.glb").write_bytes(two_material_glb(*rounded_box()))
+    assert note in sharpen_file(tmp_path / source, tmp_path / target, STRONG).notes
+
+
+def test_textured_glb_becomes_obj_with_its_own_side_files(tmp_path):
+    (tmp_path / "in.glb").write_bytes(two_material_glb(*rounded_box()))
+    sharpen_file(tmp_path / "in.glb", tmp_path / "a.obj", STRONG)
+    assert "mtllib a.mtl" in (tmp_path / "a.obj").read_text()
+    material = (tmp_path / "a.mtl").read_text()
+    assert "newmtl left" in material
+    assert "newmtl right" in material
+    names = [line.split()[1] for line in material.splitlines() if line.startswith("map_Kd")]
+    assert names
+    assert all((tmp_path / name).is_file() for name in names)
+    assert_closed(
+        *(lambda m: (m.vertices.round(5), m.faces))(trimesh.load_mesh(tmp_path / "a.obj"))
+    )
+
+
+# -------------------------------------------------------------------------------- what is refused
+
+STRIPS = b"""ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element tristrips 1
+property list int int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+1 1 1
+4 0 1 2 3
+"""
+
+
+@pytest.mark.parametrize(
+    "name, data, words",
+    [
+        ("strips.ply", STRIPS, "strips.ply holds no faces .*strips"),
+        ("lines.obj", b"v 0 0 0\nv 1 0 0\nl 1 2\n", "lines.obj holds no faces"),
+        ("empty.obj", b"", "empty.obj holds no faces"),
+        ("empty.ply", b"", "empty.ply is not a PLY file"),
+        ("empty.stl", b"", "empty.stl"),
+        ("empty.glb", b"", "empty.glb cannot be read"),
+        ("torn.glb", b"glTF\x02\0\0\0", "torn.glb cannot be read"),
+        ("text.off", b"hello", "text.off"),
+        ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "nan.obj holds NaN"),
+        ("word.obj", b"v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "word.obj cannot be read"),
+        ("far.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "far.obj: a face names a vertex"),
+        ("zero.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "zero.obj: a face names a vertex"),
+        ("line.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "zero area"),
+        ("mesh.xyz", b"0 0 0", r"mesh.xyz: cannot handle this ending; use one of .glb"),
+    ],
+)
+def test_bad_files_are_named(tmp_path, name, data, words):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(core.ShockError, match=words):
+        sharpen_file(tmp_path / name, tmp_path / f"out{(tmp_path / name).suffix}")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_torn_binary_ply_is_named(tmp_path):
+    data = ply_bytes(*rounded_box())
+    for size in (len(data) - 3000, len(data) - 7000, 150):
+        (tmp_path / "torn.ply").write_bytes(data[:size])
+        with pytest.raises(core.ShockError, match=r"torn\.ply"):
+            sharpen_file(tmp_path / "torn.ply", tmp_path / "out.ply")
+
+
+def test_paths_are_checked(tmp_path):
+    (tmp_path / "in.obj").write_bytes(QUADS)
+    with pytest.raises(core.ShockError, match=r"no file .*gone\.obj"):
+        sharpen_file(tmp_path / "gone.obj", tmp_path / "out.obj")
+    with pytest.raises(core.ShockError, match="is a folder"):
+        sharpen_file(tmp_path, tmp_path / "out.obj")
+    with pytest.raises(core.ShockError, match=r"no folder .*nowhere"):
+        sharpen_file(tmp_path / "in.obj", tmp_path / "nowhere/out.obj")
+    with pytest.raises(core.ShockError, match="exists already; add --overwrite"):
+        sharpen_file(tmp_path / "in.obj", tmp_path / "in.obj")
+    assert (tmp_path / "in.obj").read_bytes() == QUADS
+    sharpen_file(tmp_path / "in.obj", tmp_path / "in.obj", STRONG, overwrite=True)
+    assert (tmp_path / "in.obj").read_bytes() != QUADS
+
+
+def test_cancel_writes_nothing(tmp_path):
+    (tmp_path / "in.obj").write_bytes(QUADS)
+    calls = []
+
+    def progress(fraction, message):
+        calls.append((fraction, message))
+        return len(calls) < 3
+
+    with pytest.raises(core.Cancelled):
+        sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STRONG, progress=progress)
+    assert len(calls) == 3
+    assert [path.name for path in tmp_path.iterdir()] == ["in.obj"]
+
+
+def test_progress_rises_over_all_objects(tmp_path):
+    vertices, faces = rounded_box()
+    text = "o a\n" + obj_text(vertices, faces)
+    text += "o b\n" + obj_text(vertices + 10, faces, first=1 + len(vertices))
+    (tmp_path / "in.obj").write_text(text)
+    fractions = []
+    sharpen_file(
+        tmp_path / "in.obj",
+        tmp_path / "out.obj",
+        progress=lambda fraction, message: fractions.append(fraction) or True,
+    )
+    assert fractions[0] == 0.0
+    assert fractions[-1] == 1.0
+    assert np.count_nonzero(np.diff(np.array(fractions) > 0.5)) == 1  # one object, then the other
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path):
+    (tmp_path / "out.obj").write_text("old")
+    with pytest.raises(OSError, match="disk full"), staged(tmp_path / "out.obj", True) as path:
+        path.write_text("half")
+        raise OSError("disk full")
+    assert (tmp_path / "out.obj").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["out.obj"]

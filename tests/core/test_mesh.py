@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import numpy as np
+import pytest
+from shapes import cube, grid, icosphere, shuffled
+from shock_filter import core
+from shock_filter.core.order import is_scattered, sorted_along_curve
+
+TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+
+
+def brute_twins(faces):
+    """Half-edge pairs by a dictionary, for consistently wound faces."""
+    edges = {}
+    for f, face in enumerate(faces):
+        for k in range(3):
+            edges.setdefault(frozenset((face[k], face[(k + 1) % 3])), []).append(3 * f + k)
+    twins = np.full(3 * len(faces), -1)
+    for pair in edges.values():
+        if len(pair) == 2:
+            twins[pair[0]], twins[pair[1]] = pair[1], pair[0]
+    return twins.reshape(-1, 3)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "words"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3), int), "no vertices"),
+        (TRIANGLE, np.zeros((0, 3), int), "no faces"),
+        (TRIANGLE[:, :2], [[0, 1, 2]], "shape"),
+        (TRIANGLE, [[0, 1, 2, 0]], "triangulate"),
+        (TRIANGLE, [[0.0, 1.0, 2.0]], "integers"),
+        (TRIANGLE, [[0, 1, 3]], "0 to 2"),
+        (TRIANGLE, [[0, 1, -1]], "-1"),
+        ([[0, 0, 0], [np.nan, 0, 0], [0, 1, 0]], [[0, 1, 2]], "Vertex 1"),
+        ([[0, 0, 0], [np.inf, 0, 0], [0, 1, 0]], [[0, 1, 2]], "infinity"),
+        ("abc", [[0, 1, 2]], "numbers"),
+        (np.zeros((3, 3)), [[0, 1, 2]], "zero area"),
+        (TRIANGLE, [[0, 1, 1]], "zero area"),
+    ],
+)
+def test_bad_input_is_refused(vertices, faces, words):
+    with np.errstate(all="ignore"), pytest.raises(core.InvalidMesh, match=words):
+        core.TriangleMesh(vertices, faces)
+
+
+def test_huge_lengths_are_refused_instead_of_overflowing():
+    with pytest.raises(core.InvalidMesh, match="too large"):
+        core.TriangleMesh(TRIANGLE * 1e200, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("shape", [grid(7, 5), icosphere(2), cube(4)])
+def test_twins_agree_with_brute_force(shape):
+    mesh = core.TriangleMesh(*shape)
+    assert np.array_equal(mesh.twins, brute_twins(shape[1]))
+    assert not mesh.flipped.any()
+
+
+def test_twins_at_a_vertex_of_many_faces():
+    n = 500
+    around = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    vertices = np.vstack([np.stack([np.cos(around), np.sin(around), 0 * around], 1), [0, 0, 1]])
+    faces = np.stack([np.arange(n), (np.arange(n) + 1) % n, np.full(n, n)], 1)
+    for hub_first in (False, True):
+        if hub_first:  # the hub has the lowest number, so that all edges are matched there
+            vertices, faces = np.roll(vertices, 1, axis=0), (faces + 1) % (n + 1)
+        assert np.array_equal(core.TriangleMesh(vertices, faces).twins, brute_twins(faces))
+
+
+def test_neighbours_agree_with_brute_force():
+    vertices, faces = grid(6, 5)
+    start, ring = core.TriangleMesh(vertices, faces).neighbours
+    for v in range(len(vertices)):
+        expected = set(faces[(faces == v).any(axis=1)].ravel()) - {v}
+        found = ring[start[v] : start[v + 1]]
+        assert set(found) == expected
+        assert len(found) == len(expected)
+
+
+def test_edge_of_three_faces_is_a_border():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
+    mesh = core.TriangleMesh(vertices, [[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    assert (mesh.twins == -1).all()
+
+
+def test_flipped_faces_are_turned_by_majority():
+    vertices, faces = icosphere(2)
+    bad = np.arange(len(faces)) % 3 == 0
+    faces = np.where(bad[:, None], faces[:, ::-1], faces)
+    mesh = core.TriangleMesh(vertices, faces)
+    assert np.array_equal(mesh.flipped, bad)
+    assert (mesh.twins >= 0).all()
+    centres = vertices[mesh.faces].mean(axis=1)
+    assert ((mesh.normals * centres).sum(axis=1) > 0.9).all()
+
+
+def test_a_moebius_strip_is_accepted():
+    n = 30
+    turn = np.linspace(0, np.pi, n, endpoint=False)
+    direction = np.stack([np.cos(2 * turn), np.sin(2 * turn), 0 * turn], 1)
+    up = direction * np.cos(turn)[:, None] + np.sin(turn)[:, None] * [0, 0, 1]
+    vertices = np.concatenate([4 * direction - up, 4 * direction + up])
+    i, j = np.arange(n - 1), np.arange(1, n)
+    faces = np.concatenate([np.stack([i, j, i + n], 1), np.stack([j, j + n, i + n], 1)])
+    faces = np.concatenate([faces, [[n - 1, n, 2 * n - 1], [n, 0, 2 * n - 1]]])
+    out = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
+    assert np.isfinite(out).all()
+
+
+def test_lengths_areas_and_normals():
+    mesh = core.TriangleMesh(*grid(2, 2))
+    # 12 sides of length 1 and 4 diagonals.
+    length = (12 + 4 * 2**0.5) / 16
+    assert mesh.mean_edge_length == pytest.approx(length)
+    assert np.allclose(mesh.areas, 0.5 / length**2)
+    assert np.allclose(mesh.normals, [0, 0, 1])
+
+
+def test_zero_area_faces_measure_exactly_zero():
+    vertices = np.vstack([TRIANGLE, [[0.5, 0, 0], [0, 0, 0]]])
+    mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 3, 1], [0, 4, 2], [2, 2, 1]])
+    assert (mesh.areas[1:] == 0).all()
+    assert (mesh.normals[1:] == 0).all()
+
+
+def test_input_is_neither_kept_nor_changed():
+    vertices, faces = icosphere(1)
+    faces[0] = faces[0, ::-1]
+    before = vertices.copy(), faces.copy()
+    mesh = core.TriangleMesh(vertices, faces)
+    core.sharpen_geometry(mesh)
+    assert np.array_equal(vertices, before[0])
+    assert np.array_equal(faces, before[1])
+    vertices[:] = 0
+    assert mesh.vertices.any()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.int64, np.uint64])
+def test_any_integer_type_of_faces(dtype):
+    vertices, faces = icosphere(1)
+    mesh = core.TriangleMesh(vertices.astype(np.float32), faces.astype(dtype))
+    assert np.array_equal(mesh.faces, faces)
+
+
+def test_weld_finds_the_first_of_equal_vertices():
+    points = np.array([[1.0, 0, 0], [0, 0, 0], [1, 0, 0], [-0.0, 0, 0], [2, 0, 0]])
+    representatives, index = core.weld(points)
+    assert representatives.tolist() == [0, 1, 4]
+    assert index.tolist() == [0, 1, 0, 1, 2]
+
+
+def test_sorting_along_a_curve_keeps_the_surface_and_brings_neighbours_together():
+    vertices, faces = icosphere(7)
+    vertices, faces, _, _ = shuffled(vertices, faces)
+    mesh = core.TriangleMesh(vertices, faces)
+    assert is_scattered(mesh)
+    ordered, vertex_order, face_order = sorted_along_curve(mesh)
+    assert not is_scattered(ordered)
+    assert np.array_equal(ordered.vertices, vertices[vertex_order])
+    assert np.array_equal(vertex_order[ordered.faces], faces[face_order])
+    assert not is_scattered(core.TriangleMesh(*icosphere(3)))

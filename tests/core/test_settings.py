@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings refuse what the filters cannot do, and say why."""
+
+import dataclasses
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from shock_filter import core
+from shock_filter.core.settings import describe
+
+CLASSES = [core.ShockSettings, core.FitSettings, core.GeometrySettings]
+
+
+@pytest.mark.parametrize("settings", CLASSES)
+def test_every_field_is_described(settings):
+    described = describe(settings)
+    assert list(described) == [field.name for field in dataclasses.fields(settings)]
+    for name, (kind, default, about) in described.items():
+        assert getattr(settings(), name) == default
+        assert type(default) is kind
+        assert about.description[0].isupper()
+        assert not about.description.endswith(".")
+        if kind is str:
+            assert default in about.choices
+        else:
+            assert about.unit
+            assert about.minimum <= default <= about.maximum
+            assert about.minimum <= max(about.soft_minimum, about.minimum)
+            assert about.soft_maximum <= about.maximum
+            settings(**{name: about.minimum})
+            settings(**{name: about.maximum})
+
+
+@pytest.mark.parametrize("settings", CLASSES)
+def test_values_beyond_the_range_are_refused(settings):
+    for name, (kind, _, about) in describe(settings).items():
+        if kind is str:
+            with pytest.raises(core.InvalidSettings, match=f"{name} is 'blurry'; choose one of"):
+                settings(**{name: "blurry"})
+            continue
+        beyond = [about.minimum - 1]
+        if math.isfinite(about.maximum):
+            beyond.append(about.maximum + 1)
+        for value in beyond:
+            with pytest.raises(core.InvalidSettings, match=f"{name} is .* give a value from"):
+                settings(**{name: value})
+
+
+@pytest.mark.parametrize(
+    "value", [math.nan, True, False, None, "64", [1.0], np.array([1.0]), np.bool_(True), 1j]
+)
+@pytest.mark.parametrize("name", ["time", "smoothing_passes"])
+def test_no_numbers_are_refused(name, value):
+    with pytest.raises(core.InvalidSettings, match=name):
+        core.GeometrySettings(**{name: value})
+
+
+@pytest.mark.parametrize("value", [1.5, math.inf, np.float32(0.5)])
+def test_counts_must_be_whole(value):
+    with pytest.raises(core.InvalidSettings, match=r"smoothing_passes is .* whole number"):
+        core.GeometrySettings(smoothing_passes=value)
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.int64(2), np.uint8(2), np.float32(2), np.array(2)])
+def test_numbers_become_plain_python_numbers(value):
+    settings = core.GeometrySettings(smoothing_passes=value, time=value)
+    assert (settings.smoothing_passes, type(settings.smoothing_passes)) == (2, int)
+    assert (settings.time, type(settings.time)) == (2.0, float)
+
+
+def test_huge_numbers_are_refused_like_others():
+    with pytest.raises(core.InvalidSettings, match="repeat"):
+        core.GeometrySettings(repeat=10**400)
+
+
+def test_fidelity_and_radius_exclude_each_other():
+    assert core.FitSettings(fidelity=100.0).fidelity == 100.0
+    with pytest.raises(core.InvalidSettings, match="give only one"):
+        core.FitSettings(fidelity=100.0, screening_radius=3.0)
+
+
+def test_time_may_be_endless():
+    assert core.GeometrySettings(time=math.inf).time == math.inf
+
+
+def test_settings_are_frozen_and_comparable():
+    settings = core.GeometrySettings(time=16)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        settings.time = 3
+    assert settings == dataclasses.replace(core.GeometrySettings(), time=16.0)
+    with pytest.raises(TypeError):
+        core.GeometrySettings(64.0)
+
+
+def test_bad_settings_are_shock_errors_and_value_errors():
+    with pytest.raises(core.ShockError):
+        core.GeometrySettings(time=-1)
+    with pytest.raises(ValueError, match="time"):
+        core.GeometrySettings(time=-1)
+
+
+def test_settings_load_without_numerics():
+    code = (
+        "import sys; from shock_filter import core; core.GeometrySettings(time=3);"
+        "print(sorted({'numpy', 'numba', 'scipy', 'trimesh'} & set(sys.modules)))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert run.stdout.strip() == "[]", run.stderr
