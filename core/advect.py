@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from .calculus import average_to_vertices
 from .mesh import Floats, TriangleMesh
 from .parallel import Progress, kernel, run
 from .trace import trace_faces
@@ -16,6 +15,7 @@ _SAMPLING = {"nearest": 0, "linear": 1, "detail": 2}
 def advect_faces(
     mesh: TriangleMesh,
     normals: Floats,
+    averages: Floats,
     potential: Floats,
     time: float,
     sampling: str,
@@ -28,6 +28,8 @@ def advect_faces(
     mesh : TriangleMesh
     normals : (m, 3) float64
         Unit normals.
+    averages : (n, 3) float64
+        Their area-weighted averages at the vertices, for interpolation.
     potential : (n,) float64
         P at the vertices.
     time : float
@@ -44,34 +46,43 @@ def advect_faces(
         Unit normals; zero where they were zero.
     """
     progress = progress or Progress(None)
-    faces, coordinates = trace_faces(mesh, potential, time, progress=progress.part(
-        0.0, 0.9, "Tracing flow-lines"))  # fmt: skip
-    averages = average_to_vertices(mesh, normals)
+    faces, coordinates = trace_faces(
+        mesh, potential, time, progress=progress.part(0.0, 0.9, "Tracing flow-lines")
+    )
     out = np.empty_like(normals)
+    last = progress.part(0.9, 1.0, "Tracing flow-lines")
     run(_sample, mesh.face_count, mesh.faces, normals, averages, faces, coordinates,
-        _SAMPLING[sampling], out, progress=progress.part(0.9, 1.0, "Tracing flow-lines"))  # fmt: skip
+        _SAMPLING[sampling], out, progress=last)  # fmt: skip
     return out
 
 
 @kernel
 def _sample(start, stop, faces, normals, averages, end_faces, coordinates, sampling, out):
-    n = np.empty(3)
     for f in range(start, stop):
-        own = normals[f]
+        ox, oy, oz = normals[f, 0], normals[f, 1], normals[f, 2]
         g = end_faces[f]
+        x = y = z = 0.0
         if sampling == 0:
-            n[:] = normals[g]
+            x, y, z = normals[g, 0], normals[g, 1], normals[g, 2]
         else:
-            n[:] = 0.0
             for c in range(3):
-                n += coordinates[f, c] * averages[faces[g, c]]
+                weight = coordinates[f, c]
+                v = faces[g, c]
+                x += weight * averages[v, 0]
+                y += weight * averages[v, 1]
+                z += weight * averages[v, 2]
             if sampling == 2:
+                x += ox
+                y += oy
+                z += oz
                 for c in range(3):
-                    n -= averages[faces[f, c]] / 3.0
-                n += own
-        length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-        if length < 1e-12 or (own[0] == 0 and own[1] == 0 and own[2] == 0):
-            out[f] = own
-            continue
-        n /= length
-        out[f] = n
+                    v = faces[f, c]
+                    x -= averages[v, 0] / 3.0
+                    y -= averages[v, 1] / 3.0
+                    z -= averages[v, 2] / 3.0
+        length = np.sqrt(x * x + y * y + z * z)
+        if length < 1e-12 or (ox == 0 and oy == 0 and oz == 0):
+            x, y, z, length = ox, oy, oz, 1.0
+        out[f, 0] = x / length
+        out[f, 1] = y / length
+        out[f, 2] = z / length

@@ -144,12 +144,15 @@ def smooth_vertices(
     passes : int
         0 returns the signal itself.
     """
+    if passes == 0:
+        return signal
     ring_start, ring = mesh.neighbours
+    weights = mesh.neighbour_weights
     spare = None
     for done in range(passes):
         phase = progress.part(done / passes, (done + 1) / passes, "Smoothing") if progress else None
         out = np.empty_like(signal) if spare is None else spare
-        run(_umbrella, mesh.vertex_count, mesh.scaled_vertices, ring_start, ring, signal, out,
+        run(_umbrella, mesh.vertex_count, ring_start, ring, weights, signal, out,
             progress=phase)  # fmt: skip
         spare = signal if done else None  # the caller's array is never written to
         signal = out
@@ -239,19 +242,14 @@ def _average(start, stop, corner_start, corners, areas, values, out):
 
 
 @kernel
-def _umbrella(start, stop, vertices, ring_start, ring, values, out):
+def _umbrella(start, stop, ring_start, ring, weights, values, out):
+    channels = values.shape[1]
     for v in range(start, stop):
         total = 1.0
-        for j in range(values.shape[1]):
-            out[v, j] = values[v, j]
         for i in range(ring_start[v], ring_start[v + 1]):
-            w = ring[i]
-            x = vertices[w, 0] - vertices[v, 0]
-            y = vertices[w, 1] - vertices[v, 1]
-            z = vertices[w, 2] - vertices[v, 2]
-            weight = np.exp(-(x * x + y * y + z * z))
-            total += weight
-            for j in range(values.shape[1]):
-                out[v, j] += weight * values[w, j]
-        for j in range(values.shape[1]):
-            out[v, j] /= total
+            total += weights[i]
+        for j in range(channels):
+            sum_ = values[v, j]
+            for i in range(ring_start[v], ring_start[v + 1]):
+                sum_ += weights[i] * values[ring[i], j]
+            out[v, j] = sum_ / total

@@ -24,7 +24,7 @@ from .errors import Cancelled, InvalidSettings, ShockError
 from .settings import GeometrySettings, Setting, describe
 
 if TYPE_CHECKING:
-    from .files import Outcome
+    from .output import Outcome
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
 

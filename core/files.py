@@ -8,13 +8,8 @@ properties, comments). All else goes through trimesh, which knows triangles only
 
 from __future__ import annotations
 
-import contextlib
-import filecmp
-import os
 import struct
-import tempfile
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +22,7 @@ from .format_ply import PlyFile, PlyVertices
 from .format_trimesh import KEEPS, SceneFile
 from .formats import Document, Floats, Ints
 from .mesh import TriangleMesh, weld
+from .output import Outcome, staged
 from .settings import GeometrySettings
 
 Progress = Callable[[float, str], bool]
@@ -36,23 +32,6 @@ IN_PLACE: dict[str, Callable[[Path], Document]] = {
     ".glb": GltfFile,
     ".gltf": GltfFile,
 }
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What was done with a file.
-
-    Attributes
-    ----------
-    vertices, moved : int
-        Number of vertices, and of those that are elsewhere now.
-    notes : tuple of str
-        What a person should know: what did not survive, what was computed anew.
-    """
-
-    vertices: int
-    moved: int
-    notes: tuple[str, ...] = ()
 
 
 def sharpen_file(
@@ -100,36 +79,6 @@ def sharpen_file(
     with staged(target, overwrite) as path:
         notes = document.save(path, positions, moved)
     return Outcome(len(positions), int(moved.sum()), tuple(notes))
-
-
-@contextlib.contextmanager
-def staged(target: Path, overwrite: bool) -> Iterator[Path]:
-    """Give a path to write to, and move what was written there to `target` at the end.
-
-    Files written beside it (materials, textures) come along. If anything fails, nothing of it
-    is left and `target` is as it was.
-    """
-    target = target.absolute()
-    with tempfile.TemporaryDirectory(prefix=".shock-filter-", dir=target.parent) as folder:
-        stage = Path(folder) / target.name
-        yield stage
-        written = sorted(path for path in Path(folder).rglob("*") if path.is_file())
-        written.sort(key=stage.__eq__)  # the file itself comes last
-        pairs = [(path, target.parent / path.relative_to(folder)) for path in written]
-        pairs = [(new, old) for new, old in pairs if new == stage or not _same(new, old)]
-        if not overwrite:
-            for _, old in pairs:
-                if old.exists():
-                    raise ShockError(
-                        f"{old} exists already; add --overwrite or choose another output."
-                    )
-        for new, old in pairs:
-            old.parent.mkdir(exist_ok=True)
-            os.replace(new, old)
-
-
-def _same(new: Path, old: Path) -> bool:
-    return old.is_file() and filecmp.cmp(new, old, shallow=False)
 
 
 def _check_paths(source: Path, target: Path) -> None:

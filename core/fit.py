@@ -172,11 +172,11 @@ def _turning(start, stop, vertices, faces, corner_start, corners, normals, targe
             f = corners[i] // 3
             k = corners[i] - 3 * f
             a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            nx, ny, nz = normals[f]
+            nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
             ex = vertices[b, 0] - vertices[a, 0]
             ey = vertices[b, 1] - vertices[a, 1]
             ez = vertices[b, 2] - vertices[a, 2]
-            tx, ty, tz = targets[f]
+            tx, ty, tz = targets[f, 0], targets[f, 1], targets[f, 2]
             along = 0.5 * (
                 tx * (ny * ez - nz * ey) + ty * (nz * ex - nx * ez) + tz * (nx * ey - ny * ex)
             )

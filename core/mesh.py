@@ -106,6 +106,14 @@ class TriangleMesh:
         return ring_start, ring
 
     @cached_property
+    def neighbour_weights(self) -> npt.NDArray[np.float32]:
+        """Gaussian weights exp(-length^2) of `neighbours`, lengths in mean edge lengths."""
+        start, ring = self.neighbours
+        weights = np.empty(len(ring), dtype=np.float32)
+        run(_weigh_ring, self.vertex_count, self.scaled_vertices, start, ring, weights)
+        return weights
+
+    @cached_property
     def mean_edge_length(self) -> float:
         """Mean length of the edges, each counted once, in the unit of `vertices`."""
         sums = np.zeros((-(-self.face_count // _SUM_CHUNK), 2))
@@ -142,7 +150,7 @@ class TriangleMesh:
         return self._normals_and_areas[1]
 
     def displaced(self, displacement: Floats) -> TriangleMesh:
-        """Return this mesh with its vertices moved by `displacement` (n, 3); connectivity shared."""
+        """Return the mesh with its vertices moved by `displacement` (n, 3)."""
         moved = TriangleMesh.__new__(TriangleMesh)
         moved.vertices = self.vertices + displacement
         for name in ("faces", "flipped", "twins", "corners", "neighbours"):
@@ -359,6 +367,17 @@ def _fill_ring(start, stop, faces, twins, corner_start, corners, ring_start, rin
             if twins[f, (k + 2) % 3] < 0:
                 ring[place] = faces[f, (k + 2) % 3]
                 place += 1
+
+
+@kernel
+def _weigh_ring(start, stop, vertices, ring_start, ring, weights):
+    for v in range(start, stop):
+        for i in range(ring_start[v], ring_start[v + 1]):
+            w = ring[i]
+            x = vertices[w, 0] - vertices[v, 0]
+            y = vertices[w, 1] - vertices[v, 1]
+            z = vertices[w, 2] - vertices[v, 2]
+            weights[i] = np.exp(-(x * x + y * y + z * z))
 
 
 @kernel

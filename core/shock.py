@@ -148,6 +148,7 @@ def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progres
     return advect_faces(
         mesh,
         normals,
+        signal,
         potential,
         settings.time,
         settings.sampling,

@@ -10,7 +10,8 @@ import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files import sharpen_file, staged
+from shock_filter.core.files import sharpen_file
+from shock_filter.core.output import staged
 
 STILL = core.GeometrySettings(time=0)
 STRONG = core.GeometrySettings(time=256)

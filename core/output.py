@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Output files that appear complete or not at all, and what to say about them.
+
+Needs no numerics, since Blender's command line chooses where kernels are kept before they load.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import filecmp
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import ShockError
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was done with a file.
+
+    Attributes
+    ----------
+    vertices, moved : int
+        Number of vertices, and of those that are elsewhere now.
+    notes : tuple of str
+        What a person should know: what did not survive, what was computed anew.
+    """
+
+    vertices: int
+    moved: int
+    notes: tuple[str, ...] = ()
+
+
+@contextlib.contextmanager
+def staged(target: Path, overwrite: bool) -> Iterator[Path]:
+    """Give a path to write to, and move what was written there to `target` at the end.
+
+    Files written beside it (materials, textures) come along. If anything fails, nothing of it
+    is left and `target` is as it was.
+    """
+    target = target.absolute()
+    with tempfile.TemporaryDirectory(prefix=".shock-filter-", dir=target.parent) as folder:
+        stage = Path(folder) / target.name
+        yield stage
+        written = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+        written.sort(key=stage.__eq__)  # the file itself comes last
+        pairs = [(path, target.parent / path.relative_to(folder)) for path in written]
+        pairs = [(new, old) for new, old in pairs if new == stage or not _same(new, old)]
+        if not overwrite:
+            for _, old in pairs:
+                if old.exists():
+                    raise ShockError(
+                        f"{old} exists already; add --overwrite or choose another output."
+                    )
+        for new, old in pairs:
+            old.parent.mkdir(exist_ok=True)
+            os.replace(new, old)
+
+
+def _same(new: Path, old: Path) -> bool:
+    return old.is_file() and filecmp.cmp(new, old, shallow=False)
