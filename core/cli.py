@@ -20,7 +20,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from .. import __version__
-from .errors import Cancelled, InvalidSettings, ShockError
+from .errors import InvalidSettings, ShockError
 from .settings import GeometrySettings, Setting, describe
 
 if TYPE_CHECKING:
@@ -250,30 +250,42 @@ def _run_all(
     failed = False
     with _Interrupt() as interrupt:
         for source, target in pairs:
-            bar = _Bar(source, interrupt, shown=sys.stderr.isatty() and not options.quiet)
-            start = time.perf_counter()
-            try:
-                _check_target(target, options.overwrite)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                outcome = backend.sharpen_geometry(source, target, settings, options, bar)
-            except (Cancelled, KeyboardInterrupt):
-                bar.clear()
-                print(f"Interrupted; {target} was not written.", file=sys.stderr)
-                return INTERRUPTED
-            except (ShockError, OSError) as error:
-                bar.clear()
-                print(f"Failed: {_sentence(source, error)}", file=sys.stderr)
-                failed = True
-            else:
-                bar.clear()
-                if not options.quiet:
-                    _report(source, target, outcome, time.perf_counter() - start)
+            done = _run_one(backend, source, target, settings, options, interrupt)
             if interrupt.asked:
                 return INTERRUPTED
+            failed |= not done
     return FAILED if failed else DONE
 
 
-def _sentence(source: str, error: Exception) -> str:
+def _run_one(
+    backend: Backend,
+    source: str,
+    target: Path,
+    settings: GeometrySettings,
+    options: argparse.Namespace,
+    interrupt: _Interrupt,
+) -> bool:
+    """Sharpen one file and say so, or why not."""
+    bar = _Bar(source, interrupt, shown=sys.stderr.isatty() and not options.quiet)
+    start = time.perf_counter()
+    try:
+        _check_target(target, options.overwrite)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        outcome = backend.sharpen_geometry(source, target, settings, options, bar)
+    except (ShockError, OSError, KeyboardInterrupt) as error:
+        bar.clear()
+        if interrupt.asked:
+            print(f"Interrupted; {target} was not written.", file=sys.stderr)
+        else:
+            print(f"Failed: {_sentence(source, error)}", file=sys.stderr)
+        return False
+    bar.clear()
+    if not options.quiet:
+        _report(source, target, outcome, time.perf_counter() - start)
+    return True
+
+
+def _sentence(source: str, error: BaseException) -> str:
     text = str(error)
     return text if source in text else f"{source}: {text}"
 
@@ -308,6 +320,7 @@ class _Interrupt:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
+        print("\nStopping; press Ctrl-C again if this takes too long.", file=sys.stderr)
 
 
 class _Bar:

@@ -73,7 +73,7 @@ def sharpen_file(
     source, target = Path(source), Path(target)
     _check_paths(source, target)
     document = _read(source, target.suffix.lower())
-    weights = _read_mask(source, mask, invert_mask, len(document.vertices)) if mask else None
+    weights = _read_mask(source, mask, invert_mask) if mask else None
     positions = _sharpen(document, settings or GeometrySettings(), weights, progress)
     moved = (positions != document.vertices).any(axis=1)
     with staged(target, overwrite) as path:
@@ -108,6 +108,8 @@ def _read(source: Path, ending: str) -> Document:
             f"{source} holds no faces that can be read (point clouds, lines and triangle strips"
             " cannot); save it as a mesh of triangles or polygons."
         )
+    if document.faces.min() < 0 or document.faces.max() >= len(document.vertices):
+        raise InvalidMesh(f"{source}: a face names a vertex that is not there; repair the file.")
     if not np.isfinite(document.vertices).all():
         raise InvalidMesh(f"{source} holds NaN or infinite positions; repair or remove them.")
     return document
@@ -173,7 +175,7 @@ def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 
 
-def _read_mask(source: Path, name: str, invert: bool, vertex_count: int) -> Floats:
+def _read_mask(source: Path, name: str, invert: bool) -> Floats:
     if source.suffix.lower() != ".ply":
         raise ShockError(f"{source}: masks are read from PLY files only; give one, or use Blender.")
     table = PlyVertices(source)

@@ -46,12 +46,8 @@ class ObjFile:
         self._triangles, owner = _fans(np.array(sizes, dtype=np.int64))
         self.faces = self._corners[self._triangles, 0]
         self.parts = np.array(parts, dtype=np.int64)[owner]
-        if len(corners) and not (
-            self._corners[:, 0].min() >= 0
-            and self._corners[:, 0].max() < len(self.vertices)
-            and self._corners[:, 1].max() < len(self._normal_values)
-        ):
-            raise InvalidMesh(f"{path}: a face names a vertex or normal that is not there.")
+        if self._corners[:, 1].max(initial=-1) >= len(self._normal_values):
+            raise InvalidMesh(f"{path}: a face names a normal that is not there; repair the file.")
 
     def _corner(self, token: bytes) -> tuple[int, int]:
         fields = token.split(b"/")

@@ -55,21 +55,20 @@ def renewed_vertex_normals(before: Floats, after: Floats, triangles: Ints, old: 
     return renewed_normals(after, triangles, key[triangles], kept[:, 3:])[key]
 
 
-NEW_NORMALS = "normals were computed anew from the sharpened surface"
-
-
 def decimal(values: Iterable[float]) -> bytes:
     """Write numbers as text, with more digits than float32 has and fewer than noise needs."""
     return b" ".join(b"%.12g" % value for value in values)
 
 
 def transformed(points: npt.NDArray[Any], matrix: Floats) -> Floats:
+    """Points after a 4x4 matrix; bit for bit the same after the identity."""
     if np.array_equal(matrix, np.eye(4)):
         return points.astype(np.float64)
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def unit(vectors: npt.NDArray[Any]) -> Floats:
+    """Vectors at length one; zero stays zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 0, lengths, 1.0)
 

@@ -630,6 +630,18 @@ def test_bad_files_are_named(tmp_path, name, data, words):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+def test_indices_out_of_range_are_named(tmp_path):
+    vertices, faces = rounded_box()
+    faces[5, 1] = len(vertices)
+    (tmp_path / "in.ply").write_bytes(ply_bytes(vertices, faces))
+    for ending in ("ply", "obj"):
+        with pytest.raises(core.ShockError, match=r"in\.ply: a face names a vertex"):
+            sharpen_file(tmp_path / "in.ply", tmp_path / f"out.{ending}")
+    (tmp_path / "in.obj").write_bytes(QUADS.replace(b"f 5/1 ", b"f 5/1/3 "))
+    with pytest.raises(core.ShockError, match=r"in\.obj: a face names a normal"):
+        sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj")
+
+
 def test_torn_binary_ply_is_named(tmp_path):
     data = ply_bytes(*rounded_box())
     for size in (len(data) - 3000, len(data) - 7000, 150):
