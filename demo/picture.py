@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render meshes side by side with Cycles."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import mathutils
+
+SAMPLES = 16
+
+
+@dataclass(frozen=True)
+class View:
+    """How a shape is seen.
+
+    Attributes
+    ----------
+    rotation : tuple of float
+        Euler angles in degrees that turn the shape towards the camera, which looks along +Y.
+    centre : tuple of float
+        The point of the turned shape in the middle of its column (X, Z).
+    size : float
+        Width of a column in units of length; smaller is closer.
+    light : tuple of float
+        Where the lamp stands.
+    """
+
+    rotation: tuple[float, float, float]
+    centre: tuple[float, float]
+    size: float
+    light: tuple[float, float, float]
+
+
+def render(path: Path, view: View, columns: list[tuple[str, bpy.types.Mesh]], pixels: int) -> None:
+    """Render labelled meshes side by side, flat-shaded, each `pixels` wide.
+
+    Flat shading shows each face as it is: smooth shading would hide facets and blur creases.
+    """
+    scene = bpy.data.scenes.new("Picture")
+    clay, ink = _clay(view.light), _glowing("Ink")
+    label_height = 0.07 * view.size
+    for index, (label, mesh) in enumerate(columns):
+        left = (index - 0.5 * (len(columns) - 1)) * view.size
+        _add_mesh(scene, mesh, view, left, clay)
+        _add_label(scene, label, (left, -0.5 * view.size), label_height, ink)
+    _add_camera(scene, view.size, len(columns), label_height)
+    scene.render.resolution_x = pixels * len(columns)
+    scene.render.resolution_y = round(pixels * (1 + 2 * label_height / view.size))
+    scene.render.filepath = str(path)
+    _use_cycles(scene)
+    with _silent_blender():
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+    bpy.data.scenes.remove(scene)
+
+
+@contextlib.contextmanager
+def _silent_blender() -> Iterator[None]:
+    """Drop what Cycles prints of its progress, which goes past Python's stdout."""
+    sys.stdout.flush()
+    stdout = os.dup(1)
+    with open(os.devnull, "wb") as nothing:
+        os.dup2(nothing.fileno(), 1)
+        try:
+            yield
+        finally:
+            os.dup2(stdout, 1)
+            os.close(stdout)
+
+
+def _glowing(name: str) -> bpy.types.Material:
+    """A material that is as bright as its emission, black so far."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    material.cycles.emission_sampling = "NONE"  # it is seen, but lights nothing else
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    emission = nodes.new("ShaderNodeEmission")
+    emission.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    output = nodes.new("ShaderNodeOutputMaterial")
+    links.new(emission.outputs["Emission"], output.inputs["Surface"])
+    return material
+
+
+def _clay(light: tuple[float, float, float]) -> bpy.types.Material:
+    """Clay under one lamp: brightness goes by the angle to it, also where a face looks away."""
+    material = _glowing("Clay")
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    normal = nodes.new("ShaderNodeNewGeometry")
+    cosine = nodes.new("ShaderNodeVectorMath")
+    cosine.operation = "DOT_PRODUCT"
+    cosine.inputs[1].default_value = mathutils.Vector(light).normalized()
+    linear = nodes.new("ShaderNodeMapRange")
+    linear.inputs["From Min"].default_value = -1.0
+    brightness = nodes.new("ShaderNodeMath")
+    brightness.operation = "POWER"
+    brightness.inputs[1].default_value = 2.5
+    links.new(normal.outputs["Normal"], cosine.inputs[0])
+    links.new(cosine.outputs["Value"], linear.inputs["Value"])
+    links.new(linear.outputs["Result"], brightness.inputs[0])
+    links.new(brightness.outputs["Value"], nodes["Emission"].inputs["Color"])
+    return material
+
+
+def _add_mesh(
+    scene: bpy.types.Scene,
+    mesh: bpy.types.Mesh,
+    view: View,
+    left: float,
+    material: bpy.types.Material,
+) -> None:
+    mesh.materials.clear()
+    mesh.materials.append(material)
+    mesh.shade_flat()
+    obj = bpy.data.objects.new(mesh.name, mesh)
+    obj.rotation_euler = [math.radians(angle) for angle in view.rotation]
+    obj.location = (left - view.centre[0], 0.0, -view.centre[1])
+    scene.collection.objects.link(obj)
+
+
+def _add_label(
+    scene: bpy.types.Scene,
+    text: str,
+    place: tuple[float, float],
+    height: float,
+    material: bpy.types.Material,
+) -> None:
+    curve = bpy.data.curves.new(text, "FONT")
+    curve.body = text
+    curve.size = height
+    curve.align_x = "CENTER"
+    curve.align_y = "CENTER"
+    curve.materials.append(material)
+    label = bpy.data.objects.new(text, curve)
+    label.rotation_euler = (math.radians(90), 0.0, 0.0)
+    label.location = (place[0], -3.0, place[1])  # in front of the shapes
+    scene.collection.objects.link(label)
+
+
+def _add_camera(scene: bpy.types.Scene, size: float, columns: int, label_height: float) -> None:
+    data = bpy.data.cameras.new("Camera")
+    data.type = "ORTHO"
+    data.sensor_fit = "HORIZONTAL"
+    data.ortho_scale = size * columns
+    camera = bpy.data.objects.new("Camera", data)
+    camera.location = (0.0, -10.0, -label_height)
+    camera.rotation_euler = (math.radians(90), 0.0, 0.0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def _use_cycles(scene: bpy.types.Scene) -> None:
+    scene.world = bpy.data.worlds.new("White")
+    scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = SAMPLES  # for smooth outlines: the shading itself has no noise
+    scene.cycles.max_bounces = 0
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.use_denoising = False
+    scene.view_settings.view_transform = "Standard"
+    scene.render.dither_intensity = 0.0  # its noise would only make the files larger
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.image_settings.color_mode = "RGB"
+    # The pictures say nothing about when and where they were made.
+    for stamp in ("date", "time", "render_time", "frame", "camera", "scene", "filename", "memory"):
+        setattr(scene.render, f"use_stamp_{stamp}", False)
