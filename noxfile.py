@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The project's chores: ``nox --list`` names them, ``nox -s test`` runs the one named test."""
+
+import ctypes
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import nox
+
+nox.options.sessions = ["lint", "test"]
+nox.options.reuse_venv = "yes"
+nox.options.error_on_missing_interpreters = False
+
+# pyenv keeps its Pythons off the PATH; Blender 5.2 needs 3.13.
+PYENV = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
+for folder in sorted(PYENV.glob("versions/3.1[13].*/bin")):
+    os.environ["PATH"] += os.pathsep + str(folder)
+
+PYTHON = "3.11"
+
+# Blender as a Python package, with the numpy that each version brings along.
+BARE_BLENDER = {
+    "4.2": ["bpy==4.2.23", "numpy==1.24.3"],
+    "4.5": ["bpy==4.5.15", "numpy<2"],
+    "5.0": ["bpy==5.0.1", "numpy<2"],
+    "5.2": ["bpy==5.2.3", "numpy>=2.2,<2.4"],
+}
+
+# What bpy links to, also when it runs without a window; Debian's packages.
+SYSTEM_LIBRARIES = {
+    "libX11.so.6": "libx11-6",
+    "libXext.so.6": "libxext6",
+    "libXfixes.so.3": "libxfixes3",
+    "libXi.so.6": "libxi6",
+    "libXrender.so.1": "libxrender1",
+    "libXxf86vm.so.1": "libxxf86vm1",
+    "libxkbcommon.so.0": "libxkbcommon0",
+    "libSM.so.6": "libsm6",
+    "libICE.so.6": "libice6",
+    "libGL.so.1": "libgl1",
+    "libgomp.so.1": "libgomp1",
+}
+
+
+def loads(library: str) -> bool:
+    """Tell whether the system has a shared library."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def provide_system_libraries(session: nox.Session) -> None:
+    """Install the libraries that bpy needs, or stop and name the command that does."""
+    if not sys.platform.startswith("linux"):
+        return
+    missing = [package for library, package in SYSTEM_LIBRARIES.items() if not loads(library)]
+    if not missing:
+        return
+    install = ["apt-get", "install", "--yes", "--no-install-recommends", *missing]
+    if os.geteuid() != 0 or not shutil.which("apt-get"):
+        session.error(
+            "Blender's Python package needs system libraries that are missing here. Install them"
+            f" and run this again: sudo {' '.join(install)}"
+        )
+    session.run_install("apt-get", "update", external=True)
+    session.run_install(*install, external=True, env={"DEBIAN_FRONTEND": "noninteractive"})
+
+
+def provide_bare_blender(session: nox.Session, version: str) -> str:
+    """Make an environment with bpy and numpy only; return its Python."""
+    folder = Path(session.virtualenv.location) / f"bare-{version}"
+    python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+    session.install("virtualenv")
+    session.run_install("virtualenv", "--quiet", str(folder))
+    session.run_install(str(python), "-m", "pip", "install", *BARE_BLENDER[version], external=True)
+    return str(python)
+
+
+@nox.session(python=PYTHON)
+def demo(session: nox.Session) -> None:
+    """Sharpen a softened Suzanne in Blender and render it before and after."""
+    provide_system_libraries(session)
+    session.install("-e", ".[blender,files]")
+    session.run("python", "demo/run.py", *session.posargs)
+
+
+@nox.session(python=PYTHON)
+def test(session: nox.Session) -> None:
+    """Run all tests on one Blender."""
+    provide_system_libraries(session)
+    session.install("-e", ".[blender,files,test]")
+    bare = provide_bare_blender(session, "4.5")
+    session.run("pytest", *session.posargs, env={"SHOCK_FILTER_BARE_PYTHON": bare})
+
+
+@nox.session
+@nox.parametrize(
+    ("python", "blender"),
+    [("3.11", "4.2"), ("3.11", "4.5"), ("3.11", "5.0"), ("3.13", "5.2")],
+    ids=["4.2", "4.5", "5.0", "5.2"],
+)
+def test_blender(session: nox.Session, blender: str) -> None:
+    """Install the extension's zip into each supported Blender and run it there."""
+    provide_system_libraries(session)
+    session.install(*BARE_BLENDER[blender], "pytest>=8", "pytest-timeout>=2.3")
+    session.run("pytest", "tests/extension", *session.posargs)
+
+
+@nox.session(python=PYTHON)
+def lint(session: nox.Session) -> None:
+    """Check style, formatting and types."""
+    session.install("-e", ".[dev]", "numpy<2")  # types differ between versions of numpy
+    session.run("ruff", "check")
+    session.run("ruff", "format", "--check")
+    # mypy takes a package's name from its folder, and the root may be called anything.
+    link = Path(session.create_tmp()) / "shock_filter"
+    link.unlink(missing_ok=True)
+    link.symlink_to(Path(__file__).parent, target_is_directory=True)
+    session.run("mypy", env={"MYPYPATH": str(link.parent)})
+
+
+@nox.session(python=PYTHON)
+def build(session: nox.Session) -> None:
+    """Build the extension's zips for all platforms."""
+    session.install(*BARE_BLENDER["4.5"])  # for its blender_ext.py
+    session.run("python", "tools/build_extension.py", *session.posargs)
+
+
+@nox.session(python=PYTHON)
+def bench(session: nox.Session) -> None:
+    """Measure speed and quality against the paper and other programs."""
+    session.install("-e", ".[bench,files]")
+    session.run("python", "benchmarks/geometry.py", *session.posargs)

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One Blender process that uses the installed extension and writes down what it saw.
+
+Run as ``python blender_process.py RESOURCES REPORT [ZIP]``: RESOURCES is Blender's folder for the
+user's files, REPORT the JSON file to write. With ZIP, the extension is installed first and also
+disabled and enabled again at the end.
+"""
+
+import importlib.util
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+RESOURCES, REPORT, *ZIP = sys.argv[1:]
+os.environ["BLENDER_USER_RESOURCES"] = RESOURCES  # bpy reads it when it is imported
+
+import bpy  # noqa: E402
+
+# isort: split
+import addon_utils  # noqa: E402  (found once bpy is imported)
+import bmesh  # noqa: E402
+import numpy as np  # noqa: E402
+
+MODULE = "bl_ext.user_default.shock_filter"
+HEAVY = ("numba", "llvmlite", "scipy")
+
+
+def files_below(folder: Path) -> dict[str, list[int]]:
+    """Return size and time of change of each file below `folder`."""
+    return {
+        path.relative_to(folder).as_posix(): [path.stat().st_size, path.stat().st_mtime_ns]
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def add_rounded_cube() -> bpy.types.Object:
+    """Make a finely divided cube with softened edges the active object."""
+    shape = bmesh.new()
+    bmesh.ops.create_cube(shape, size=2.0)
+    bmesh.ops.subdivide_edges(shape, edges=shape.edges[:], cuts=20, use_grid_fill=True)
+    every_axis = {"use_axis_x": True, "use_axis_y": True, "use_axis_z": True}
+    for _ in range(5):
+        bmesh.ops.smooth_vert(shape, verts=shape.verts[:], factor=0.5, **every_axis)
+    mesh = bpy.data.meshes.new("Rounded Cube")
+    shape.to_mesh(mesh)
+    shape.free()
+    cube = bpy.data.objects.new("Rounded Cube", mesh)
+    bpy.context.collection.objects.link(cube)
+    bpy.context.view_layer.objects.active = cube
+    cube.select_set(True)
+    return cube
+
+
+def positions(cube: bpy.types.Object) -> np.ndarray:
+    """Return the vertices' places, one a row."""
+    values = np.empty(3 * len(cube.data.vertices), np.float32)
+    cube.data.attributes["position"].data.foreach_get("vector", values)
+    return values.reshape(-1, 3)
+
+
+def roundness(cube: bpy.types.Object) -> float:
+    """Return the mean angle from the faces' normals to the cube's sides, in degrees."""
+    normals = np.empty(3 * len(cube.data.polygons), np.float32)
+    cube.data.polygons.foreach_get("normal", normals)
+    upright = np.abs(normals.reshape(-1, 3)).max(axis=1)
+    return float(np.degrees(np.arccos(np.minimum(upright, 1.0))).mean())
+
+
+def sharpen() -> dict[str, object]:
+    """Run the operator on a fresh cube; return its result, its time and what it changed."""
+    cube = add_rounded_cube()
+    before, round_before = positions(cube), roundness(cube)
+    start = time.perf_counter()
+    result = bpy.ops.shock_filter.sharpen_geometry()
+    seconds = time.perf_counter() - start
+    moved = np.linalg.norm(positions(cube) - before, axis=1)
+    return {
+        "result": sorted(result),
+        "seconds": seconds,
+        "farthest": float(moved.max()),
+        "roundness": [round_before, roundness(cube)],
+    }
+
+
+def is_registered() -> bool:
+    """Tell whether Blender knows the operator."""
+    return hasattr(bpy.types, "SHOCK_FILTER_OT_sharpen_geometry")
+
+
+def installed_extension() -> Path:
+    """Return the folder that Blender keeps the extension's own files in."""
+    return Path(sys.modules[MODULE].__file__).parent
+
+
+report: dict[str, object] = {"found_before": [n for n in HEAVY if importlib.util.find_spec(n)]}
+bpy.ops.wm.read_homefile(use_empty=True)
+if ZIP:
+    bpy.ops.extensions.package_install_files(
+        repo="user_default", filepath=ZIP[0], enable_on_install=True
+    )
+else:
+    addon_utils.enable(MODULE, default_set=True)
+report["enabled"] = is_registered()
+report["imported_by_enabling"] = [name for name in HEAVY if name in sys.modules]
+report["extension_before"] = files_below(installed_extension())
+report["first"] = sharpen()
+report["second"] = sharpen()
+report["extension_after"] = files_below(installed_extension())
+report["places"] = {name: importlib.util.find_spec(name).origin for name in HEAVY}
+user_folder = Path(bpy.utils.extension_path_user(MODULE))
+report["user_folder"] = files_below(user_folder)
+if ZIP:
+    addon_utils.disable(MODULE, default_set=True)
+    report["left_registered"] = is_registered()
+    addon_utils.enable(MODULE, default_set=True)
+    report["after_enabling_again"] = sharpen()
+addon_utils.disable(MODULE, default_set=True)  # classes left at exit crash or hang old versions
+Path(REPORT).write_text(json.dumps(report), encoding="utf-8")

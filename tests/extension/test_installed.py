@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The zip, installed into a Blender that has neither scipy nor numba.
+
+``SHOCK_FILTER_BARE_PYTHON`` names the Python to use, one with bpy and numpy only; without it the
+Python that runs pytest is used. The sessions of noxfile.py provide both.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+PYTHON = os.environ.get("SHOCK_FILTER_BARE_PYTHON", sys.executable)
+HEAVY = {"numba", "llvmlite", "scipy"}
+
+
+def run(*command: str | Path) -> str:
+    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
+    done = subprocess.run(
+        [PYTHON, *map(str, command)],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, f"exit status {done.returncode}:\n{done.stdout[-5000:]}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def extension_zip(root: Path) -> Path:
+    """Build the zip for the Blender at hand from the present source."""
+    version = run("-c", "import bpy; print(*bpy.app.version[:2], sep='.')").split()[-1]
+    series = "4.2" if tuple(map(int, version.split("."))) < (5, 1) else "5.1"
+    output = run(
+        root / "tools" / "build_extension.py", "--platform", "linux-x64", "--series", series
+    )
+    return root / "dist" / output.split()[-1]
+
+
+@pytest.fixture(scope="module")
+def processes(extension_zip: Path):
+    """Reports of two Blender processes: the first installs the zip, the second finds it there."""
+    script = Path(__file__).with_name("blender_process.py")
+    with tempfile.TemporaryDirectory() as folder:
+        resources = Path(folder) / "resources"
+        reports = [Path(folder) / "first.json", Path(folder) / "second.json"]
+        resources.mkdir()
+        run(script, resources, reports[0], extension_zip)
+        run(script, resources, reports[1])
+        yield [json.loads(report.read_text(encoding="utf-8")) for report in reports]
+
+
+@pytest.fixture(scope="module")
+def first(processes):
+    return processes[0]
+
+
+@pytest.fixture(scope="module")
+def second(processes):
+    return processes[1]
+
+
+def test_zip_holds_the_extension_and_nothing_else(extension_zip):
+    with zipfile.ZipFile(extension_zip) as archive:
+        names = archive.namelist()
+    assert len(names) == len(set(names))
+    assert {name.split("/")[0] for name in names} == {
+        "LICENSE",
+        "README.md",
+        "__init__.py",
+        "blender_manifest.toml",
+        "core",
+        "shock_addon",
+        "wheels",
+    }
+    wheels = [Path(name).name.split("-")[0] for name in names if name.endswith(".whl")]
+    assert sorted(wheels) == sorted(HEAVY)
+    assert not [name for name in names if "__pycache__" in name]
+
+
+def test_environment_was_bare(first):
+    assert first["found_before"] == [], "run this test with `nox -s test` or `nox -s test_blender`"
+
+
+def test_enabling_registers_the_operator_and_imports_nothing_heavy(first, second):
+    for process in (first, second):
+        assert process["enabled"]
+        assert process["imported_by_enabling"] == []
+
+
+def test_operator_sharpens_the_rounded_edges(first, second):
+    for run_ in (first["first"], first["second"], first["after_enabling_again"], second["first"]):
+        assert run_["result"] == ["FINISHED"]
+        before, after = run_["roundness"]
+        assert after < 0.7 * before
+        assert 0.01 < run_["farthest"] < 0.1  # at most an edge's length
+    assert second["first"]["farthest"] == pytest.approx(first["first"]["farthest"], rel=1e-3)
+
+
+def test_libraries_come_from_the_extensions_own_wheels(first):
+    assert first["places"].keys() == HEAVY
+    for place in first["places"].values():
+        assert "/extensions/.local/lib/" in place
+
+
+def test_disabling_leaves_nothing_registered(first):
+    assert not first["left_registered"]
+
+
+def test_extension_folder_is_left_alone(first, second):
+    for process in (first, second):
+        before, after = process["extension_before"], process["extension_after"]
+        changed = [name for name in after if after[name] != before.get(name)]
+        assert [name for name in changed if not name.endswith(".pyc")] == []
+        assert before.keys() <= after.keys()
+
+
+def test_second_process_starts_from_the_kernel_cache(first, second, capsys):
+    kernels = {k: v for k, v in first["user_folder"].items() if k.endswith((".nbi", ".nbc"))}
+    assert any(name.endswith(".nbi") for name in kernels)
+    assert any(name.endswith(".nbc") for name in kernels)
+    assert {k: second["user_folder"].get(k) for k in kernels} == kernels
+    compiled, cached = first["first"]["seconds"], second["first"]["seconds"]
+    with capsys.disabled():
+        print(f"\nfirst call: {compiled:.2f} s compiling, {cached:.2f} s from the cache")
+    assert cached < compiled / 2
