@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bring up the compiled kernels on first use, and choose where their code is kept."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import tempfile
+import threading
+from functools import cache
+
+import bpy
+
+from .. import __version__
+from ..core.errors import ShockError
+
+_PACKAGE = __package__.rpartition(".")[0]
+_REMEDY = (
+    "what is missing comes inside the Shock Filter zip; install the zip that was made for this"
+    " Blender version and platform"
+)
+
+_loading = threading.Lock()
+_import_error = ""
+
+
+class KernelsUnavailable(ShockError):
+    """Numba or scipy is missing or cannot be imported."""
+
+
+def problem() -> str:
+    """Say why the kernels cannot run and how to mend it; empty as far as they can."""
+    missing = _missing()
+    if missing:
+        return f"{missing} cannot be found: {_REMEDY}."
+    if _import_error:
+        return f"{_import_error}: {_REMEDY}."
+    return ""
+
+
+@cache
+def _missing() -> str:
+    names = ("llvmlite", "numba", "scipy")
+    return ", ".join(name for name in names if importlib.util.find_spec(name) is None)
+
+
+def cache_folder() -> str | None:
+    """Choose the folder for compiled code; None leaves the choice to numba.
+
+    An extension's own folder is not for writing, so its code goes to the extension's user
+    folder, or to this session's temporary folder if that is read-only. Main thread only.
+    """
+    if not _PACKAGE.startswith("bl_ext."):
+        return None
+    folder = bpy.utils.extension_path_user(_PACKAGE, path=f"kernels-{__version__}")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return os.path.join(bpy.app.tempdir, "shock_filter_kernels")
+
+
+def load(folder: str | None) -> None:
+    """Import the core's kernels so that their compiled code is kept in `folder`.
+
+    numba fixes the place when a kernel is decorated, so its global setting is changed only for
+    the import. Safe on any thread.
+
+    Raises
+    ------
+    KernelsUnavailable
+        If numba, scipy or a library below them is missing or cannot be imported.
+    """
+    global _import_error
+    with _loading:
+        _import_error = ""
+        if problem():
+            raise KernelsUnavailable(problem())
+        try:
+            import numba
+
+            chosen_by_user = numba.config.CACHE_DIR
+            numba.config.CACHE_DIR = chosen_by_user or folder or ""
+            try:
+                from ..core import shock  # noqa: F401
+            finally:
+                numba.config.CACHE_DIR = chosen_by_user
+        except (ImportError, OSError) as error:
+            _import_error = f"The compiled kernels cannot be loaded ({error})"
+            raise KernelsUnavailable(problem()) from error
+
+
+def forget() -> None:
+    """Look again for numba and scipy when they are next asked for."""
+    global _import_error
+    _import_error = ""
+    _missing.cache_clear()

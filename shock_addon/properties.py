@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender properties, made from the core's settings, and the way back."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.settings import GeometrySettings, Setting, describe
+
+STEADY_STATE = "steady_state"
+
+
+def annotations_of(settings: type) -> dict[str, Any]:
+    """Make the annotations of a Blender class from a settings class.
+
+    Each field becomes a property of the same name. Blender's numbers cannot be infinite, so the
+    time has a checkbox for the steady state beside it.
+    """
+    annotations = {}
+    for name, (kind, default, about) in describe(settings).items():
+        annotations[name] = _property(name, kind, default, about)
+        if name == "time":
+            annotations[STEADY_STATE] = bpy.props.BoolProperty(
+                name="Steady State",
+                description="Flow until nothing changes any more: the time is infinite",
+                default=math.isinf(default),
+            )
+    return annotations
+
+
+def label(name: str) -> str:
+    """Turn a setting's name into the words on screen."""
+    return name.replace("_", " ").title()
+
+
+def settings_from(settings: type, owner: Any) -> Any:
+    """Read a settings object from the properties of an operator or property group.
+
+    Raises
+    ------
+    InvalidSettings
+        If the values contradict each other.
+    """
+    values = {}
+    for name, (kind, _, about) in describe(settings).items():
+        value = getattr(owner, name)
+        if kind is float:
+            value = min(max(_shortest(value), about.minimum), about.maximum)
+        values[name] = value
+    if getattr(owner, STEADY_STATE, False):
+        values["time"] = math.inf
+    return settings(**values)
+
+
+def _shortest(value: float) -> float:
+    # Blender keeps 0.1 as the float32 0.100000001; the person who typed it meant 0.1.
+    return float(str(np.float32(value)))
+
+
+def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
+    text = {"name": label(name), "description": about.description}
+    if about.unit:
+        text["description"] += f".\nUnit: {about.unit}"
+    if kind is str:
+        items = [(word, label(word), meaning) for word, meaning in about.choices.items()]
+        return bpy.props.EnumProperty(items=items, default=default, **text)
+    low = max(about.minimum, about.soft_minimum)
+    high = min(about.maximum, about.soft_maximum)
+    limits = {"min": about.minimum, "max": about.maximum, "soft_min": low, "soft_max": high}
+    limits = {key: kind(limit) for key, limit in limits.items() if math.isfinite(limit)}
+    if kind is int:
+        return bpy.props.IntProperty(default=default, **limits, **text)
+    return bpy.props.FloatProperty(
+        default=default,
+        precision=3,
+        step=max(1, round(high - low)) if math.isfinite(high - low) else 100,
+        **limits,
+        **text,
+    )
+
+
+class GeometryProperties:
+    """All parameters of the operator Sharpen Geometry; the panel keeps the same ones."""
+
+    __annotations__ = {
+        **annotations_of(GeometrySettings),
+        "vertex_group": bpy.props.StringProperty(
+            name="Vertex Group",
+            description="Vertices with weight 1 are sharpened fully, with weight 0 not at all."
+            " Empty sharpens all vertices",
+        ),
+        "invert_mask": bpy.props.BoolProperty(
+            name="Invert",
+            description="Sharpen where the vertex group's weight is 0 and protect where it is 1",
+            default=False,
+        ),
+        "selected_only": bpy.props.BoolProperty(
+            name="Selected Only",
+            description="In Edit Mode, move selected vertices only",
+            default=True,
+        ),
+        "output": bpy.props.EnumProperty(
+            name="Output",
+            items=[
+                (
+                    "MESH",
+                    "Mesh",
+                    "Move the vertices; on a mesh with shape keys, those of the active key",
+                ),
+                (
+                    "SHAPE_KEY",
+                    "New Shape Key",
+                    "Keep the mesh and put the sharpened shape into a new shape key, whose value"
+                    " sets the strength",
+                ),
+            ],
+            default="MESH",
+        ),
+        "weld": bpy.props.BoolProperty(
+            name="Weld",
+            description="Vertices at exactly the same place move together, so that meshes that"
+            " are split along UV seams do not crack open. Nothing is merged",
+            default=True,
+        ),
+    }
+
+
+class SHOCK_FILTER_PG_geometry(GeometryProperties, bpy.types.PropertyGroup):
+    """The panel's parameters for geometry."""
+
+
+class SHOCK_FILTER_PG_scene(bpy.types.PropertyGroup):
+    """What the panel keeps in each scene."""
+
+    __annotations__ = {
+        "mode": bpy.props.EnumProperty(
+            name="Mode",
+            description="What to sharpen",
+            items=[("GEOMETRY", "Geometry", "Move vertices so that rounded creases become sharp")],
+        ),
+        "geometry": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_geometry),
+    }
+
+
+GEOMETRY_NAMES = tuple(GeometryProperties.__annotations__)
+CLASSES = (SHOCK_FILTER_PG_geometry, SHOCK_FILTER_PG_scene)
+
+
+def register() -> None:
+    """Add the property groups and the scene's settings."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.shock_filter = bpy.props.PointerProperty(type=SHOCK_FILTER_PG_scene)
+
+
+def unregister() -> None:
+    """Remove them."""
+    del bpy.types.Scene.shock_filter
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shape keys: which shape is sharpened, and where the result goes.
+
+Output "Mesh" sharpens the active key. Keys that are relative to it move along, so that what
+they add stays the same; so if the Basis is active, the whole object looks sharpened, as when
+the Basis is edited in Edit Mode. Output "New Shape Key" sharpens the shape that is seen, all
+keys mixed, and the new key holds the change from it: at value 1 the sharpened shape is seen.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from .masks import group_weights
+from .skipped import Skipped
+
+Positions = npt.NDArray[np.float32]
+
+NEW_KEY_NAME = "Sharpened"
+
+
+def read(key: bpy.types.ShapeKey) -> Positions:
+    """Read a key's positions: (n, 3)."""
+    flat = np.empty(3 * len(key.points), dtype=np.float32)
+    key.points.foreach_get("co", flat)
+    return flat.reshape(-1, 3)
+
+
+def write(key: bpy.types.ShapeKey, positions: Positions) -> None:
+    """Write a key's positions."""
+    key.points.foreach_set("co", np.ascontiguousarray(positions, dtype=np.float32).reshape(-1))
+
+
+def active_key(obj: bpy.types.Object) -> bpy.types.ShapeKey:
+    """Return the key that editing the object changes.
+
+    Raises
+    ------
+    Skipped
+        If the key is locked.
+    """
+    key = obj.active_shape_key or obj.data.shape_keys.reference_key
+    if key.lock_shape:
+        raise Skipped(f"its shape key {key.name!r} is locked; unlock it or choose New Shape Key")
+    return key
+
+
+def visible_shape(obj: bpy.types.Object) -> Positions:
+    """Mix all keys as Blender shows them: (n, 3).
+
+    Raises
+    ------
+    Skipped
+        If the keys are absolute: a new key has no slider there.
+    """
+    keys = obj.data.shape_keys
+    if not keys.use_relative:
+        raise Skipped("its shape keys are absolute; turn on Relative, or choose the output Mesh")
+    shape = read(keys.reference_key)
+    for key in keys.key_blocks:
+        if key == keys.reference_key or key.mute or key.value == 0.0:
+            continue
+        change = key.value * (read(key) - read(key.relative_key))
+        if key.vertex_group in obj.vertex_groups:
+            change *= group_weights(obj, key.vertex_group)[:, None].astype(np.float32)
+        shape += change
+    return shape
+
+
+def write_active(obj: bpy.types.Object, positions: Positions) -> None:
+    """Write the active key, and move the keys that are relative to it along."""
+    keys = obj.data.shape_keys
+    active = active_key(obj)
+    change = positions - read(active)
+    if keys.use_relative:
+        for key in _dependents(keys, active):
+            write(key, read(key) + change)
+    write(active, positions)
+    keys.update_tag()
+
+
+def add(obj: bpy.types.Object, change: Positions) -> None:
+    """Add a key with value 1 that moves vertices by `change` from the Basis."""
+    if obj.data.shape_keys is None:
+        obj.shape_key_add(name="Basis", from_mix=False)
+    key = obj.shape_key_add(name=NEW_KEY_NAME, from_mix=False)
+    keys = obj.data.shape_keys
+    write(key, read(keys.reference_key) + change)
+    key.relative_key = keys.reference_key
+    key.value = 1.0
+    obj.active_shape_key_index = keys.key_blocks.find(key.name)
+    keys.update_tag()
+
+
+def _dependents(keys: bpy.types.Key, active: bpy.types.ShapeKey) -> list[bpy.types.ShapeKey]:
+    found = {active.name}
+    grown = True
+    while grown:
+        new = {
+            key.name
+            for key in keys.key_blocks
+            if key.relative_key.name in found and key != keys.reference_key
+        } - found
+        found |= new
+        grown = bool(new)
+    return [keys.key_blocks[name] for name in found - {active.name}]

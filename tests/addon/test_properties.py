@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender properties made from the core's settings."""
+
+import math
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from shock_filter.core import GeometrySettings, InvalidSettings
+from shock_filter.core.settings import describe
+from shock_filter.shock_addon import properties
+
+SETTINGS = describe(GeometrySettings)
+
+
+def panel_settings():
+    return bpy.context.scene.shock_filter.geometry
+
+
+def values(**changes):
+    defaults = {name: default for name, (_, default, _) in SETTINGS.items()}
+    return SimpleNamespace(**{**defaults, "steady_state": False, **changes})
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_each_setting_is_a_property_of_panel_and_operator(name):
+    kind, default, about = SETTINGS[name]
+    operator = bpy.ops.shock_filter.sharpen_geometry.get_rna_type()
+    for owner in (panel_settings().bl_rna, operator):
+        shown = owner.properties[name]
+        assert shown.type == {float: "FLOAT", int: "INT", str: "ENUM"}[kind]
+        assert shown.default == (default if kind is not float else pytest.approx(default))
+        assert shown.description.startswith(about.description.rstrip("."))
+        if kind is str:
+            assert list(shown.enum_items.keys()) == list(about.choices)
+        else:
+            assert shown.hard_min == pytest.approx(about.minimum)
+            if math.isfinite(about.maximum):
+                assert shown.hard_max == pytest.approx(about.maximum)
+
+
+def test_untouched_properties_give_the_default_settings():
+    read = properties.settings_from(GeometrySettings, panel_settings())
+    assert read == GeometrySettings()
+
+
+def test_numbers_come_back_as_they_were_typed():
+    settings = panel_settings()
+    settings.feature_threshold = 0.1
+    settings.max_displacement = 0.3
+    read = properties.settings_from(GeometrySettings, settings)
+    assert read.feature_threshold == 0.1
+    assert read.max_displacement == 0.3
+
+
+@pytest.mark.parametrize("name", [n for n, (kind, _, _) in SETTINGS.items() if kind is not str])
+def test_both_ends_of_each_range_are_valid(name):
+    _, _, about = SETTINGS[name]
+    for end in (about.minimum, about.maximum):
+        if math.isfinite(end):
+            settings = panel_settings()
+            setattr(settings, name, end)
+            read = properties.settings_from(GeometrySettings, settings)
+            assert getattr(read, name) == pytest.approx(end)
+            settings.property_unset(name)
+
+
+def test_steady_state_is_an_infinite_time():
+    assert properties.settings_from(GeometrySettings, values(steady_state=True)).time == math.inf
+
+
+def test_contradictions_are_the_cores_error():
+    with pytest.raises(InvalidSettings, match="give only one"):
+        properties.settings_from(GeometrySettings, values(screening_radius=2.0, fidelity=1.0))

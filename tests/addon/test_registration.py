@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Enabling and disabling, each in a Blender of its own."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+INVENTORY = """
+import json, sys
+import bpy
+import shock_filter
+
+def inventory():
+    menus = ["VIEW3D_MT_object", "VIEW3D_MT_edit_mesh", "VIEW3D_MT_sculpt"]
+    return {
+        "types": sorted(name for name in dir(bpy.types) if "shock_filter" in name.lower()),
+        "scene": sorted(bpy.types.Scene.bl_rna.properties.keys()),
+        "manager": sorted(bpy.types.WindowManager.bl_rna.properties.keys()),
+        "operators": sorted(dir(bpy.ops.shock_filter)),
+        "entries": [
+            [function.__module__ for function in getattr(bpy.types, name)._dyn_ui_initialize()]
+            for name in menus
+        ],
+    }
+"""
+
+
+@pytest.fixture
+def blender(tmp_path):
+    """Return a function that runs code after INVENTORY in a fresh bpy and reads its JSON line."""
+
+    def run(code):
+        done = subprocess.run(
+            [sys.executable, "-c", INVENTORY + code],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path)},
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return run
+
+
+def test_nothing_is_left_behind_and_enabling_again_works(blender):
+    states = blender(
+        """
+states = [inventory()]
+for _ in range(2):
+    shock_filter.register()
+    states.append(inventory())
+    shock_filter.unregister()
+    states.append(inventory())
+print(json.dumps(states))
+"""
+    )
+    before, enabled, disabled, enabled_again, disabled_again = states
+    assert before == disabled == disabled_again
+    assert enabled == enabled_again
+    assert before["operators"] == []
+    assert before["types"] == []
+    assert enabled["operators"] == ["geometry_preset_add", "sharpen_geometry"]
+    assert len(enabled["types"]) >= 7
+    assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}
+    assert [len(now) - len(old) for now, old in zip(enabled["entries"], before["entries"],
+                                                    strict=True)] == [1, 1, 1]  # fmt: skip
+
+
+def test_enabling_imports_neither_numba_nor_scipy(blender):
+    heavy = blender(
+        """
+shock_filter.register()
+heavy = ["numba", "llvmlite", "scipy", "trimesh", "shock_filter.core.parallel"]
+print(json.dumps([name for name in heavy if name in sys.modules]))
+shock_filter.unregister()
+"""
+    )
+    assert heavy == []
+
+
+TRY = """
+bpy.ops.wm.read_homefile(use_empty=True)
+shock_filter.register()
+from shock_filter.shock_addon import kernels
+known_before = kernels.problem()
+bpy.ops.mesh.primitive_monkey_add()
+before = [tuple(v.co) for v in bpy.context.object.data.vertices]
+try:
+    bpy.ops.shock_filter.sharpen_geometry()
+    said = ""
+except RuntimeError as error:
+    said = str(error)
+moved = before != [tuple(v.co) for v in bpy.context.object.data.vertices]
+known_after = kernels.problem()
+shock_filter.unregister()
+print(json.dumps([known_before, said, known_after, moved]))
+"""
+
+
+@pytest.mark.parametrize("name", ["numba", "scipy"])
+def test_a_missing_library_is_named_before_and_after_the_first_run(blender, name):
+    known_before, said, known_after, moved = blender(f"sys.modules[{name!r}] = None" + TRY)
+    assert known_before.startswith(f"{name} cannot be found: ")
+    assert "install the zip" in known_before
+    assert known_after == known_before
+    assert known_after in said
+    assert not moved
+
+
+def test_a_library_that_fails_to_load_is_named_with_its_reason(blender, tmp_path):
+    (tmp_path / "numba.py").write_text("raise ImportError('numba needs an older numpy')")
+    known_before, said, known_after, moved = blender(f"sys.path.insert(0, {str(tmp_path)!r})" + TRY)
+    assert known_before == ""
+    assert "cannot be loaded (numba needs an older numpy): " in known_after
+    assert "install the zip" in known_after
+    assert known_after in said
+    assert not moved
+
+
+def test_disabling_during_a_run_stops_it(blender):
+    stopped = blender(
+        """
+import time
+shock_filter.register()
+from shock_filter.core import Cancelled
+from shock_filter.shock_addon import jobs
+def work(progress):
+    while progress(0.5, "Working"):
+        time.sleep(0.01)
+    raise Cancelled("The run was cancelled; nothing was changed.")
+job = jobs.Job(work)
+shock_filter.unregister()
+print(json.dumps(job.done))
+"""
+    )
+    assert stopped is True

@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator Sharpen Geometry in Object Mode."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+from shock_filter.shock_addon import operators
+from shock_filter.shock_addon.mesh_data import read_positions, write_positions
+
+sharpen = bpy.ops.shock_filter.sharpen_geometry
+
+
+def flatness(obj):
+    """Mean over the faces of the largest component of their normal: 1 for a box."""
+    normals = np.array([polygon.normal for polygon in obj.data.polygons])
+    return np.abs(normals).max(axis=1).mean()
+
+
+def test_a_rounded_box_becomes_crisper(rounded_box):
+    box = rounded_box()
+    before = flatness(box)
+    assert sharpen(time=64.0) == {"FINISHED"}
+    assert 1.0 - flatness(box) < 0.8 * (1.0 - before)
+    assert np.isfinite(read_positions(box.data)).all()
+
+
+def test_suzanne_of_quads_and_triangles_keeps_its_faces():
+    bpy.ops.mesh.primitive_monkey_add()
+    mesh = bpy.context.object.data
+    before, faces = read_positions(mesh), [tuple(p.vertices) for p in mesh.polygons]
+    assert sharpen(time=16.0) == {"FINISHED"}
+    assert (read_positions(mesh) != before).any()
+    assert [tuple(p.vertices) for p in mesh.polygons] == faces
+
+
+def test_n_gons_go_through():
+    bpy.ops.mesh.primitive_cylinder_add(vertices=24)
+    mesh = bpy.context.object.data
+    assert max(len(p.vertices) for p in mesh.polygons) == 24
+    assert sharpen(time=16.0, feature_threshold=0.0) == {"FINISHED"}
+    assert np.isfinite(read_positions(mesh)).all()
+
+
+def test_time_zero_changes_no_bit(rounded_box):
+    box = rounded_box()
+    box.scale = (1.0, 2.0, 3.0)
+    bpy.context.view_layer.update()
+    before = read_positions(box.data)
+    before[0, 0] = -0.0
+    write_positions(box.data, before)
+    assert sharpen(time=0.0) == {"FINISHED"}
+    assert read_positions(box.data).tobytes() == before.tobytes()
+    assert "moved 0" in operators.last_summary
+
+
+def test_steady_state_is_the_infinite_time(rounded_box):
+    box = rounded_box()
+    start = read_positions(box.data)
+    sharpen(steady_state=True, time=1.0)
+    steady = read_positions(box.data)
+    write_positions(box.data, start)
+    sharpen(time=1e30)
+    np.testing.assert_array_equal(read_positions(box.data), steady)
+    write_positions(box.data, start)
+    sharpen(time=1.0)
+    assert (read_positions(box.data) != steady).any()
+
+
+def test_several_objects_and_what_is_no_mesh(rounded_box, select):
+    boxes = [rounded_box(), rounded_box(location=(5, 0, 0))]
+    before = [read_positions(box.data) for box in boxes]
+    bpy.ops.object.light_add()
+    select(bpy.context.object, *boxes)
+    assert sharpen() == {"FINISHED"}
+    for box, old in zip(boxes, before, strict=True):
+        assert (read_positions(box.data) != old).any()
+    assert operators.last_summary.startswith("Sharpened 2 meshes: ")
+
+
+def test_a_mesh_with_two_users_is_sharpened_once(rounded_box, select):
+    alone, shared = rounded_box(), rounded_box()
+    twin = bpy.data.objects.new("Twin", shared.data)
+    bpy.context.collection.objects.link(twin)
+    select(alone)
+    sharpen()
+    select(shared, twin)
+    sharpen()
+    assert operators.last_summary.startswith("Sharpened 1 mesh: ")
+    np.testing.assert_array_equal(read_positions(shared.data), read_positions(alone.data))
+
+
+def test_lengths_are_measured_after_the_object_scale(rounded_box, select):
+    scaled, applied = rounded_box(), rounded_box()
+    matrix = Matrix.Rotation(0.4, 4, "X") @ Matrix.Diagonal((1.0, 3.0, 0.5, 1.0))
+    scaled.matrix_world = matrix
+    applied.data.transform(matrix)
+    bpy.context.view_layer.update()
+    select(scaled, applied)
+    sharpen(feature_threshold=0.0)
+    linear = np.array(matrix.to_3x3())
+    np.testing.assert_allclose(
+        read_positions(scaled.data) @ linear.T, read_positions(applied.data), atol=2e-5
+    )
+
+
+def test_uniform_scale_changes_nothing(rounded_box, select):
+    small, large = rounded_box(), rounded_box()
+    large.matrix_world = Matrix.Rotation(1.0, 4, "Y") @ Matrix.Scale(1000.0, 4)
+    bpy.context.view_layer.update()
+    select(small, large)
+    sharpen()
+    np.testing.assert_array_equal(read_positions(small.data), read_positions(large.data))
+
+
+def test_a_scale_of_zero_is_named(rounded_box):
+    box = rounded_box()
+    box.scale = (1.0, 0.0, 1.0)
+    bpy.context.view_layer.update()
+    before = read_positions(box.data)
+    with pytest.raises(RuntimeError, match="its scale is zero along an axis"):
+        sharpen()
+    np.testing.assert_array_equal(read_positions(box.data), before)
+
+
+def test_loose_vertices_and_edges_stay(rounded_box):
+    box = rounded_box()
+    mesh = box.data
+    count = len(mesh.vertices)
+    corner = mesh.vertices[0].co.copy()
+    mesh.vertices.add(3)
+    mesh.vertices[count].co = corner  # at the place of a vertex that moves
+    mesh.vertices[count + 1].co = (9.0, 9.0, 9.0)
+    mesh.vertices[count + 2].co = (9.0, 9.0, 8.0)
+    mesh.edges.add(1)
+    mesh.edges[-1].vertices = (count + 1, count + 2)
+    mesh.update()
+    before = read_positions(mesh)
+    sharpen()
+    after = read_positions(mesh)
+    assert (after[0] != before[0]).any()
+    np.testing.assert_array_equal(after[count:], before[count:])
+
+
+def test_seams_of_split_meshes_stay_closed_if_welded(rounded_box):
+    box = rounded_box()
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.edge_split()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    before = read_positions(box.data)
+    _, place = np.unique(before, axis=0, return_inverse=True)
+    assert place.max() + 1 < len(before)
+
+    def widest_crack():
+        after = read_positions(box.data)
+        _, first = np.unique(place, return_index=True)
+        return np.abs(after - after[first][place.reshape(-1)]).max()
+
+    sharpen(weld=True)
+    assert (read_positions(box.data) != before).any()
+    assert widest_crack() == 0.0
+    write_positions(box.data, before)
+    sharpen(weld=False, feature_threshold=0.0)
+    assert np.isfinite(widest_crack())
+
+
+def test_no_faces_is_named():
+    bpy.ops.mesh.primitive_circle_add(fill_type="NOTHING")
+    with pytest.raises(RuntimeError, match=r"Skipped Circle: it has no faces"):
+        sharpen()
+
+
+def test_a_nan_is_named_and_nothing_changes(rounded_box):
+    mesh = rounded_box().data
+    before = read_positions(mesh)
+    before[7, 1] = np.nan
+    write_positions(mesh, before)
+    with pytest.raises(RuntimeError, match=r"Vertex 7 .* NaN"):
+        sharpen()
+    np.testing.assert_array_equal(read_positions(mesh), before)
+
+
+def test_a_bad_mesh_does_not_stop_the_good_one(rounded_box, select):
+    good, bad = rounded_box(), rounded_box()
+    before = read_positions(good.data)
+    broken = before.copy()
+    broken[3] = np.inf
+    write_positions(bad.data, broken)
+    select(good, bad)
+    assert sharpen() == {"FINISHED"}
+    assert (read_positions(good.data) != before).any()
+    np.testing.assert_array_equal(read_positions(bad.data), broken)
+
+
+def test_contradicting_settings_are_named(rounded_box):
+    box = rounded_box()
+    before = read_positions(box.data)
+    with pytest.raises(RuntimeError, match="give only one"):
+        sharpen(screening_radius=3.0, fidelity=100.0)
+    np.testing.assert_array_equal(read_positions(box.data), before)
+
+
+def test_linked_meshes_are_skipped(rounded_box, select, tmp_path):
+    box = rounded_box()
+    box.data.name = "Library Mesh"
+    library = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(library, {box.data})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(library, link=True) as (_, wanted):
+        wanted.meshes = ["Library Mesh"]
+    linked = bpy.data.objects.new("Linked", wanted.meshes[0])
+    bpy.context.collection.objects.link(linked)
+    before = read_positions(linked.data)
+    select(linked)
+    with pytest.raises(RuntimeError, match=r"Skipped Linked: its mesh is linked .* make it local"):
+        sharpen()
+    local = rounded_box()
+    select(local, linked)
+    assert sharpen() == {"FINISHED"}
+    np.testing.assert_array_equal(read_positions(linked.data), before)
+
+
+def test_nothing_selected_greys_the_button_out():
+    assert not sharpen.poll()
+    with pytest.raises(RuntimeError, match="Select a mesh object"):
+        sharpen()
+
+
+def test_modifiers_and_custom_normals_stay_and_are_noted(rounded_box):
+    box = rounded_box()
+    box.modifiers.new("Solid", "SOLIDIFY")
+    box.data.normals_split_custom_set_from_vertices([(0.0, 0.0, 1.0)] * len(box.data.vertices))
+    assert sharpen() == {"FINISHED"}
+    assert [modifier.name for modifier in box.modifiers] == ["Solid"]
+    assert box.data.has_custom_normals
+    text = operators.notes([box])
+    assert "Modifiers were left in place" in text
+    assert "Custom normals were kept" in text
+
+
+def test_the_summary_counts(rounded_box):
+    box = rounded_box()
+    before = read_positions(box.data)
+    sharpen()
+    moved = (read_positions(box.data) != before).any(axis=1).sum()
+    assert f"{len(before):,} vertices, moved {moved:,}, largest move" in operators.last_summary
+
+
+def test_undo_brings_the_old_shape_back(rounded_box):
+    box = rounded_box()
+    name, before = box.name, read_positions(box.data)
+    bpy.ops.ed.undo_push(message="Before")
+    sharpen()
+    bpy.ops.ed.undo_push(message="After")
+    assert (read_positions(bpy.data.objects[name].data) != before).any()
+    bpy.ops.ed.undo()
+    np.testing.assert_array_equal(read_positions(bpy.data.objects[name].data), before)
