@@ -182,8 +182,15 @@ def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.
         If `vertices` is not an (n, 3) array of finite numbers.
     """
     points = _checked_vertices(vertices) + 0.0  # -0.0 and 0.0 are the same place
-    rows = points.view(np.dtype((np.void, 24))).reshape(-1)
-    _, first, index = np.unique(rows, return_index=True, return_inverse=True)
+    # Sorting one mixed number a point is several times faster than sorting points; should two
+    # places share a number, the points are sorted after all.
+    bits = points.view(np.uint64)
+    mixed = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
+    for axis in (1, 2):
+        mixed = (mixed ^ (mixed >> np.uint64(29)) ^ bits[:, axis]) * np.uint64(0xBF58476D1CE4E5B9)
+    _, first, index = np.unique(mixed, return_index=True, return_inverse=True)
+    if not np.array_equal(points[first][index.reshape(-1)], points):
+        _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

@@ -14,6 +14,7 @@ import bpy
 
 from ..core.errors import Cancelled, ShockError
 from ..core.output import Outcome, staged
+from . import operators
 
 if TYPE_CHECKING:
     from ..core.settings import GeometrySettings
@@ -115,7 +116,7 @@ class BlenderBackend:
         _open(source)
         objects, notes = _chosen(options.objects)
         before = [_coordinates(obj) for obj in objects]
-        _sharpen(objects, settings, options)
+        _sharpen(objects, settings, options, progress)
         after = [_coordinates(obj) for obj in objects]
         moved = sum(
             int((old != new).any(axis=1).sum()) for old, new in zip(before, after, strict=True)
@@ -183,7 +184,10 @@ def _chosen(names: list[str] | None) -> tuple[list[bpy.types.Object], list[str]]
 
 
 def _sharpen(
-    objects: list[bpy.types.Object], settings: GeometrySettings, options: argparse.Namespace
+    objects: list[bpy.types.Object],
+    settings: GeometrySettings,
+    options: argparse.Namespace,
+    progress: operators.Progress,
 ) -> None:
     values = asdict(settings)
     if math.isinf(settings.time):
@@ -191,19 +195,34 @@ def _sharpen(
     active = bpy.context.view_layer.objects.active
     if active is not None and active.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
+    cancelled = False
+
+    def listen(fraction: float, message: str) -> bool:
+        nonlocal cancelled
+        cancelled = not progress(0.9 * fraction, message)
+        return not cancelled
+
+    operators.listener = listen
     # Overriding the context leaves the file's own selection as it is.
-    with bpy.context.temp_override(
-        selected_objects=objects,
-        selected_editable_objects=objects,
-        active_object=objects[0],
-        object=objects[0],
-    ):
-        _call(
-            "shock_filter.sharpen_geometry",
-            vertex_group=options.mask,
-            invert_mask=options.invert_mask,
-            **values,
-        )
+    try:
+        with bpy.context.temp_override(
+            selected_objects=objects,
+            selected_editable_objects=objects,
+            active_object=objects[0],
+            object=objects[0],
+        ):
+            _call(
+                "shock_filter.sharpen_geometry",
+                vertex_group=options.mask,
+                invert_mask=options.invert_mask,
+                **values,
+            )
+    except ShockError:
+        if cancelled:
+            raise Cancelled("Interrupted; nothing was written.") from None
+        raise
+    finally:
+        operators.listener = None
 
 
 def _coordinates(obj: bpy.types.Object) -> Any:

@@ -24,7 +24,13 @@ from .mesh_data import Target, mesh_objects, object_mode, read_targets, write_ta
 from .properties import GeometryProperties, settings_from
 from .skipped import Skipped
 
+Progress = Callable[[float, str], bool]
+
 last_summary = ""
+listener: Progress | None = None
+"""Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C."""
+
+_HARDLY_SEEN = 0.02  # mean edge lengths
 
 
 class SHOCK_FILTER_OT_sharpen_geometry(ModalJob, GeometryProperties, bpy.types.Operator):
@@ -106,7 +112,7 @@ def sharpen_targets(
     settings: GeometrySettings,
     weld: bool,
     folder: str | None,
-    progress: Callable[[float, str], bool],
+    progress: Progress,
 ) -> list[Any]:
     """Sharpen all targets, on any thread; one that fails gives its error as its result."""
     progress(0.0, "Preparing (compiles on first use)")
@@ -150,10 +156,13 @@ def summary(written: list[tuple], seconds: float) -> str:
     vertices = sum(len(result.positions) for _, result in written)
     moved = sum(result.moved for _, result in written)
     largest = max(result.largest_move for _, result in written)
-    return (
+    text = (
         f"Sharpened {meshes}: {vertices:,} vertices, moved {moved:,}, largest move"
         f" {largest:.2g} edge lengths, {seconds:.1f} s."
     )
+    if largest < _HARDLY_SEEN:
+        text += " For wide or gentle creases raise Time or lower Feature Threshold."
+    return text
 
 
 def notes(objects: list[bpy.types.Object]) -> str:
@@ -166,10 +175,10 @@ def notes(objects: list[bpy.types.Object]) -> str:
     return " ".join(found)
 
 
-def _shown_by(manager: bpy.types.WindowManager) -> Callable[[float, str], bool]:
+def _shown_by(manager: bpy.types.WindowManager) -> Progress:
     def show(fraction: float, message: str) -> bool:
         manager.progress_update(fraction)
-        return True
+        return listener is None or listener(fraction, message)
 
     return show
 

@@ -27,7 +27,10 @@ MEGABYTE = 1_000_000
 SIZE_LIMIT = 110 * MEGABYTE
 
 # numpy is Blender's own: all extensions share one site-packages, and Blender needs its version.
-REQUIREMENTS = ["scipy==1.15.3", "numba==0.62.1", "llvmlite==0.45.1"]
+# llvmlite before 0.46 crashes a Blender with a window on Linux: its LLVM clashes with the one of
+# the graphics driver. There are no later wheels for Macs with Intel processors.
+REQUIREMENTS = ["scipy==1.15.3", "numba==0.63.1", "llvmlite==0.46.0"]
+REQUIREMENTS_ON = {"macos-x64": ["scipy==1.15.3", "numba==0.62.1", "llvmlite==0.45.1"]}
 
 # Blender's name of each platform, and the wheel tags that its oldest supported system can load.
 PLATFORMS = {
@@ -68,7 +71,7 @@ def download_wheels(platform: str, python: str) -> list[Path]:
     command += ["--implementation=cp", f"--python-version={python}"]
     command += [f"--platform={tag}" for tag in PLATFORMS[platform]]
     wheels = []
-    for requirement in REQUIREMENTS:
+    for requirement in REQUIREMENTS_ON.get(platform, REQUIREMENTS):
         pattern = requirement.replace("==", "-") + "-*.whl"
         if not list(folder.glob(pattern)):
             run([*command, requirement])

@@ -291,6 +291,21 @@ def test_an_error_before_the_start_fails_too(scene, old, folder):
     assert "TypeError" in run.err
 
 
+def test_ctrl_c_stops_the_filter_and_writes_nothing(scene, old, folder):
+    before = """
+import os, signal
+from shock_filter.core import parallel
+report = parallel.Progress.update
+def interrupted(self, fraction):
+    os.kill(os.getpid(), signal.SIGINT)
+    report(self, fraction)
+parallel.Progress.update = interrupted
+"""
+    run = blender("sharpen-geometry", scene, "out.blend", before=before)
+    assert run.code == 130, run.err
+    assert not (folder / "out.blend").exists()
+
+
 def test_enabled_extension_is_used_and_stays(scene, old, folder):
     before = """
 import addon_utils

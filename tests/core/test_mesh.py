@@ -148,6 +148,15 @@ def test_weld_finds_the_first_of_equal_vertices():
     assert index.tolist() == [0, 1, 0, 1, 2]
 
 
+def test_weld_agrees_with_sorting_points():
+    rng = np.random.default_rng(0)
+    points = rng.integers(-3, 4, (5000, 3)) * rng.choice([1.0, 1e-7, 1e9], (5000, 1))
+    representatives, index = core.weld(points)
+    assert np.array_equal(points[representatives][index], points)
+    assert len(representatives) == len(np.unique(points + 0.0, axis=0))
+    assert (np.diff(representatives) > 0).all()
+
+
 def test_sorting_along_a_curve_keeps_the_surface_and_brings_neighbours_together():
     vertices, faces = icosphere(7)
     vertices, faces, _, _ = shuffled(vertices, faces)
