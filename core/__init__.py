@@ -22,13 +22,16 @@ from .errors import (
     ShockError,
     SolverError,
 )
-from .settings import FitSettings, GeometrySettings, ShockSettings
+from .settings import FitSettings, GeometrySettings, ImageSettings, ShockSettings
 
 if _TYPE_CHECKING:
     from .fit import fit_to_normals
     from .flow import flow_field
+    from .images import sharpen_image
     from .mesh import TriangleMesh, weld
+    from .pde import osher_rudin_image
     from .shock import sharpen_geometry, sharpen_normals
+    from .signals import sharpen_corner_signal, sharpen_vertex_signal
 
 _LAZY = {
     "TriangleMesh": "mesh",
@@ -37,12 +40,17 @@ _LAZY = {
     "fit_to_normals": "fit",
     "sharpen_normals": "shock",
     "sharpen_geometry": "shock",
+    "sharpen_vertex_signal": "signals",
+    "sharpen_corner_signal": "signals",
+    "sharpen_image": "images",
+    "osher_rudin_image": "pde",
 }
 
 __all__ = [
     "Cancelled",
     "FitSettings",
     "GeometrySettings",
+    "ImageSettings",
     "InvalidMesh",
     "InvalidSettings",
     "InvalidSignal",
@@ -52,8 +60,12 @@ __all__ = [
     "TriangleMesh",
     "fit_to_normals",
     "flow_field",
+    "osher_rudin_image",
+    "sharpen_corner_signal",
     "sharpen_geometry",
+    "sharpen_image",
     "sharpen_normals",
+    "sharpen_vertex_signal",
     "weld",
 ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .mesh import Floats, TriangleMesh
+from .mesh import Floats, Ints, TriangleMesh
 from .parallel import Progress, kernel, run
 from .trace import trace_faces
 
@@ -54,6 +54,69 @@ def advect_faces(
     run(_sample, mesh.face_count, mesh.faces, normals, averages, faces, coordinates,
         _SAMPLING[sampling], out, progress=last)  # fmt: skip
     return out
+
+
+def read_points(
+    mesh: TriangleMesh, values: Floats, faces: Ints, coordinates: Floats, nearest: bool
+) -> Floats:
+    """Read vertex values at points in faces, linearly or from the nearest corner: (k, d)."""
+    out = np.empty((len(faces), values.shape[1]))
+    run(_read_points, len(faces), mesh.faces, values, faces, coordinates, nearest, out)
+    return out
+
+
+def average_corners(mesh: TriangleMesh, corner_values: Floats, values: Floats) -> Floats:
+    """Plain means of the values of each vertex's corners ("Vertex Advection", line 9).
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    corner_values : (3 m, d) float64
+    values : (n, d) float64
+        Taken for vertices without faces.
+    """
+    out = np.empty_like(values)
+    run(_average_corners, mesh.vertex_count, *mesh.corners, corner_values, values, out)
+    return out
+
+
+@kernel
+def _read_points(start, stop, mesh_faces, values, faces, coordinates, nearest, out):
+    for point in range(start, stop):
+        f = faces[point]
+        if nearest:
+            best = 0
+            for c in range(1, 3):
+                if coordinates[point, c] > coordinates[point, best]:
+                    best = c
+            v = mesh_faces[f, best]
+            for j in range(values.shape[1]):
+                out[point, j] = values[v, j]
+        else:
+            a, b, c = mesh_faces[f, 0], mesh_faces[f, 1], mesh_faces[f, 2]
+            p, q, r = coordinates[point, 0], coordinates[point, 1], coordinates[point, 2]
+            for j in range(values.shape[1]):
+                low = min(values[a, j], values[b, j], values[c, j])
+                high = max(values[a, j], values[b, j], values[c, j])
+                value = p * values[a, j] + q * values[b, j] + r * values[c, j]
+                out[point, j] = min(max(value, low), high)  # no rounding out of the range
+
+
+@kernel
+def _average_corners(start, stop, corner_start, corners, corner_values, values, out):
+    for v in range(start, stop):
+        first, last = corner_start[v], corner_start[v + 1]
+        for j in range(values.shape[1]):
+            if first == last:
+                out[v, j] = values[v, j]
+                continue
+            low = high = total = corner_values[corners[first], j]
+            for i in range(first + 1, last):
+                value = corner_values[corners[i], j]
+                total += value
+                low = min(low, value)
+                high = max(high, value)
+            out[v, j] = min(max(total / (last - first), low), high)
 
 
 @kernel

@@ -159,6 +159,32 @@ class TriangleMesh:
         return moved
 
 
+def split_at_jumps(mesh: TriangleMesh, signal: Floats) -> tuple[TriangleMesh, Floats]:
+    """Cut a mesh open where the values of a corner signal jump.
+
+    Corners at one vertex that share a value stay one vertex; others become vertices of their
+    own, so that edges between faces that disagree turn into borders.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (3 m, d) float64
+        Values of the corners in the order of ``mesh.faces``.
+
+    Returns
+    -------
+    cut : TriangleMesh
+        With the faces of `mesh`, in order, and possibly more vertices.
+    values : (n', d) float64
+        The values at its vertices.
+    """
+    leaders = np.empty(3 * mesh.face_count, dtype=np.int32)
+    run(_lead_corners, mesh.vertex_count, *mesh.corners, signal, leaders)
+    first, index = np.unique(leaders, return_inverse=True)
+    vertices = mesh.vertices[mesh.faces.reshape(-1)[first]]
+    return TriangleMesh(vertices, index.reshape(-1, 3)), signal[first]
+
+
 def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Find vertices at exactly the same place.
 
@@ -347,6 +373,25 @@ def _turn_faces(faces, twins, flipped):
         if flipped[f]:
             faces[f, 1], faces[f, 2] = faces[f, 2], faces[f, 1]
     twins[:] = -1
+
+
+@kernel
+def _lead_corners(start, stop, corner_start, corners, signal, leaders):
+    # The first corner at the same vertex with the same values leads.
+    for v in range(start, stop):
+        for i in range(corner_start[v], corner_start[v + 1]):
+            corner = corners[i]
+            leaders[corner] = corner
+            for k in range(corner_start[v], i):
+                other = corners[k]
+                same = True
+                for j in range(signal.shape[1]):
+                    if signal[other, j] != signal[corner, j]:
+                        same = False
+                        break
+                if same:
+                    leaders[corner] = leaders[other]
+                    break
 
 
 @kernel

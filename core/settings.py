@@ -16,6 +16,9 @@ from .errors import InvalidSettings
 
 INF = math.inf
 
+MOST_STEPS = 100_000
+"""Most unit steps of the schemes that compute the flow anew."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -92,7 +95,7 @@ def _checked_number(name: str, value: Any, kind: type, about: Setting) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShockSettings(_Settings):
+class _FlowSettings(_Settings):
     """Settings of the flow: shared by signals and geometry (paper sections 3 and 4)."""
 
     time: float = _setting(
@@ -113,6 +116,68 @@ class ShockSettings(_Settings):
         minimum=0,
         maximum=1000,
         soft_maximum=16,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShockSettings(_FlowSettings):
+    """Settings of the filters of signals: vertex colors, corner colors, images (section 3)."""
+
+    channels: str = _setting(
+        "coupled",
+        "Which flow moves which channel",
+        choices={
+            "coupled": "All channels follow one flow, so that colors stay together",
+            "independent": "Each channel follows its own flow: sharper, with color fringes",
+            "luminance": "All channels follow the flow of the brightness",
+        },
+        advanced=True,
+    )
+    sampling: str = _setting(
+        "linear",
+        "How values are read at the end of a flow-line",
+        choices={
+            "linear": "Interpolate between neighbours: removes fine noise",
+            "nearest": "Take the nearest value: no new values appear",
+        },
+        advanced=True,
+    )
+    scheme: str = _setting(
+        "fixed",
+        "Whether the flow is computed anew while values move",
+        choices={
+            "fixed": "The flow of the input all the time: fast, and hardly to be told from"
+            " composed",
+            "composed": "Anew after each unit of time; flow-lines are joined, the input is read"
+            " once. The time needed grows with the flow time",
+            "naive": "Anew after each unit of time, each step reads the last result: slow, and"
+            " blurs detail; for comparison",
+        },
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.scheme != "fixed" and self.time > MOST_STEPS:
+            raise InvalidSettings(
+                f"time is {self.time!r}, which the scheme {self.scheme!r} walks in steps of 1;"
+                f" give at most {MOST_STEPS}, or use the scheme 'fixed'."
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageSettings(ShockSettings):
+    """Settings of :func:`shock_filter.core.sharpen_image`."""
+
+    alpha: str = _setting(
+        "auto",
+        "Whether the last channel is opacity. Opacity stays as it is, and transparent pixels"
+        " lend no color to others",
+        choices={
+            "auto": "The last of two or four channels is opacity",
+            "none": "No channel is opacity: all are filtered alike",
+        },
+        advanced=True,
     )
 
 
@@ -152,7 +217,7 @@ class FitSettings(_Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GeometrySettings(FitSettings, ShockSettings):
+class GeometrySettings(FitSettings, _FlowSettings):
     """Settings of :func:`shock_filter.core.sharpen_geometry` (paper 4.1)."""
 
     mollify_passes: int = _setting(

@@ -28,15 +28,34 @@ PAPER_STEP = 0.1
 """The paper's delta: length of a literal step, in mean edge lengths."""
 
 
-def trace_faces(
+OFFSET = 0.001
+"""The paper's epsilon: how far towards the face's centre the trace of a vertex begins."""
+
+
+def face_centres(mesh: TriangleMesh) -> tuple[Ints, Floats]:
+    """The centre of each face, to trace from: faces (m,), barycentric coordinates (m, 3)."""
+    faces = np.arange(mesh.face_count, dtype=np.int32)
+    return faces, np.full((mesh.face_count, 3), 1.0 / 3.0)
+
+
+def corner_offsets(mesh: TriangleMesh) -> tuple[Ints, Floats]:
+    """A point in each face beside each of its corners: faces (3 m,), coordinates (3 m, 3)."""
+    faces = np.repeat(np.arange(mesh.face_count, dtype=np.int32), 3)
+    at_corners = (1.0 - OFFSET) * np.eye(3) + OFFSET / 3.0
+    return faces, np.tile(at_corners, (mesh.face_count, 1))
+
+
+def trace(
     mesh: TriangleMesh,
     potential: Floats,
     time: float,
+    faces: Ints,
+    coordinates: Floats,
     *,
     step: float | None = None,
     progress: Progress | None = None,
-) -> tuple[Ints, Floats]:
-    """Trace from the centre of each face for `time` against the flow of `potential`.
+) -> None:
+    """Move points for `time` against the flow of `potential`, in place.
 
     Parameters
     ----------
@@ -45,29 +64,37 @@ def trace_faces(
         P at the vertices; lengths are in mean edge lengths.
     time : float
         Flow time; infinity walks until the flow ends.
+    faces : (k,) int32
+        The face of each point; overwritten.
+    coordinates : (k, 3) float64
+        Its barycentric coordinates; overwritten.
     step : float, optional
         Walk literally, in steps of this length in mean edge lengths; the paper's is
         `PAPER_STEP`. None walks exactly.
-
-    Returns
-    -------
-    faces : (m,) int32
-        The face in which each trace ends.
-    coordinates : (m, 3) float64
-        Barycentric coordinates there.
     """
     rates = np.empty((mesh.face_count, 3))
     run(_flow_rates, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, potential,
-        rates, progress=progress)  # fmt: skip
-    faces = np.empty(mesh.face_count, dtype=np.int32)
-    coordinates = np.empty((mesh.face_count, 3))
+        rates)  # fmt: skip
     shape = mesh.scaled_vertices, mesh.faces, mesh.twins
     if step is None:
-        run(_walk_exact, mesh.face_count, float(time), *shape, mesh.areas, potential, rates,
+        run(_walk_exact, len(faces), float(time), *shape, mesh.areas, potential, rates,
             faces, coordinates, progress=progress)  # fmt: skip
     else:
-        run(_walk_literal, mesh.face_count, float(time), float(step), *shape, mesh.areas,
+        run(_walk_literal, len(faces), float(time), float(step), *shape, mesh.areas,
             mesh.normals, rates, faces, coordinates, progress=progress)  # fmt: skip
+
+
+def trace_faces(
+    mesh: TriangleMesh,
+    potential: Floats,
+    time: float,
+    *,
+    step: float | None = None,
+    progress: Progress | None = None,
+) -> tuple[Ints, Floats]:
+    """Trace from the centre of each face; see `trace`. Returns faces (m,), coordinates (m, 3)."""
+    faces, coordinates = face_centres(mesh)
+    trace(mesh, potential, time, faces, coordinates, step=step, progress=progress)
     return faces, coordinates
 
 
@@ -160,12 +187,12 @@ def _leave_vertex(f, k, vertices, faces, twins, areas, potential, rates, came):
 
 @kernel
 def _walk_exact(
-    start, stop, time, vertices, faces, twins, areas, potential, rates, end_faces, end_coordinates
+    start, stop, time, vertices, faces, twins, areas, potential, rates, point_faces, coordinates
 ):
     b = np.empty(3)
-    for seed in range(start, stop):
-        f = seed
-        b[0] = b[1] = b[2] = 1.0 / 3.0
+    for point in range(start, stop):
+        f = point_faces[point]
+        b[:] = coordinates[point]
         left = time
         if areas[f] == 0 or (rates[f, 0] == 0 and rates[f, 1] == 0):
             left = 0.0
@@ -251,25 +278,25 @@ def _walk_exact(
             b[0] = b[1] = b[2] = 0.0
             b[c] = 1.0
             slide = 3 * f + c if kind == 2 else -1
-        end_faces[seed] = f
+        point_faces[point] = f
         total = b[0] + b[1] + b[2]
         for c in range(3):
-            end_coordinates[seed, c] = b[c] / total
+            coordinates[point, c] = b[c] / total
 
 
 @kernel
 def _walk_literal(
-    start, stop, time, step, vertices, faces, twins, areas, normals, rates, end_faces,
-    end_coordinates,
+    start, stop, time, step, vertices, faces, twins, areas, normals, rates, point_faces,
+    coordinates,
 ):  # fmt: skip
     b = np.empty(3)
     r = np.empty(3)
     v = np.empty(3)
     old = np.empty(3)
     e = np.empty(3)
-    for seed in range(start, stop):
-        f = seed
-        b[0] = b[1] = b[2] = 1.0 / 3.0
+    for point in range(start, stop):
+        f = point_faces[point]
+        b[:] = coordinates[point]
         left = time
         if areas[f] == 0:
             left = 0.0
@@ -334,10 +361,10 @@ def _walk_literal(
             if ended:
                 break
             _flow_vector(f, vertices, faces, rates, v)
-        end_faces[seed] = f
+        point_faces[point] = f
         total = b[0] + b[1] + b[2]
         for c in range(3):
-            end_coordinates[seed, c] = b[c] / total
+            coordinates[point, c] = b[c] / total
 
 
 @kernel

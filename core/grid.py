@@ -1,0 +1,476 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images as meshes of squares: the potential, flow-lines and advection (paper A, Appendix A).
+
+Pixels are the vertices, and four adjacent pixels make a square in which the flow is constant;
+lengths are in pixels. What is kept beside the image is P alone, one float32 a pixel: the flow is
+taken from it on the fly, and values are read from the image itself, whatever its type. So an
+image that is mapped from disk costs 8 bytes a pixel while it is filtered.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .parallel import Progress, kernel, run
+
+OFFSET = 0.001
+"""How far into each adjacent square the trace of a pixel begins: the paper's epsilon."""
+
+_ROWS = 16
+_NEIGHBOUR = math.exp(-1.0)  # the Gaussian umbrella's weight at distance 1
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Which channels of an image are filtered, and how they guide the flow.
+
+    Attributes
+    ----------
+    start, stop : int
+        The channels ``start <= c < stop``.
+    alpha : int
+        The channel that is opacity, or -1.
+    brightness : (k,) float32
+        Weights of the channels in one guiding brightness; empty: each channel guides.
+    """
+
+    start: int
+    stop: int
+    alpha: int
+    brightness: npt.NDArray[np.float32]
+
+
+def image_potential(
+    image: npt.NDArray,
+    scale: float,
+    channels: Channels,
+    passes: int,
+    progress: Progress | None = None,
+) -> npt.NDArray[np.float32]:
+    """Compute P = sum over channels of the squared gradient, smoothed before and after.
+
+    Parameters
+    ----------
+    image : (h, w, c) array of any real type
+        h and w at least 2.
+    scale : float
+        Factor that brings values to [0, 1], such as 1 / 255.
+    channels : Channels
+        Colors count as much as they are opaque.
+    passes : int
+        Smoothing passes on the signal and on P.
+
+    Returns
+    -------
+    (h, w) float32
+    """
+    progress = progress or Progress(None)
+    height, width = image.shape[:2]
+    potential = np.empty((height, width), dtype=np.float32)
+    run(_potential_rows, height, image, np.float32(scale), channels.start, channels.stop,
+        channels.alpha, channels.brightness, passes, potential, chunk=_ROWS,
+        progress=progress.part(0.0, 0.8, "Computing the flow"))  # fmt: skip
+    spare = np.empty_like(potential) if passes else potential
+    for _ in range(passes):
+        run(_smooth_rows, height, potential, spare, chunk=_ROWS)
+        potential, spare = spare, potential
+    progress.update(1.0)
+    return potential
+
+
+def advect_pixels(
+    image: npt.NDArray,
+    channels: Channels,
+    potential: npt.NDArray[np.float32],
+    time: float,
+    out: npt.NDArray,
+    *,
+    nearest: bool = False,
+    step: float | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Read the image where the flow-lines come from ("Vertex Advection", on squares).
+
+    From each pixel a trace begins in each adjacent square; the pixel's new value is the mean of
+    the values at their ends, each as much as it is opaque.
+
+    Parameters
+    ----------
+    image : (h, w, c) array
+    channels : Channels
+        The others are left as they are in `out`.
+    potential : (h, w) float32
+    time : float
+        Flow time; infinity walks until the flow ends.
+    out : (h, w, c) array
+        Where the result goes, in the image's range; whole numbers are rounded.
+    nearest : bool
+        Take the nearest pixel's value at the ends instead of interpolating linearly.
+    step : float, optional
+        Walk literally, in steps of this length in pixels (the paper's is 0.1). None walks
+        exactly from square to square.
+    """
+    literal = 0.0 if step is None else float(step)
+    run(_advect_rows, image.shape[0], image, channels.start, channels.stop, channels.alpha,
+        potential, float(time), literal, nearest, _rounds(out), out, chunk=_ROWS,
+        progress=progress)  # fmt: skip
+
+
+class Sources:
+    """Where each pixel's values come from, while flows that change carry them on (paper 3.3).
+
+    Holds the ends of all traces, 48 bytes a pixel.
+    """
+
+    def __init__(self, height: int, width: int) -> None:
+        self._cells = np.empty((height, width, 4, 2), dtype=np.int32)
+        self._places = np.empty((height, width, 4, 2), dtype=np.float32)
+        run(_start_rows, height, self._cells, self._places, chunk=_ROWS)
+
+    def carry(
+        self, potential: npt.NDArray[np.float32], time: float, progress: Progress | None = None
+    ) -> None:
+        """Trace on from where the traces ended."""
+        run(_carry_rows, len(potential), potential, float(time), self._cells, self._places,
+            chunk=_ROWS, progress=progress)  # fmt: skip
+
+    def read(
+        self, image: npt.NDArray, channels: Channels, out: npt.NDArray, *, nearest: bool = False
+    ) -> None:
+        """Read the image at the traces' ends; parameters as in `advect_pixels`."""
+        run(_read_rows, len(image), image, channels.start, channels.stop, channels.alpha,
+            self._cells, self._places, nearest, _rounds(out), out, chunk=_ROWS)  # fmt: skip
+
+
+def _rounds(out: npt.NDArray) -> bool:
+    return bool(np.issubdtype(out.dtype, np.integer))
+
+
+@kernel
+def _potential_rows(
+    start, stop, image, scale, first_channel, last_channel, alpha, brightness, passes, potential
+):
+    # Planar working copy of the rows that this band depends on.
+    height, width = image.shape[:2]
+    first = max(start - 1 - passes, 0)
+    last = min(stop + 1 + passes, height)
+    rows = last - first
+    signal = np.empty((rows, width), np.float32)
+    spare = np.empty((rows, width), np.float32)
+    top = max(start - 1, 0)  # squares top .. bottom - 1 touch the band
+    bottom = min(stop, height - 1)
+    energy = np.zeros((bottom - top, width - 1), np.float32)
+    guides = 1 if brightness.size > 0 else last_channel - first_channel
+    for guide in range(guides):
+        for y in range(rows):
+            if brightness.size > 0:
+                for x in range(width):
+                    total = np.float32(0.0)
+                    for c in range(brightness.size):
+                        total += brightness[c] * np.float32(image[first + y, x, first_channel + c])
+                    signal[y, x] = scale * total
+            else:
+                for x in range(width):
+                    signal[y, x] = scale * np.float32(image[first + y, x, first_channel + guide])
+            if alpha >= 0:
+                for x in range(width):
+                    signal[y, x] *= scale * np.float32(image[first + y, x, alpha])
+        for _ in range(passes):
+            for y in range(rows):
+                _smooth_row(signal, y, spare)
+            signal, spare = spare, signal
+        for r in range(bottom - top):
+            y = top + r - first
+            for x in range(width - 1):
+                across = signal[y, x + 1] - signal[y, x] + signal[y + 1, x + 1] - signal[y + 1, x]
+                down = signal[y + 1, x] - signal[y, x] + signal[y + 1, x + 1] - signal[y, x + 1]
+                energy[r, x] += np.float32(0.25) * (across * across + down * down)
+    for y in range(start, stop):
+        above = max(y - 1, 0) - top
+        below = min(y, height - 2) - top
+        for x in range(width):
+            left = max(x - 1, 0)
+            right = min(x, width - 2)
+            # At borders the same square counts twice, which leaves the mean of those there are.
+            total = energy[above, left] + energy[above, right]
+            total += energy[below, left] + energy[below, right]
+            potential[y, x] = min(np.float32(0.25) * total, np.float32(1e30))
+
+
+@kernel
+def _smooth_row(values, y, out):
+    # One umbrella pass on a row; neighbours are the pixels up, down, left and right.
+    height, width = values.shape
+    weight = np.float32(_NEIGHBOUR)
+    vertical = np.float32(0.0)
+    up, down = max(y - 1, 0), min(y + 1, height - 1)
+    has_up = np.float32(up != y)
+    has_down = np.float32(down != y)
+    vertical = has_up + has_down
+    inner = np.float32(1.0) / (np.float32(1.0) + weight * (vertical + np.float32(2.0)))
+    outer = np.float32(1.0) / (np.float32(1.0) + weight * (vertical + np.float32(1.0)))
+    for x in range(1, width - 1):
+        around = values[y, x - 1] + values[y, x + 1]
+        around += has_up * values[up, x] + has_down * values[down, x]
+        out[y, x] = (values[y, x] + weight * around) * inner
+    for x, beside in ((0, 1), (width - 1, width - 2)):
+        around = values[y, beside] + has_up * values[up, x] + has_down * values[down, x]
+        out[y, x] = (values[y, x] + weight * around) * outer
+
+
+@kernel
+def _smooth_rows(start, stop, values, out):
+    for y in range(start, stop):
+        _smooth_row(values, y, out)
+
+
+@kernel
+def _flow(potential, row, column, v):
+    # v = -grad(P) / 2 in a square: (down, across).
+    a = potential[row, column]
+    b = potential[row, column + 1]
+    c = potential[row + 1, column]
+    d = potential[row + 1, column + 1]
+    v[0] = -0.25 * (float(c - a) + float(d - b))
+    v[1] = -0.25 * (float(b - a) + float(d - c))
+
+
+@kernel
+def _walk(potential, time, cell, place, v, w):
+    # From square to square; `cell` is the square's first pixel, `place` the point in it.
+    left = time
+    slide = -1  # the axis along which the walk slides on a line between squares
+    _flow(potential, cell[0], cell[1], v)
+    for _ in range(1000000):
+        if slide < 0:
+            axis = -1
+            first = left
+            for k in range(2):
+                if v[k] > 1e-30:
+                    reached = (1.0 - place[k]) / v[k]
+                elif v[k] < -1e-30:
+                    reached = place[k] / -v[k]
+                else:
+                    continue
+                if reached < first:
+                    first = reached
+                    axis = k
+            if axis < 0:
+                if left < np.inf:
+                    place[0] += v[0] * left
+                    place[1] += v[1] * left
+                return
+            other = 1 - axis
+            place[other] = min(max(place[other] + v[other] * first, 0.0), 1.0)
+            left -= first
+            ahead = 1 if v[axis] > 0 else -1
+            place[axis] = 1.0 if ahead > 0 else 0.0
+            beyond = cell[axis] + ahead
+            if beyond < 0 or beyond > potential.shape[axis] - 2:
+                return
+            cell[axis] = beyond
+            _flow(potential, cell[0], cell[1], w)
+            if v[0] * w[0] + v[1] * w[1] <= 0:
+                cell[axis] -= ahead
+                return
+            if v[axis] * w[axis] > 0:
+                place[axis] = 1.0 - place[axis]
+                v[0], v[1] = w[0], w[1]
+                continue
+            # Both squares flow into the line between them: slide on it, at the combination of
+            # both flows that stays there (Filippov). The line belongs to the lower square.
+            share = -w[axis] / (v[axis] - w[axis])
+            v[other] = share * v[other] + (1.0 - share) * w[other]
+            if ahead > 0:
+                cell[axis] -= 1
+            place[axis] = 1.0
+            slide = other
+        axis = 1 - slide
+        speed = v[slide]
+        reached = (1.0 - place[slide]) / speed if speed > 0 else place[slide] / -speed
+        if reached >= left:
+            place[slide] += speed * left
+            return
+        left -= reached
+        ahead = 1 if speed > 0 else -1
+        place[slide] = 1.0 if ahead > 0 else 0.0
+        beyond = cell[slide] + ahead
+        if beyond < 0 or beyond > potential.shape[slide] - 2:
+            return
+        cell[slide] = beyond
+        place[slide] = 1.0 - place[slide]
+        # Past a pixel: the squares on both sides of the line decide.
+        _flow(potential, cell[0], cell[1], v)
+        cell[axis] += 1
+        _flow(potential, cell[0], cell[1], w)
+        cell[axis] -= 1
+        if v[axis] >= 0 and w[axis] <= 0:
+            total = v[axis] - w[axis]
+            share = -w[axis] / total if total > 0 else 0.5
+            v[slide] = share * v[slide] + (1.0 - share) * w[slide]
+            if v[slide] * ahead <= 0:
+                return
+        else:
+            if w[axis] > 0 and w[axis] > -v[axis]:
+                cell[axis] += 1
+                place[axis] = 0.0
+                v[0], v[1] = w[0], w[1]
+            if v[slide] * ahead <= 0:
+                return
+            slide = -1
+
+
+@kernel
+def _walk_literal(potential, time, step, cell, place, v, w):
+    left = time
+    _flow(potential, cell[0], cell[1], v)
+    for _ in range(1000000):
+        speed = np.sqrt(v[0] * v[0] + v[1] * v[1])
+        if left <= 0 or speed < 1e-30:
+            return
+        pace = min(left, step / speed)
+        left -= pace
+        for k in range(2):
+            at = cell[k] + place[k] + v[k] * pace
+            most = potential.shape[k] - 1
+            if at < 0 or at > most:
+                left = 0.0  # the walk ends at the border
+                at = min(max(at, 0.0), float(most))
+            cell[k] = min(int(at), most - 1)
+            place[k] = at - cell[k]
+        _flow(potential, cell[0], cell[1], w)
+        if v[0] * w[0] + v[1] * w[1] <= 0:
+            return
+        v[0], v[1] = w[0], w[1]
+
+
+@kernel
+def _begin(y, x, corner, height, width, cell, place):
+    # The start beside pixel (y, x) in one of its four squares; False if there is none.
+    cell[0] = y - (corner >> 1)
+    cell[1] = x - (corner & 1)
+    place[0] = 1.0 - 0.5 * OFFSET if corner >> 1 else 0.5 * OFFSET
+    place[1] = 1.0 - 0.5 * OFFSET if corner & 1 else 0.5 * OFFSET
+    return cell[0] >= 0 and cell[1] >= 0 and cell[0] < height - 1 and cell[1] < width - 1
+
+
+@kernel
+def _add(image, first, last, alpha, cell, place, nearest, total):
+    # Adds the values at a point, times opacity, to total; returns the opacity.
+    r, s = cell[0], cell[1]
+    if nearest:
+        r += place[0] > 0.5
+        s += place[1] > 0.5
+        opacity = 1.0 if alpha < 0 else float(image[r, s, alpha])
+        for c in range(first, last):
+            total[c] += opacity * image[r, s, c]
+        return opacity
+    k = place[0] * place[1]
+    j = place[0] - k
+    i = place[1] - k
+    h = 1.0 - place[0] - i
+    if alpha >= 0:
+        h *= image[r, s, alpha]
+        i *= image[r, s + 1, alpha]
+        j *= image[r + 1, s, alpha]
+        k *= image[r + 1, s + 1, alpha]
+    for c in range(first, last):
+        total[c] += (
+            h * image[r, s, c] + i * image[r, s + 1, c]
+            + j * image[r + 1, s, c] + k * image[r + 1, s + 1, c]
+        )  # fmt: skip
+    return h + i + j + k
+
+
+@kernel
+def _put(image, y, x, first, last, total, weight, rounded, out):
+    for c in range(first, last):
+        if weight > 0:
+            value = total[c] / weight
+            out[y, x, c] = np.floor(value + 0.5) if rounded else value
+        else:
+            out[y, x, c] = image[y, x, c]  # fully transparent all around
+
+
+@kernel
+def _advect_rows(
+    start, stop, image, first, last, alpha, potential, time, step, nearest, rounded, out
+):
+    height, width = potential.shape
+    cell = np.empty(2, np.int64)
+    place = np.empty(2)
+    v = np.empty(2)
+    w = np.empty(2)
+    total = np.empty(image.shape[2])
+    for y in range(start, stop):
+        for x in range(width):
+            total[:] = 0.0
+            weight = 0.0
+            for corner in range(4):
+                if not _begin(y, x, corner, height, width, cell, place):
+                    continue
+                if step > 0:
+                    _walk_literal(potential, time, step, cell, place, v, w)
+                else:
+                    _walk(potential, time, cell, place, v, w)
+                weight += _add(image, first, last, alpha, cell, place, nearest, total)
+            _put(image, y, x, first, last, total, weight, rounded, out)
+
+
+@kernel
+def _start_rows(start, stop, cells, places):
+    height, width = cells.shape[:2]
+    cell = np.empty(2, np.int64)
+    place = np.empty(2)
+    for y in range(start, stop):
+        for x in range(width):
+            for corner in range(4):
+                if not _begin(y, x, corner, height, width, cell, place):
+                    cell[0] = -1  # no square there
+                for k in range(2):
+                    cells[y, x, corner, k] = cell[k]
+                    places[y, x, corner, k] = place[k]
+
+
+@kernel
+def _carry_rows(start, stop, potential, time, cells, places):
+    width = potential.shape[1]
+    cell = np.empty(2, np.int64)
+    place = np.empty(2)
+    v = np.empty(2)
+    w = np.empty(2)
+    for y in range(start, stop):
+        for x in range(width):
+            for corner in range(4):
+                if cells[y, x, corner, 0] < 0:
+                    continue
+                for k in range(2):
+                    cell[k] = cells[y, x, corner, k]
+                    place[k] = places[y, x, corner, k]
+                _walk(potential, time, cell, place, v, w)
+                for k in range(2):
+                    cells[y, x, corner, k] = cell[k]
+                    places[y, x, corner, k] = place[k]
+
+
+@kernel
+def _read_rows(start, stop, image, first, last, alpha, cells, places, nearest, rounded, out):
+    width = image.shape[1]
+    cell = np.empty(2, np.int64)
+    place = np.empty(2)
+    total = np.empty(image.shape[2])
+    for y in range(start, stop):
+        for x in range(width):
+            total[:] = 0.0
+            weight = 0.0
+            for corner in range(4):
+                for k in range(2):
+                    cell[k] = cells[y, x, corner, k]
+                    place[k] = places[y, x, corner, k]
+                if cell[0] >= 0:
+                    weight += _add(image, first, last, alpha, cell, place, nearest, total)
+            _put(image, y, x, first, last, total, weight, rounded, out)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Osher and Rudin's PDE shock filter, the baseline (paper A, section 3.1, equations 1 and 2)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import InvalidSettings, InvalidSignal
+from .parallel import Progress, ProgressCallback, kernel, run
+
+DETECTORS = {
+    "laplacian": 0,
+    "gradient": 1,
+    "flow": 2,
+}
+
+_ROWS = 16
+
+
+def osher_rudin_image(
+    image: npt.ArrayLike,
+    steps: int,
+    time_step: float = 0.4,
+    edge_detector: str = "gradient",
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Sharpen an image by explicit steps of the PDE I_t = -|grad I| F(L(I)).
+
+    Upwind (Osher and Rudin 1990): one-sided differences are chosen by the direction in which
+    values move and limited by minmod, so that no new extrema arise; each channel on its own.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, c) array of float32 or float64
+        Values in [0, 1].
+    steps : int
+        Number of steps; 0 returns the input.
+    time_step : float
+        Length of a step; stable up to 0.5 for the detectors with F = sign. For "flow", times
+        are those of :func:`sharpen_image`, and steps are shortened to 0.5 / max|L| if longer.
+    edge_detector : {"gradient", "laplacian", "flow"}
+        L is the second derivative along the gradient, or the Laplacian, with F = sign; or
+        "flow": L = (grad I)^T H (grad I) / |grad I| with F the identity, the PDE that the
+        advection solves (equation 2).
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    array like `image`
+
+    Raises
+    ------
+    InvalidSignal
+        If the image is not of floats, is smaller than 2 x 2, or holds NaN or infinity.
+    InvalidSettings
+        If steps, time_step or edge_detector are out of range.
+    Cancelled
+        If `progress` returned False.
+    """
+    array = np.asarray(image)
+    if array.dtype not in (np.float32, np.float64) or array.ndim not in (2, 3):
+        raise InvalidSignal("Give an image of float32 or float64 of shape (h, w) or (h, w, c).")
+    if min(array.shape) < 1 or min(array.shape[:2]) < 2 or not np.isfinite(array).all():
+        raise InvalidSignal("Give an image of at least 2 x 2 pixels without NaN and infinity.")
+    if edge_detector not in DETECTORS:
+        raise InvalidSettings(
+            f"edge_detector is {edge_detector!r}; choose: {', '.join(DETECTORS)}."
+        )
+    if steps != int(steps) or steps < 0:
+        raise InvalidSettings(f"steps is {steps!r}; give a whole number from 0.")
+    signs = edge_detector != "flow"
+    if not 0 < time_step <= (0.5 if signs else np.inf):
+        raise InvalidSettings(f"time_step is {time_step!r}; give a value in (0, 0.5].")
+    phases = Progress.of(progress)
+    # Planar: every channel's rows lie together, which lets the processor vectorise.
+    planes = np.moveaxis(array.reshape(*array.shape[:2], -1), 2, 0).copy(order="C")
+    spare = np.empty_like(planes)
+    for number, plane in enumerate(planes):
+        here, there = plane, spare[number]
+        for step in range(int(steps)):
+            phases.update((number + step / steps) / len(planes))
+            run(_pde_rows, len(here), here, there, here.dtype.type(time_step),
+                DETECTORS[edge_detector], chunk=_ROWS)  # fmt: skip
+            here, there = there, here
+        planes[number] = here
+    phases.update(1.0)
+    return np.moveaxis(planes, 0, 2).reshape(array.shape).copy()
+
+
+@kernel
+def _pde_rows(start, stop, image, out, time_step, detector):
+    height, width = image.shape
+    kind = image.dtype.type
+    zero = image[0, 0] * 0
+    half = zero + kind(0.5)
+    tiny = zero + kind(1e-12)
+    for y in range(start, stop):
+        up = max(y - 1, 0)
+        down = min(y + 1, height - 1)
+        for x in range(width):
+            left = max(x - 1, 0)
+            right = min(x + 1, width - 1)
+            here = image[y, x]
+            west = here - image[y, left]
+            east = image[y, right] - here
+            north = here - image[up, x]
+            south = image[down, x] - here
+            second_x = east - west
+            second_y = south - north
+            gx = half * (east + west)
+            gy = half * (south + north)
+            if detector == 0:
+                edge = second_x + second_y
+            else:
+                mixed = kind(0.25) * (
+                    image[down, right] - image[down, left] - image[up, right] + image[up, left]
+                )
+                edge = gx * gx * second_x + kind(2) * gx * gy * mixed + gy * gy * second_y
+                if detector == 2:
+                    edge /= max(np.sqrt(gx * gx + gy * gy), tiny)
+            # minmod of both one-sided differences: zero at extrema
+            mx = min(abs(west), abs(east)) if west * east > 0 else zero
+            my = min(abs(north), abs(south)) if north * south > 0 else zero
+            slope = np.sqrt(mx * mx + my * my)
+            if detector == 2:
+                speed = min(max(time_step * edge, -half), half)
+            else:
+                speed = time_step if edge > 0 else (-time_step if edge < 0 else zero)
+            out[y, x] = here - speed * slope

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sharpening of colors and other signals on meshes (Prada and Kazhdan 2015, sections 3 and 4)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from .advect import average_corners, read_points
+from .calculus import checked_mask, checked_signal
+from .errors import InvalidSignal
+from .flow import flow_potential
+from .mesh import Floats, TriangleMesh, split_at_jumps
+from .parallel import Progress, ProgressCallback
+from .settings import ShockSettings
+from .trace import corner_offsets, trace
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of linear red, green and blue in the brightness (ITU-R BT.709)."""
+
+
+def sharpen_vertex_signal(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    settings: ShockSettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Sharpen a signal given at the vertices of a mesh, such as vertex colors.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (n,) or (n, d) array of float32 or float64
+        Any number of channels; times are meant for values in [0, 1].
+    settings : ShockSettings, optional
+    mask : (n,) array of float in [0, 1], optional
+        1 sharpens fully, less mixes with the input, 0 keeps it bit for bit.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    array like `signal`
+        Within the input's range. A time of 0 returns the input bit for bit.
+
+    Raises
+    ------
+    InvalidSignal
+        If signal or mask do not fit the mesh, or hold NaN or infinity.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    Paper A, sections 3.2, 3.3 and Appendix A, "Vertex Advection".
+    """
+    given = _checked_type(signal)
+    values = checked_signal(given, mesh.vertex_count)
+    weights = checked_mask(mask, mesh.vertex_count)
+    settings = settings or ShockSettings()
+    if settings.time == 0:
+        return given.copy()
+
+    def average(corner_values: Floats, old: Floats) -> Floats:
+        return average_corners(mesh, corner_values, old)
+
+    result = _sharpened(mesh, values, settings, average, average, Progress.of(progress))
+    return _like(given, values, result, weights)
+
+
+def sharpen_corner_signal(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    settings: ShockSettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Sharpen a signal given at the corners of the faces of a mesh, such as corner colors.
+
+    Where corners at a vertex differ, the signal jumps, and nothing flows across; elsewhere they
+    are one. In the result each corner has the value that its own flow-line finds, so that edges
+    can run between faces.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (m, 3) or (m, 3, d) array of float32 or float64
+        Corners in the order of the faces that the mesh was made from.
+    settings, progress
+        As in `sharpen_vertex_signal`.
+    mask : (n,) array of float in [0, 1], optional
+        Weights of the vertices.
+
+    Returns
+    -------
+    array like `signal`
+        Within the input's range. A time of 0 returns the input bit for bit.
+
+    Raises
+    ------
+    InvalidSignal, Cancelled
+        As in `sharpen_vertex_signal`.
+    """
+    given = _checked_type(signal)
+    if given.ndim not in (2, 3) or given.shape[:2] != (mesh.face_count, 3):
+        raise InvalidSignal(
+            f"The signal has the shape {given.shape}; give ({mesh.face_count}, 3) or"
+            f" ({mesh.face_count}, 3, channels)."
+        )
+    # The mesh keeps turned faces with their second and third corner exchanged.
+    order = np.where(mesh.flipped[:, None], [0, 2, 1], [0, 1, 2])[:, :, None]
+    own = np.take_along_axis(given.reshape(mesh.face_count, 3, -1), order, axis=1)
+    values = checked_signal(own.reshape(3 * mesh.face_count, -1), 3 * mesh.face_count)
+    weights = checked_mask(mask, mesh.vertex_count)
+    settings = settings or ShockSettings()
+    if settings.time == 0:
+        return given.copy()
+    cut, cut_values = split_at_jumps(mesh, values)
+
+    def average(corner_values: Floats, old: Floats) -> Floats:
+        return average_corners(cut, corner_values, old)
+
+    def keep(corner_values: Floats, old: Floats) -> Floats:
+        return corner_values
+
+    result = _sharpened(cut, cut_values, settings, average, keep, Progress.of(progress))
+    corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
+    mixed = _like(own.reshape(values.shape), values, result, corner_weights)
+    return np.take_along_axis(mixed.reshape(own.shape), order, axis=1).reshape(given.shape)
+
+
+Gather = Callable[[Floats, Floats], Floats]
+
+
+def _sharpened(
+    mesh: TriangleMesh,
+    values: Floats,
+    settings: ShockSettings,
+    gather: Gather,
+    finish: Gather,
+    progress: Progress,
+) -> Floats:
+    # `gather` makes vertex values of what the corners' traces read, between steps; `finish`
+    # makes the result.
+    if settings.channels != "independent":
+        return _flowed(mesh, values, settings, gather, finish, progress)
+    count = values.shape[1]
+    columns = [
+        _flowed(mesh, np.ascontiguousarray(values[:, j : j + 1]), settings, gather, finish,
+                progress.part(j / count, (j + 1) / count, "Sharpening"))
+        for j in range(count)
+    ]  # fmt: skip
+    return np.concatenate(columns, axis=1)
+
+
+def _flowed(
+    mesh: TriangleMesh,
+    values: Floats,
+    settings: ShockSettings,
+    gather: Gather,
+    finish: Gather,
+    progress: Progress,
+) -> Floats:
+    nearest = settings.sampling == "nearest"
+    durations = step_durations(settings)
+    source, current = values, values
+    points, coordinates = corner_offsets(mesh)
+    for number, duration in enumerate(durations):
+        step = progress.part(number / len(durations), (number + 1) / len(durations), "Sharpening")
+        if number:
+            current = gather(read_points(mesh, source, points, coordinates, nearest), current)
+        if settings.scheme == "naive" and number:
+            source = current
+            points, coordinates = corner_offsets(mesh)
+        guide = luminance(current) if settings.channels == "luminance" else current
+        potential = flow_potential(
+            mesh, guide, settings.smoothing_passes, step.part(0.0, 0.5, "Computing the flow")
+        )
+        trace(mesh, potential, duration, points, coordinates,
+              progress=step.part(0.5, 1.0, "Tracing flow-lines"))  # fmt: skip
+    progress.update(1.0)
+    return finish(read_points(mesh, source, points, coordinates, nearest), current)
+
+
+def step_durations(settings: ShockSettings) -> list[float]:
+    """Cut the time into steps: one for a fixed flow, else of length 1 and a rest."""
+    if settings.scheme == "fixed":
+        return [settings.time]
+    whole = math.floor(settings.time)
+    rest = settings.time - whole
+    return [1.0] * whole + ([rest] if rest > 0 else [])
+
+
+def luminance(values: Floats) -> Floats:
+    """The brightness of linear colors: (n, d) -> (n, 1); the mean where they are not RGB."""
+    if values.shape[1] >= 3:
+        return np.ascontiguousarray(values[:, :3] @ LUMINANCE[:, None])
+    return values.mean(axis=1, keepdims=True)
+
+
+def _checked_type(signal: npt.ArrayLike) -> npt.NDArray:
+    array = np.asarray(signal)
+    if array.dtype not in (np.float32, np.float64):
+        raise InvalidSignal(
+            f"The signal is of type {array.dtype}; give float32 or float64, colors in [0, 1]."
+        )
+    return array
+
+
+def _like(
+    given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None
+) -> npt.NDArray:
+    if weights is not None:
+        result = values + weights[:, None] * (result - values)
+        result[weights == 0] = values[weights == 0]
+    return result.astype(given.dtype).reshape(given.shape)
