@@ -5,9 +5,27 @@ from __future__ import annotations
 
 import bpy
 
-from . import command_line, jobs, kernels, menus, operators, panels, presets, properties
+from . import (
+    colors_operator,
+    command_line,
+    geometry_operator,
+    image_data,
+    image_operator,
+    jobs,
+    kernels,
+    menus,
+    panels,
+    presets,
+    properties,
+)
 
-_CLASSES = (*operators.CLASSES, *presets.CLASSES, *panels.CLASSES)
+_CLASSES = (
+    *geometry_operator.CLASSES,
+    *colors_operator.CLASSES,
+    *image_operator.CLASSES,
+    *presets.CLASSES,
+    *panels.CLASSES,
+)
 
 
 def register() -> None:
@@ -27,4 +45,5 @@ def unregister() -> None:
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
     properties.unregister()
+    image_data.forget()
     kernels.forget()

@@ -5,19 +5,19 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
+import shutil
+from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 
+from ..core import cli
 from ..core.errors import Cancelled, ShockError
 from ..core.output import Outcome, staged
 from . import operators
-
-if TYPE_CHECKING:
-    from ..core.settings import GeometrySettings
 
 COMMAND = "shock_filter"
 OPEN_FILE = "-"
@@ -41,10 +41,23 @@ _EXPORTERS: dict[str, tuple[str, dict[str, Any]]] = {
     ".fbx": ("export_scene.fbx", {"path_mode": "COPY", "embed_textures": True}),
     ".glb": ("export_scene.gltf", {"export_format": "GLB"}),
     ".gltf": ("export_scene.gltf", {"export_format": "GLTF_SEPARATE"}),
-    ".obj": ("wm.obj_export", {"path_mode": "COPY"}),
+    ".obj": ("wm.obj_export", {"path_mode": "COPY", "export_colors": True}),
     ".ply": ("wm.ply_export", {}),
     ".stl": ("wm.stl_export", {}),
     **{ending: ("wm.usd_export", {}) for ending in _USD},
+}
+
+_IMAGE_FORMATS = {
+    ".bmp": "BMP",
+    ".exr": "OPEN_EXR",
+    ".hdr": "HDR",
+    ".jpeg": "JPEG",
+    ".jpg": "JPEG",
+    ".png": "PNG",
+    ".tga": "TARGA",
+    ".tif": "TIFF",
+    ".tiff": "TIFF",
+    ".webp": "WEBP",
 }
 
 _handle: Any = None
@@ -65,8 +78,6 @@ def unregister() -> None:
 
 def run(arguments: Sequence[str], program: str) -> int:
     """Run the command line in this Blender; returns the exit code, usage errors included."""
-    from ..core import cli
-
     try:
         return cli.main(arguments, BlenderBackend(program))
     except SystemExit as stop:  # argparse ends so: after --help and on usage errors
@@ -78,20 +89,29 @@ def _command(arguments: list[str]) -> int:
 
 
 class BlenderBackend:
-    """Reads with Blender's importers, sharpens with the operator, writes with the exporters."""
-
-    formats = "whatever this Blender reads and writes, such as blend, OBJ, PLY, STL, glTF, FBX, USD"
+    """Reads with Blender's importers, sharpens with its operators, writes with the exporters."""
 
     def __init__(self, program: str) -> None:
         self.prog = program
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Add the flags for vertex groups and objects."""
+    def formats(self, command: cli.Command) -> str:
+        """Name the files that a command reads and writes."""
+        if command is cli.IMAGE:
+            return "PNG, JPEG, TIFF, EXR, HDR, Targa, BMP and WebP files, which keep their format"
+        return (
+            "whatever this Blender reads and writes, such as blend, OBJ, PLY, STL, glTF, FBX, USD"
+        )
+
+    def add_arguments(self, parser: argparse.ArgumentParser, command: cli.Command) -> None:
+        """Add the flags for objects, vertex groups and color attributes."""
+        if command is cli.IMAGE:
+            return
         parser.add_argument(
             "--mask",
             metavar="NAME",
             default="",
-            help="vertex group that says how far each vertex may go: 0 stays, 1 moves fully",
+            help="vertex group that says how much is done to each vertex: 0 keeps it, 1 sharpens"
+            " it fully",
         )
         parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
         parser.add_argument(
@@ -102,33 +122,116 @@ class BlenderBackend:
             help="sharpen this object only, even if it is hidden (may be repeated); without it,"
             " all visible meshes of the scene",
         )
+        if command is cli.COLORS:
+            parser.add_argument(
+                "--attribute",
+                metavar="NAME",
+                default="",
+                help="color attribute to sharpen; each mesh's active one if left out",
+            )
 
-    def sharpen_geometry(
+    def sharpen(
         self,
+        command: cli.Command,
         source: str,
         target: Path,
-        settings: GeometrySettings,
+        settings: Any,
         options: argparse.Namespace,
-        progress: Callable[[float, str], bool],
+        progress: operators.Progress,
     ) -> Outcome:
-        """Sharpen the meshes of one file into another; IN may be - for the open file."""
-        exporter = _exporter(target)
-        _open(source)
-        objects, notes = _chosen(options.objects)
-        before = [_coordinates(obj) for obj in objects]
-        _sharpen(objects, settings, options, progress)
-        after = [_coordinates(obj) for obj in objects]
-        moved = sum(
-            int((old != new).any(axis=1).sum()) for old, new in zip(before, after, strict=True)
+        """Sharpen one file into another; IN may be - for the open file, but not for images."""
+        if command is cli.IMAGE:
+            return _sharpen_image(command, source, target, settings, options, progress)
+        return _sharpen_meshes(command, source, target, settings, options, progress)
+
+
+def _sharpen_meshes(
+    command: cli.Command,
+    source: str,
+    target: Path,
+    settings: Any,
+    options: argparse.Namespace,
+    progress: operators.Progress,
+) -> Outcome:
+    exporter = _exporter(target)
+    _open(source)
+    objects, notes = _chosen(options.objects)
+    values: dict[str, Any] = {"vertex_group": options.mask, "invert_mask": options.invert_mask}
+    look, done = _coordinates, "moved {changed} of {total} vertices"
+    if command is cli.COLORS:
+        values["attribute"] = options.attribute
+        look, done = partial(_colors, name=options.attribute), "changed {changed} of {total} colors"
+    before = [look(obj) for obj in objects]
+    active = bpy.context.view_layer.objects.active
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    # Overriding the context leaves the file's own selection as it is.
+    with bpy.context.temp_override(
+        selected_objects=objects,
+        selected_editable_objects=objects,
+        active_object=objects[0],
+        object=objects[0],
+    ):
+        _run_operator(command, settings, values, progress)
+    after = [look(obj) for obj in objects]
+    changed = sum(_count_changed(old, new) for old, new in zip(before, after, strict=True))
+    if not progress(1.0, "Writing"):
+        raise Cancelled("Interrupted before writing.")
+    if exporter is None:
+        _save(target)
+    else:
+        with staged(target, options.overwrite) as path:
+            _call(exporter[0], filepath=str(path), **exporter[1])
+    return Outcome(sum(map(len, before)), changed, tuple(notes), done)
+
+
+def _sharpen_image(
+    command: cli.Command,
+    source: str,
+    target: Path,
+    settings: Any,
+    options: argparse.Namespace,
+    progress: operators.Progress,
+) -> Outcome:
+    kind = _IMAGE_FORMATS.get(target.suffix.lower())
+    if kind is None:
+        raise ShockError(
+            f"{target}: this ending cannot be handled here; use one of {', '.join(_IMAGE_FORMATS)}."
         )
-        if not progress(1.0, "Writing"):
-            raise Cancelled("Interrupted before writing.")
-        if exporter is None:
-            _save(target)
-        else:
-            with staged(target, options.overwrite) as path:
-                _call(exporter[0], filepath=str(path), **exporter[1])
-        return Outcome(sum(map(len, before)), moved, tuple(notes))
+    image = _load_image(source)
+    try:
+        if image.file_format != kind:
+            raise ShockError(
+                f"{source} is a {image.file_format} file, and Blender keeps its depth only in this"
+                " format; end OUT accordingly, or use shock-filter outside Blender."
+            )
+        before = _pixels(image)
+        values = {"image": image.name, "output": "REPLACE"}
+        _run_operator(command, settings, values, progress)
+        changed = _count_changed(before, _pixels(image))
+        with staged(target, options.overwrite) as path:
+            if changed:
+                image.save(filepath=str(path))
+            else:
+                shutil.copyfile(source, path)
+    finally:
+        bpy.data.images.remove(image)
+    notes = ("Blender writes no further layers, nor metadata that it does not know",)
+    return Outcome(
+        len(before), changed, notes if changed else (), "changed {changed} of {total} pixels"
+    )
+
+
+def _load_image(source: str) -> bpy.types.Image:
+    _check_file(source)
+    try:
+        image = bpy.data.images.load(str(Path(source).absolute()))
+    except RuntimeError as error:
+        raise ShockError(str(error).strip().removeprefix("Error: ")) from error
+    if not image.size[0] * image.size[1]:
+        bpy.data.images.remove(image)
+        raise ShockError(f"{source} cannot be read; is it an image, and not damaged?")
+    return image
 
 
 def _exporter(target: Path) -> tuple[str, dict[str, Any]] | None:
@@ -144,10 +247,7 @@ def _exporter(target: Path) -> tuple[str, dict[str, Any]] | None:
 def _open(source: str) -> None:
     if source == OPEN_FILE:
         return
-    if Path(source).is_dir():
-        raise ShockError(f"{source} is a folder; name the files in it.")
-    if not Path(source).exists():
-        raise ShockError(f"There is no file {source}; check its name and folder.")
+    _check_file(source)
     path = str(Path(source).absolute())
     ending = Path(source).suffix.lower()
     if ending == ".blend":
@@ -159,6 +259,13 @@ def _open(source: str) -> None:
         raise _unknown(source, known)
     bpy.ops.wm.read_homefile(use_empty=True)
     _call(importer, filepath=path)
+
+
+def _check_file(source: str) -> None:
+    if Path(source).is_dir():
+        raise ShockError(f"{source} is a folder; name the files in it.")
+    if not Path(source).exists():
+        raise ShockError(f"There is no file {source}; check its name and folder.")
 
 
 def _save(target: Path) -> None:
@@ -183,18 +290,12 @@ def _chosen(names: list[str] | None) -> tuple[list[bpy.types.Object], list[str]]
     return list({obj.data: obj for obj in chosen}.values()), notes
 
 
-def _sharpen(
-    objects: list[bpy.types.Object],
-    settings: GeometrySettings,
-    options: argparse.Namespace,
-    progress: operators.Progress,
+def _run_operator(
+    command: cli.Command, settings: Any, options: dict[str, Any], progress: operators.Progress
 ) -> None:
     values = asdict(settings)
     if math.isinf(settings.time):
         values |= {"time": 0.0, "steady_state": True}
-    active = bpy.context.view_layer.objects.active
-    if active is not None and active.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
     cancelled = False
 
     def listen(fraction: float, message: str) -> bool:
@@ -203,20 +304,8 @@ def _sharpen(
         return not cancelled
 
     operators.listener = listen
-    # Overriding the context leaves the file's own selection as it is.
     try:
-        with bpy.context.temp_override(
-            selected_objects=objects,
-            selected_editable_objects=objects,
-            active_object=objects[0],
-            object=objects[0],
-        ):
-            _call(
-                "shock_filter.sharpen_geometry",
-                vertex_group=options.mask,
-                invert_mask=options.invert_mask,
-                **values,
-            )
+        _call(f"shock_filter.{command.name.replace('-', '_')}", **options, **values)
     except ShockError:
         if cancelled:
             raise Cancelled("Interrupted; nothing was written.") from None
@@ -225,17 +314,39 @@ def _sharpen(
         operators.listener = None
 
 
+def _count_changed(old: Any, new: Any) -> int:
+    return int((old != new).any(axis=1).sum())
+
+
 def _coordinates(obj: bpy.types.Object) -> Any:
     """Vertex positions of the mesh, or of its active shape key: (n, 3)."""
+    if obj.active_shape_key is not None:
+        return _rows(obj.active_shape_key.data, "co", 3)
+    return _rows(obj.data.attributes["position"].data, "vector", 3)
+
+
+def _colors(obj: bpy.types.Object, name: str) -> Any:
+    """The colors of an attribute, or of the active one: (n, 4); none if there is none."""
+    attributes = obj.data.color_attributes
+    attribute = attributes.get(name) if name else attributes.active_color
+    return _rows(attribute.data if attribute is not None else (), "color", 4)
+
+
+def _pixels(image: bpy.types.Image) -> Any:
     import numpy as np
 
-    points = obj.data.attributes["position"].data
-    name = "vector"
-    if obj.active_shape_key is not None:
-        points, name = obj.active_shape_key.data, "co"
-    values = np.empty(3 * len(obj.data.vertices), dtype=np.float32)
-    points.foreach_get(name, values)
-    return values.reshape(-1, 3)
+    values = np.empty(len(image.pixels), dtype=np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[0] * image.size[1], -1)
+
+
+def _rows(collection: Any, name: str, width: int) -> Any:
+    import numpy as np
+
+    values = np.empty(width * len(collection), dtype=np.float32)
+    if len(collection):
+        collection.foreach_get(name, values)
+    return values.reshape(-1, width)
 
 
 def _operator(name: str) -> Any:

@@ -3,28 +3,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 
-from .panels import draw_sharpen_geometry
+from .panels import draw_sharpen
 
-_MENUS = ("VIEW3D_MT_object", "VIEW3D_MT_edit_mesh", "VIEW3D_MT_sculpt")
+_MODES = {
+    "VIEW3D_MT_object": ("geometry", "colors"),
+    "VIEW3D_MT_edit_mesh": ("geometry",),
+    "VIEW3D_MT_sculpt": ("geometry",),
+    "VIEW3D_MT_paint_vertex": ("colors",),
+    "IMAGE_MT_image": ("image",),
+}
 
 
-def draw_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """Draw the entry, with the panel's settings."""
-    layout = self.layout
-    layout.separator()
-    layout.operator_context = "INVOKE_DEFAULT"
-    draw_sharpen_geometry(layout, context)
+def _entries(modes: tuple[str, ...]) -> Callable[[bpy.types.Menu, bpy.types.Context], None]:
+    def draw_entries(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.separator()
+        layout.operator_context = "INVOKE_DEFAULT"
+        for mode in modes:
+            draw_sharpen(layout, context, mode)
+
+    return draw_entries
+
+
+ENTRIES = {menu: _entries(modes) for menu, modes in _MODES.items()}
+"""What is drawn at the end of each menu: buttons with the panel's settings."""
 
 
 def register() -> None:
-    """Append the entry to the menus."""
-    for name in _MENUS:
-        getattr(bpy.types, name).append(draw_entry)
+    """Append the entries to the menus."""
+    for name, draw in ENTRIES.items():
+        getattr(bpy.types, name).append(draw)
 
 
 def unregister() -> None:
-    """Remove it."""
-    for name in _MENUS:
-        getattr(bpy.types, name).remove(draw_entry)
+    """Remove them."""
+    for name, draw in ENTRIES.items():
+        getattr(bpy.types, name).remove(draw)

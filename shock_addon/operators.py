@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operators."""
+"""What all operators do: read, filter with progress and Esc, write, say what was done."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import bpy
@@ -17,39 +17,58 @@ from ..core.errors import (
     ShockError,
     SolverError,
 )
-from ..core.settings import GeometrySettings
 from . import kernels
 from .jobs import ModalJob, Work, current
-from .mesh_data import Target, mesh_objects, object_mode, read_targets, write_target
-from .properties import GeometryProperties, settings_from
+from .mesh_data import mesh_objects, object_mode, read_targets
+from .properties import settings_from
 from .skipped import Skipped
 
 Progress = Callable[[float, str], bool]
+Filter = Callable[[Any, Progress], Any]
 
-last_summary = ""
+summaries: dict[str, str] = {}
+"""What each mode has done last."""
+
 listener: Progress | None = None
 """Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C."""
 
-_HARDLY_SEEN = 0.02  # mean edge lengths
 
+class SharpenOperator(ModalJob):
+    """Mixin for operators; subclasses say what they read, filter and write.
 
-class SHOCK_FILTER_OT_sharpen_geometry(ModalJob, GeometryProperties, bpy.types.Operator):
-    """Turn rounded creases into sharp ones: normals flow towards the creases, positions follow"""
+    Attributes
+    ----------
+    mode : str
+        Key of `summaries`.
+    settings_type : type
+        One of the core's settings classes.
+    """
 
-    bl_idname = "shock_filter.sharpen_geometry"
-    bl_label = "Sharpen Geometry"
-    bl_options = {"REGISTER", "UNDO", "PRESET"}
+    mode: str
+    settings_type: type
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a mesh object and no other run."""
-        if current() is not None:
-            cls.poll_message_set("A run is under way; wait for it, or press Esc to cancel it.")
-            return False
-        if not mesh_objects(context):
-            cls.poll_message_set("Select a mesh object.")
-            return False
-        return True
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Return the targets, which have `name` and `surface`, and reasons for what is no target.
+
+        What is handed to the filter is ``target.surface``, which has `size`.
+        """
+        raise NotImplementedError
+
+    def filter(self, settings: Any) -> Filter:
+        """Return ``filter(surface, progress)``, which runs on any thread and knows no bpy."""
+        raise NotImplementedError
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+        """Write the results of `self.targets`; see `write_results`."""
+        raise NotImplementedError
+
+    def summary(self, written: list[tuple], seconds: float) -> str:
+        """Say in one line what was done and how long it took."""
+        raise NotImplementedError
+
+    def notes(self, written: list[tuple]) -> str:
+        """Say what was left as it is although it shapes what is seen."""
+        return ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end: for scripts, background and redo."""
@@ -73,16 +92,16 @@ class SHOCK_FILTER_OT_sharpen_geometry(ModalJob, GeometryProperties, bpy.types.O
     def _prepare(self, context: bpy.types.Context) -> Work | None:
         self._began = time.perf_counter()
         try:
-            settings = settings_from(GeometrySettings, self)
+            settings = settings_from(self.settings_type, self)
         except InvalidSettings as error:
             self.report({"ERROR"}, str(error))
             return None
-        self._targets, self._skipped = read_targets(context, self)
-        if not self._targets:
-            self.report({"ERROR"}, " ".join(self._skipped) or "Select a mesh object.")
+        self.targets, self._skipped = self.read(context)
+        if not self.targets:
+            self.report({"ERROR"}, " ".join(self._skipped))
             return None
-        targets, weld, folder = self._targets, self.weld, kernels.cache_folder()
-        return lambda progress: sharpen_targets(targets, settings, weld, folder, progress)
+        targets, function, folder = self.targets, self.filter(settings), kernels.cache_folder()
+        return lambda progress: filter_targets(targets, function, folder, progress)
 
     def finish(self, context: bpy.types.Context, compute: Callable[[], Any]) -> set[str]:
         """Write the results and say what was done."""
@@ -94,85 +113,120 @@ class SHOCK_FILTER_OT_sharpen_geometry(ModalJob, GeometryProperties, bpy.types.O
         except ShockError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        with object_mode(context):
-            written, skipped = write_results(self._targets, results)
+        written, skipped = self.write(context, results)
         skipped = self._skipped + skipped
         if not written:
             self.report({"ERROR"}, " ".join(skipped))
             return {"CANCELLED"}
         for reason in skipped:
             self.report({"WARNING"}, reason)
-        _remember(summary(written, time.perf_counter() - self._began))
-        self.report({"INFO"}, f"{last_summary} {notes([obj for obj, _ in written])}".strip())
+        text = self.summary(written, time.perf_counter() - self._began)
+        summaries[self.mode] = text
+        self.report({"INFO"}, f"{text} {self.notes(written)}".strip())
         return {"FINISHED"}
 
 
-def sharpen_targets(
-    targets: list[Target],
-    settings: GeometrySettings,
-    weld: bool,
-    folder: str | None,
-    progress: Progress,
+class MeshOperator(SharpenOperator):
+    """Mixin for operators on mesh objects."""
+
+    @staticmethod
+    def read_object(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str, Any]:
+        """Read one object; see `read_targets`."""
+        raise NotImplementedError
+
+    @staticmethod
+    def write_object(target: Any, result: Any) -> bpy.types.Object:
+        """Write one result, in Object Mode; returns the object, or raises `Skipped`."""
+        raise NotImplementedError
+
+    @staticmethod
+    def filter_surface(surface: Any, settings: Any, weld: bool, progress: Progress) -> Any:
+        """Filter one object's surface, on any thread."""
+        raise NotImplementedError
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a mesh object and no other run."""
+        if not is_free(cls):
+            return False
+        if not mesh_objects(context):
+            cls.poll_message_set("Select a mesh object.")
+            return False
+        return True
+
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Read all selected objects, or those in the current mode."""
+        return read_targets(context, self.read_object, self)
+
+    def filter(self, settings: Any) -> Filter:
+        """Filter one object's surface."""
+        function, weld = self.filter_surface, self.weld
+        return lambda surface, progress: function(surface, settings, weld, progress)
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+        """Write them, and return to the current mode."""
+        with object_mode(context):
+            return write_results(self.targets, results, self.write_object)
+
+
+def is_free(operator: type) -> bool:
+    """Whether no other run is under way; else the operator's button says so."""
+    if current() is None:
+        return True
+    operator.poll_message_set("A run is under way; wait for it, or press Esc to cancel it.")
+    return False
+
+
+def filter_targets(
+    targets: Sequence[Any], function: Filter, folder: str | None, progress: Progress
 ) -> list[Any]:
-    """Sharpen all targets, on any thread; one that fails gives its error as its result."""
+    """Filter all targets, on any thread; one that fails gives its error as its result."""
     progress(0.0, "Preparing (compiles on first use)")
     kernels.load(folder)
-    from .sharpening import sharpen
-
-    total = sum(len(target.surface.positions) for target in targets)
+    total = sum(target.surface.size for target in targets)
     done = 0
     results: list[Any] = []
     for target in targets:
-        size = len(target.surface.positions)
+        size = target.surface.size
 
         def part(fraction: float, message: str, done: int = done, size: int = size) -> bool:
             return progress((done + fraction * size) / total, message)
 
         try:
-            results.append(sharpen(target.surface, settings, weld, part))
+            results.append(function(target.surface, part))
         except (InvalidMesh, InvalidSignal, SolverError) as error:
             results.append(error)
         done += size
     return results
 
 
-def write_results(targets: list[Target], results: list[Any]) -> tuple[list[tuple], list[str]]:
-    """Write what was computed; returns (object, result) pairs and reasons for the others."""
+def write_results(
+    targets: Sequence[Any], results: list[Any], write: Callable[[Any, Any], Any]
+) -> tuple[list[tuple], list[str]]:
+    """Write what was computed.
+
+    Returns
+    -------
+    written : list of tuple
+        What `write` returned, with the result.
+    skipped : list of str
+        A sentence for each target that was left alone.
+    """
     written, skipped = [], []
     for target, result in zip(targets, results, strict=True):
         if isinstance(result, ShockError):
             skipped.append(f"Skipped {target.name}: {result}")
             continue
         try:
-            written.append((write_target(target, result.positions), result))
+            written.append((write(target, result), result))
         except Skipped as reason:
             skipped.append(f"Skipped {target.name}: {reason}.")
     return written, skipped
 
 
-def summary(written: list[tuple], seconds: float) -> str:
-    """Say in one line what was done and how long it took."""
-    meshes = "1 mesh" if len(written) == 1 else f"{len(written)} meshes"
-    vertices = sum(len(result.positions) for _, result in written)
-    moved = sum(result.moved for _, result in written)
-    largest = max(result.largest_move for _, result in written)
-    text = (
-        f"Sharpened {meshes}: {vertices:,} vertices, moved {moved:,}, largest move"
-        f" {largest:.2g} edge lengths, {seconds:.1f} s."
-    )
-    if largest < _HARDLY_SEEN:
-        text += " For wide or gentle creases raise Time or lower Feature Threshold."
-    return text
-
-
-def notes(objects: list[bpy.types.Object]) -> str:
-    """Say what was left as it is although it shapes what is seen."""
-    found = []
-    if any(obj.modifiers for obj in objects):
-        found.append("Modifiers were left in place and act on the new shape.")
-    if any(obj.data.has_custom_normals for obj in objects):
-        found.append("Custom normals were kept; clear them if the shading looks wrong.")
-    return " ".join(found)
+def counted(number: int, one: str, many: str) -> str:
+    """Write a number with its noun."""
+    return f"1 {one}" if number == 1 else f"{number:,} {many}"
 
 
 def _shown_by(manager: bpy.types.WindowManager) -> Progress:
@@ -181,11 +235,3 @@ def _shown_by(manager: bpy.types.WindowManager) -> Progress:
         return listener is None or listener(fraction, message)
 
     return show
-
-
-def _remember(text: str) -> None:
-    global last_summary
-    last_summary = text
-
-
-CLASSES = (SHOCK_FILTER_OT_sharpen_geometry,)

@@ -1,76 +1,115 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar tab "Shock Filter" in the 3D view."""
+"""The sidebar tab "Shock Filter" in the 3D view and the Image Editor."""
 
 from __future__ import annotations
 
 import bpy
 
-from ..core.settings import GeometrySettings, describe
-from . import jobs, kernels, operators
-from .presets import SHOCK_FILTER_PT_geometry_presets
-from .properties import GEOMETRY_NAMES, STEADY_STATE
+from ..core.settings import GeometrySettings, ImageSettings, ShockSettings, describe
+from . import image_data, jobs, kernels, operators
+from .image_operator import edited_image
+from .presets import PANELS as PRESETS
+from .properties import NAMES, STEADY_STATE
 from .wrapping import draw_text
 
-_ABOUT = describe(GeometrySettings)
+_ABOUT = {
+    "geometry": describe(GeometrySettings),
+    "colors": describe(ShockSettings),
+    "image": describe(ImageSettings),
+}
 
 
 class _Panel:
+    """A panel of one mode, or of the one that is chosen in the 3D view."""
+
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Shock Filter"
 
+    @classmethod
+    def mode(cls, context: bpy.types.Context) -> str:
+        return context.scene.shock_filter.mode.lower()
 
-class SHOCK_FILTER_PT_main(_Panel, bpy.types.Panel):
-    """Mode, main settings, the button, and what was last done."""
+    @classmethod
+    def settings(cls, context: bpy.types.Context) -> bpy.types.PropertyGroup:
+        return getattr(context.scene.shock_filter, cls.mode(context))
 
+
+class _ImagePanel(_Panel):
+    bl_space_type = "IMAGE_EDITOR"
+
+    @classmethod
+    def mode(cls, context: bpy.types.Context) -> str:
+        return "image"
+
+
+class _MainPanel(_Panel):
     bl_label = "Shock Filter"
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Offer presets of the mode."""
-        SHOCK_FILTER_PT_geometry_presets.draw_panel_header(self.layout)
+        PRESETS[self.mode(context)].draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the panel."""
+        """Draw the main settings, the button, and what was last done."""
         layout = self.layout
-        scene_settings = context.scene.shock_filter
-        layout.row().prop(scene_settings, "mode", expand=True)
-        _draw_main_settings(layout, scene_settings.geometry)
+        mode = self.mode(context)
+        self.draw_choice(context)
+        _draw_main_settings(layout, self.settings(context), mode)
         problem = kernels.problem()
         if problem:
             draw_text(layout, context, problem, icon="ERROR")
         column = layout.column()
         column.scale_y = 1.5
-        draw_sharpen_geometry(column, context)
-        _draw_state(layout, context)
+        draw_sharpen(column, context, mode)
+        _draw_state(layout, context, mode)
 
 
-class _GeometryPanel(_Panel):
+class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
+    """Mode, main settings, the button, and what was last done."""
+
+    def draw_choice(self, context: bpy.types.Context) -> None:
+        """Draw the modes, and for colors the attribute."""
+        scene_settings = context.scene.shock_filter
+        self.layout.row().prop(scene_settings, "mode", expand=True)
+        if scene_settings.mode == "COLORS":
+            column = _split(self.layout)
+            _draw_search(column, context, scene_settings.colors, "attribute", "color_attributes")
+
+
+class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
+    """Main settings, the button, and what was last done."""
+
+    def draw_choice(self, context: bpy.types.Context) -> None:
+        """Say why the image cannot be sharpened, if so."""
+        image = edited_image(context)
+        reason = "" if image is None else image_data.refusal(image)
+        if reason:
+            draw_text(self.layout, context, f"{image.name}: {reason}.", icon="ERROR")
+
+
+class _SubPanel:
     bl_parent_id = "SHOCK_FILTER_PT_main"
     bl_options = {"DEFAULT_CLOSED"}
+    modes = {"geometry", "colors", "image"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.scene.shock_filter.mode == "GEOMETRY"
+        return cls.mode(context) in cls.modes
 
     def draw(self, context: bpy.types.Context) -> None:
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
-        self.draw_settings(context, context.scene.shock_filter.geometry)
+        self.draw_settings(context, self.settings(context))
 
 
-class SHOCK_FILTER_PT_geometry_mask(_GeometryPanel, bpy.types.Panel):
-    """Which vertices may move."""
+class SHOCK_FILTER_PT_mask(_SubPanel, _Panel, bpy.types.Panel):
+    """What may change."""
 
     bl_label = "Mask"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the group, and what the current mode adds."""
-        obj = context.object
-        column = self.layout.column()
-        if obj is not None and obj.type == "MESH":
-            column.prop_search(settings, "vertex_group", obj, "vertex_groups")
-        else:
-            column.prop(settings, "vertex_group")
+        column = _split(self.layout)
+        _draw_search(column, context, settings, "vertex_group", "vertex_groups")
         row = column.row()
         row.active = bool(settings.vertex_group)
         row.prop(settings, "invert_mask")
@@ -78,45 +117,89 @@ class SHOCK_FILTER_PT_geometry_mask(_GeometryPanel, bpy.types.Panel):
             column.prop(settings, "selected_only")
         if context.mode == "SCULPT":
             draw_text(column, context, "The sculpt mask protects, too.", icon="INFO")
+        if context.mode == "PAINT_VERTEX":
+            draw_text(column, context, "The paint mask protects, too.", icon="INFO")
 
 
-class SHOCK_FILTER_PT_geometry_output(_GeometryPanel, bpy.types.Panel):
-    """Where the result goes."""
-
+class _OutputPanel(_SubPanel):
     bl_label = "Output"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the choice."""
-        self.layout.column().prop(settings, "output", expand=True)
+        _split(self.layout).prop(settings, "output", expand=True)
 
 
-class SHOCK_FILTER_PT_geometry_advanced(_GeometryPanel, bpy.types.Panel):
-    """Settings that few need."""
+class SHOCK_FILTER_PT_output(_OutputPanel, _Panel, bpy.types.Panel):
+    """Where the new shape goes."""
 
+    modes = {"geometry"}
+
+
+class SHOCK_FILTER_PT_image_output(_OutputPanel, _ImagePanel, bpy.types.Panel):
+    """Where the new image goes."""
+
+    bl_parent_id = "SHOCK_FILTER_PT_image_main"
+
+
+class _AdvancedPanel(_SubPanel):
     bl_label = "Advanced"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        """Draw them in the order of their description."""
-        column = self.layout.column()
-        for name, (_, _, about) in _ABOUT.items():
+        """Draw the settings in the order of their description."""
+        column = _split(self.layout)
+        for name, (_, _, about) in _ABOUT[self.mode(context)].items():
             if about.advanced:
                 column.prop(settings, name)
-        column.prop(settings, "weld")
+        if "weld" in NAMES[self.mode(context)]:
+            column.prop(settings, "weld")
 
 
-def draw_sharpen_geometry(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the button, which copies the scene's settings into the operator."""
-    settings = context.scene.shock_filter.geometry
-    operator = layout.operator("shock_filter.sharpen_geometry", icon="SHARPCURVE")
-    for name in GEOMETRY_NAMES:
+class SHOCK_FILTER_PT_advanced(_AdvancedPanel, _Panel, bpy.types.Panel):
+    """Settings that few need."""
+
+
+class SHOCK_FILTER_PT_image_advanced(_AdvancedPanel, _ImagePanel, bpy.types.Panel):
+    """Settings that few need."""
+
+    bl_parent_id = "SHOCK_FILTER_PT_image_main"
+
+
+def draw_sharpen(layout: bpy.types.UILayout, context: bpy.types.Context, mode: str) -> None:
+    """Draw a mode's button, which copies the scene's settings into the operator."""
+    settings = getattr(context.scene.shock_filter, mode)
+    operator = layout.operator(f"shock_filter.sharpen_{mode}", icon="SHARPCURVE")
+    for name in NAMES[mode]:
         setattr(operator, name, getattr(settings, name))
 
 
-def _draw_main_settings(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+def _split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False
-    for name, (_, _, about) in _ABOUT.items():
+    return column
+
+
+def _draw_search(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    settings: bpy.types.PropertyGroup,
+    name: str,
+    collection: str,
+) -> None:
+    """Draw a name that is looked up in the active object or its mesh."""
+    obj = context.object
+    if obj is None or obj.type != "MESH":
+        layout.prop(settings, name)
+    else:
+        owner = obj if hasattr(obj, collection) else obj.data
+        layout.prop_search(settings, name, owner, collection)
+
+
+def _draw_main_settings(
+    layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, mode: str
+) -> None:
+    column = _split(layout)
+    for name, (_, _, about) in _ABOUT[mode].items():
         if about.advanced:
             continue
         row = column.row()
@@ -126,17 +209,20 @@ def _draw_main_settings(layout: bpy.types.UILayout, settings: bpy.types.Property
             column.prop(settings, STEADY_STATE)
 
 
-def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context, mode: str) -> None:
     job = jobs.current()
     if job is not None:
         layout.progress(factor=job.fraction, text=job.message)
-    elif operators.last_summary:
-        draw_text(layout, context, operators.last_summary)
+    elif mode in operators.summaries:
+        draw_text(layout, context, operators.summaries[mode])
 
 
 CLASSES = (
     SHOCK_FILTER_PT_main,
-    SHOCK_FILTER_PT_geometry_mask,
-    SHOCK_FILTER_PT_geometry_output,
-    SHOCK_FILTER_PT_geometry_advanced,
+    SHOCK_FILTER_PT_mask,
+    SHOCK_FILTER_PT_output,
+    SHOCK_FILTER_PT_advanced,
+    SHOCK_FILTER_PT_image_main,
+    SHOCK_FILTER_PT_image_output,
+    SHOCK_FILTER_PT_image_advanced,
 )

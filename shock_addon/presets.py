@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets in the panel's header: named sets of the scene's settings."""
+"""Presets in the panels' headers: named sets of a mode's settings."""
 
 from __future__ import annotations
 
@@ -7,30 +7,43 @@ import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
-from .properties import GEOMETRY_NAMES
+from .properties import NAMES
 
-_FOLDER = "shock_filter/geometry"
-_OF_ONE_OBJECT = {"vertex_group"}
-
-
-class SHOCK_FILTER_PT_geometry_presets(PresetPanel, bpy.types.Panel):
-    """The list that the header's button opens."""
-
-    bl_label = "Geometry Presets"
-    preset_subdir = _FOLDER
-    preset_operator = "script.execute_preset"
-    preset_add_operator = "shock_filter.geometry_preset_add"
+_OF_ONE_OBJECT = {"vertex_group", "attribute"}
 
 
-class SHOCK_FILTER_OT_geometry_preset_add(AddPresetBase, bpy.types.Operator):
-    """Add or remove a preset of the settings for geometry"""
+def _panel(mode: str) -> type:
+    return type(
+        f"SHOCK_FILTER_PT_{mode}_presets",
+        (PresetPanel, bpy.types.Panel),
+        {
+            "__doc__": "The list that the header's button opens.",
+            "__module__": __name__,
+            "bl_label": f"{mode.title()} Presets",
+            "preset_subdir": f"shock_filter/{mode}",
+            "preset_operator": "script.execute_preset",
+            "preset_add_operator": f"shock_filter.{mode}_preset_add",
+        },
+    )
 
-    bl_idname = "shock_filter.geometry_preset_add"
-    bl_label = "Add Geometry Preset"
-    preset_menu = "SHOCK_FILTER_PT_geometry_presets"
-    preset_subdir = _FOLDER
-    preset_defines = ["settings = bpy.context.scene.shock_filter.geometry"]
-    preset_values = [f"settings.{name}" for name in GEOMETRY_NAMES if name not in _OF_ONE_OBJECT]
+
+def _add_operator(mode: str) -> type:
+    names = [name for name in NAMES[mode] if name not in _OF_ONE_OBJECT]
+    return type(
+        f"SHOCK_FILTER_OT_{mode}_preset_add",
+        (AddPresetBase, bpy.types.Operator),
+        {
+            "__doc__": f"Add or remove a preset of the settings for {mode}",
+            "__module__": __name__,
+            "bl_idname": f"shock_filter.{mode}_preset_add",
+            "bl_label": f"Add {mode.title()} Preset",
+            "preset_menu": f"SHOCK_FILTER_PT_{mode}_presets",
+            "preset_subdir": f"shock_filter/{mode}",
+            "preset_defines": [f"settings = bpy.context.scene.shock_filter.{mode}"],
+            "preset_values": [f"settings.{name}" for name in names],
+        },
+    )
 
 
-CLASSES = (SHOCK_FILTER_PT_geometry_presets, SHOCK_FILTER_OT_geometry_preset_add)
+PANELS = {mode: _panel(mode) for mode in NAMES}
+CLASSES = (*PANELS.values(), *(_add_operator(mode) for mode in NAMES))

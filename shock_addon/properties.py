@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.settings import GeometrySettings, Setting, describe
+from ..core.settings import GeometrySettings, ImageSettings, Setting, ShockSettings, describe
 
 STEADY_STATE = "steady_state"
 
@@ -83,48 +83,89 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
     )
 
 
+_WHERE = {
+    "vertex_group": bpy.props.StringProperty(
+        name="Vertex Group",
+        description="Vertices with weight 1 are sharpened fully, with weight 0 not at all."
+        " Empty sharpens all vertices",
+    ),
+    "invert_mask": bpy.props.BoolProperty(
+        name="Invert",
+        description="Sharpen where the vertex group's weight is 0 and protect where it is 1",
+        default=False,
+    ),
+    "selected_only": bpy.props.BoolProperty(
+        name="Selected Only",
+        description="In Edit Mode, sharpen only what is selected",
+        default=True,
+    ),
+}
+
+
+def _output(*items: tuple[str, str, str]) -> Any:
+    return bpy.props.EnumProperty(name="Output", items=items, default=items[0][0])
+
+
+def _weld(description: str) -> Any:
+    return bpy.props.BoolProperty(name="Weld", description=description, default=True)
+
+
 class GeometryProperties:
     """All parameters of the operator Sharpen Geometry; the panel keeps the same ones."""
 
     __annotations__ = {
         **annotations_of(GeometrySettings),
-        "vertex_group": bpy.props.StringProperty(
-            name="Vertex Group",
-            description="Vertices with weight 1 are sharpened fully, with weight 0 not at all."
-            " Empty sharpens all vertices",
+        **_WHERE,
+        "output": _output(
+            (
+                "MESH",
+                "Mesh",
+                "Move the vertices; on a mesh with shape keys, those of the active key",
+            ),
+            (
+                "SHAPE_KEY",
+                "New Shape Key",
+                "Keep the mesh and put the sharpened shape into a new shape key, whose value"
+                " sets the strength",
+            ),
         ),
-        "invert_mask": bpy.props.BoolProperty(
-            name="Invert",
-            description="Sharpen where the vertex group's weight is 0 and protect where it is 1",
-            default=False,
+        "weld": _weld(
+            "Vertices at exactly the same place move together, so that meshes that are split"
+            " along UV seams do not crack open. Nothing is merged"
         ),
-        "selected_only": bpy.props.BoolProperty(
-            name="Selected Only",
-            description="In Edit Mode, move selected vertices only",
-            default=True,
+    }
+
+
+class ColorProperties:
+    """All parameters of the operator Sharpen Colors; the panel keeps the same ones."""
+
+    __annotations__ = {
+        **annotations_of(ShockSettings),
+        "attribute": bpy.props.StringProperty(
+            name="Attribute",
+            description="Color attribute to sharpen. Empty takes each object's active one",
         ),
-        "output": bpy.props.EnumProperty(
-            name="Output",
-            items=[
-                (
-                    "MESH",
-                    "Mesh",
-                    "Move the vertices; on a mesh with shape keys, those of the active key",
-                ),
-                (
-                    "SHAPE_KEY",
-                    "New Shape Key",
-                    "Keep the mesh and put the sharpened shape into a new shape key, whose value"
-                    " sets the strength",
-                ),
-            ],
-            default="MESH",
+        **_WHERE,
+        "weld": _weld(
+            "Vertices at exactly the same place count as one where their colors agree, so that"
+            " colors flow across UV seams of split meshes. Nothing is merged"
         ),
-        "weld": bpy.props.BoolProperty(
-            name="Weld",
-            description="Vertices at exactly the same place move together, so that meshes that"
-            " are split along UV seams do not crack open. Nothing is merged",
-            default=True,
+    }
+
+
+class ImageProperties:
+    """The parameters of the operator Sharpen Image that the panel keeps, too."""
+
+    __annotations__ = {
+        **annotations_of(ImageSettings),
+        "output": _output(
+            ("NEW", "New Image", "Keep the image and put the sharpened one beside it"),
+            (
+                "REPLACE",
+                "Replace",
+                "Overwrite the image's pixels. Blender cannot undo this; the file on disk stays"
+                " until you save the image",
+            ),
         ),
     }
 
@@ -133,21 +174,46 @@ class SHOCK_FILTER_PG_geometry(GeometryProperties, bpy.types.PropertyGroup):
     """The panel's parameters for geometry."""
 
 
+class SHOCK_FILTER_PG_colors(ColorProperties, bpy.types.PropertyGroup):
+    """The panel's parameters for colors."""
+
+
+class SHOCK_FILTER_PG_image(ImageProperties, bpy.types.PropertyGroup):
+    """The Image Editor's parameters."""
+
+
 class SHOCK_FILTER_PG_scene(bpy.types.PropertyGroup):
-    """What the panel keeps in each scene."""
+    """What the panels keep in each scene."""
 
     __annotations__ = {
         "mode": bpy.props.EnumProperty(
             name="Mode",
             description="What to sharpen",
-            items=[("GEOMETRY", "Geometry", "Move vertices so that rounded creases become sharp")],
+            items=[
+                ("GEOMETRY", "Geometry", "Move vertices so that rounded creases become sharp"),
+                ("COLORS", "Colors", "Move the colors on the surface so that blurred edges in"
+                 " them become sharp"),
+            ],
         ),
         "geometry": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_geometry),
-    }
+        "colors": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_colors),
+        "image": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_image),
+    }  # fmt: skip
 
 
-GEOMETRY_NAMES = tuple(GeometryProperties.__annotations__)
-CLASSES = (SHOCK_FILTER_PG_geometry, SHOCK_FILTER_PG_scene)
+NAMES = {
+    "geometry": tuple(GeometryProperties.__annotations__),
+    "colors": tuple(ColorProperties.__annotations__),
+    "image": tuple(ImageProperties.__annotations__),
+}
+"""The names of each mode's parameters; the scene keeps them under the mode's name."""
+
+CLASSES = (
+    SHOCK_FILTER_PG_geometry,
+    SHOCK_FILTER_PG_colors,
+    SHOCK_FILTER_PG_image,
+    SHOCK_FILTER_PG_scene,
+)
 
 
 def register() -> None:

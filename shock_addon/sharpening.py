@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpen a surface as Blender keeps it: seams, loose parts, object scale, mirror. Needs no bpy."""
+"""Sharpen the geometry of a surface as Blender keeps it. Needs no bpy."""
 
 from __future__ import annotations
 
@@ -10,30 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
+from .surface import Surface, welded
 from .symmetry import mirror_pairs, symmetrise
 
 
 @dataclass(frozen=True)
-class Surface:
-    """A mesh object's geometry.
+class MirroredSurface(Surface):
+    """A mesh object's geometry, with the axes along which a symmetric surface stays symmetric."""
 
-    Attributes
-    ----------
-    positions : (n, 3) float32
-        Vertices in the object's space.
-    triangles : (m, 3) int32
-    mask : (n,) float64 or None
-        1 sharpens fully, 0 leaves the vertex in place.
-    to_world : (3, 3) float64
-        The object's scale, shear and rotation: lengths are measured after it.
-    mirror : tuple of three bool
-        Axes of the object along which a symmetric surface stays symmetric.
-    """
-
-    positions: npt.NDArray[np.float32]
-    triangles: npt.NDArray[np.int32]
-    mask: npt.NDArray[np.float64] | None
-    to_world: npt.NDArray[np.float64]
     mirror: tuple[bool, bool, bool]
 
 
@@ -47,7 +31,7 @@ class Sharpened:
 
 
 def sharpen(
-    surface: Surface,
+    surface: MirroredSurface,
     settings: core.GeometrySettings,
     weld: bool,
     progress: Callable[[float, str], bool] | None,
@@ -56,7 +40,7 @@ def sharpen(
 
     Parameters
     ----------
-    surface : Surface
+    surface : MirroredSurface
     settings : core.GeometrySettings
     weld : bool
         Vertices at exactly the same place move together, as the most protected of them.
@@ -73,38 +57,21 @@ def sharpen(
     core.ShockError
         See `core.TriangleMesh` and `core.sharpen_geometry`.
     """
-    used = np.zeros(len(surface.positions), dtype=bool)
-    used[surface.triangles] = True
-    old = surface.positions[used].astype(np.float64)
-    triangles = (np.cumsum(used, dtype=np.int32) - 1)[surface.triangles]
-    mask = None if surface.mask is None else surface.mask[used]
-    everything = np.arange(len(old))
-    representatives, index = core.weld(old) if weld else (everything, everything)
-    if mask is not None:
-        mask = _lowest(mask, representatives, index)
-
-    points = old[representatives]
-    mesh = core.TriangleMesh(points @ surface.to_world.T, index[triangles])
-    moves = core.sharpen_geometry(mesh, settings, mask, progress) - mesh.vertices
+    part = welded(surface, weld)
+    mesh = part.mesh
+    moves = core.sharpen_geometry(mesh, settings, part.mask, progress) - mesh.vertices
     moves = np.linalg.solve(surface.to_world, moves.T).T
+    old = surface.positions[part.used]
+    points = old[part.representatives].astype(np.float64)
     for axis in np.flatnonzero(surface.mirror):
-        moves = symmetrise(moves, mirror_pairs(points, mesh.faces, mask, axis), axis)
+        moves = symmetrise(moves, mirror_pairs(points, mesh.faces, part.mask, axis), axis)
 
     new = surface.positions.copy()
     stays = moves == 0.0
-    new[used] = np.where(stays[index], surface.positions[used], old + moves[index])
+    new[part.used] = np.where(stays[part.index], old, old + moves[part.index])
     lengths = np.linalg.norm(moves @ surface.to_world.T, axis=1)
     return Sharpened(
         positions=new,
         moved=int(np.count_nonzero((new != surface.positions).any(axis=1))),
         largest_move=float(lengths.max() / mesh.mean_edge_length),
     )
-
-
-def _lowest(
-    mask: npt.NDArray[np.float64], representatives: npt.NDArray, index: npt.NDArray
-) -> npt.NDArray[np.float64]:
-    lowest = mask[representatives]
-    copies = np.flatnonzero(representatives[index] != np.arange(len(mask)))
-    np.minimum.at(lowest, index[copies], mask[copies])
-    return lowest

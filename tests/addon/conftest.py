@@ -7,6 +7,7 @@ import tempfile
 os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="shock_filter_tests_")
 
 import bpy
+import numpy as np
 import pytest
 import shock_filter
 
@@ -52,3 +53,23 @@ def select():
         bpy.context.view_layer.objects.active = objects[0]
 
     return only
+
+
+@pytest.fixture
+def painted_sheet():
+    """Return a function that adds a flat sheet whose colors blend along x, and selects it."""
+
+    def add(kind="FLOAT_COLOR", domain="POINT", cells=32, opacity=0.5):
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=cells, y_subdivisions=cells)
+        obj = bpy.context.object
+        attribute = obj.data.color_attributes.new("Paint", kind, domain)
+        obj.data.color_attributes.active_color = attribute
+        x = np.array([vertex.co.x for vertex in obj.data.vertices])
+        if domain == "CORNER":
+            x = x[[loop.vertex_index for loop in obj.data.loops]]
+        step = 0.5 + 0.5 * np.tanh(4 * x)
+        colors = np.stack([step, 1 - step, 0.3 * step, np.full_like(x, opacity)], axis=1)
+        attribute.data.foreach_set("color_srgb", colors.astype(np.float32).reshape(-1))
+        return obj
+
+    return add

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files import sharpen_file
+from shock_filter.core.files import sharpen_colors_file, sharpen_file
 
 BATCH = Path(__file__).resolve().parents[2] / "shock_addon" / "batch.py"
 
@@ -231,6 +232,172 @@ def test_blend_becomes_other_formats_and_back(scene, old, folder, ending):
     assert run.code == 0, run.err
     assert any(mesh["materials"] == ["Paint"] for mesh in run.state["meshes"].values())
     assert any("Seen" in name for name in run.state["objects"])
+
+
+PAINT = """
+import numpy as np
+def paint(obj, name, kind, domain):
+    layer = obj.data.color_attributes.new(name, kind, domain)
+    points = np.array([v.co for v in obj.data.vertices])
+    share = 1 / (1 + np.exp(-points[:, 2:] / 0.2))
+    colors = np.column_stack([share * [0.9, 0.2, 0.1] + (1 - share) * [0.1, 0.3, 0.8], 1 - share])
+    if domain == "CORNER":
+        colors = colors[[loop.vertex_index for loop in obj.data.loops]]
+    layer.data.foreach_set("color", colors.astype(np.float32).reshape(-1))
+    return layer
+
+for obj in seen, hidden:
+    paint(obj, "Coat", "BYTE_COLOR", "CORNER")
+    paint(obj, "Under", "FLOAT_COLOR", "POINT")
+    obj.data.color_attributes.active_color = obj.data.color_attributes["Coat"]
+"""
+
+LOOK_AT_COLORS = """
+import numpy as np
+bpy.ops.wm.open_mainfile(filepath={path!r})
+def stored(obj):
+    return {{a.name: [list(e.color) for e in a.data] for a in obj.data.color_attributes}}
+print(json.dumps({{o.name: stored(o) for o in bpy.data.objects if o.type == "MESH"}}))
+"""
+
+
+def colors_in(path, *words, before=""):
+    look = LOOK_AT_COLORS.format(path=str(Path(path).absolute()))
+    run = blender(*words, before=before, after=look)
+    assert run.code == 0, run.err
+    stored = json.loads(run.out.splitlines()[-1])
+    return {
+        name: {layer: np.array(v) for layer, v in layers.items()} for name, layers in stored.items()
+    }, run
+
+
+def save(name):
+    path = str(Path(name).absolute())
+    return f"bpy.ops.wm.save_as_mainfile(filepath={path!r})"
+
+
+def changes(old, new):
+    return {
+        (name, layer)
+        for name, layers in old.items()
+        for layer, values in layers.items()
+        if (values != new[name][layer]).any()
+    }
+
+
+def test_colors_of_blend_files(folder):
+    old, _ = colors_in("in.blend", "--version", before=SCENE + PAINT + save("in.blend"))
+    new, run = colors_in("a.blend", "sharpen-colors", "in.blend", "a.blend", "--time", "inf")
+    assert changes(old, new) == {("Seen", "Coat")}
+    coat = old["Seen"]["Coat"], new["Seen"]["Coat"]
+    np.testing.assert_array_equal(coat[0][:, 3], coat[1][:, 3])
+    changed = (coat[0] != coat[1]).any(axis=1)
+    assert f"in.blend -> a.blend: changed {changed.sum()} of {len(changed)} colors in " in run.out
+    assert "hidden, so left as they are: Hidden" in run.out
+
+    words = ["--attribute", "Under", "--mask", "Left"]
+    new, _ = colors_in("b.blend", "sharpen-colors", "in.blend", "b.blend", *words)
+    assert changes(old, new) == {("Seen", "Under")}
+    still, run = colors_in("c.blend", "sharpen-colors", "in.blend", "c.blend", "--time", "0")
+    assert changes(old, still) == set()
+    assert "changed 0 of" in run.out
+
+
+def test_missing_colors_fail(scene, old, folder):
+    run = blender("sharpen-colors", scene, "out.blend")
+    assert run.code == 1
+    assert "Seen: it has no color attribute; add one" in run.err
+    assert not Path("out.blend").exists()
+
+
+def painted_ball(name):
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    share = 1 / (1 + np.exp(-ball.vertices[:, 2:] / 0.08))
+    colors = share * [0.9, 0.2, 0.1] + (1 - share) * [0.1, 0.3, 0.8]
+    rgba = np.column_stack([255 * colors, np.full(len(colors), 255)]).astype(np.uint8)
+    ball.visual.vertex_colors = rgba
+    ball.export(name)
+
+
+def colored_points(name):
+    """Positions, and colors from 0 to 255."""
+    if name.endswith(".obj"):
+        lines = [line.split() for line in Path(name).read_text().splitlines()]
+        rows = np.array([words[1:] for words in lines if words[:1] == ["v"]], dtype=float)
+        return rows[:, :3], 255 * rows[:, 3:]
+    mesh = trimesh.load_mesh(name, process=False)
+    return mesh.vertices, mesh.visual.vertex_colors[:, :3].astype(float)
+
+
+@pytest.mark.parametrize("ending", ["ply", "obj"])
+def test_colored_files_get_nearly_the_same_as_outside_blender(folder, ending):
+    names = [f"{name}.{ending}" for name in ("in", "out", "wanted")]
+    painted_ball(names[0])
+    run = blender("sharpen-colors", *names[:2], "--time", "64")
+    assert run.code == 0, run.err
+    sharpen_colors_file(names[0], names[2], core.ShockSettings(time=64))
+    (points, old), (new_points, new), (_, wanted) = map(colored_points, names)
+    assert len(new_points) == len(points)
+    new = new[cKDTree(new_points).query(points)[1]]
+    assert abs(wanted - old).max() > 10
+    # Blender sharpens float colors in linear space, and rounds down when it writes PLY files.
+    assert abs(new - wanted).max() < abs(old - wanted).max()
+    assert np.corrcoef((new - old).ravel(), (wanted - old).ravel())[0, 1] > 0.8
+
+
+def soft_edge(dtype="uint8"):
+    rows, columns = np.mgrid[:24, :30]
+    slope = np.tanh((columns - 15 + 3 * np.sin(rows / 5)) / 4) * 0.4 + 0.5
+    values = np.dstack([slope, slope * 0.8, slope * 0.6])
+    return np.rint(values * np.iinfo(dtype).max).astype(dtype)
+
+
+@pytest.mark.parametrize("ending", ["png", "bmp", "tif"])
+def test_images_get_the_same_as_outside_blender(folder, ending):
+    pixels = soft_edge()
+    Path("in").mkdir()
+    for name in ("a", "b"):
+        Image.fromarray(pixels).save(f"in/{name}.{ending}")
+    run = blender("sharpen-image", f"in/*.{ending}", "out", "--time", "64")
+    assert run.code == 0, run.err
+    wanted = core.sharpen_image(pixels, core.ImageSettings(time=64))
+    for name in ("a", "b"):
+        with Image.open(f"out/{name}.{ending}") as image:
+            np.testing.assert_array_equal(np.array(image), wanted)
+    changed = (wanted != pixels).any(axis=2).sum()
+    assert changed > 100
+    assert run.out.count(f": changed {changed} of 720 pixels in ") == 2
+    still = blender("sharpen-image", f"in/a.{ending}", f"same.{ending}", "--time", "0")
+    assert still.code == 0, still.err
+    assert Path(f"same.{ending}").read_bytes() == Path(f"in/a.{ending}").read_bytes()
+
+
+def test_gray_images_of_16_bits_stay_so(folder):
+    pixels = soft_edge("uint16")[..., 0]
+    Image.fromarray(pixels).save("in.png")
+    run = blender("sharpen-image", "in.png", "out.png", "--time", "64")
+    assert run.code == 0, run.err
+    with Image.open("out.png") as image:
+        result = np.array(image)
+        assert image.mode == "I;16"
+    assert (result != pixels).any()
+    assert len(np.unique(result)) > 256
+
+
+def test_images_that_are_refused(folder):
+    Image.fromarray(soft_edge()).save("in.png")
+    Path("bad.png").write_text("no image")
+    for words, sentence in {
+        ("in.png", "out.jpg"): "in.png is a PNG file, and Blender keeps its depth only in this",
+        ("bad.png", "out.png"): "bad.png cannot be read; is it an image, and not damaged?",
+        ("gone.png", "out.png"): "no file gone.png",
+        ("in.png", "out.mp3"): "out.mp3: this ending cannot be handled here; use one of .bmp, ",
+        ("in.png", "in.png"): "in.png exists already; add --overwrite",
+    }.items():
+        run = blender("sharpen-image", *words)
+        assert run.code == 1
+        assert sentence in run.err
+    assert sorted(path.name for path in folder.iterdir()) == ["bad.png", "in.png"]
 
 
 def test_several_inputs_with_a_bad_one(scene, old, folder):

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from shock_filter.core import Cancelled, GeometrySettings
 from shock_filter.shock_addon import jobs, operators
+from shock_filter.shock_addon.geometry_data import read_geometry, write_geometry
 from shock_filter.shock_addon.mesh_data import read_positions, read_targets, write_positions
+from shock_filter.shock_addon.sharpening import sharpen
 
 ESC = SimpleNamespace(type="ESC", value="PRESS")
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
@@ -171,18 +173,25 @@ def test_a_second_run_is_refused_meanwhile(rounded_box):
 @pytest.fixture
 def target(rounded_box):
     box = rounded_box()
-    (target,), _ = read_targets(bpy.context, PARAMETERS)
+    (target,), _ = read_targets(bpy.context, read_geometry, PARAMETERS)
     return box, target
 
 
-def sharpened(target, progress=lambda fraction, message: True):
-    return operators.sharpen_targets([target], GeometrySettings(), True, None, progress)
+def sharpened(*targets, progress=lambda fraction, message: True):
+    def function(surface, part):
+        return sharpen(surface, GeometrySettings(), True, part)
+
+    return operators.filter_targets(targets, function, None, progress)
+
+
+def written(target, results):
+    return operators.write_results([target], results, write_geometry)
 
 
 def test_cancelling_the_filter_leaves_the_mesh_alone(target):
     box, read = target
     before = read_positions(box.data)
-    job = jobs.Job(lambda progress: sharpened(read, progress))
+    job = jobs.Job(lambda progress: sharpened(read, progress=progress))
     job.cancel()
     with pytest.raises(Cancelled):
         job.result()
@@ -192,9 +201,7 @@ def test_cancelling_the_filter_leaves_the_mesh_alone(target):
 def test_progress_stays_in_range_and_ends_at_one(target):
     _, read = target
     seen = []
-    operators.sharpen_targets(
-        [read, read], GeometrySettings(), True, None, lambda *now: seen.append(now) or True
-    )
+    sharpened(read, read, progress=lambda *now: seen.append(now) or True)
     fractions = [fraction for fraction, _ in seen]
     assert min(fractions) >= 0.0
     assert max(fractions) <= 1.0
@@ -221,8 +228,8 @@ def test_an_object_that_was_removed_meanwhile_is_skipped(target):
     box, read = target
     results = sharpened(read)
     bpy.data.objects.remove(box)
-    written, skipped = operators.write_results([read], results)
-    assert written == []
+    done, skipped = written(read, results)
+    assert done == []
     assert skipped == ["Skipped Cube: it was removed meanwhile."]
 
 
@@ -231,8 +238,8 @@ def test_an_object_that_was_changed_meanwhile_is_skipped(target):
     results = sharpened(read)
     changed = read_positions(box.data) + np.float32(1)
     write_positions(box.data, changed)
-    written, skipped = operators.write_results([read], results)
-    assert written == []
+    done, skipped = written(read, results)
+    assert done == []
     assert skipped == ["Skipped Cube: it was changed meanwhile; run again."]
     np.testing.assert_array_equal(read_positions(box.data), changed)
 
@@ -241,7 +248,7 @@ def test_an_object_with_more_vertices_is_skipped(target):
     box, read = target
     results = sharpened(read)
     box.data.vertices.add(1)
-    assert operators.write_results([read], results)[0] == []
+    assert written(read, results)[0] == []
 
 
 def test_an_object_with_another_mesh_is_skipped(target):
@@ -250,5 +257,5 @@ def test_an_object_with_another_mesh_is_skipped(target):
     other = box.data.copy()
     before = read_positions(other)
     box.data = other
-    assert operators.write_results([read], results)[0] == []
+    assert written(read, results)[0] == []
     np.testing.assert_array_equal(read_positions(other), before)

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels and menu entries, drawn on a layout that checks each call against Blender's own."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.core import GeometrySettings
+from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon import jobs, kernels, menus, operators, panels
 
 ABOUT = describe(GeometrySettings)
+MODES = {"geometry": GeometrySettings, "colors": ShockSettings, "image": ImageSettings}
 FUNCTIONS = bpy.types.UILayout.bl_rna.functions
 ICONS = FUNCTIONS["label"].parameters["icon"].enum_items.keys()
 
@@ -32,6 +34,7 @@ class Layout:
             if function in {"prop", "prop_search"}:
                 assert arguments[1] in arguments[0].bl_rna.properties
             text = options.get("text", arguments[1] if len(arguments) > 1 else arguments[:1])
+            text = options.get("panel", text)
             self.drawn.append((function, text))
             if function == "operator":
                 operator = SimpleNamespace()
@@ -42,9 +45,10 @@ class Layout:
         return call
 
 
-def draw(panel):
+def draw(panel, image=None):
     layout = Layout()
     context = SimpleNamespace(
+        space_data=SimpleNamespace(type=panel.bl_space_type, image=image),
         scene=bpy.context.scene,
         object=bpy.context.object,
         mode=bpy.context.mode,
@@ -52,9 +56,11 @@ def draw(panel):
         region=SimpleNamespace(width=280),
     )
     registered = bpy.types.Panel.bl_rna_get_subclass_py(panel.__name__)
-    self = SimpleNamespace(layout=layout)
-    if hasattr(panel, "draw_settings"):
-        self.draw_settings = lambda *arguments: panel.draw_settings(self, *arguments)
+    self = SimpleNamespace(layout=layout, mode=panel.mode, settings=panel.settings)
+    for name in ("draw_settings", "draw_choice"):
+        if hasattr(panel, name):
+            setattr(self, name, partial(getattr(panel, name), self))
+    assert registered.poll(context) if "poll" in dir(panel) else True
     registered.draw(self, context)
     return layout.drawn
 
@@ -72,19 +78,23 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
 
 def test_the_closed_panels_show_the_rest(rounded_box):
     shown = []
-    for panel in panels.CLASSES[1:]:
+    for panel in (
+        panels.SHOCK_FILTER_PT_mask,
+        panels.SHOCK_FILTER_PT_output,
+        panels.SHOCK_FILTER_PT_advanced,
+    ):
         assert panel.bl_options == {"DEFAULT_CLOSED"}
         drawn = draw(panel)
         shown += words(drawn, "prop") + words(drawn, "prop_search")
     advanced = [name for name, (_, _, about) in ABOUT.items() if about.advanced]
     assert sorted(shown) == sorted(["vertex_group", "invert_mask", "output", "weld", *advanced])
     rounded_box()
-    assert "vertex_group" in words(draw(panels.SHOCK_FILTER_PT_geometry_mask), "prop_search")
+    assert "vertex_group" in words(draw(panels.SHOCK_FILTER_PT_mask), "prop_search")
     bpy.ops.object.mode_set(mode="EDIT")
-    assert "selected_only" in words(draw(panels.SHOCK_FILTER_PT_geometry_mask), "prop")
+    assert "selected_only" in words(draw(panels.SHOCK_FILTER_PT_mask), "prop")
     bpy.ops.object.mode_set(mode="SCULPT")
     assert any("sculpt mask" in str(text) for text in words(
-        draw(panels.SHOCK_FILTER_PT_geometry_mask), "label"))  # fmt: skip
+        draw(panels.SHOCK_FILTER_PT_mask), "label"))  # fmt: skip
 
 
 def test_the_button_carries_the_panels_settings():
@@ -98,15 +108,87 @@ def test_the_button_carries_the_panels_settings():
         assert carried.time == pytest.approx(ABOUT["time"][1])
 
 
-def entry():
+def entry(menu="VIEW3D_MT_edit_mesh"):
     layout = Layout()
-    menus.draw_entry(SimpleNamespace(layout=layout), bpy.context)
+    menus.ENTRIES[menu](SimpleNamespace(layout=layout), bpy.context)
     return layout.drawn
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_each_mode_draws_its_settings_and_its_button(mode, rounded_box):
+    rounded_box()
+    main, others = panels_of(mode)
+    drawn = draw(main)
+    operator = f"shock_filter.sharpen_{mode}"
+    assert words(drawn, "operator") == [(operator,)]
+    for panel in others:
+        drawn += draw(panel)
+    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - {"mode", "selected_only"}
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    assert shown == set(settings.bl_rna.properties.keys()) - {"rna_type", "name", "selected_only"}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_header_offers_presets_of_the_mode(mode):
+    main, _ = panels_of(mode)
+    layout = Layout()
+    context = SimpleNamespace(scene=bpy.context.scene)
+    self = SimpleNamespace(layout=layout, mode=main.mode)
+    main.draw_header_preset(self, context)
+    assert words(layout.drawn, "popover") == [f"SHOCK_FILTER_PT_{mode}_presets"]
+
+
+def panels_of(mode):
+    """Choose the mode; return its main panel, and those below it that are seen then."""
+    scene = bpy.context.scene
+    if mode != "image":
+        scene.shock_filter.mode = mode.upper()
+    name = "SHOCK_FILTER_PT_image_main" if mode == "image" else "SHOCK_FILTER_PT_main"
+    below = [panel for panel in panels.CLASSES if getattr(panel, "bl_parent_id", "") == name]
+    context = SimpleNamespace(scene=scene)
+    return getattr(panels, name), [panel for panel in below if panel.poll(context)]
+
+
+def test_the_output_is_not_asked_for_with_colors():
+    _, others = panels_of("colors")
+    assert panels.SHOCK_FILTER_PT_output not in others
+    assert panels.SHOCK_FILTER_PT_mask in others
+
+
+def test_vertex_paint_mode_mentions_its_mask(rounded_box):
+    rounded_box()
+    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+    drawn = draw(panels.SHOCK_FILTER_PT_mask)
+    assert any("paint mask" in str(text) for text in words(drawn, "label"))
+
+
+def test_the_image_editor_says_why_an_image_cannot_be_sharpened():
+    tiled = bpy.data.images.new("Tiles", 4, 4, tiled=True)
+    lines = words(draw(panels.SHOCK_FILTER_PT_image_main, image=tiled), "label")
+    assert "Tiles: it has UDIM tiles" in " ".join(lines)
+    plain = bpy.data.images.new("Plain", 4, 4)
+    drawn = draw(panels.SHOCK_FILTER_PT_image_main, image=plain)
+    assert not any("Plain" in str(text) for text in words(drawn, "label"))
+
+
+@pytest.mark.parametrize(
+    ("menu", "modes"),
+    [
+        ("VIEW3D_MT_object", ["geometry", "colors"]),
+        ("VIEW3D_MT_edit_mesh", ["geometry"]),
+        ("VIEW3D_MT_sculpt", ["geometry"]),
+        ("VIEW3D_MT_paint_vertex", ["colors"]),
+        ("IMAGE_MT_image", ["image"]),
+    ],
+)
+def test_each_menu_has_its_entries(menu, modes):
+    drawn = words(entry(menu), "operator")
+    assert drawn == [(f"shock_filter.sharpen_{mode}",) for mode in modes]
 
 
 def test_the_panel_says_what_is_wrong(monkeypatch):
     monkeypatch.setattr(kernels, "problem", lambda: "numba cannot be found: mend it thus.")
-    monkeypatch.setattr(operators, "last_summary", "")
+    monkeypatch.setattr(operators, "summaries", {})
     text = " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
     assert text == "numba cannot be found: mend it thus."
 
@@ -115,7 +197,7 @@ def test_the_panel_says_what_was_done(rounded_box):
     rounded_box()
     bpy.ops.shock_filter.sharpen_geometry()
     text = " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
-    assert text == operators.last_summary
+    assert text == operators.summaries["geometry"]
 
 
 def test_the_panel_shows_the_progress(monkeypatch):
@@ -127,7 +209,7 @@ def test_the_panel_shows_the_progress(monkeypatch):
 def test_long_sentences_are_wrapped(monkeypatch):
     sentence = "One sentence that is much longer than a narrow sidebar can show on a line."
     monkeypatch.setattr(kernels, "problem", lambda: sentence)
-    monkeypatch.setattr(operators, "last_summary", "")
+    monkeypatch.setattr(operators, "summaries", {})
     lines = words(draw(panels.SHOCK_FILTER_PT_main), "label")
     assert len(lines) > 1
     assert " ".join(lines) == sentence

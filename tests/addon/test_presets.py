@@ -4,24 +4,32 @@
 import pathlib
 
 import bpy
+import pytest
 
 
-def test_a_preset_brings_the_settings_back():
-    settings = bpy.context.scene.shock_filter.geometry
+@pytest.mark.parametrize(
+    ("mode", "of_one_object"),
+    [("geometry", "vertex_group"), ("colors", "attribute"), ("image", None)],
+)
+def test_a_preset_brings_the_settings_back(mode, of_one_object):
+    settings = getattr(bpy.context.scene.shock_filter, mode)
     settings.time = 7.0
-    settings.sampling = "linear"
-    settings.vertex_group = "Of another object"
-    assert bpy.ops.shock_filter.geometry_preset_add(name="Seven") == {"FINISHED"}
-    for name in ("time", "sampling", "vertex_group"):
+    settings.sampling = "nearest"
+    if of_one_object:
+        setattr(settings, of_one_object, "Of another object")
+    add = getattr(bpy.ops.shock_filter, f"{mode}_preset_add")
+    assert add(name="Seven") == {"FINISHED"}
+    for name in filter(None, ("time", "sampling", of_one_object)):
         settings.property_unset(name)
 
-    (folder,) = bpy.utils.preset_paths("shock_filter/geometry")
+    (folder,) = bpy.utils.preset_paths(f"shock_filter/{mode}")
     bpy.ops.script.execute_preset(
-        filepath=f"{folder}/Seven.py", menu_idname="SHOCK_FILTER_PT_geometry_presets"
+        filepath=f"{folder}/Seven.py", menu_idname=f"SHOCK_FILTER_PT_{mode}_presets"
     )
     assert settings.time == 7.0
-    assert settings.sampling == "linear"
-    assert settings.vertex_group == ""
+    assert settings.sampling == "nearest"
+    if of_one_object:
+        assert getattr(settings, of_one_object) == ""
 
-    bpy.ops.shock_filter.geometry_preset_add(name="Seven", remove_name=True)
+    add(name="Seven", remove_name=True)
     assert not pathlib.Path(folder, "Seven.py").exists()

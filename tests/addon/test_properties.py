@@ -6,15 +6,17 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.core import GeometrySettings, InvalidSettings
+from shock_filter.core import GeometrySettings, ImageSettings, InvalidSettings, ShockSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon import properties
 
 SETTINGS = describe(GeometrySettings)
+MODES = {"geometry": GeometrySettings, "colors": ShockSettings, "image": ImageSettings}
+EACH = [(mode, name) for mode, settings in MODES.items() for name in describe(settings)]
 
 
-def panel_settings():
-    return bpy.context.scene.shock_filter.geometry
+def panel_settings(mode="geometry"):
+    return getattr(bpy.context.scene.shock_filter, mode)
 
 
 def values(**changes):
@@ -22,11 +24,11 @@ def values(**changes):
     return SimpleNamespace(**{**defaults, "steady_state": False, **changes})
 
 
-@pytest.mark.parametrize("name", SETTINGS)
-def test_each_setting_is_a_property_of_panel_and_operator(name):
-    kind, default, about = SETTINGS[name]
-    operator = bpy.ops.shock_filter.sharpen_geometry.get_rna_type()
-    for owner in (panel_settings().bl_rna, operator):
+@pytest.mark.parametrize(("mode", "name"), EACH)
+def test_each_setting_is_a_property_of_panel_and_operator(mode, name):
+    kind, default, about = describe(MODES[mode])[name]
+    operator = getattr(bpy.ops.shock_filter, f"sharpen_{mode}").get_rna_type()
+    for owner in (panel_settings(mode).bl_rna, operator):
         shown = owner.properties[name]
         assert shown.type == {float: "FLOAT", int: "INT", str: "ENUM"}[kind]
         assert shown.default == (default if kind is not float else pytest.approx(default))
@@ -39,9 +41,10 @@ def test_each_setting_is_a_property_of_panel_and_operator(name):
                 assert shown.hard_max == pytest.approx(about.maximum)
 
 
-def test_untouched_properties_give_the_default_settings():
-    read = properties.settings_from(GeometrySettings, panel_settings())
-    assert read == GeometrySettings()
+@pytest.mark.parametrize("mode", MODES)
+def test_untouched_properties_give_the_default_settings(mode):
+    read = properties.settings_from(MODES[mode], panel_settings(mode))
+    assert read == MODES[mode]()
 
 
 def test_numbers_come_back_as_they_were_typed():

@@ -14,7 +14,8 @@ import bpy
 import shock_filter
 
 def inventory():
-    menus = ["VIEW3D_MT_object", "VIEW3D_MT_edit_mesh", "VIEW3D_MT_sculpt"]
+    menus = ["VIEW3D_MT_object", "VIEW3D_MT_edit_mesh", "VIEW3D_MT_sculpt",
+             "VIEW3D_MT_paint_vertex", "IMAGE_MT_image"]
     return {
         "types": sorted(name for name in dir(bpy.types) if "shock_filter" in name.lower()),
         "scene": sorted(bpy.types.Scene.bl_rna.properties.keys()),
@@ -63,11 +64,14 @@ print(json.dumps(states))
     assert enabled == enabled_again
     assert before["operators"] == []
     assert before["types"] == []
-    assert enabled["operators"] == ["geometry_preset_add", "sharpen_geometry"]
-    assert len(enabled["types"]) >= 7
+    assert enabled["operators"] == [
+        "colors_preset_add", "geometry_preset_add", "image_preset_add",
+        "sharpen_colors", "sharpen_geometry", "sharpen_image",
+    ]  # fmt: skip
+    assert len(enabled["types"]) >= 16
     assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}
     assert [len(now) - len(old) for now, old in zip(enabled["entries"], before["entries"],
-                                                    strict=True)] == [1, 1, 1]  # fmt: skip
+                                                    strict=True)] == [1] * 5  # fmt: skip
 
 
 def test_enabling_imports_neither_numba_nor_scipy(blender):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter.shock_addon import operators
+from shock_filter.shock_addon.geometry_operator import notes
 from shock_filter.shock_addon.mesh_data import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
@@ -51,7 +52,7 @@ def test_time_zero_changes_no_bit(rounded_box):
     write_positions(box.data, before)
     assert sharpen(time=0.0) == {"FINISHED"}
     assert read_positions(box.data).tobytes() == before.tobytes()
-    assert "moved 0" in operators.last_summary
+    assert "moved 0" in operators.summaries["geometry"]
 
 
 def test_steady_state_is_the_infinite_time(rounded_box):
@@ -75,7 +76,7 @@ def test_several_objects_and_what_is_no_mesh(rounded_box, select):
     assert sharpen() == {"FINISHED"}
     for box, old in zip(boxes, before, strict=True):
         assert (read_positions(box.data) != old).any()
-    assert operators.last_summary.startswith("Sharpened 2 meshes: ")
+    assert operators.summaries["geometry"].startswith("Sharpened 2 meshes: ")
 
 
 def test_a_mesh_with_two_users_is_sharpened_once(rounded_box, select):
@@ -86,7 +87,7 @@ def test_a_mesh_with_two_users_is_sharpened_once(rounded_box, select):
     sharpen()
     select(shared, twin)
     sharpen()
-    assert operators.last_summary.startswith("Sharpened 1 mesh: ")
+    assert operators.summaries["geometry"].startswith("Sharpened 1 mesh: ")
     np.testing.assert_array_equal(read_positions(shared.data), read_positions(alone.data))
 
 
@@ -234,7 +235,7 @@ def test_modifiers_and_custom_normals_stay_and_are_noted(rounded_box):
     assert sharpen() == {"FINISHED"}
     assert [modifier.name for modifier in box.modifiers] == ["Solid"]
     assert box.data.has_custom_normals
-    text = operators.notes([box])
+    text = notes([box])
     assert "Modifiers were left in place" in text
     assert "Custom normals were kept" in text
 
@@ -244,7 +245,10 @@ def test_the_summary_counts(rounded_box):
     before = read_positions(box.data)
     sharpen()
     moved = (read_positions(box.data) != before).any(axis=1).sum()
-    assert f"{len(before):,} vertices, moved {moved:,}, largest move" in operators.last_summary
+    assert (
+        f"{len(before):,} vertices, moved {moved:,}, largest move"
+        in operators.summaries["geometry"]
+    )
 
 
 def test_undo_brings_the_old_shape_back(rounded_box):

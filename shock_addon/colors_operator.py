@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator Sharpen Colors."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.settings import ShockSettings
+from .color_data import read_colors, write_colors
+from .coloring import sharpen_colors
+from .operators import MeshOperator, counted
+from .properties import ColorProperties
+from .recolored import describe
+
+
+class SHOCK_FILTER_OT_sharpen_colors(MeshOperator, ColorProperties, bpy.types.Operator):
+    """Turn blurred edges between painted colors into sharp ones, without new colors beside them"""
+
+    bl_idname = "shock_filter.sharpen_colors"
+    bl_label = "Sharpen Colors"
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
+
+    mode = "colors"
+    settings_type = ShockSettings
+    read_object = staticmethod(read_colors)
+    filter_surface = staticmethod(sharpen_colors)
+    write_object = staticmethod(write_colors)
+
+    def summary(self, written: list[tuple], seconds: float) -> str:
+        """Count meshes and colors."""
+        return (
+            f"Sharpened the colors of {counted(len(written), 'mesh', 'meshes')}:"
+            f" {describe([result for _, result in written], 'colors')}, {seconds:.1f} s."
+        )
+
+
+CLASSES = (SHOCK_FILTER_OT_sharpen_colors,)

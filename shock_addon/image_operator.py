@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator Sharpen Image."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..core.settings import ImageSettings
+from . import image_data
+from .operators import Filter, SharpenOperator, is_free, write_results
+from .picture import sharpen_picture
+from .properties import ImageProperties
+from .recolored import Recolored, describe
+from .skipped import Skipped
+
+
+class SHOCK_FILTER_OT_sharpen_image(SharpenOperator, ImageProperties, bpy.types.Operator):
+    """Turn blurred edges in an image into sharp ones, without halos beside them"""
+
+    bl_idname = "shock_filter.sharpen_image"
+    bl_label = "Sharpen Image"
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
+
+    __annotations__ = {
+        **ImageProperties.__annotations__,
+        "image": bpy.props.StringProperty(
+            name="Image",
+            description="Image to sharpen. Empty takes the one in the Image Editor",
+            options={"SKIP_SAVE"},
+        ),
+        "result": bpy.props.StringProperty(
+            name="Result",
+            description="Image that an earlier run has written, which redo writes again",
+            options={"HIDDEN", "SKIP_SAVE"},
+        ),
+    }
+
+    mode = "image"
+    settings_type = ImageSettings
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want an image and no other run."""
+        if not is_free(cls):
+            return False
+        if edited_image(context) is None and not bpy.data.images:
+            cls.poll_message_set("Open an image.")
+            return False
+        return True
+
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Read the named image, or the one in the Image Editor."""
+        named = bpy.data.images.get(self.image)
+        image = named if self.image else edited_image(context)
+        if image is None:
+            missing = f"There is no image named {self.image!r}; name one of the file's images."
+            return [], [missing if self.image else "Open an image in the Image Editor."]
+        if self.result == image.name:
+            image_data.restore(image)
+        try:
+            target = image_data.read_image(image)
+        except Skipped as reason:
+            return [], [f"Skipped {image.name}: {reason}."]
+        self.image = image.name  # redo must not take the result, which the editor shows by then
+        return [target], []
+
+    def filter(self, settings: ImageSettings) -> Filter:
+        """Sharpen one image."""
+        return lambda picture, progress: sharpen_picture(picture, settings, progress)
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+        """Write the image and show it in the Image Editor."""
+        written, skipped = write_results(self.targets, results, self._write)
+        for image, _ in written:
+            self.result = image.name
+            if edited_image(context) is not None:
+                context.space_data.image = image
+        return written, skipped
+
+    def _write(self, target: image_data.ImageTarget, result: Recolored) -> bpy.types.Image:
+        source = image_data.find(target)
+        if self.output == "REPLACE":
+            if result.changed:
+                image_data.overwrite(source, target, result.colors)
+            return source
+        image = bpy.data.images.get(self.result)
+        if image is None or image == source or not image_data.is_like(image, source):
+            image = image_data.new_like(source, f"{source.name} sharpened")
+        image_data.write_pixels(image, result.colors, source.packed_file is not None)
+        return image
+
+    def summary(self, written: list[tuple], seconds: float) -> str:
+        """Name the image and count pixels."""
+        ((image, result),) = written
+        into = "" if image.name == self.image else f" into {image.name}"
+        changes = describe([result], "pixels")
+        return f"Sharpened the image {self.image}{into}: {changes}, {seconds:.1f} s."
+
+
+def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
+    """Return the image that the Image Editor shows, if the context is one."""
+    space = context.space_data
+    return space.image if space is not None and space.type == "IMAGE_EDITOR" else None
+
+
+CLASSES = (SHOCK_FILTER_OT_sharpen_image,)

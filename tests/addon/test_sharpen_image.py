@@ -1,0 +1,393 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator Sharpen Image."""
+
+import itertools
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter.shock_addon import image_data, image_operator, operators
+
+sharpen = bpy.ops.shock_filter.sharpen_image
+
+
+def read(image):
+    return image_data.read_pixels(image)
+
+
+def bits(image):
+    return read(image).tobytes()
+
+
+def blend(height=24, width=40):
+    """A blurred edge in three channels, opaque."""
+    step = 0.5 + 0.5 * np.tanh((np.arange(width) - width / 2) / 3)
+    pixels = np.ones((height, width, 4), dtype=np.float32)
+    pixels[..., 0] = step
+    pixels[..., 1] = 1 - step
+    pixels[..., 2] = 0.4 * step
+    return pixels
+
+
+def add(name="Photo", pixels=None, float_buffer=False, is_data=False, alpha_mode="STRAIGHT"):
+    pixels = blend() if pixels is None else pixels
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new(
+        name, width, height, alpha=True, float_buffer=float_buffer, is_data=is_data
+    )
+    image.alpha_mode = alpha_mode
+    image.pixels.foreach_set(pixels.reshape(-1))
+    image.update()
+    return image
+
+
+def steepness(pixels):
+    """How far the red channel is from a step of two values: 0 for a step."""
+    red = pixels[..., 0]
+    return np.minimum(red - red.min(), red.max() - red).mean()
+
+
+def noise(height=16, width=16, seed=0):
+    return np.random.default_rng(seed).random((height, width, 4)).astype(np.float32)
+
+
+@pytest.mark.parametrize("float_buffer", [False, True])
+def test_a_blend_becomes_an_edge_in_a_new_image(float_buffer):
+    photo = add(float_buffer=float_buffer)
+    before = read(photo)
+    assert sharpen(image="Photo", time=1024.0) == {"FINISHED"}
+    result = bpy.data.images["Photo sharpened"]
+    after = read(result)
+    np.testing.assert_array_equal(read(photo), before)
+    assert after.shape == before.shape
+    assert result.is_float == float_buffer
+    assert steepness(after) < 0.6 * steepness(before)
+    assert after.min() >= before.min()
+    assert after.max() <= before.max()
+    assert operators.summaries["image"].startswith(
+        "Sharpened the image Photo into Photo sharpened: 960 pixels, changed "
+    )
+
+
+KINDS = [
+    {"float_buffer": float_buffer, "is_data": is_data, "alpha_mode": alpha_mode}
+    for float_buffer, is_data, alpha_mode in itertools.product(
+        [False, True], [False, True], ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"]
+    )
+]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: "-".join(map(str, kind.values())))
+def test_time_zero_changes_no_bit_of_any_kind(kind, packed):
+    pixels = noise()
+    if kind["float_buffer"]:
+        pixels[0, 0] = (-0.0, 1e3, -2.0, 0.25)
+        pixels[0, 1] = (0.5, 3.0, 0.1, 0.0)
+    photo = add(pixels=pixels, **kind)
+    if packed:
+        photo.pack()
+    before, state = bits(photo), state_of(photo)
+    for _ in range(3):
+        assert sharpen(image="Photo", time=0.0, output="REPLACE") == {"FINISHED"}
+    assert bits(photo) == before
+    assert state_of(photo) == state
+    sharpen(image="Photo", time=0.0)
+    result = bpy.data.images["Photo sharpened"]
+    assert bits(result) == before
+    assert state_of(result) == state
+
+
+def state_of(image):
+    space = image.colorspace_settings.name
+    packed = image.packed_file is not None
+    return tuple(image.size), image.is_float, image.alpha_mode, image.depth, space, packed
+
+
+def test_all_bytes_survive():
+    levels = (np.arange(32 * 32 * 4) % 256 / 255).reshape(32, 32, 4).astype(np.float32)
+    photo = add(pixels=levels)
+    sharpen(image="Photo", time=0.0, output="REPLACE")
+    np.testing.assert_array_equal(np.rint(255 * read(photo)), np.rint(255 * levels))
+
+
+def test_high_dynamic_range_is_kept():
+    pixels = blend()
+    pixels[..., :3] *= 20.0
+    add(pixels=pixels, float_buffer=True)
+    sharpen(image="Photo", time=16.0)
+    after = read(bpy.data.images["Photo sharpened"])
+    assert after.max() == pytest.approx(pixels.max(), rel=1e-3)
+    assert (after != pixels).any()
+
+
+def test_non_color_data_is_filtered_as_it_is():
+    plain, data = add("Plain"), add("Data", is_data=True)
+    assert data.colorspace_settings.name != plain.colorspace_settings.name
+    sharpen(image="Plain", time=256.0)
+    sharpen(image="Data", time=256.0)
+    result = bpy.data.images["Data sharpened"]
+    assert result.colorspace_settings.is_data
+    np.testing.assert_array_equal(read(result), read(bpy.data.images["Plain sharpened"]))
+
+
+def test_files_and_color_spaces_come_through(tmp_path):
+    photo = add()
+    path = str(tmp_path / "photo.png")
+    photo.save(filepath=path)
+    loaded = bpy.data.images.load(path)
+    loaded.colorspace_settings.name = "Linear Rec.709"
+    sharpen(image=loaded.name, time=256.0)
+    result = bpy.data.images[f"{loaded.name} sharpened"]
+    assert result.colorspace_settings.name == "Linear Rec.709"
+    assert result.filepath == ""
+    assert (read(result) != read(loaded)).any()
+
+
+@pytest.mark.parametrize("float_buffer", [False, True])
+@pytest.mark.parametrize("output", ["NEW", "REPLACE"])
+def test_a_packed_image_comes_back_from_the_file(output, float_buffer, tmp_path):
+    photo = add(float_buffer=float_buffer)
+    photo.colorspace_settings.name = "sRGB"
+    photo.pixels.foreach_set(blend().reshape(-1))
+    photo.pack()
+    sharpen(image="Photo", time=256.0, output=output)
+    result = bpy.data.images["Photo" if output == "REPLACE" else "Photo sharpened"]
+    assert result.packed_file is not None
+    assert not result.is_dirty
+    result.name = "Kept"
+    result.use_fake_user = True
+    sharp = read(result)
+    assert steepness(sharp) < steepness(blend())
+    path = str(tmp_path / "kept.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    np.testing.assert_allclose(read(bpy.data.images["Kept"]), sharp, atol=1e-6)
+
+
+def test_a_new_image_of_an_unpacked_one_is_not_packed():
+    add()
+    sharpen(image="Photo")
+    assert bpy.data.images["Photo sharpened"].packed_file is None
+
+
+@pytest.mark.parametrize("float_buffer", [False, True])
+def test_opacity_stays_and_transparent_pixels_lend_no_color(float_buffer):
+    pixels = blend()
+    pixels[..., 3] = np.where(np.arange(40) < 24, 1.0, 0.0)
+    pixels[:, 24:, :3] = (1.0, 0.0, 1.0)  # what nobody sees
+    if float_buffer:
+        pixels[..., :3] *= pixels[..., 3:]
+    photo = add(pixels=pixels, float_buffer=float_buffer)
+    before = read(photo)
+    sharpen(image="Photo", time=1024.0)
+    after = read(bpy.data.images["Photo sharpened"])
+    np.testing.assert_array_equal(after[..., 3], before[..., 3])
+    seen = before[:, :24]
+    assert (after[:, :24] <= seen.max(axis=(0, 1)) + 1e-6).all()
+    assert (after[:, :24] >= seen.min(axis=(0, 1)) - 1e-6).all()
+    assert (after != before).any()
+
+
+def test_multiplied_floats_are_filtered_as_the_colors_that_they_stand_for():
+    pixels = blend()
+    pixels[..., 3] = 0.25
+    straight = add("Straight", pixels)
+    multiplied = pixels.copy()
+    multiplied[..., :3] *= 0.25
+    add("Multiplied", multiplied, float_buffer=True)
+    sharpen(image="Straight", time=4096.0)
+    sharpen(image="Multiplied", time=4096.0)
+    bytes_ = read(bpy.data.images["Straight sharpened"])
+    floats = read(bpy.data.images["Multiplied sharpened"])
+    np.testing.assert_allclose(floats[..., :3] / 0.25, bytes_[..., :3], atol=2e-2)
+    assert np.abs(bytes_ - read(straight)).max() > 0.05
+
+
+def test_without_opacity_the_fourth_channel_stays_and_does_not_count():
+    pixels = noise()
+    opaque = pixels.copy()
+    opaque[..., 3] = 1.0
+    for name, values in (("Ignored", pixels), ("Opaque", opaque)):
+        add(name, values, float_buffer=True, alpha_mode="NONE")
+        sharpen(image=name, time=64.0)
+    ignored = read(bpy.data.images["Ignored sharpened"])
+    np.testing.assert_array_equal(ignored[..., 3], pixels[..., 3])
+    np.testing.assert_array_equal(
+        ignored[..., :3], read(bpy.data.images["Opaque sharpened"])[..., :3]
+    )
+
+
+@pytest.mark.parametrize("how", ["CHANNEL_PACKED", "setting"])
+def test_packed_channels_are_filtered_alike(how):
+    pixels = blend()
+    pixels[..., 3] = pixels[..., 0]
+    mode = how if how == "CHANNEL_PACKED" else "STRAIGHT"
+    add(pixels=pixels, alpha_mode=mode)
+    sharpen(image="Photo", time=256.0, alpha="none" if how == "setting" else "auto")
+    after = read(bpy.data.images["Photo sharpened"])
+    np.testing.assert_array_equal(after[..., 3], after[..., 0])
+    assert (after[..., 3] != pixels[..., 3]).any()
+
+
+def test_replacing_keeps_the_number_of_images():
+    photo = add()
+    before = read(photo)
+    sharpen(image="Photo", time=256.0, output="REPLACE")
+    assert bpy.data.images.keys() == ["Photo"]
+    assert steepness(read(photo)) < steepness(before)
+    assert photo.is_dirty
+
+
+def last_properties():
+    """What the last operator keeps for its redo."""
+    return bpy.context.window_manager.operators[-1].properties
+
+
+def test_redo_writes_the_same_image_again():
+    add()
+    sharpen("EXEC_DEFAULT", True, image="Photo", time=16.0)
+    kept = last_properties()
+    assert (kept.image, kept.result) == ("Photo", "Photo sharpened")
+    first = read(bpy.data.images["Photo sharpened"])
+    sharpen(image=kept.image, result=kept.result, time=1024.0)
+    assert bpy.data.images.keys() == ["Photo", "Photo sharpened"]
+    assert (read(bpy.data.images["Photo sharpened"]) != first).any()
+    sharpen(image="Photo")
+    assert bpy.data.images.keys() == ["Photo", "Photo sharpened", "Photo sharpened.001"]
+
+
+def test_redo_makes_another_image_if_the_first_cannot_take_it():
+    add()
+    bpy.data.images.new("Photo sharpened", 3, 3)
+    sharpen(image="Photo", result="Photo sharpened")
+    assert bpy.data.images["Photo sharpened"].size[0] == 3
+    assert bpy.data.images["Photo sharpened.001"].size[0] == 40
+
+
+def test_redo_of_a_replaced_image_starts_from_the_old_pixels():
+    photo = add()
+    once = add("Once")
+    sharpen(image="Once", time=256.0, output="REPLACE")
+    sharpen(image="Photo", time=16.0, output="REPLACE")
+    sharpen(image="Photo", result="Photo", time=256.0, output="REPLACE")
+    np.testing.assert_array_equal(read(photo), read(once))
+    sharpen(image="Photo", result="Photo", time=256.0, output="NEW")
+    np.testing.assert_array_equal(read(photo), read(add("Untouched")))
+
+
+def test_undo_takes_the_new_image_away():
+    add().use_fake_user = True
+    bpy.ops.ed.undo_push(message="Before")
+    sharpen(image="Photo")
+    bpy.ops.ed.undo_push(message="After")
+    assert "Photo sharpened" in bpy.data.images
+    bpy.ops.ed.undo()
+    assert bpy.data.images.keys() == ["Photo"]
+
+
+def with_source(source):
+    image = bpy.data.images.new("Photo", 4, 4)
+    image.source = source
+
+
+def rendered():
+    scene = bpy.context.scene
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    bpy.ops.render.render()
+    bpy.data.images["Render Result"].name = "Photo"
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: with_source("MOVIE"), "it is a movie"),
+        (lambda: with_source("SEQUENCE"), "it is an image sequence"),
+        (lambda: with_source("FILE"), "it has no pixels; check that its file exists"),
+        (lambda: bpy.data.images.new("Photo", 4, 4, tiled=True), "it has UDIM tiles"),
+        (rendered, "it is a render result or a viewer"),
+    ],
+    ids=["movie", "sequence", "missing", "tiles", "render"],
+)
+def test_what_cannot_be_sharpened_is_refused_with_the_reason(make, reason):
+    make()
+    with pytest.raises(RuntimeError, match=rf"Skipped Photo: {reason}"):
+        sharpen(image="Photo")
+    assert "Photo sharpened" not in bpy.data.images
+
+
+def test_linked_images_are_refused(tmp_path):
+    photo = add()
+    photo.pack()
+    library = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(library, {photo})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(library, link=True) as (_, wanted):
+        wanted.images = ["Photo"]
+    with pytest.raises(RuntimeError, match=r"Skipped Photo: it is linked .* make it local"):
+        sharpen(image="Photo")
+
+
+def test_nan_is_named_and_nothing_is_added():
+    pixels = blend()
+    pixels[3, 4, 1] = np.nan
+    add(pixels=pixels, float_buffer=True)
+    with pytest.raises(RuntimeError, match=r"Skipped Photo: The image holds NaN"):
+        sharpen(image="Photo")
+    assert bpy.data.images.keys() == ["Photo"]
+
+
+def test_no_image_greys_the_button_out_and_unknown_names_are_named():
+    assert not sharpen.poll()
+    add()
+    assert sharpen.poll()
+    with pytest.raises(RuntimeError, match="There is no image named 'Nowhere'"):
+        sharpen(image="Nowhere")
+    with pytest.raises(RuntimeError, match="Open an image in the Image Editor"):
+        sharpen()
+
+
+def test_an_image_that_was_removed_meanwhile_is_skipped():
+    photo = add()
+    target = image_data.read_image(photo)
+    bpy.data.images.remove(photo)
+    with pytest.raises(image_operator.Skipped, match="it was removed meanwhile"):
+        image_data.find(target)
+
+
+def test_an_image_of_another_size_is_skipped():
+    photo = add()
+    target = image_data.read_image(photo)
+    photo.scale(10, 10)
+    with pytest.raises(image_operator.Skipped, match="it was changed meanwhile"):
+        image_data.find(target)
+
+
+def test_only_the_image_editor_has_an_edited_image():
+    photo = add()
+    editor = SimpleNamespace(type="IMAGE_EDITOR", image=photo)
+    assert image_operator.edited_image(SimpleNamespace(space_data=editor)) == photo
+    editor.type = "VIEW_3D"
+    assert image_operator.edited_image(SimpleNamespace(space_data=editor)) is None
+    assert image_operator.edited_image(SimpleNamespace(space_data=None)) is None
+
+
+def test_the_image_editor_shows_the_result():
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    photo = add()
+    screen, area = next(
+        (screen, area)
+        for screen in bpy.data.screens
+        for area in screen.areas
+        if area.type == "IMAGE_EDITOR"
+    )
+    area.spaces.active.image = photo
+    with bpy.context.temp_override(screen=screen, area=area):
+        assert sharpen() == {"FINISHED"}
+    assert area.spaces.active.image == bpy.data.images["Photo sharpened"]
