@@ -15,13 +15,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from .. import __version__
 from .errors import InvalidSettings, ShockError
-from .settings import GeometrySettings, Setting, describe
+from .settings import GeometrySettings, ImageSettings, Setting, ShockSettings, describe
 
 if TYPE_CHECKING:
     from .output import Outcome
@@ -38,23 +39,60 @@ exit codes:
 examples:
   {prog} sharpen-geometry scan.ply sharp.ply
   {prog} sharpen-geometry --time inf --smoothing-passes 3 scans/*.obj sharp/
+  {prog} sharpen-colors painted.ply crisp.ply
+  {prog} sharpen-image --time 64 photos/*.png sharp/
 """
+
+
+@dataclass(frozen=True)
+class Command:
+    """One subcommand.
+
+    Attributes
+    ----------
+    name : str
+        What people type.
+    settings : type
+        The settings class whose fields become flags.
+    inputs : str
+        What IN stands for.
+    what : str
+        What it does.
+    """
+
+    name: str
+    settings: type
+    inputs: str
+    what: str
+
+
+GEOMETRY = Command(
+    "sharpen-geometry", GeometrySettings, "mesh files", "sharpen the creases of meshes"
+)
+COLORS = Command(
+    "sharpen-colors", ShockSettings, "mesh files", "sharpen the vertex colors of meshes"
+)
+IMAGE = Command("sharpen-image", ImageSettings, "image files", "sharpen images")
+COMMANDS = (GEOMETRY, COLORS, IMAGE)
 
 
 class Backend(Protocol):
     """What differs between Blender and plain Python."""
 
     prog: str
-    formats: str
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+    def formats(self, command: Command) -> str:
+        """Name the files that a command reads and writes."""
+
+    def add_arguments(self, parser: argparse.ArgumentParser, command: Command) -> None:
         """Add the flags that only this backend has."""
 
-    def sharpen_geometry(
+    def sharpen(
         self,
+        command: Command,
         source: str,
         target: Path,
-        settings: GeometrySettings,
+        settings: Any,
         options: argparse.Namespace,
         progress: Callable[[float, str], bool],
     ) -> Outcome:
@@ -65,30 +103,39 @@ class FileBackend:
     """Files outside Blender."""
 
     prog = "shock-filter"
-    formats = "PLY, OBJ, STL, OFF, GLB and glTF files"
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+    def formats(self, command: Command) -> str:
+        """Name the files that a command reads and writes."""
+        return {
+            GEOMETRY: "PLY, OBJ, STL, OFF, GLB and glTF files",
+            COLORS: "PLY, OBJ, GLB and glTF files, which keep their format",
+            IMAGE: "PNG, JPEG, TIFF, EXR, BMP, WebP and NumPy (.npy) files; 16 bits stay 16 bits",
+        }[command]
+
+    def add_arguments(self, parser: argparse.ArgumentParser, command: Command) -> None:
         """Add the mask flags."""
-        parser.add_argument(
-            "--mask",
-            metavar="NAME",
-            help="vertex property of PLY files that says how far each vertex may go:"
-            " 0 stays, 1 (or the largest whole number of its type) moves fully",
+        metavar = "NAME"
+        about = (
+            "vertex property of PLY files that says how much is done to each vertex: 0 keeps"
+            " it, 1 (or the largest whole number of its type) sharpens it fully"
         )
+        if command is IMAGE:
+            metavar = "FILE"
+            about = "gray image of the same size: black stays, white is sharpened fully"
+        parser.add_argument("--mask", metavar=metavar, help=about)
         parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
 
-    def sharpen_geometry(
+    def sharpen(
         self,
+        command: Command,
         source: str,
         target: Path,
-        settings: GeometrySettings,
+        settings: Any,
         options: argparse.Namespace,
         progress: Callable[[float, str], bool],
     ) -> Outcome:
         """Sharpen one file into another."""
-        from .files import sharpen_file
-
-        return sharpen_file(
+        return _file_function(command)(
             source,
             target,
             settings,
@@ -97,6 +144,16 @@ class FileBackend:
             overwrite=options.overwrite,
             progress=progress,
         )
+
+
+def _file_function(command: Command) -> Callable[..., Outcome]:
+    if command is IMAGE:
+        from .image_files import sharpen_image_file
+
+        return sharpen_image_file
+    from . import files
+
+    return files.sharpen_file if command is GEOMETRY else files.sharpen_colors_file
 
 
 def main(arguments: Sequence[str] | None = None, backend: Backend | None = None) -> int:
@@ -118,7 +175,7 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
     parser = build_parser(backend)
     options = parser.parse_args(arguments)
     try:
-        settings = _settings(GeometrySettings, options)
+        settings = _settings(options.command.settings, options)
         pairs = _pairs(options.inputs, options.output)
     except (InvalidSettings, _Usage) as error:
         parser.error(str(error))
@@ -129,30 +186,36 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
     """Make the parser; each field of a settings class becomes a flag."""
     parser = argparse.ArgumentParser(
         prog=backend.prog,
-        description="Sharpen meshes by shock filter advection.",
+        description="Sharpen meshes, their colors and images by shock filter advection.",
         epilog=_EPILOG.format(prog=backend.prog),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"Shock Filter {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    geometry = commands.add_parser(
-        "sharpen-geometry",
-        help="sharpen the creases of meshes",
-        description=f"Sharpen the creases of meshes: {backend.formats}.",
+    for command in COMMANDS:
+        _add_command(commands, command, backend)
+    return parser
+
+
+def _add_command(commands: Any, command: Command, backend: Backend) -> None:
+    parser = commands.add_parser(
+        command.name,
+        help=command.what,
+        description=f"{command.what.capitalize()}: {backend.formats(command)}.",
         allow_abbrev=False,
     )
-    geometry.add_argument("inputs", nargs="+", metavar="IN", help="mesh files; * and ** work")
-    geometry.add_argument(
+    parser.set_defaults(command=command)
+    parser.add_argument("inputs", nargs="+", metavar="IN", help=f"{command.inputs}; * and ** work")
+    parser.add_argument(
         "output",
         metavar="OUT",
         help="file to write, its ending says the format; or folder, if it is one, ends in / or"
         " there are several inputs: files keep their names and formats there; folders are made",
     )
-    geometry.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    geometry.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    backend.add_arguments(geometry)
-    _add_settings(geometry, GeometrySettings)
-    return parser
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    backend.add_arguments(parser, command)
+    _add_settings(parser, command.settings)
 
 
 def _add_settings(parser: argparse.ArgumentParser, settings: type) -> None:
@@ -244,7 +307,7 @@ def _check_target(target: Path, overwrite: bool) -> None:
 def _run_all(
     backend: Backend,
     pairs: list[tuple[str, Path]],
-    settings: GeometrySettings,
+    settings: Any,
     options: argparse.Namespace,
 ) -> int:
     failed = False
@@ -261,7 +324,7 @@ def _run_one(
     backend: Backend,
     source: str,
     target: Path,
-    settings: GeometrySettings,
+    settings: Any,
     options: argparse.Namespace,
     interrupt: _Interrupt,
 ) -> bool:
@@ -271,7 +334,7 @@ def _run_one(
     try:
         _check_target(target, options.overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
-        outcome = backend.sharpen_geometry(source, target, settings, options, bar)
+        outcome = backend.sharpen(options.command, source, target, settings, options, bar)
     except (ShockError, OSError, KeyboardInterrupt) as error:
         bar.clear()
         if interrupt.asked:
@@ -291,11 +354,7 @@ def _sentence(source: str, error: BaseException) -> str:
 
 
 def _report(source: str, target: Path, outcome: Outcome, seconds: float) -> None:
-    print(
-        f"{source} -> {target}: moved {outcome.moved} of {outcome.vertices} vertices"
-        f" in {seconds:.1f} s",
-        flush=True,
-    )
+    print(f"{source} -> {target}: {outcome} in {seconds:.1f} s", flush=True)
     for note in outcome.notes:
         print(f"  {note}", flush=True)
 

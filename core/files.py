@@ -1,37 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes on disk, outside Blender.
 
-OBJ, PLY, GLB and glTF files that keep their format are copied with new positions and normals;
-everything else stays as it was (polygons, groups, materials, UVs, colors, animations, unknown
-properties, comments). All else goes through trimesh, which knows triangles only.
+OBJ, PLY, GLB and glTF files that keep their format are copied with new positions and normals, or
+with new colors; everything else stays as it was (polygons, groups, materials, UVs, animations,
+unknown properties, comments). All else goes through trimesh, which knows triangles only.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from . import shock
-from .errors import InvalidMesh, ShockError
+from .errors import InvalidMesh, InvalidSignal, ShockError
 from .format_gltf import GltfFile
 from .format_obj import ObjFile
 from .format_ply import PlyFile, PlyVertices
 from .format_trimesh import KEEPS, SceneFile
-from .formats import Document, Floats, Ints
+from .formats import ColoredDocument, Document, Floats, Ints
 from .mesh import TriangleMesh, weld
 from .output import Outcome, staged
-from .settings import GeometrySettings
+from .settings import GeometrySettings, ShockSettings
+from .signals import sharpen_vertex_signal
 
 Progress = Callable[[float, str], bool]
-IN_PLACE: dict[str, Callable[[Path], Document]] = {
+AnyDocument = TypeVar("AnyDocument", bound=Document)
+IN_PLACE: dict[str, Callable[[Path], ColoredDocument]] = {
     ".obj": ObjFile,
     ".ply": PlyFile,
     ".glb": GltfFile,
     ".gltf": GltfFile,
 }
+
+_ROUNDING = 1e-7  # differences of colors that come from summing in another order
 
 
 def sharpen_file(
@@ -72,13 +77,73 @@ def sharpen_file(
     """
     source, target = Path(source), Path(target)
     _check_paths(source, target)
-    document = _read(source, target.suffix.lower())
+    ending = target.suffix.lower()
+    keeps_format = source.suffix.lower() == ending
+    document = _read(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
     weights = _read_mask(source, mask, invert_mask) if mask else None
     positions = _sharpen(document, settings or GeometrySettings(), weights, progress)
     moved = (positions != document.vertices).any(axis=1)
     with staged(target, overwrite) as path:
         notes = document.save(path, positions, moved)
     return Outcome(len(positions), int(moved.sum()), tuple(notes))
+
+
+def sharpen_colors_file(
+    source: str | Path,
+    target: str | Path,
+    settings: ShockSettings | None = None,
+    *,
+    mask: str | None = None,
+    invert_mask: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Sharpen the vertex colors of a mesh file and write it to another of the same format.
+
+    Vertices at exactly the same place with the same color count as one, so that UV seams do not
+    show; where colors differ at a place, they jump, and nothing flows across. Opacity and all
+    else stay as they are.
+
+    Parameters
+    ----------
+    source, target : path
+        PLY, OBJ, GLB or glTF files, both of the same format.
+    settings : ShockSettings, optional
+        Strength and all else; the defaults if left out.
+    mask, invert_mask, overwrite, progress
+        As in `sharpen_file`.
+
+    Returns
+    -------
+    Outcome
+        Counts, and notes on what did not survive.
+    """
+    source, target = Path(source), Path(target)
+    _check_paths(source, target)
+    ending = target.suffix.lower()
+    for path in (source, target):
+        if path.suffix.lower() not in IN_PLACE:
+            raise ShockError(
+                f"{path}: {path.suffix} files cannot be given other vertex colors; use one of"
+                f" {', '.join(IN_PLACE)}."
+            )
+    if source.suffix.lower() != ending:
+        raise ShockError(
+            f"{target}: colors are written in the format of the input only; end it in"
+            f" {source.suffix}, or use Blender."
+        )
+    document = _read(source, IN_PLACE[ending])
+    colors = document.read_colors()
+    if not np.isfinite(colors).any():
+        raise InvalidSignal(
+            f"{source} has no vertex colors; paint them, or bake a texture to them."
+        )
+    weights = _read_mask(source, mask, invert_mask) if mask else None
+    result = _sharpen_colors(document, colors, settings or ShockSettings(), weights, progress)
+    with staged(target, overwrite) as path:
+        changed, notes = document.save_colors(path, result)
+    done = "changed the color of {changed} of {total} vertices"
+    return Outcome(len(colors), changed, tuple(notes), done)
 
 
 def _check_paths(source: Path, target: Path) -> None:
@@ -94,9 +159,7 @@ def _check_paths(source: Path, target: Path) -> None:
         raise ShockError(f"There is no folder {target.parent}; make it first.")
 
 
-def _read(source: Path, ending: str) -> Document:
-    keeps_format = source.suffix.lower() == ending
-    reader = IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile
+def _read(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDocument:
     try:
         document = reader(source)
     except ShockError:
@@ -131,27 +194,61 @@ def _sharpen(
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     faces = faces[whole]
     if weights is not None:
-        split = weights
-        weights = np.ones(len(welded))
-        np.minimum.at(weights, index, split)
+        weights = _lowest(weights, index, len(welded))
     result = welded.copy()
-    groups = _groups(document.parts[whole], faces, len(welded))
+    for mesh, used, part in _meshes(welded, faces, document.parts[whole], progress):
+        part_weights = None if weights is None else weights[used]
+        result[used] = shock.sharpen_geometry(mesh, settings, part_weights, part)
+    positions = result[index]
+    return np.where(positions == document.vertices, document.vertices, positions)
+
+
+def _sharpen_colors(
+    document: Document,
+    colors: Floats,
+    settings: ShockSettings,
+    weights: Floats | None,
+    progress: Progress | None,
+) -> Floats:
+    """Colors after sharpening; NaN, for none, stays."""
+    colored = np.isfinite(colors).all(axis=1)
+    places = weld(document.vertices)[1]
+    kinds = weld(np.where(colored[:, None], colors, -1.0))[1]
+    first, index = weld(np.column_stack([places, kinds, np.zeros(len(kinds))]))
+    faces = index[document.faces]
+    usable = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    usable &= colored[document.faces].all(axis=1)
+    if weights is not None:
+        weights = _lowest(weights, index, len(first))
+    result = colors[first]
+    parts = document.parts[usable]
+    for mesh, used, part in _meshes(document.vertices[first], faces[usable], parts, progress):
+        part_weights = None if weights is None else weights[used]
+        result[used] = sharpen_vertex_signal(mesh, result[used], settings, part_weights, part)
+    return np.where(abs(result[index] - colors) < _ROUNDING, colors, result[index])
+
+
+def _lowest(weights: Floats, index: Ints, count: int) -> Floats:
+    """The lowest weight of the vertices that are one."""
+    lowest = np.ones(count)
+    np.minimum.at(lowest, index, weights)
+    return lowest
+
+
+def _meshes(
+    points: Floats, faces: Ints, parts: Ints, progress: Progress | None
+) -> Iterator[tuple[TriangleMesh, Ints, Progress | None]]:
+    """Each group of joined objects as a mesh, the points it uses, and its part of the progress."""
+    groups = _groups(parts, faces, len(points))
     for done, group in enumerate(groups):
         used, corners = np.unique(faces[group], return_inverse=True)
         try:
-            mesh = TriangleMesh(welded[used], corners.reshape(-1, 3))
+            mesh = TriangleMesh(points[used], corners.reshape(-1, 3))
         except InvalidMesh:
             if len(groups) == 1:
                 raise
             continue  # one object without a surface does not keep the others from theirs
-        result[used] = shock.sharpen_geometry(
-            mesh,
-            settings,
-            mask=None if weights is None else weights[used],
-            progress=progress and _share(progress, done, len(groups)),
-        )
-    positions = result[index]
-    return np.where(positions == document.vertices, document.vertices, positions)
+        yield mesh, used, progress and _share(progress, done, len(groups))
 
 
 def _share(progress: Progress, done: int, count: int) -> Progress:

@@ -23,7 +23,9 @@ from .formats import (
     Bools,
     Floats,
     copy_beside,
+    from_unit,
     renewed_vertex_normals,
+    to_unit,
     transformed,
     unit,
 )
@@ -35,7 +37,7 @@ _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
 
 class GltfFile:
-    """A GLB or glTF file; only positions and normals in its buffers are rewritten.
+    """A GLB or glTF file; only positions, normals and colors in its buffers are rewritten.
 
     All meshes are put into the space of the scene, so that they are sharpened as they look there
     and join where they touch. A mesh that stands there several times counts once.
@@ -43,7 +45,7 @@ class GltfFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        data = path.read_bytes()
+        data = self._data = path.read_bytes()
         chunks = _glb_chunks(data) if data.startswith(b"glTF") else {_JSON: data}
         self._tree = json.loads(chunks[_JSON])
         self._buffers = [
@@ -121,6 +123,36 @@ class GltfFile:
             )
         return notes + self._write(path)
 
+    def _colors(self) -> list[tuple[slice, int]]:
+        """Vertices that have colors, and the accessor that holds these."""
+        found: dict[int, int] = {}
+        for _, primitive in self._primitives():
+            place, color = (primitive["attributes"].get(k) for k in ("POSITION", "COLOR_0"))
+            if color is not None and found.setdefault(place, color) != color:
+                raise ShockError(f"{self._path} colors the same vertices twice; export it anew.")
+        return [(self._rows[place][0], color) for place, color in found.items()]
+
+    def read_colors(self) -> Floats:
+        colors = np.full_like(self.vertices, np.nan)
+        for rows, accessor in self._colors():
+            values = self._array(accessor)[:, :3]
+            colors[rows] = to_unit(values, values.dtype)
+        return colors
+
+    def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
+        changed = 0
+        for rows, accessor in self._colors():
+            values = self._array(accessor)[:, :3]  # opacity, if any, stays
+            new = from_unit(colors[rows], values.dtype)
+            changed += int((new != values).any(axis=1).sum())
+            values[:] = new
+            for bound in ("min", "max"):  # optional for colors, and stale now
+                self._tree["accessors"][accessor].pop(bound, None)
+        if changed:
+            return changed, self._write(path)
+        path.write_bytes(self._data)
+        return 0, copy_beside(self._path.parent, self._side_files("buffers", "images"), path.parent)
+
     def _renew_normals(self, positions: Floats) -> None:
         old = np.zeros_like(positions)
         for number, normal in self._normals.items():
@@ -149,9 +181,12 @@ class GltfFile:
                 buffer["uri"] = quote(name)
         text = json.dumps(self._tree, separators=(",", ":"), ensure_ascii=False).encode()
         path.write_bytes(text if path.suffix.lower() == ".gltf" else _glb(text, binary))
-        uris = [image.get("uri", "data:") for image in self._tree.get("images", [])]
-        images = [unquote(uri) for uri in uris if not uri.startswith("data:")]
-        return copy_beside(self._path.parent, images, path.parent)
+        return copy_beside(self._path.parent, self._side_files("images"), path.parent)
+
+    def _side_files(self, *kinds: str) -> list[str]:
+        entries = [entry for kind in kinds for entry in self._tree.get(kind, [])]
+        uris = [entry.get("uri", "data:") for entry in entries]
+        return [unquote(uri) for uri in uris if not uri.startswith("data:")]
 
 
 def _glb_chunks(data: bytes) -> dict[int, bytes]:

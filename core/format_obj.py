@@ -13,7 +13,7 @@ from .formats import NEW_NORMALS, Bools, Floats, Ints, copy_beside, decimal, ren
 
 
 class ObjFile:
-    """An OBJ file as lines; only the `v` lines of moved vertices and the normals are rewritten."""
+    """An OBJ file as lines; only `v` lines of changed vertices and the normals are rewritten."""
 
     def __init__(self, path: Path) -> None:
         text = re.sub(rb"\\\r?\n", b" ", path.read_bytes())
@@ -73,6 +73,28 @@ class ObjFile:
             self._renew_normals(lines, positions)
         path.write_bytes(b"".join(lines))
         return [*_copy_materials(self.path, self.lines, path.parent), *[NEW_NORMALS] * fresh]
+
+    def read_colors(self) -> Floats:
+        """The numbers after the position, of vertices that have three or more there."""
+        colors = np.full_like(self.vertices, np.nan)
+        for vertex, line in enumerate(self._vertex_lines):
+            words = self.lines[line].partition(b"#")[0].split()[4:7]
+            if len(words) == 3:
+                colors[vertex] = [float(word) for word in words]
+        return colors
+
+    def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
+        lines = list(self.lines)
+        old = self.read_colors()
+        changed = np.flatnonzero(((colors != old) & np.isfinite(old)).any(axis=1))
+        for vertex in changed:
+            number = self._vertex_lines[vertex]
+            end = lines[number][len(lines[number].rstrip(b"\r\n")) :]
+            words = lines[number].split()
+            words[4:7] = [decimal(colors[vertex])]
+            lines[number] = b" ".join(words) + end
+        path.write_bytes(b"".join(lines))
+        return len(changed), _copy_materials(self.path, self.lines, path.parent)
 
     def _renew_normals(self, lines: list[bytes], positions: Floats) -> None:
         # Corners that shared a vertex and a normal share it again: hard edges stay hard.

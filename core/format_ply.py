@@ -11,7 +11,16 @@ import numpy as np
 
 from .errors import ShockError
 from .format_trimesh import load_scene
-from .formats import NEW_NORMALS, NO_FACES, Bools, Floats, decimal, renewed_vertex_normals
+from .formats import (
+    NEW_NORMALS,
+    NO_FACES,
+    Bools,
+    Floats,
+    decimal,
+    from_unit,
+    renewed_vertex_normals,
+    to_unit,
+)
 
 _PLY_TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -23,10 +32,15 @@ _PLY_TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
+_COLORS = (
+    ("red", "green", "blue"),
+    ("diffuse_red", "diffuse_green", "diffuse_blue"),
+    ("r", "g", "b"),
+)
 
 
 class PlyFile:
-    """A PLY file as bytes; only the positions and normals of its vertices are rewritten."""
+    """A PLY file as bytes; only positions and normals of its vertices, or colors, are rewritten."""
 
     def __init__(self, path: Path) -> None:
         self._table = PlyVertices(path)
@@ -45,6 +59,25 @@ class PlyFile:
             changes |= dict(zip(normals, new.T, strict=True))
         path.write_bytes(self._table.rewritten(changes))
         return [NEW_NORMALS] * fresh
+
+    def _color_names(self) -> tuple[str, ...]:
+        named = (names for names in _COLORS if set(names) <= set(self._table.names))
+        return next(named, ())
+
+    def read_colors(self) -> Floats:
+        names = self._color_names()
+        if not names:
+            return np.full_like(self.vertices, np.nan)
+        return np.column_stack([self._table.weights(name) for name in names])
+
+    def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
+        names = self._color_names()
+        old = self._table.columns(*names)
+        kinds = [self._table.kind(name) for name in names]
+        new = [from_unit(column, kind) for column, kind in zip(colors.T, kinds, strict=True)]
+        path.write_bytes(self._table.rewritten(dict(zip(names, new, strict=True))))
+        differs = (np.column_stack(new) != old) & np.isfinite(colors)
+        return int(differs.any(axis=1).sum()), []
 
 
 class PlyVertices:
@@ -88,9 +121,11 @@ class PlyVertices:
 
     def weights(self, name: str) -> Floats:
         """A property as numbers from 0 to 1, whole numbers as parts of their type's maximum."""
-        kind = self._dtype[name]
-        scale = np.iinfo(kind).max if kind.kind in "iu" else 1.0
-        return self.columns(name)[:, 0] / scale
+        return to_unit(self.columns(name)[:, 0], self.kind(name))
+
+    def kind(self, name: str) -> np.dtype[Any]:
+        """The type of a property."""
+        return self._dtype[name]
 
     def rewritten(self, changes: dict[str, Floats]) -> bytes:
         """The whole file with other values in some columns; equal values keep their bytes."""

@@ -32,6 +32,26 @@ class Document(Protocol):
         """Write it with other positions; returns notes on what changed or got lost."""
 
 
+class ColoredDocument(Document, Protocol):
+    """A file whose vertex colors can be replaced."""
+
+    def read_colors(self) -> Floats:
+        """Red, green and blue of each vertex, with 1 for the largest whole number; NaN for none."""
+
+    def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
+        """Write it with other colors; returns how many vertices changed theirs, and notes."""
+
+
+def to_unit(values: npt.NDArray[Any], kind: np.dtype[Any]) -> Floats:
+    """Numbers of a type as floats, whole numbers as parts of the type's maximum."""
+    return values / np.float64(np.iinfo(kind).max if kind.kind in "iu" else 1)
+
+
+def from_unit(values: Floats, kind: np.dtype[Any]) -> Floats:
+    """The inverse of :func:`to_unit`; whole numbers are rounded."""
+    return np.rint(values * np.iinfo(kind).max) if kind.kind in "iu" else values
+
+
 def renewed_normals(positions: Floats, triangles: Ints, keys: Ints, old: Floats) -> Floats:
     """Mean normal, weighted by area, of the triangle corners that share a key.
 

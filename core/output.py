@@ -23,15 +23,22 @@ class Outcome:
 
     Attributes
     ----------
-    vertices, moved : int
-        Number of vertices, and of those that are elsewhere now.
+    total, changed : int
+        Number of vertices or pixels, and of those that are not as they were.
     notes : tuple of str
         What a person should know: what did not survive, what was computed anew.
+    done : str
+        Says what was done, with places for both numbers.
     """
 
-    vertices: int
-    moved: int
+    total: int
+    changed: int
     notes: tuple[str, ...] = ()
+    done: str = "moved {changed} of {total} vertices"
+
+    def __str__(self) -> str:
+        """Say what was done."""
+        return self.done.format(changed=self.changed, total=self.total)
 
 
 @contextlib.contextmanager

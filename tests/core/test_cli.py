@@ -37,16 +37,20 @@ class Recorder:
     """A backend that copies files and remembers what it was asked."""
 
     prog = "shock-filter"
-    formats = "any files"
 
     def __init__(self):
         self.calls = []
+        self.commands = []
 
-    def add_arguments(self, parser):
+    def formats(self, command):
+        return "any files"
+
+    def add_arguments(self, parser, command):
         pass
 
-    def sharpen_geometry(self, source, target, settings, options, progress):
+    def sharpen(self, command, source, target, settings, options, progress):
         self.calls.append((source, target, settings))
+        self.commands.append(command.name)
         target.write_bytes(Path(source).read_bytes())
         return Outcome(9, 3, ("a note",))
 
@@ -77,20 +81,29 @@ def usage_error(capsys, *words):
 # ------------------------------------------------------------------------------------------ flags
 
 
-def test_flags_are_the_settings_with_their_defaults(folder):
+@pytest.mark.parametrize(
+    "command, settings",
+    [
+        ("sharpen-geometry", core.GeometrySettings),
+        ("sharpen-colors", core.ShockSettings),
+        ("sharpen-image", core.ImageSettings),
+    ],
+)
+def test_flags_are_the_settings_with_their_defaults(folder, command, settings):
     make("a.obj")
     recorder = Recorder()
-    assert sharpen("a.obj", "b.obj", backend=recorder) == 0
-    assert recorder.calls == [("a.obj", Path("b.obj"), core.GeometrySettings())]
+    assert cli.main([command, "a.obj", "b.obj"], recorder) == 0
+    assert recorder.calls == [("a.obj", Path("b.obj"), settings())]
     words, wanted = [], {}
-    for name, (kind, default, about) in describe(core.GeometrySettings).items():
+    for name, (kind, default, about) in describe(settings).items():
         if name == "fidelity":
             continue  # it excludes the radius
         value = list(about.choices)[-1] if kind is str else default + (1 if kind is int else 0.25)
         words += ["--" + name.replace("_", "-"), str(value)]
         wanted[name] = value
-    assert sharpen(*words, "a.obj", "c.obj", backend=recorder) == 0
-    assert recorder.calls[1][2] == core.GeometrySettings(**wanted)
+    assert cli.main([command, *words, "a.obj", "c.obj"], recorder) == 0
+    assert recorder.calls[1][2] == settings(**wanted)
+    assert recorder.commands == [command, command]
 
 
 def test_flags_may_stand_between_and_time_may_be_endless(folder):
@@ -100,12 +113,13 @@ def test_flags_may_stand_between_and_time_may_be_endless(folder):
     assert recorder.calls[0][2].time == math.inf
 
 
-def test_help_says_description_unit_range_and_default(capsys):
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_help_says_description_unit_range_and_default(capsys, command):
     with pytest.raises(SystemExit) as stop:
-        sharpen("--help")
+        cli.main([command.name, "--help"])
     assert stop.value.code == 0
     text = " ".join(capsys.readouterr().out.split())
-    for name, (_, default, about) in describe(core.GeometrySettings).items():
+    for name, (_, default, about) in describe(command.settings).items():
         assert "--" + name.replace("_", "-") in text
         assert about.description in text
         for meaning in about.choices.values():
@@ -121,7 +135,7 @@ def test_help_is_quick_and_loads_no_numerics():
         "import sys; from shock_filter.core import cli\n"
         "try: cli.main(['--help'])\n"
         "except SystemExit: pass\n"
-        "print({'numpy', 'numba', 'scipy', 'trimesh'} & set(sys.modules))"
+        "print({'numpy', 'numba', 'scipy', 'trimesh', 'PIL'} & set(sys.modules))"
     )
     start = time.perf_counter()
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
@@ -288,7 +302,7 @@ class Interrupted(cli.FileBackend):
 
     presses = 1
 
-    def sharpen_geometry(self, source, target, settings, options, progress):
+    def sharpen(self, command, source, target, settings, options, progress):
         calls = []
 
         def pressing(fraction, message):
@@ -298,7 +312,7 @@ class Interrupted(cli.FileBackend):
                     signal.raise_signal(signal.SIGINT)
             return progress(fraction, message)
 
-        return super().sharpen_geometry(source, target, settings, options, pressing)
+        return super().sharpen(command, source, target, settings, options, pressing)
 
 
 class TwiceInterrupted(Interrupted):
@@ -310,7 +324,7 @@ class TwiceInterrupted(Interrupted):
 class Stubborn(Recorder):
     """A backend that never asks; Ctrl-C twice ends it with an error of its own, as Blender does."""
 
-    def sharpen_geometry(self, source, target, settings, options, progress):
+    def sharpen(self, command, source, target, settings, options, progress):
         signal.raise_signal(signal.SIGINT)
         try:
             signal.raise_signal(signal.SIGINT)

@@ -10,7 +10,7 @@ import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files import sharpen_file
+from shock_filter.core.files import sharpen_colors_file, sharpen_file
 from shock_filter.core.output import staged
 
 STILL = core.GeometrySettings(time=0)
@@ -116,8 +116,8 @@ l 1 2\r
 def test_obj_changes_vertex_lines_only(tmp_path):
     (tmp_path / "in.obj").write_bytes(QUADS)
     outcome = sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STRONG)
-    assert outcome.vertices == 8
-    assert 0 < outcome.moved <= 8
+    assert outcome.total == 8
+    assert 0 < outcome.changed <= 8
     before, after = (
         (tmp_path / name).read_bytes().splitlines(keepends=True) for name in ("in.obj", "out.obj")
     )
@@ -129,7 +129,7 @@ def test_obj_changes_vertex_lines_only(tmp_path):
         else:
             assert old == new
     changed = sum(a != b for a, b in zip(before, after, strict=True))
-    assert changed == outcome.moved
+    assert changed == outcome.changed
 
 
 def test_obj_gives_the_core_result_in_file_order(tmp_path):
@@ -156,7 +156,7 @@ def test_obj_time_zero_returns_the_same_bytes(tmp_path):
     text = QUADS.replace(b"vt 0 0", b"vn 0 0 1").replace(b"1/1 ", b"1//1 ")
     (tmp_path / "in.obj").write_bytes(text)
     outcome = sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj", STILL)
-    assert outcome.moved == 0
+    assert outcome.changed == 0
     assert (tmp_path / "out.obj").read_bytes() == text
 
 
@@ -276,7 +276,7 @@ def test_ply_quads_stay_quads(tmp_path):
     (tmp_path / "in.ply").write_bytes(data)
     outcome = sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
     result = (tmp_path / "out.ply").read_bytes()
-    assert outcome.moved > 0
+    assert outcome.changed > 0
     assert len(result) == len(data)
     assert result[-quads.size * 4 - len(quads) :] == data[-quads.size * 4 - len(quads) :]
 
@@ -304,7 +304,7 @@ def test_text_ply_keeps_all_words_but_positions(tmp_path):
     (tmp_path / "in.ply").write_text(text_ply(vertices, faces))
     outcome = sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STRONG)
     old, new = ((tmp_path / name).read_text().splitlines() for name in ("in.ply", "out.ply"))
-    assert outcome.moved > 300
+    assert outcome.changed > 300
     assert len(old) == len(new)
     rows = slice(old.index("end_header") + 1, old.index("end_header") + 1 + len(vertices))
     assert all(line.endswith(" 0.50 7") for line in new[rows])
@@ -321,7 +321,7 @@ def test_ply_time_zero_returns_the_same_bytes(tmp_path, kind):
     text = text_ply(vertices, faces).encode()
     data = ply_bytes(vertices, faces) if kind == "binary" else text
     (tmp_path / "in.ply").write_bytes(data)
-    assert sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STILL).moved == 0
+    assert sharpen_file(tmp_path / "in.ply", tmp_path / "out.ply", STILL).changed == 0
     assert (tmp_path / "out.ply").read_bytes() == data
 
 
@@ -461,7 +461,7 @@ def test_glb_materials_do_not_crack_apart(tmp_path):
 def test_glb_time_zero_keeps_the_binary_chunk(tmp_path):
     data = two_material_glb(*rounded_box())
     (tmp_path / "in.glb").write_bytes(data)
-    assert sharpen_file(tmp_path / "in.glb", tmp_path / "out.glb", STILL).moved == 0
+    assert sharpen_file(tmp_path / "in.glb", tmp_path / "out.glb", STILL).changed == 0
     result = (tmp_path / "out.glb").read_bytes()
     starts = [20 + struct.unpack_from("<I", blob, 12)[0] for blob in (data, result)]
     assert result[starts[1] :] == data[starts[0] :]
@@ -529,7 +529,7 @@ def test_stl_and_off(tmp_path, ending):
     vertices, faces = rounded_box()
     trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / f"in.{ending}")
     outcome = sharpen_file(tmp_path / f"in.{ending}", tmp_path / f"out.{ending}", STRONG)
-    assert outcome.vertices == len(vertices)
+    assert outcome.total == len(vertices)
     result = trimesh.load_mesh(tmp_path / f"out.{ending}")
     assert result.is_watertight
     assert len(result.faces) == len(faces)
@@ -552,7 +552,7 @@ def test_colors_survive_conversion(tmp_path, ending):
     near = abs(result.visual.vertex_colors[:, 0].astype(int) - colors[:, 0])
     assert len(result.vertices) == len(vertices)
     assert near.max() <= 1
-    assert outcome.moved > 300
+    assert outcome.changed > 300
 
 
 @pytest.mark.parametrize(
@@ -702,3 +702,217 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
         raise OSError("disk full")
     assert (tmp_path / "out.obj").read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["out.obj"]
+
+
+# ------------------------------------------------------------------------------------------ colors
+
+SOFT = core.ShockSettings(time=64)
+STILL_COLORS = core.ShockSettings(time=0)
+
+
+def painted():
+    """A sphere, painted in two colors with a soft edge between them."""
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    share = 1 / (1 + np.exp(-ball.vertices[:, 2:] / 0.08))
+    colors = share * [0.9, 0.2, 0.1] + (1 - share) * [0.1, 0.3, 0.8]
+    vertices = ball.vertices.astype(np.float32).astype(np.float64)  # what all formats can hold
+    return vertices, np.array(ball.faces, dtype=np.int64), colors
+
+
+def bytes_of(colors):
+    return np.rint(colors * 255).astype(np.uint8)
+
+
+def sharpened(vertices, faces, colors, settings=SOFT):
+    result = core.sharpen_vertex_signal(core.TriangleMesh(vertices, faces), colors, settings)
+    assert abs(result - colors).max() > 0.05
+    return result
+
+
+def color_columns(colors, kind="uchar", dtype="u1", names=("red", "green", "blue")):
+    return [(name, kind, dtype, colors[:, k]) for k, name in enumerate(names)]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("kind, dtype", [("uchar", "u1"), ("float", "f4"), ("ushort", "u2")])
+def test_binary_ply_changes_colors_only(tmp_path, order, kind, dtype):
+    vertices, faces, colors = painted()
+    scale = 1 if dtype == "f4" else np.iinfo(dtype).max
+    stored = colors.astype("f4") if scale == 1 else np.rint(colors * scale).astype(dtype)
+    alpha = np.arange(len(vertices)) % 200
+    extra = [*color_columns(stored, kind, dtype), ("alpha", "uchar", "u1", alpha)]
+    old = ply_bytes(vertices, faces, extra, order)
+    (tmp_path / "in.ply").write_bytes(old)
+    outcome = sharpen_colors_file(tmp_path / "in.ply", tmp_path / "out.ply", SOFT)
+    new = (tmp_path / "out.ply").read_bytes()
+    fields = [(axis, order + "f4") for axis in "xyz"]
+    fields += [(name, order + t) for name, _, t, _ in extra]
+    before, after = (ply_table(data, fields, len(vertices)) for data in (old, new))
+    for name in ("x", "y", "z", "alpha"):
+        np.testing.assert_array_equal(after[name], before[name])
+    assert new[-len(faces) * 13 :] == old[-len(faces) * 13 :]
+    wanted = sharpened(vertices, faces, stored.astype(np.float64) / scale) * scale
+    wanted = np.rint(wanted) if scale > 1 else wanted
+    got = np.column_stack([after[name] for name in ("red", "green", "blue")])
+    np.testing.assert_allclose(got, wanted, atol=2e-7 if scale == 1 else 0)
+    assert outcome.total == len(vertices)
+    assert outcome.changed == (got != stored).any(axis=1).sum() > 100
+
+
+def painted_text_ply(vertices, faces, colors, names=("red", "green", "blue"), kind="uchar"):
+    header = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property float {axis}" for axis in "xyz"]
+    header += [f"property {kind} {name}" for name in names]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    rows = [
+        "{:.9g} {:.9g} {:.9g}  {} {} {}".format(*vertex, *color)
+        for vertex, color in zip(vertices, colors, strict=True)
+    ]
+    rows += ["3 {} {} {}".format(*face) for face in faces]
+    return "\n".join([*header, *rows]) + "\n"
+
+
+@pytest.mark.parametrize("names", [("diffuse_red", "diffuse_green", "diffuse_blue"), tuple("rgb")])
+def test_text_ply_changes_lines_of_changed_colors_only(tmp_path, names):
+    vertices, faces, colors = painted()
+    stored = bytes_of(colors)
+    (tmp_path / "in.ply").write_text(painted_text_ply(vertices, faces, stored, names))
+    outcome = sharpen_colors_file(tmp_path / "in.ply", tmp_path / "out.ply", SOFT)
+    before, after = ((tmp_path / name).read_text().splitlines() for name in ("in.ply", "out.ply"))
+    assert sum(a != b for a, b in zip(before, after, strict=True)) == outcome.changed > 100
+    start = before.index("end_header") + 1
+    got = np.array([row.split()[3:] for row in after[start : start + len(vertices)]], dtype=float)
+    np.testing.assert_array_equal(got, np.rint(255 * sharpened(vertices, faces, stored / 255)))
+
+
+def obj_with_colors(vertices, faces, colors):
+    rows = [
+        "v {} {} {} {:.3f} {:.3f} {:.3f}".format(*v, *c)
+        for v, c in zip(vertices, colors, strict=True)
+    ]
+    rows += ["f {} {} {}".format(*face) for face in faces + 1]
+    return "# painted\n" + "\n".join(rows) + "\n"
+
+
+def test_obj_changes_colors_only(tmp_path):
+    vertices, faces, colors = painted()
+    colors = colors.round(3)
+    (tmp_path / "in.obj").write_text(obj_with_colors(vertices, faces, colors))
+    outcome = sharpen_colors_file(tmp_path / "in.obj", tmp_path / "out.obj", SOFT)
+    before, after = (
+        [line.split() for line in (tmp_path / name).read_text().splitlines()]
+        for name in ("in.obj", "out.obj")
+    )
+    got = np.array([words[4:] for words in after if words[0] == "v"], dtype=float)
+    np.testing.assert_allclose(got, sharpened(vertices, faces, colors), atol=2e-7)
+    assert [words[:4] for words in before] == [words[:4] for words in after]
+    assert outcome.changed == (got != colors).any(axis=1).sum() > 100
+
+
+@pytest.mark.parametrize("ending", ["glb", "gltf"])
+def test_gltf_changes_colors_only(tmp_path, ending):
+    vertices, faces, colors = painted()
+    rgba = np.column_stack([bytes_of(colors), np.arange(len(colors)) % 256]).astype(np.uint8)
+    mesh = trimesh.Trimesh(vertices, faces, process=False, vertex_colors=rgba)
+    trimesh.Scene(mesh).export(tmp_path / f"in.{ending}")
+    outcome = sharpen_colors_file(tmp_path / f"in.{ending}", tmp_path / f"out.{ending}", SOFT)
+    new = trimesh.load_mesh(tmp_path / f"out.{ending}", process=False)
+    wanted = np.rint(255 * sharpened(vertices, faces, rgba[:, :3] / 255))
+    np.testing.assert_array_equal(new.visual.vertex_colors[:, :3], wanted)
+    np.testing.assert_array_equal(new.visual.vertex_colors[:, 3], rgba[:, 3])
+    np.testing.assert_array_equal(new.vertices, vertices)
+    assert outcome.changed == (wanted != rgba[:, :3]).any(axis=1).sum() > 100
+    assert outcome.notes == ()
+
+
+def test_time_zero_keeps_colored_files(tmp_path):
+    vertices, faces, colors = painted()
+    (tmp_path / "in.obj").write_text(obj_with_colors(vertices, faces, colors))
+    columns = color_columns(bytes_of(colors))
+    (tmp_path / "in.ply").write_bytes(ply_bytes(vertices, faces, columns))
+    floats = painted_text_ply(
+        vertices, faces, colors, kind="float"
+    )  # more digits than a float holds
+    (tmp_path / "text.ply").write_text(floats)
+    rgba = np.column_stack([bytes_of(colors), np.full(len(colors), 255)])
+    mesh = trimesh.Trimesh(vertices, faces, process=False, vertex_colors=rgba)
+    mesh.export(tmp_path / "in.glb")
+    for name in ("in.obj", "in.ply", "text.ply", "in.glb"):
+        outcome = sharpen_colors_file(tmp_path / name, tmp_path / ("out_" + name), STILL_COLORS)
+        assert outcome.changed == 0
+        assert (tmp_path / ("out_" + name)).read_bytes() == (tmp_path / name).read_bytes()
+
+
+def test_split_vertices_of_one_color_do_not_show(tmp_path):
+    vertices, faces, colors = painted()
+    colors = bytes_of(colors)
+    split = ply_bytes(*seams(vertices, faces), color_columns(colors[faces.reshape(-1)]))
+    (tmp_path / "in.ply").write_bytes(split)
+    sharpen_colors_file(tmp_path / "in.ply", tmp_path / "out.ply", SOFT)
+    fields = [*((axis, "<f4") for axis in "xyz"), *((c, "u1") for c in ("red", "green", "blue"))]
+    table = ply_table((tmp_path / "out.ply").read_bytes(), fields, faces.size)
+    wanted = np.rint(255 * sharpened(vertices, faces, colors / 255))[faces.reshape(-1), 0]
+    np.testing.assert_array_equal(table["red"], wanted)
+
+
+def test_colors_that_jump_stay_apart(tmp_path):
+    # Two halves of a sheet, each of one color of its own: nothing to sharpen across the cut.
+    rows, columns = np.mgrid[:9, :9]
+    sheet = np.column_stack([rows.ravel(), columns.ravel(), np.zeros(81)]).astype(float)
+    quads = np.arange(81).reshape(9, 9)
+    a, b, c, d = quads[:-1, :-1], quads[1:, :-1], quads[1:, 1:], quads[:-1, 1:]
+    triangles = np.vstack(
+        [np.dstack([a, b, c]).reshape(-1, 3), np.dstack([a, c, d]).reshape(-1, 3)]
+    )
+    vertices = np.vstack([sheet, sheet + [8, 0, 0]])
+    faces = np.vstack([triangles, triangles + 81])
+    colors = np.repeat([[200, 10, 10], [10, 10, 200]], 81, axis=0)
+    (tmp_path / "in.ply").write_bytes(ply_bytes(vertices, faces, color_columns(colors)))
+    assert sharpen_colors_file(tmp_path / "in.ply", tmp_path / "out.ply", SOFT).changed == 0
+
+
+def test_mask_protects_colors(tmp_path):
+    vertices, faces, colors = painted()
+    colors = bytes_of(colors)
+    free = vertices[:, 0] > 0
+    extra = [*color_columns(colors), ("soft", "uchar", "u1", 255 * free)]
+    (tmp_path / "in.ply").write_bytes(ply_bytes(vertices, faces, extra))
+    fields = [*((axis, "<f4") for axis in "xyz"), *((name, "u1") for name, *_ in extra)]
+    for invert in (False, True):
+        sharpen_colors_file(
+            tmp_path / "in.ply", tmp_path / "out.ply", SOFT, mask="soft", invert_mask=invert,
+            overwrite=True,
+        )  # fmt: skip
+        new = ply_table((tmp_path / "out.ply").read_bytes(), fields, len(vertices))
+        changed = new["red"] != colors[:, 0]
+        assert changed.any()
+        assert not changed[free == invert].any()
+
+
+def test_objects_without_colors_are_left(tmp_path):
+    vertices, faces, colors = painted()
+    scene = trimesh.Scene()
+    rgba = np.column_stack([bytes_of(colors), np.full(len(colors), 255)])
+    scene.add_geometry(trimesh.Trimesh(vertices, faces, process=False, vertex_colors=rgba))
+    scene.add_geometry(trimesh.creation.box())
+    scene.export(tmp_path / "in.glb")
+    outcome = sharpen_colors_file(tmp_path / "in.glb", tmp_path / "out.glb", SOFT)
+    assert outcome.changed > 100
+
+
+def test_files_without_colors_are_refused(tmp_path):
+    vertices, faces, _ = painted()
+    (tmp_path / "in.obj").write_text(obj_text(vertices, faces))
+    (tmp_path / "in.ply").write_bytes(ply_bytes(vertices, faces))
+    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "in.glb")
+    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "in.stl")
+    for name in ("in.obj", "in.ply", "in.glb"):
+        with pytest.raises(core.InvalidSignal, match=f"{name} has no vertex colors; paint them"):
+            sharpen_colors_file(tmp_path / name, tmp_path / ("out_" + name))
+    with pytest.raises(core.ShockError, match=r"use one of .obj, .ply, .glb, .gltf\."):
+        sharpen_colors_file(tmp_path / "in.stl", tmp_path / "out.stl")
+    with pytest.raises(core.ShockError, match=r"format of the input only; end it in .ply"):
+        sharpen_colors_file(tmp_path / "in.ply", tmp_path / "out.obj")
+    with pytest.raises(core.ShockError, match=r"no file .*gone.ply"):
+        sharpen_colors_file(tmp_path / "gone.ply", tmp_path / "out.ply")
+    assert not list(tmp_path.glob("out*"))

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""OpenEXR files: the colors are filtered, all other channels (depth, masks, passes) are kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from .errors import ShockError
+from .picture import Picture, lost, needed
+
+_MAGIC = b"\x76\x2f\x31\x01"
+_COLORS = ("RGBA", "RGB", "Y")
+
+
+def read_exr(path: Path) -> Picture:
+    """Read the channels RGBA, RGB or Y, whichever come first; the others are kept beside them."""
+    openexr = needed("OpenEXR", path)
+    with path.open("rb") as stream:
+        if stream.read(4) != _MAGIC:
+            raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
+    try:
+        with openexr.File(str(path)) as file:
+            parts = len(file.parts)
+            header = dict(file.header())  # closing the file empties the original
+            pixels = {name: channel.pixels for name, channel in file.channels().items()}
+    except (RuntimeError, ValueError) as error:
+        raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+    if parts > 1:
+        raise ShockError(f"{path} holds {parts} parts; save them as files of one part each.")
+    name = next((name for name in _COLORS if name in pixels), None)
+    if name is None:
+        raise ShockError(
+            f"{path} has no channels R, G, B or Y; it has: {', '.join(pixels)}. Rename the layer"
+            " to be sharpened."
+        )
+    if pixels[name].dtype.kind != "f":
+        raise ShockError(f"{path} holds whole numbers, not colors; save colors as half or float.")
+    others = [other for other in pixels if other != name]
+    about = {f"the other channels ({', '.join(others)})": others} if others else {}
+    return Picture(pixels[name], "EXR", about, [], (header, pixels, name))
+
+
+def write_exr(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+    """Write half or float channels, with header and other channels of the source."""
+    openexr = needed("OpenEXR", path)
+    if picture.format == "EXR":
+        header, all_channels, name = picture.own
+    else:
+        header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
+        all_channels, name = {}, "Y" if pixels.ndim == 2 else {3: "RGB", 4: "RGBA"}[pixels.shape[2]]
+    openexr.File(header, {**all_channels, name: pixels}).write(str(path))
+    if picture.format == "EXR":
+        return [f"{other} stay as they are" for other in picture.about]
+    return lost(picture, path, set())

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""TIFF files, read and written by tifffile."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import ShockError
+from .picture import ICC, RESOLUTION, XMP, Picture, lost, needed
+
+_WHITE_IS_ZERO, _RGB, _PALETTE = 0, 2, 3
+_COLORS = {_WHITE_IS_ZERO, 1, _RGB, _PALETTE, 6}  # 6: of JPEG, decoded to RGB
+_NONE = 1
+# Tags that say how pixels are stored, or where in the file something stands; tifffile writes those
+# of them that the copy needs.
+_STORAGE = {254, 255, 256, 257, 258, 259, 262, 263, 264, 265, 266, 273, 277, 278, 279, 280, 281}
+_STORAGE |= {282, 283, 284, 288, 289, 296, 317, 320, 322, 323, 324, 325, 330, 338, 339, 340, 341}
+_STORAGE |= {347, 512, 513, 514, 515, 519, 520, 521, 529, 530, 531, 532, 34675}
+_TEXTS = {270: "description", 305: "software", 306: "datetime"}
+_BLOCKS = {34665: "EXIF", 34853: "GPS", 40965: "EXIF interoperability"}
+_RESOLUTION_UNITS = {1: None, 2: 1.0, 3: 2.54}
+_NAMES = {700: XMP, 34675: ICC}
+
+
+def read_tiff(path: Path) -> Picture:
+    """Read a TIFF file of one picture."""
+    tifffile = needed("tifffile", path)
+    try:
+        with tifffile.TiffFile(path) as file:
+            pages = [page for page in file.pages if not page.is_reduced]
+            if len(pages) != 1:
+                raise ShockError(
+                    f"{path} holds {len(pages)} pages; save them as files of one page each."
+                )
+            return _read_page(pages[0], path, len(file.pages) > 1)
+    except tifffile.TiffFileError as error:
+        raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+
+
+def _read_page(page: Any, path: Path, has_previews: bool) -> Picture:
+    if page.photometric not in _COLORS or page.imagedepth != 1:
+        raise ShockError(f"{path} has colors of another kind; convert it to gray or RGB first.")
+    pixels = page.asarray()
+    if page.axes.startswith("S"):  # planes one after the other
+        pixels = np.moveaxis(pixels, 0, -1)
+    tags = {tag.code: tag for tag in page.tags.values()}
+    about = {name: tags[code].value for code, name in _NAMES.items() if code in tags}
+    unit = _RESOLUTION_UNITS.get(tags[296].value if 296 in tags else 2)
+    if unit and 282 in tags and 283 in tags:
+        about[RESOLUTION] = tuple(
+            unit * top / (bottom or 1) for top, bottom in (tags[282].value, tags[283].value)
+        )
+    notes = []
+    if page.photometric == _PALETTE:
+        pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
+        notes.append("its palette was replaced by 16-bit RGB channels")
+    if has_previews:
+        notes.append("smaller copies in the file: left behind")
+    blocks = [name for code, name in _BLOCKS.items() if code in tags]
+    if blocks:
+        notes.append(f"{', '.join(blocks)} cannot be copied: left behind")
+    return Picture(pixels, "TIFF", about, notes, _write_options(page, tags))
+
+
+def _write_options(page: Any, tags: dict[int, Any]) -> dict[str, Any]:
+    """What `tifffile.imwrite` has to be told so that the copy is as the original."""
+    from tifffile import TIFF
+
+    dropped = _STORAGE | set(_TEXTS) | set(_BLOCKS) | set(TIFF.TAG_FILTERED)
+    options: dict[str, Any] = {
+        "photometric": "miniswhite" if page.photometric == _WHITE_IS_ZERO else None,
+        "compressed": page.compression != _NONE,
+        "extrasamples": page.extrasamples or None,
+        "extratags": [
+            (tag.code, int(tag.dtype), tag.count, tag.value, True)
+            for tag in tags.values()
+            if tag.code not in dropped
+        ],
+    }
+    options |= {name: tags[code].value for code, name in _TEXTS.items() if code in tags}
+    return options
+
+
+def write_tiff(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+    """Write with any channels; compressed without loss if the source was compressed."""
+    kept = {ICC, RESOLUTION, XMP}
+    count = pixels.shape[2] if pixels.ndim == 3 else 1
+    own = dict(picture.own) if picture.format == "TIFF" else {"compressed": True}
+    options: dict[str, Any] = {"metadata": None, "software": False}
+    if own.pop("compressed"):
+        options |= {"compression": "zlib", "predictor": True}
+    options["photometric"] = "rgb" if count >= 3 else "minisblack"
+    if count in (2, 4):
+        options["extrasamples"] = ["unassalpha"]
+    options |= {name: value for name, value in own.items() if value is not None}
+    if RESOLUTION in picture.about:
+        options |= {"resolution": picture.about[RESOLUTION], "resolutionunit": "INCH"}
+    options["iccprofile"] = picture.about.get(ICC)
+    if XMP in picture.about and picture.format != "TIFF":
+        data = picture.about[XMP]
+        options["extratags"] = [(700, 1, len(data), data, True)]
+    needed("tifffile", path).imwrite(path, pixels, **options)
+    return lost(picture, path, kept)

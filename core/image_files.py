@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images on disk, outside Blender.
+
+Values keep their type: 16 bits stay 16 bits, and a format that cannot hold them is refused.
+Arrays (.npy) are mapped from disk and never loaded as a whole.
+"""
+
+from __future__ import annotations
+
+import shutil
+import struct
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import ShockError
+from .format_exr import read_exr, write_exr
+from .format_pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
+from .format_tiff import read_tiff, write_tiff
+from .images import sharpen_image
+from .output import Outcome, staged
+from .picture import Picture, lost
+from .settings import ImageSettings
+
+Progress = Callable[[float, str], bool]
+_ARRAY = ".npy"
+
+
+@dataclass(frozen=True)
+class _Format:
+    """How an image format is read and written, and which values it holds."""
+
+    read: Callable[[Path], Picture]
+    write: Callable[[Path, Picture, npt.NDArray[Any]], list[str]]
+    types: Collection[str]
+    channels: Collection[int]
+
+    def holds(self, pixels: npt.NDArray[Any]) -> bool:
+        """Whether the pixels fit as they are."""
+        return pixels.dtype.name in self.types and _channels(pixels) in self.channels
+
+
+def _channels(pixels: npt.NDArray[Any]) -> int:
+    return pixels.shape[2] if pixels.ndim == 3 else 1
+
+
+def _map_array(path: Path) -> Picture:
+    return Picture(np.load(path, mmap_mode="r"), "NumPy")
+
+
+def _flush_array(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+    return lost(picture, path, set())  # the pixels are mapped to the file
+
+
+_TYPES = ("uint8", "uint16", "float16", "float32", "float64")
+_ANY = range(1, 1000)
+_JPEG = _Format(read_pillow, write_jpeg, ("uint8",), (1, 3))
+_TIFF = _Format(read_tiff, write_tiff, ("uint8", "uint16", "float32", "float64"), _ANY)
+_FORMATS = {
+    ".png": _Format(read_pillow, write_png, ("uint8", "uint16"), (1, 2, 3, 4)),
+    ".jpg": _JPEG,
+    ".jpeg": _JPEG,
+    ".tif": _TIFF,
+    ".tiff": _TIFF,
+    ".exr": _Format(read_exr, write_exr, ("float16", "float32"), (1, 3, 4)),
+    ".bmp": _Format(read_pillow, write_bmp, ("uint8",), (1, 3)),
+    ".webp": _Format(read_pillow, write_webp, ("uint8",), (3, 4)),
+    _ARRAY: _Format(_map_array, _flush_array, _TYPES, _ANY),
+}
+_ROWS = 256
+
+
+def sharpen_image_file(
+    source: str | Path,
+    target: str | Path,
+    settings: ImageSettings | None = None,
+    *,
+    mask: str | Path | None = None,
+    invert_mask: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Sharpen an image file and write it to another.
+
+    Parameters
+    ----------
+    source, target : path
+        PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
+        complete; its format must hold the values as they are, none is converted.
+    settings : ImageSettings, optional
+        Strength and all else; the defaults if left out.
+    mask : path, optional
+        Gray image of the same size: black stays, white is sharpened fully.
+    invert_mask : bool
+        Use one minus the mask.
+    overwrite : bool
+        Replace files that exist.
+    progress : callable, optional
+        Called with (fraction, message); returns False to cancel.
+
+    Returns
+    -------
+    Outcome
+        Counts of pixels, and notes on what did not survive.
+    """
+    source, target = Path(source), Path(target)
+    for path in (source, target):
+        _check_ending(path)
+    _check_source(source)
+    if not target.absolute().parent.is_dir():
+        raise ShockError(f"There is no folder {target.parent}; make it first.")
+    weights = _read_mask(Path(mask), invert_mask) if mask else None
+    with staged(target, overwrite) as path:
+        # Arrays that are mapped from files must be gone before these can be replaced.
+        return _sharpen(source, path, settings or ImageSettings(), weights, progress)
+
+
+def _check_ending(path: Path) -> None:
+    if path.suffix.lower() not in _FORMATS:
+        raise ShockError(f"{path}: cannot handle this ending; use one of {', '.join(_FORMATS)}.")
+
+
+def _check_source(path: Path) -> None:
+    _check_ending(path)
+    if path.is_dir():
+        raise ShockError(f"{path} is a folder; name the files in it.")
+    if not path.exists():
+        raise ShockError(f"There is no file {path}; check its name and folder.")
+    if not path.stat().st_size:
+        raise ShockError(f"{path} is empty; copy or save it again.")
+
+
+def _read(path: Path) -> Picture:
+    try:
+        picture = _FORMATS[path.suffix.lower()].read(path)
+    except ShockError:
+        raise
+    except (OSError, ValueError, LookupError, TypeError, SyntaxError, struct.error) as error:
+        raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+    pixels = picture.pixels
+    if pixels.dtype.name not in _TYPES:
+        raise ShockError(
+            f"{path} holds values of type {pixels.dtype}; save it with 8 or 16 bits, or as floats."
+        )
+    if pixels.ndim not in (2, 3) or not pixels.size:
+        raise ShockError(f"{path} has the shape {pixels.shape}; give (h, w) or (h, w, channels).")
+    picture.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
+    return picture
+
+
+def _sharpen(
+    source: Path,
+    path: Path,
+    settings: ImageSettings,
+    weights: npt.NDArray[Any] | None,
+    progress: Progress | None,
+) -> Outcome:
+    picture = _read(source)
+    pixels = picture.pixels
+    ending = path.suffix.lower()
+    if not _FORMATS[ending].holds(pixels):
+        fitting = [name for name, other in _FORMATS.items() if other.holds(pixels)]
+        raise ShockError(
+            f"{source}: {ending} cannot hold {_channels(pixels)} channels of {pixels.dtype}; write"
+            f" one of {', '.join(fitting)}."
+        )
+    if ending == _ARRAY:
+        result = np.lib.format.open_memmap(path, "w+", pixels.dtype, pixels.shape)
+    else:
+        result = np.empty_like(pixels)
+    if pixels.dtype == np.float16:
+        result[...] = sharpen_image(pixels.astype(np.float32), settings, weights, progress)
+    else:
+        sharpen_image(pixels, settings, weights, progress, out=result)
+    changed = _count_changed(pixels, result)
+    total = pixels.shape[0] * pixels.shape[1]
+    notes: list[str] = []
+    if not changed and ending == source.suffix.lower() != _ARRAY:
+        shutil.copyfile(source, path)
+    else:
+        flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
+        notes = [*picture.notes, *_FORMATS[ending].write(path, picture, flat)]
+    return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
+
+
+def _count_changed(old: npt.NDArray[Any], new: npt.NDArray[Any]) -> int:
+    # In bands of rows, so that nothing as large as the image is made.
+    changed = 0
+    for start in range(0, len(old), _ROWS):
+        band = slice(start, start + _ROWS)
+        differs = old[band] != new[band]
+        changed += int(np.count_nonzero(differs.any(axis=2) if differs.ndim == 3 else differs))
+    return changed
+
+
+def _read_mask(path: Path, invert: bool) -> npt.NDArray[Any]:
+    _check_source(path)
+    weights = _read(path).pixels
+    if weights.ndim == 3 and weights.shape[2] == 1:
+        weights = weights[..., 0]
+    if weights.ndim != 2:
+        raise ShockError(f"{path}: the mask has colors or opacity; save it as a gray image.")
+    if weights.dtype.kind == "u":
+        weights = weights / np.float64(np.iinfo(weights.dtype).max)
+    return 1.0 - weights if invert else weights
