@@ -82,9 +82,9 @@ def provide_bare_blender(session: nox.Session, version: str) -> str:
 
 @nox.session(python=PYTHON)
 def demo(session: nox.Session) -> None:
-    """Sharpen a softened Suzanne in Blender and render it before and after."""
+    """Sharpen shapes, colors and a photo in Blender and show them before and after."""
     provide_system_libraries(session)
-    session.install("-e", ".[blender,files]")
+    session.install("-e", ".[blender,files,demo]")
     session.run("python", "demo/run.py", *session.posargs)
 
 

@@ -47,3 +47,9 @@ def normal_error(vertices: Floats, true_vertices: Floats, triangles: Ints) -> fl
         np.linalg.norm(np.cross(normals, truth), axis=1), (normals * truth).sum(axis=1)
     )
     return float(np.degrees(np.average(angles, weights=areas)))
+
+
+def color_slope(colors: Floats, triangles: Ints) -> float:
+    """How much colors change along the steepest hundredth of all edges."""
+    changes = np.linalg.norm(colors[triangles] - colors[np.roll(triangles, -1, axis=1)], axis=2)
+    return float(np.percentile(changes, 99))

@@ -16,6 +16,8 @@ import mathutils
 
 SAMPLES = 16
 
+PAINT = "Paint"
+
 
 @dataclass(frozen=True)
 class View:
@@ -42,10 +44,12 @@ class View:
 def render(path: Path, view: View, columns: list[tuple[str, bpy.types.Mesh]], pixels: int) -> None:
     """Render labelled meshes side by side, flat-shaded, each `pixels` wide.
 
-    Flat shading shows each face as it is: smooth shading would hide facets and blur creases.
+    Flat shading shows each face as it is: smooth shading would hide facets and blur creases. A
+    color attribute named `PAINT` is shown as it is, without light.
     """
     scene = bpy.data.scenes.new("Picture")
-    clay, ink = _clay(view.light), _glowing("Ink")
+    painted = PAINT in columns[0][1].attributes
+    clay, ink = _paint() if painted else _clay(view.light), _glowing("Ink")
     label_height = 0.07 * view.size
     for index, (label, mesh) in enumerate(columns):
         left = (index - 0.5 * (len(columns) - 1)) * view.size
@@ -106,6 +110,25 @@ def _clay(light: tuple[float, float, float]) -> bpy.types.Material:
     links.new(cosine.outputs["Value"], linear.inputs["Value"])
     links.new(linear.outputs["Result"], brightness.inputs[0])
     links.new(brightness.outputs["Value"], nodes["Emission"].inputs["Color"])
+    return material
+
+
+def _paint() -> bpy.types.Material:
+    """The color attribute, darker where the surface turns away."""
+    material = _glowing(PAINT)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    color = nodes.new("ShaderNodeVertexColor")
+    color.layer_name = PAINT
+    facing = nodes.new("ShaderNodeLayerWeight")
+    shade = nodes.new("ShaderNodeMapRange")
+    shade.inputs["To Min"].default_value = 1.0
+    shade.inputs["To Max"].default_value = 0.3
+    shaded = nodes.new("ShaderNodeVectorMath")
+    shaded.operation = "SCALE"
+    links.new(facing.outputs["Facing"], shade.inputs["Value"])
+    links.new(color.outputs["Color"], shaded.inputs[0])
+    links.new(shade.outputs["Result"], shaded.inputs["Scale"])
+    links.new(shaded.outputs["Vector"], nodes["Emission"].inputs["Color"])
     return material
 
 

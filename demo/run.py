@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpen softened shapes with the Blender operator and render them before and after.
+"""Sharpen softened shapes, colors and a photo with Blender's operators; show before and after.
 
 ``python demo/run.py`` writes pictures to demo/out and prints what was measured. Needs Blender as
 a Python module (bpy) and the package shock_filter; ``nox -s demo`` brings both.
@@ -14,12 +14,16 @@ from pathlib import Path
 
 import bpy
 import measure
+import photo
 import shapes
 import shock_filter
-from picture import View, render
+from picture import PAINT, View, render
 
 OURS = {"time": 1024.0}
 PAPER = {"time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
+
+COLORS = {"time": 4096.0}
+PHOTO = {"time": 1024.0}
 
 FACE = View(rotation=(0, 0, -25), centre=(0.12, 0.0), size=2.5, light=(-0.9, -0.6, 0.9))
 GEAR = View(rotation=(50, 0, 20), centre=(0.0, 0.2), size=2.2, light=(-0.9, -0.3, 0.7))
@@ -48,6 +52,8 @@ def main() -> int:
     try:
         pictures = show_suzanne(options.out, options.pixels)
         pictures += show_gear(options.out, options.pixels)
+        pictures += show_colors(options.out, options.pixels)
+        pictures += show_photo(options.out)
     except DemoFailed as error:
         print(f"The demo failed: {error}", file=sys.stderr)
         return 1
@@ -100,25 +106,70 @@ def show_gear(out: Path, pixels: int) -> list[Path]:
     return [picture(out / "gear.png", GEAR, columns, pixels)]
 
 
-def sharpened(obj: bpy.types.Object, settings: dict[str, float | str]) -> bpy.types.Mesh:
-    """Run the operator on a copy of the object; returns the copy's mesh."""
+def show_colors(out: Path, pixels: int) -> list[Path]:
+    """Sharpen blurred paint on Suzanne."""
+    obj = shapes.suzanne(subdivisions=4)
+    shapes.paint(obj, PAINT, passes=30)
+    print(f"\nSuzanne with blurred paint: {len(obj.data.vertices):,} vertices")
+    blurred = obj.data
+    sharp = copied(obj)
+    run("sharpen_colors", COLORS)
+    slopes = [measure.color_slope(shapes.read_colors(mesh, PAINT), shapes.read_triangles(mesh))
+              for mesh in (blurred, sharp.data)]  # fmt: skip
+    print(f"  steepest colors: {slopes[0]:.2f} an edge before, {slopes[1]:.2f} after")
+    if not slopes[1] > slopes[0]:
+        raise DemoFailed("sharpening did not steepen the colors.")
+    columns = [("Blurred", blurred), ("Sharpened", sharp.data)]
+    return [picture(out / "colors.png", FACE, columns, pixels)]
+
+
+def show_photo(out: Path) -> list[Path]:
+    """Sharpen a blurred photograph with the operator of the Image Editor."""
+    original, blurred = photo.blurred_photo()
+    image = photo.to_blender("Photo", blurred)
+    print(f"\nPhotograph, blurred: {image.size[0]} x {image.size[1]} pixels")
+    run("sharpen_image", {"image": image.name, **PHOTO})
+    sharp = photo.from_blender(bpy.data.images[f"{image.name} sharpened"])
+    for name, pixels in (("original", original), ("blurred", blurred), ("sharpened", sharp)):
+        print(f"  {name:10} steepest edges: {photo.slope(pixels):.3f} a pixel")
+    beyond = photo.overshoot(blurred, sharp)
+    print(f"  values outside the blurred photo's range nearby: {beyond:.4f} at most")
+    # Blender keeps the image in steps of 1 / 255.
+    if not photo.slope(sharp) > photo.slope(blurred) or beyond > 1 / 255:
+        raise DemoFailed("sharpening did not steepen the photo's edges, or overshot.")
+    return [photo.side_by_side(out / "photo.png", [blurred, sharp])]
+
+
+def copied(obj: bpy.types.Object) -> bpy.types.Object:
+    """Copy an object with its mesh; the copy alone is selected."""
     copy = bpy.data.objects.new(obj.name, obj.data.copy())
     bpy.context.collection.objects.link(copy)
     for other in bpy.context.selected_objects:
         other.select_set(False)
     copy.select_set(True)
     bpy.context.view_layer.objects.active = copy
+    return copy
+
+
+def run(name: str, settings: dict[str, float | str]) -> None:
+    """Call an operator of the extension, or say why it failed."""
     start = time.perf_counter()
     try:
-        result = bpy.ops.shock_filter.sharpen_geometry(**settings)
+        result = getattr(bpy.ops.shock_filter, name)(**settings)
     except RuntimeError as error:  # the operator's error report
         raise DemoFailed(str(error).strip().removeprefix("Error: ")) from error
     if result != {"FINISHED"}:
-        raise DemoFailed(f"the operator returned {result} for {obj.name}.")
+        raise DemoFailed(f"the operator {name} returned {result}.")
+    words = ", ".join(f"{key} {value}" for key, value in settings.items())
+    print(f"  {name}({words}): {time.perf_counter() - start:.2f} s")
+
+
+def sharpened(obj: bpy.types.Object, settings: dict[str, float | str]) -> bpy.types.Mesh:
+    """Sharpen the geometry of a copy of the object; returns the copy's mesh."""
+    copy = copied(obj)
+    run("sharpen_geometry", settings)
     if (shapes.read_positions(copy.data) == shapes.read_positions(obj.data)).all():
         raise DemoFailed(f"the operator moved no vertex of {obj.name}.")
-    words = ", ".join(f"{name} {value}" for name, value in settings.items())
-    print(f"  sharpen_geometry({words}): {time.perf_counter() - start:.2f} s")
     return copy.data
 
 

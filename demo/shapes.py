@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shapes of the demo: Blender's Suzanne and a machine part made by code."""
+"""The shapes of the demo: Blender's Suzanne, also painted, and a machine part made by code."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import bpy
 import mathutils
 import numpy as np
 import numpy.typing as npt
+from shock_filter import core
+from shock_filter.core import calculus
 
 Floats = npt.NDArray[np.float64]
 
@@ -183,3 +185,24 @@ def read_triangles(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     values = np.empty(3 * len(mesh.loop_triangles), dtype=np.int32)
     mesh.loop_triangles.foreach_get("vertices", values)
     return values.reshape(-1, 3)
+
+
+def paint(obj: bpy.types.Object, name: str, passes: int) -> None:
+    """Paint wavy bands of color, blurred by umbrella smoothing, as a color attribute."""
+    x, _, z = read_positions(obj.data).T
+    bands = np.floor(6 * z + 0.8 * np.sin(7 * x)).astype(int) % 3
+    palette = np.array([[0.85, 0.25, 0.1], [0.95, 0.85, 0.6], [0.05, 0.25, 0.4]])
+    mesh = core.TriangleMesh(read_positions(obj.data), read_triangles(obj.data))
+    colors = calculus.smooth_vertices(mesh, palette[bands], passes)
+    attribute = obj.data.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+    flat = np.ones((len(colors), 4), dtype=np.float32)
+    flat[:, :3] = colors
+    attribute.data.foreach_set("color", flat.reshape(-1))
+    obj.data.color_attributes.active_color = attribute
+
+
+def read_colors(mesh: bpy.types.Mesh, name: str) -> Floats:
+    """Read a color attribute of the vertices: (n, 3)."""
+    flat = np.empty(4 * len(mesh.vertices), dtype=np.float32)
+    mesh.color_attributes[name].data.foreach_get("color", flat)
+    return flat.reshape(-1, 4)[:, :3].astype(np.float64)
