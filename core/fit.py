@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 TOLERANCE = 3e-3
 """Residual of the linear solve, relative to its right side: positions are then within 1 to 3 % of
-the displacement, normals within 0.02 degrees, of the exact solution."""
+the displacement, normals within 0.03 degrees, of the exact solution."""
 
 MULTIGRID_RADIUS = 10.0
 """Screening radius, in mean edge lengths, above which multigrid pays for its set-up."""
