@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Other programs' filters, called on arrays: Adobe's Lagrange and MeshLab."""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+PACKAGES = {"Lagrange": ("lagrange", "lagrange-open"), "MeshLab": ("pymeshlab", "pymeshlab")}
+"""Per program, the module that is imported and the package that brings it."""
+
+Settings = dict[str, Any]
+
+TRIED: dict[str, tuple[str, str, list[Settings]]] = {
+    "MeshLab two-step smoothing": (
+        "MeshLab",
+        "apply_coord_two_steps_smoothing",
+        [{"stepsmoothnum": 3, "normalthr": 60.0, "stepnormalnum": 20, "stepfitnum": 20}]
+        + [
+            {"stepsmoothnum": 1, "normalthr": threshold, "stepnormalnum": turns, "stepfitnum": fits}
+            for threshold in (60.0, 30.0, 15.0)
+            for turns, fits in ((20, 20), (5, 5), (5, 1))
+        ],
+    ),
+    "MeshLab unsharp mask": (
+        "MeshLab",
+        "apply_coord_unsharp_mask",
+        [
+            {"weight": weight, "weightorig": 1.0, "iterations": iterations}
+            for weight in (0.1, 0.3, 0.6, 1.0)
+            for iterations in (1, 3, 5, 10)
+        ],
+    ),
+    "Lagrange mesh_smoothing": (
+        "Lagrange",
+        "mesh_smoothing",
+        [
+            {
+                "method": method,
+                "curvature_weight": curvature,
+                "gradient_weight": gradient,
+                "gradient_modulation_scale": scale,
+            }
+            for method, curvature, gradient, scale in (
+                ("NormalSmoothing", 0.02, 1e-4, 0.0),
+                ("NormalSmoothing", 0.02, 1e-4, 2.0),
+                ("NormalSmoothing", 0.005, 1e-4, 2.0),
+                ("NormalSmoothing", 0.0, 1e-5, 10.0),
+                ("VertexSmoothing", 0.02, 1e-4, 0.0),
+                ("VertexSmoothing", 0.02, 1e-4, 2.0),
+                ("VertexSmoothing", 0.0, 1e-5, 2.0),
+                ("VertexSmoothing", 0.0, 1e-5, 4.0),
+                ("VertexSmoothing", 0.0, 1e-5, 6.0),
+                ("VertexSmoothing", 0.0, 1e-6, 30.0),
+            )
+        ],
+    ),
+}
+"""Per method: program, filter, and the settings that are tried; the first are its defaults."""
+
+
+@cache
+def installed(program: str) -> bool:
+    """Tell whether a program can be called; if not, say so in a line."""
+    module, package = PACKAGES[program]
+    if importlib.util.find_spec(module):
+        return True
+    print(f"{program} is not installed and left out (pip install {package}).", flush=True)
+    return False
+
+
+def apply(
+    program: str, name: str, settings: Settings, vertices: np.ndarray, faces: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Run a filter; return the new positions and the seconds that the filter itself took."""
+    run = _lagrange if program == "Lagrange" else _meshlab
+    return run(name, settings, vertices, faces)
+
+
+def _lagrange(
+    name: str, settings: Settings, vertices: np.ndarray, faces: np.ndarray
+) -> tuple[np.ndarray, float]:
+    import lagrange
+
+    lagrange.logger.setLevel("ERROR")
+    mesh = lagrange.SurfaceMesh()
+    mesh.add_vertices(np.array(vertices))
+    mesh.add_triangles(np.array(faces, dtype=np.uint32))
+    start = time.perf_counter()
+    getattr(lagrange.filtering, name)(mesh, **settings)
+    seconds = time.perf_counter() - start
+    return np.array(mesh.vertices), seconds
+
+
+def _meshlab(
+    name: str, settings: Settings, vertices: np.ndarray, faces: np.ndarray
+) -> tuple[np.ndarray, float]:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    start = time.perf_counter()
+    getattr(meshes, name)(**settings)
+    seconds = time.perf_counter() - start
+    return meshes.current_mesh().vertex_matrix(), seconds
