@@ -182,8 +182,15 @@ def sharpened(target, progress=lambda fraction, message: True):
 def test_cancelling_the_filter_leaves_the_mesh_alone(target):
     box, read = target
     before = read_positions(box.data)
-    job = jobs.Job(lambda progress: sharpened(read, progress))
+    cancelled = threading.Event()
+
+    def work(progress):
+        cancelled.wait(60)
+        return sharpened(read, progress)
+
+    job = jobs.Job(work)
     job.cancel()
+    cancelled.set()
     with pytest.raises(Cancelled):
         job.result()
     np.testing.assert_array_equal(read_positions(box.data), before)
