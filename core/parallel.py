@@ -111,6 +111,10 @@ def chunk_size(count: int) -> int:
     return min(max(-(-count // 16), 1 << 10), LARGEST_CHUNK)
 
 
+if hasattr(os, "register_at_fork"):  # a forked process has no threads of its parent's
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
 def run(
     function: Callable[..., Any],
     count: int,

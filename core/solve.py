@@ -55,6 +55,12 @@ class ScreenedLaplacian:
         return matrix
 
 
+PATIENCE = 400
+"""Iterations with the diagonal after which multigrid takes over."""
+
+Csr = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
+
+
 @dataclass(frozen=True)
 class SolveReport:
     """How a solve went.
@@ -96,7 +102,7 @@ def solve(
     multigrid : bool
         Use the multilevel preconditioner instead of the diagonal.
     limit : int
-        Most iterations.
+        Most iterations with the multilevel preconditioner.
     progress : Progress, optional
 
     Returns
@@ -121,39 +127,45 @@ def solve(
         return y, SolveReport(0, 0.0, multigrid)
     if not np.isfinite(scale):
         raise SolverError("The right side of the linear system is not finite; check the mesh.")
-    values = np.empty(len(matrix.weights), dtype=np.float64 if multigrid else np.float32)
-    run(_scale_weights, len(y), matrix.start, matrix.columns, matrix.weights, roots, values)
-    scaled = matrix.start, matrix.columns.view(np.uint32), values
-    hierarchy = None
-    if multigrid:
-        hierarchy = Multigrid(scaled, roots, progress.part(0.0, 0.3, "Coarsening"))
-    descent = progress.part(0.3 if multigrid else 0.0, 1.0, "Fitting the surface")
     rest = right.copy()
-    iterations = 0
-    relative = 1.0
-    while iterations < limit:
-        # Single precision reaches a few digits; what is left is solved for again.
-        step, count = _conjugate_gradients(
-            scaled, rest.astype(values.dtype), max(0.9 * tolerance / relative, 1e-4), hierarchy,
-            limit - iterations, descent)  # fmt: skip
+    hierarchy = None
+    scaled = _scaled(matrix, roots, np.float32)
+    iterations, relative, patience = 0, 1.0, PATIENCE
+    while patience > 0:
+        if multigrid and hierarchy is None:
+            scaled = _scaled(matrix, roots, np.float64)
+            hierarchy = Multigrid(scaled, roots, progress.part(0.0, 0.3, "Coarsening"))
+            patience = limit
+        descent = progress.part(0.3 if multigrid else 0.0, 1.0, "Fitting the surface")
+        wanted = max(0.9 * tolerance / relative, 1e-4)  # single precision has few digits
+        step, count, sound = _conjugate_gradients(
+            scaled, rest.astype(scaled[2].dtype), wanted, hierarchy, patience, descent
+        )
         iterations += count
-        y += step
-        run(_true_residual, len(y), matrix.start, matrix.columns, matrix.weights, matrix.screen,
-            roots, y, right, rest)  # fmt: skip
-        relative = float(np.linalg.norm(rest)) / scale
+        patience -= max(count, 1)
+        if sound:
+            y += step
+            run(_true_residual, len(y), matrix.start, matrix.columns, matrix.weights,
+                matrix.screen, roots, y, right, rest)  # fmt: skip
+        before, relative = relative, float(np.linalg.norm(rest)) / scale
         if relative <= tolerance:
             y *= roots[:, None]
             return y, SolveReport(iterations, relative, multigrid)
-        if not np.isfinite(relative):
+        if not multigrid and (patience <= 0 or relative > 0.5 * before):
+            multigrid, patience = True, limit  # the diagonal does not get there
+        elif multigrid and (not sound or not np.isfinite(relative)):
             break
     raise SolverError(
         f"The linear solve stopped at a relative residual of {relative:.1e} after {iterations}"
-        f" iterations ({tolerance:.1e} is needed). Use a smaller screening radius, or repair"
-        " needle-like faces."
+        f" iterations ({tolerance:.1e} is needed). Repair needle-like faces and vertices with"
+        " thousands of faces, or try a smaller screening radius."
     )
 
 
-Csr = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
+def _scaled(matrix: ScreenedLaplacian, roots: Floats, precision: type) -> Csr:
+    values = np.empty(len(matrix.weights), dtype=precision)
+    run(_scale_weights, len(roots), matrix.start, matrix.columns, matrix.weights, roots, values)
+    return matrix.start, matrix.columns.view(np.uint32), values
 
 
 def _conjugate_gradients(
@@ -163,8 +175,9 @@ def _conjugate_gradients(
     hierarchy: Multigrid | None,
     limit: int,
     progress: Progress,
-) -> tuple[npt.NDArray[np.floating], int]:
-    # Overwrites r, from which it starts, with the residual that is left.
+) -> tuple[npt.NDArray[np.floating], int, bool]:
+    # Overwrites r, from which it starts, with the residual that is left. Returns the solution,
+    # the number of iterations, and whether the matrix behaved as a positive definite one.
     n = len(r)
     kind = r.dtype.type
     x, p, q = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
@@ -180,7 +193,7 @@ def _conjugate_gradients(
         if iteration == 0:
             scale = norm
         if not np.isfinite(norm):
-            raise SolverError("The linear solve broke down; repair needle-like faces.")
+            return x, iteration, False
         if hierarchy is not None:
             hierarchy.cycle(r, z)
             product = float(np.vdot(r, z))
@@ -193,17 +206,19 @@ def _conjugate_gradients(
         progress.update(min(float(np.log(norm / scale) / np.log(tolerance)), 1.0))
         run(_apply, n, chunk, *matrix, p, q, sums, chunk=chunk)
         curvature = float(sums.sum())
-        if curvature <= 0:
-            raise SolverError("The linear system is not positive definite; repair the mesh.")
+        if not curvature > 0:
+            return x, iteration, False
         alpha, before = product / curvature, product
-    return x, iteration
+    return x, iteration, True
 
 
 class Multigrid:
     """Smoothed-aggregation multigrid (Vanek, Mandel, Brezina 1996), as a preconditioner.
 
     Aggregates are whole neighbourhoods; the prolongation is smoothed by one Jacobi step; the
-    smoother is one damped Jacobi sweep before and after; the coarsest level is solved densely.
+    smoother is one damped Jacobi sweep before and after, which also serves unknowns that are
+    coupled to no other (fixed ones, and what small components shrink to); a small coarsest level
+    is solved densely.
     """
 
     def __init__(self, matrix: Csr, roots: Floats, progress: Progress) -> None:
@@ -216,15 +231,17 @@ class Multigrid:
         a.eliminate_zeros()
         smooth = np.where(roots > 0, 1.0 / np.where(roots > 0, roots, 1.0), 1.0)
         self._levels: list[_Level] = []
-        while a.shape[0] > 400 and len(self._levels) < 20:
+        while a.shape[0] > _DENSE and len(self._levels) < 20:
             progress.update(min(0.2 * len(self._levels), 1.0))
             level, coarse, smooth = _coarsen(a, smooth)
             if coarse.shape[0] > 0.8 * a.shape[0]:
                 break
             self._levels.append(level)
             a = coarse
-        dense = a.toarray()
-        self._coarsest = np.linalg.pinv(dense, hermitian=True)
+        self._inverse = None
+        if 0 < a.shape[0] <= _DENSE:
+            self._inverse = np.linalg.pinv(a.toarray(), hermitian=True)
+        self._diagonal = a.diagonal()[:, None]
 
     def cycle(self, right: Floats, out: Floats) -> None:
         """One V-cycle from zero: `out` becomes an approximate solution for `right`."""
@@ -232,7 +249,9 @@ class Multigrid:
 
     def _solve(self, depth: int, right: Floats) -> Floats:
         if depth == len(self._levels):
-            return self._coarsest @ right
+            if self._inverse is None:
+                return right / self._diagonal
+            return self._inverse @ right
         level = self._levels[depth]
         x = level.smoother[:, None] * right
         residual = np.empty_like(right)
@@ -263,9 +282,11 @@ def _coarsen(
     diagonal = a.diagonal()
     aggregates = np.full(n, -1, dtype=np.int32)
     size = _aggregate(a.indptr, a.indices, a.data, aggregates)
-    norms = np.sqrt(np.bincount(aggregates, weights=smooth**2, minlength=size))
+    coupled = np.flatnonzero(aggregates >= 0)
+    members = aggregates[coupled]
+    norms = np.sqrt(np.bincount(members, weights=smooth[coupled] ** 2, minlength=size))
     tentative = scipy.sparse.csr_matrix(
-        (smooth / norms[aggregates], aggregates, np.arange(n + 1, dtype=np.int32)), shape=(n, size)
+        (smooth[coupled] / norms[members], (coupled, members)), shape=(n, size)
     )
     # Gershgorin bounds the spectrum of D^-1 A; 4/3 of its inverse is the usual damping.
     bound = float((abs(a).sum(axis=1).A1 / diagonal).max())
@@ -279,6 +300,10 @@ def _coarsen(
 
 def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
     return a.indptr.astype(np.int32, copy=False), a.indices.astype(np.int32, copy=False), a.data
+
+
+_DENSE = 400
+"""Most unknowns of a level that is solved densely."""
 
 
 @kernel
@@ -379,11 +404,12 @@ def _multiply_add(start, stop, row_start, columns, values, x, out):
 
 @kernel
 def _aggregate(row_start, columns, values, aggregates):
-    # Whole neighbourhoods first; what is left joins the strongest neighbouring aggregate.
+    # Whole neighbourhoods first; what is left joins the strongest neighbouring aggregate. Rows
+    # with nothing but their diagonal belong to none.
     n = aggregates.shape[0]
     size = 0
     for i in range(n):
-        if aggregates[i] >= 0:
+        if aggregates[i] >= 0 or row_start[i + 1] - row_start[i] < 2:
             continue
         free = True
         for e in range(row_start[i], row_start[i + 1]):
@@ -397,7 +423,7 @@ def _aggregate(row_start, columns, values, aggregates):
             size += 1
     whole = size
     for i in range(n):
-        if aggregates[i] >= 0:
+        if aggregates[i] >= 0 or row_start[i + 1] - row_start[i] < 2:
             continue
         best = 0.0
         joined = -1
