@@ -33,7 +33,7 @@ def advect_faces(
     potential : (n,) float64
         P at the vertices.
     time : float
-        Flow time; 0 returns a copy of the normals for "nearest" and "detail" sampling.
+        Flow time; 0 returns the normals, up to rounding, for "nearest" and "detail" sampling.
     sampling : {"detail", "linear", "nearest"}
         "nearest" takes the normal of the face at the traced point, "linear" interpolates vertex
         averages there (both as in paper 4.1). "detail" is not in the paper: it adds the change

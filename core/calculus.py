@@ -18,14 +18,17 @@ from .parallel import Progress, kernel, run
 def checked_signal(signal: npt.ArrayLike, count: int, what: str = "signal") -> Floats:
     """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
     try:
-        array = np.ascontiguousarray(signal, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = np.asarray(signal)
+    except ValueError as error:  # rows of different lengths
         raise InvalidSignal(f"The {what} is not made of numbers; give floats.") from error
+    if given.dtype.kind not in "fiub":
+        raise InvalidSignal(f"The {what} is of type {given.dtype}, not numbers; give floats.")
+    array = np.ascontiguousarray(given, dtype=np.float64)
     if array.ndim == 1:
         array = array.reshape(-1, 1)
     if array.ndim != 2 or len(array) != count or array.shape[1] == 0:
         raise InvalidSignal(
-            f"The {what} has the shape {np.shape(signal)}; give ({count},) or ({count}, channels)."
+            f"The {what} has the shape {given.shape}; give ({count},) or ({count}, channels)."
         )
     if not np.isfinite(array).all():
         raise InvalidSignal(f"The {what} holds NaN or infinity; replace these values first.")
@@ -36,10 +39,10 @@ def checked_mask(mask: npt.ArrayLike | None, count: int) -> Floats | None:
     """Return a mask as (count,) float64 in [0, 1], or None where all weights are 1."""
     if mask is None:
         return None
-    array = np.asarray(mask)
-    if array.shape != (count,):
-        raise InvalidSignal(f"The mask has the shape {array.shape}; give ({count},).")
-    weights = checked_signal(array, count, "mask").reshape(-1)
+    array = checked_signal(mask, count, "mask")
+    if array.shape[1] != 1 or np.ndim(mask) != 1:
+        raise InvalidSignal(f"The mask has the shape {np.shape(mask)}; give ({count},).")
+    weights = array.reshape(-1)
     if weights.min() < 0 or weights.max() > 1:
         raise InvalidSignal("The mask leaves the range 0 to 1; clip or rescale it.")
     return None if weights.min() == 1 else weights

@@ -53,6 +53,12 @@ class TriangleMesh:
         self.vertices = _checked_vertices(vertices)
         self.faces = _checked_faces(faces, len(self.vertices))
         self.flipped = np.zeros(len(self.faces), dtype=bool)
+        low, high = self.box
+        if not (high - low).max() < _LARGEST or 0 < (high - low).max() < 1 / _LARGEST:
+            raise InvalidMesh(
+                f"The mesh is {(high - low).max():.1g} units large; scale it to a size between"
+                f" {1 / _LARGEST:g} and {_LARGEST:g}."
+            )
         if self._match_twins():
             self._unify_winding()
         if not self.mean_edge_length > 0 or not self.areas.any():
@@ -120,14 +126,19 @@ class TriangleMesh:
         run(_sum_edges, self.face_count, self.vertices, self.faces, self.twins, sums,
             chunk=_SUM_CHUNK)  # fmt: skip
         length, count = sums.sum(axis=0)
-        if not np.isfinite(length):
-            raise InvalidMesh("The mesh is too large for its lengths to be added; scale it down.")
         return float(length / count) if count else 0.0
+
+    @cached_property
+    def box(self) -> tuple[Floats, Floats]:
+        """Lowest and highest coordinates of the vertices that have faces: (3,), (3,)."""
+        used = np.diff(self.corners[0]) > 0
+        points = self.vertices if used.all() else self.vertices[used]
+        return points.min(axis=0), points.max(axis=0)
 
     @cached_property
     def scaled_vertices(self) -> Floats:
         """Positions from the bounding box's centre, in mean edge lengths: (n, 3)."""
-        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        low, high = self.box
         scaled = self.vertices - (low + 0.5 * (high - low))
         scaled /= self.mean_edge_length
         return scaled
@@ -225,9 +236,12 @@ def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.
 
 def _checked_vertices(vertices: npt.ArrayLike) -> Floats:
     try:
-        array = np.array(vertices, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
+        given = np.asarray(vertices)
+    except ValueError as error:  # rows of different lengths
         raise InvalidMesh("Vertices are not numbers; give an (n, 3) array of floats.") from error
+    if given.dtype.kind not in "fiu":
+        raise InvalidMesh(f"Vertices are of type {given.dtype}, not numbers; give floats.")
+    array = np.array(given, dtype=np.float64, order="C")
     if array.ndim != 2 or array.shape[1] != 3:
         raise InvalidMesh(f"Vertices have the shape {array.shape}; give an (n, 3) array.")
     if len(array) == 0:
@@ -239,7 +253,10 @@ def _checked_vertices(vertices: npt.ArrayLike) -> Floats:
 
 
 def _checked_faces(faces: npt.ArrayLike, vertex_count: int) -> Ints:
-    array = np.asarray(faces)
+    try:
+        array = np.asarray(faces)
+    except ValueError as error:  # rows of different lengths
+        raise InvalidMesh("Faces differ in length; triangulate to an (m, 3) array.") from error
     if array.size == 0:
         raise InvalidMesh("The mesh has no faces; give at least one triangle.")
     if array.ndim != 2 or array.shape[1] != 3:
@@ -257,6 +274,7 @@ def _checked_faces(faces: npt.ArrayLike, vertex_count: int) -> Ints:
     return np.array(array, dtype=np.int32, order="C")
 
 
+_LARGEST = 1e100  # beyond, products of lengths leave the range of floats
 _MOST_FACES = (2**31 - 1) // 3
 _SUM_CHUNK = 1 << 15
 

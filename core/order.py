@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .mesh import Floats, TriangleMesh, count_sort
+from .mesh import TriangleMesh, count_sort
+from .parallel import Progress
 
 _SMALL = 100_000
 """Faces below which everything fits into the processor's caches anyway."""
@@ -27,7 +28,7 @@ def is_scattered(mesh: TriangleMesh) -> bool:
 
 
 def sorted_along_curve(
-    mesh: TriangleMesh,
+    mesh: TriangleMesh, progress: Progress | None = None
 ) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
     """Sort vertices along a Morton curve, and faces by their lowest vertex.
 
@@ -39,24 +40,30 @@ def sorted_along_curve(
     vertex_order : (n,) int
     face_order : (m,) int32
     """
-    vertex_order = np.argsort(_morton_codes(mesh.vertices), kind="stable")
+    phase = (progress or Progress(None)).part(0.0, 0.0, "Sorting")
+    codes = _morton_codes(mesh)
+    phase.update(0.0)
+    vertex_order = np.argsort(codes, kind="stable")
+    phase.update(0.0)
     rank = np.empty(mesh.vertex_count, dtype=np.int32)
     rank[vertex_order] = np.arange(mesh.vertex_count, dtype=np.int32)
     faces = rank[mesh.faces]
     start = np.zeros(mesh.vertex_count + 1, dtype=np.int32)
     face_order = np.empty(mesh.face_count, dtype=np.int32)
     count_sort(faces.min(axis=1), start, face_order)
+    phase.update(0.0)
     ordered = TriangleMesh(mesh.vertices[vertex_order], faces[face_order])
     return ordered, vertex_order, face_order
 
 
-def _morton_codes(vertices: Floats) -> npt.NDArray[np.uint64]:
-    # 21 bits of each coordinate, interleaved.
-    low = vertices.min(axis=0)
-    size = float((vertices.max(axis=0) - low).max())
-    codes = np.zeros(len(vertices), dtype=np.uint64)
+def _morton_codes(mesh: TriangleMesh) -> npt.NDArray[np.uint64]:
+    # 21 bits of each coordinate, interleaved; loose vertices far away go to the border.
+    low, high = mesh.box
+    size = float((high - low).max())
+    codes = np.zeros(mesh.vertex_count, dtype=np.uint64)
     for axis in range(3):
-        bits = ((vertices[:, axis] - low[axis]) * ((2**21 - 1) / size)).astype(np.uint64)
+        share = np.clip((mesh.vertices[:, axis] - low[axis]) / size, 0.0, 1.0)
+        bits = (share * (2**21 - 1)).astype(np.uint64)
         for shift, mask in (
             (32, 0x1F00000000FFFF),
             (16, 0x1F0000FF0000FF),

@@ -19,11 +19,14 @@ from numba import njit
 
 from .errors import Cancelled
 
-CHUNK = 1 << 15
-"""Indices that a kernel gets at once: small enough that cancelling acts within milliseconds."""
+LARGEST_CHUNK = 1 << 15
+"""Most indices that a kernel gets at once: few enough that cancelling acts within milliseconds."""
 
 kernel = njit(nogil=True, cache=True, error_model="numpy")
 """Decorator for kernels: releases the GIL, keeps compiled code on disk, divides like numpy."""
+
+sum_kernel = njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+"""Decorator for kernels that add up long arrays: the order of the additions is left open."""
 
 ProgressCallback = Callable[[float, str], bool]
 
@@ -99,23 +102,37 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(thread_count() - 1, 1), thread_name_prefix="shock-filter")
 
 
+def chunk_size(count: int) -> int:
+    """Cut a range into 16 chunks to balance the cores, but neither tiny nor huge ones.
+
+    The size does not depend on the number of cores, so that sums kept per chunk are the same on
+    every machine.
+    """
+    return min(max(-(-count // 16), 1 << 10), LARGEST_CHUNK)
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has no threads of its parent's
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
 def run(
     function: Callable[..., Any],
     count: int,
     *arguments: Any,
     progress: Progress | None = None,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
 ) -> None:
     """Call ``function(start, stop, *arguments)`` for all chunks of ``range(count)``.
 
-    The calling thread works too, and reports progress between its chunks. Chunks do not depend
-    on the number of threads, so that sums kept per chunk are the same on every machine.
+    The calling thread works too, and reports progress between its chunks. A chunk is
+    `chunk_size` indices, unless `chunk` says otherwise.
 
     Raises
     ------
     Cancelled
         When the progress callback asks for it; chunks under way are finished first.
     """
+    chunk = chunk or chunk_size(count)
     chunks = -(-count // chunk)
     helpers = min(thread_count(), chunks) - 1
     if helpers <= 0:

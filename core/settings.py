@@ -72,7 +72,7 @@ class _Settings:
         for name, (kind, _, about) in describe(type(self)).items():
             value = getattr(self, name)
             if kind is str:
-                if value not in about.choices:
+                if not isinstance(value, str) or value not in about.choices:
                     words = ", ".join(about.choices)
                     raise InvalidSettings(f"{name} is {value!r}; choose one of: {words}.")
             else:
@@ -84,6 +84,10 @@ def _checked_number(name: str, value: Any, kind: type, about: Setting) -> Any:
         value = value.item()  # a numpy scalar
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise InvalidSettings(f"{name} is {value!r}; give a number.")
+    try:
+        float(value)
+    except OverflowError:
+        value = math.inf if value > 0 else -math.inf
     if kind is int and value != value // 1:
         raise InvalidSettings(f"{name} is {value!r}; give a whole number.")
     if not about.minimum <= value <= about.maximum:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from .advect import advect_faces
 from .calculus import average_to_faces, average_to_vertices, checked_mask, smooth_vertices
-from .fit import displacement
+from .fit import displacement, moved_vertices
 from .flow import above_surroundings, flow_potential
 from .mesh import Floats, TriangleMesh
 from .order import is_scattered, sorted_along_curve
@@ -35,7 +35,8 @@ def sharpen_normals(
     -------
     (m, 3) float64
         Unit normals, wound as the faces that the mesh was made from; zero for faces without
-        area. A time of 0 returns the (mollified) normals.
+        area. A time of 0 returns the (mollified) normals up to rounding, except with linear
+        sampling, which always smooths.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def sharpen_normals(
     settings = settings or GeometrySettings()
     phases = Progress.of(progress)
     if is_scattered(mesh):
-        ordered, _, face_order = sorted_along_curve(mesh)
+        ordered, _, face_order = sorted_along_curve(mesh, phases)
         sharpened = _sharpened(ordered, settings, phases)
         sharpened[ordered.flipped] *= -1
         normals = np.empty_like(sharpened)
@@ -101,14 +102,14 @@ def sharpen_geometry(
     if settings.time == 0 and settings.mollify_passes == 0:
         return mesh.vertices.copy()
     if is_scattered(mesh):
-        ordered, order, _ = sorted_along_curve(mesh)
+        ordered, order, _ = sorted_along_curve(mesh, phases)
         moved = np.empty_like(mesh.vertices)
         ordered_weights = None if weights is None else weights[order]
         moved[order] = _displaced(ordered, settings, ordered_weights, phases)
     else:
         moved = _displaced(mesh, settings, weights, phases)
     phases.update(1.0)
-    return mesh.vertices + moved
+    return moved_vertices(mesh, moved)
 
 
 def _displaced(
@@ -135,11 +136,16 @@ def _displaced(
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progress) -> Floats:
     normals = mesh.normals
     if settings.mollify_passes:
-        smooth = smooth_vertices(mesh, average_to_vertices(mesh, normals), settings.mollify_passes)
+        smooth = smooth_vertices(
+            mesh,
+            average_to_vertices(mesh, normals),
+            settings.mollify_passes,
+            progress.part(0.0, 0.1, "Mollifying"),
+        )
         normals = _unit(smooth[mesh.faces].mean(axis=1), normals)
     signal = average_to_vertices(mesh, normals)
     potential = flow_potential(
-        mesh, signal, settings.smoothing_passes, progress.part(0.0, 0.4, "Computing the flow")
+        mesh, signal, settings.smoothing_passes, progress.part(0.1, 0.4, "Computing the flow")
     )
     if settings.feature_threshold > 0:
         potential = above_surroundings(

@@ -17,9 +17,7 @@ import scipy.sparse
 
 from .errors import SolverError
 from .mesh import Floats, Ints
-from .parallel import Progress, kernel, run
-
-_CHUNK = 1 << 15
+from .parallel import Progress, chunk_size, kernel, run, sum_kernel
 
 
 @dataclass(frozen=True)
@@ -57,6 +55,12 @@ class ScreenedLaplacian:
         return matrix
 
 
+PATIENCE = 400
+"""Iterations with the diagonal after which multigrid takes over."""
+
+Csr = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
+
+
 @dataclass(frozen=True)
 class SolveReport:
     """How a solve went.
@@ -66,7 +70,8 @@ class SolveReport:
     iterations : int
         Iterations of conjugate gradients.
     residual : float
-        Norm of the residual of all columns, relative to the right side's.
+        Norm of the residual of all columns, relative to the right side's; each equation counts
+        divided by the root of its diagonal entry, so that sizes of faces do not matter.
     multigrid : bool
         Whether the multilevel preconditioner was used.
     """
@@ -97,7 +102,7 @@ def solve(
     multigrid : bool
         Use the multilevel preconditioner instead of the diagonal.
     limit : int
-        Most iterations.
+        Most iterations with the multilevel preconditioner.
     progress : Progress, optional
 
     Returns
@@ -112,102 +117,131 @@ def solve(
         `limit` iterations.
     """
     progress = progress or Progress(None)
-    x = np.zeros_like(right)
+    # With unknowns and equations scaled by D^(-1/2), the diagonal is 1 and needs no reading.
+    free = matrix.screen > 0
+    roots = np.where(free, 1.0 / np.sqrt(np.where(free, matrix.diagonal, 1.0)), 0.0)
+    right = right * roots[:, None]
     scale = float(np.linalg.norm(right))
+    y = np.zeros_like(right)
     if scale == 0:
-        return x, SolveReport(0, 0.0, multigrid)
+        return y, SolveReport(0, 0.0, multigrid)
     if not np.isfinite(scale):
         raise SolverError("The right side of the linear system is not finite; check the mesh.")
-    hierarchy = Multigrid(matrix, progress.part(0.0, 0.3, "Coarsening")) if multigrid else None
-    precision = np.float64 if multigrid else np.float32
-    descent = progress.part(0.3 if multigrid else 0.0, 1.0, "Fitting the surface")
     rest = right.copy()
-    iterations = 0
-    relative = 1.0
-    while iterations < limit:
-        # Single precision reaches a few digits; what is left is solved for again.
-        step, count = _conjugate_gradients(
-            matrix, rest.astype(precision), max(0.9 * tolerance / relative, 1e-4), hierarchy,
-            limit - iterations, descent)  # fmt: skip
+    hierarchy = None
+    scaled = _scaled(matrix, roots, np.float32)
+    iterations, relative, patience = 0, 1.0, PATIENCE
+    while patience > 0:
+        if multigrid and hierarchy is None:
+            scaled = _scaled(matrix, roots, np.float64)
+            hierarchy = Multigrid(scaled, roots, progress.part(0.0, 0.3, "Coarsening"))
+            patience = limit
+        descent = progress.part(0.3 if multigrid else 0.0, 1.0, "Fitting the surface")
+        wanted = max(0.9 * tolerance / relative, 1e-4)  # single precision has few digits
+        step, count, sound = _conjugate_gradients(
+            scaled, rest.astype(scaled[2].dtype), wanted, hierarchy, patience, descent
+        )
         iterations += count
-        x += step
-        run(_true_residual, len(x), matrix.start, matrix.columns, matrix.weights, matrix.screen,
-            x, right, rest)  # fmt: skip
-        relative = float(np.linalg.norm(rest)) / scale
+        patience -= max(count, 1)
+        if sound:
+            y += step
+            run(_true_residual, len(y), matrix.start, matrix.columns, matrix.weights,
+                matrix.screen, roots, y, right, rest)  # fmt: skip
+        before, relative = relative, float(np.linalg.norm(rest)) / scale
         if relative <= tolerance:
-            return x, SolveReport(iterations, relative, multigrid)
-        if not np.isfinite(relative):
+            y *= roots[:, None]
+            return y, SolveReport(iterations, relative, multigrid)
+        if not multigrid and (patience <= 0 or relative > 0.5 * before):
+            multigrid, patience = True, limit  # the diagonal does not get there
+        elif multigrid and (not sound or not np.isfinite(relative)):
             break
     raise SolverError(
         f"The linear solve stopped at a relative residual of {relative:.1e} after {iterations}"
-        f" iterations ({tolerance:.1e} is needed). Use a smaller screening radius, or repair"
-        " needle-like faces."
+        f" iterations ({tolerance:.1e} is needed). Repair needle-like faces and vertices with"
+        " thousands of faces, or try a smaller screening radius."
     )
 
 
+def _scaled(matrix: ScreenedLaplacian, roots: Floats, precision: type) -> Csr:
+    values = np.empty(len(matrix.weights), dtype=precision)
+    run(_scale_weights, len(roots), matrix.start, matrix.columns, matrix.weights, roots, values)
+    return matrix.start, matrix.columns.view(np.uint32), values
+
+
 def _conjugate_gradients(
-    matrix: ScreenedLaplacian,
+    matrix: Csr,
     r: npt.NDArray[np.floating],
     tolerance: float,
     hierarchy: Multigrid | None,
     limit: int,
     progress: Progress,
-) -> tuple[npt.NDArray[np.floating], int]:
-    # Overwrites r, from which it starts, with the residual that is left.
+) -> tuple[npt.NDArray[np.floating], int, bool]:
+    # Overwrites r, from which it starts, with the residual that is left. Returns the solution,
+    # the number of iterations, and whether the matrix behaved as a positive definite one.
     n = len(r)
     kind = r.dtype.type
-    weights = matrix.weights.astype(r.dtype, copy=False)
-    screen = matrix.screen.astype(r.dtype, copy=False)
-    inverse = np.divide(1.0, matrix.diagonal, out=np.zeros(n), where=matrix.screen > 0)
-    inverse = inverse.astype(r.dtype, copy=False)
     x, p, q = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
     z = np.empty_like(r) if hierarchy else r
-    sums = np.zeros((-(-n // _CHUNK), 2))
+    flat = [array.reshape(-1) for array in (x, p, q, r, z)]
+    chunk = chunk_size(n)
+    sums = np.zeros(-(-n // chunk))
     alpha, before, scale = 0.0, 1.0, 0.0
     for iteration in range(limit + 1):
-        run(_reduce, n, kind(alpha), inverse, q, r, sums, chunk=_CHUNK)
-        norm, product = float(np.sqrt(sums[:, 0].sum())), float(sums[:, 1].sum())
+        run(_reduce, 3 * n, 3 * chunk, kind(alpha), flat[2], flat[3], sums, chunk=3 * chunk)
+        product = float(sums.sum())
+        norm = float(np.sqrt(product))
         if iteration == 0:
             scale = norm
         if not np.isfinite(norm):
-            raise SolverError("The linear solve broke down; repair needle-like faces.")
+            return x, iteration, False
         if hierarchy is not None:
             hierarchy.cycle(r, z)
             product = float(np.vdot(r, z))
         beta = product / before if iteration else 0.0
         # Adds the last step to x, too, while p is at hand.
-        run(_direct, n, kind(alpha), kind(beta), inverse, z, hierarchy is None, x, p, chunk=_CHUNK)
+        run(_direct, 3 * n, kind(alpha), kind(beta), flat[4], flat[0], flat[1], chunk=3 * chunk)
         if norm <= tolerance * scale or iteration == limit:
             break
         # The residual falls roughly geometrically: progress is its logarithm.
         progress.update(min(float(np.log(norm / scale) / np.log(tolerance)), 1.0))
-        run(_apply, n, matrix.start, matrix.columns, weights, screen, p, q, sums, chunk=_CHUNK)
-        curvature = float(sums[:, 0].sum())
-        if curvature <= 0:
-            raise SolverError("The linear system is not positive definite; repair the mesh.")
+        run(_apply, n, chunk, *matrix, p, q, sums, chunk=chunk)
+        curvature = float(sums.sum())
+        if not curvature > 0:
+            return x, iteration, False
         alpha, before = product / curvature, product
-    return x, iteration
+    return x, iteration, True
 
 
 class Multigrid:
     """Smoothed-aggregation multigrid (Vanek, Mandel, Brezina 1996), as a preconditioner.
 
     Aggregates are whole neighbourhoods; the prolongation is smoothed by one Jacobi step; the
-    smoother is one damped Jacobi sweep before and after; the coarsest level is solved densely.
+    smoother is one damped Jacobi sweep before and after, which also serves unknowns that are
+    coupled to no other (fixed ones, and what small components shrink to); a small coarsest level
+    is solved densely.
     """
 
-    def __init__(self, matrix: ScreenedLaplacian, progress: Progress) -> None:
-        a = matrix.scipy()
+    def __init__(self, matrix: Csr, roots: Floats, progress: Progress) -> None:
+        # `matrix` lacks its diagonal of ones. In scaled unknowns, what the Laplacian leaves
+        # alone is not the constant but D^(1/2), and 1 at fixed unknowns.
+        start, columns, values = matrix
+        n = len(roots)
+        off = scipy.sparse.csr_matrix((values, columns.view(np.int32), start), shape=(n, n))
+        a = (off + scipy.sparse.identity(n)).tocsr()
+        a.eliminate_zeros()
+        smooth = np.where(roots > 0, 1.0 / np.where(roots > 0, roots, 1.0), 1.0)
         self._levels: list[_Level] = []
-        while a.shape[0] > 400 and len(self._levels) < 20:
+        while a.shape[0] > _DENSE and len(self._levels) < 20:
             progress.update(min(0.2 * len(self._levels), 1.0))
-            level, coarse = _coarsen(a)
+            level, coarse, smooth = _coarsen(a, smooth)
             if coarse.shape[0] > 0.8 * a.shape[0]:
                 break
             self._levels.append(level)
             a = coarse
-        dense = a.toarray()
-        self._coarsest = np.linalg.pinv(dense, hermitian=True)
+        self._inverse = None
+        if 0 < a.shape[0] <= _DENSE:
+            self._inverse = np.linalg.pinv(a.toarray(), hermitian=True)
+        self._diagonal = a.diagonal()[:, None]
 
     def cycle(self, right: Floats, out: Floats) -> None:
         """One V-cycle from zero: `out` becomes an approximate solution for `right`."""
@@ -215,7 +249,9 @@ class Multigrid:
 
     def _solve(self, depth: int, right: Floats) -> Floats:
         if depth == len(self._levels):
-            return self._coarsest @ right
+            if self._inverse is None:
+                return right / self._diagonal
+            return self._inverse @ right
         level = self._levels[depth]
         x = level.smoother[:, None] * right
         residual = np.empty_like(right)
@@ -229,9 +265,6 @@ class Multigrid:
         return x
 
 
-Csr = tuple[Ints, Ints, Floats]
-
-
 @dataclass(frozen=True)
 class _Level:
     matrix: Csr
@@ -241,90 +274,104 @@ class _Level:
     size: int  # of the next level
 
 
-def _coarsen(a: scipy.sparse.csr_matrix) -> tuple[_Level, scipy.sparse.csr_matrix]:
-    diagonal = a.diagonal()
-    aggregates = np.full(a.shape[0], -1, dtype=np.int32)
-    size = _aggregate(a.indptr, a.indices, a.data, aggregates)
+def _coarsen(
+    a: scipy.sparse.csr_matrix, smooth: Floats
+) -> tuple[_Level, scipy.sparse.csr_matrix, Floats]:
+    # `smooth` is the vector that coarse levels must be able to represent.
     n = a.shape[0]
+    diagonal = a.diagonal()
+    aggregates = np.full(n, -1, dtype=np.int32)
+    size = _aggregate(a.indptr, a.indices, a.data, aggregates)
+    coupled = np.flatnonzero(aggregates >= 0)
+    members = aggregates[coupled]
+    norms = np.sqrt(np.bincount(members, weights=smooth[coupled] ** 2, minlength=size))
     tentative = scipy.sparse.csr_matrix(
-        (np.ones(n), aggregates, np.arange(n + 1, dtype=np.int32)), shape=(n, size)
+        (smooth[coupled] / norms[members], (coupled, members)), shape=(n, size)
     )
     # Gershgorin bounds the spectrum of D^-1 A; 4/3 of its inverse is the usual damping.
     bound = float((abs(a).sum(axis=1).A1 / diagonal).max())
-    scaled = scipy.sparse.diags((4.0 / 3.0 / bound) / diagonal)
-    prolongation = (tentative - scaled @ (a @ tentative)).tocsr()
+    damping = 4.0 / 3.0 / bound / diagonal
+    prolongation = (tentative - scipy.sparse.diags(damping) @ (a @ tentative)).tocsr()
     restriction = prolongation.T.tocsr()
     coarse = (restriction @ (a @ prolongation)).tocsr()
-    level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction),
-                   4.0 / 3.0 / bound / diagonal, size)  # fmt: skip
-    return level, coarse
+    level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction), damping, size)
+    return level, coarse, norms
 
 
 def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
     return a.indptr.astype(np.int32, copy=False), a.indices.astype(np.int32, copy=False), a.data
 
 
-@kernel
-def _reduce(start, stop, alpha, inverse, q, r, sums):
-    # r -= alpha q; sums of r^2 and of r D^-1 r.
-    squares = 0.0
-    products = 0.0
-    for i in range(start, stop):
-        x = r[i, 0] - alpha * q[i, 0]
-        y = r[i, 1] - alpha * q[i, 1]
-        z = r[i, 2] - alpha * q[i, 2]
-        r[i, 0], r[i, 1], r[i, 2] = x, y, z
-        square = x * x + y * y + z * z
-        squares += square
-        products += inverse[i] * square
-    sums[start // _CHUNK, 0] = squares
-    sums[start // _CHUNK, 1] = products
+_DENSE = 400
+"""Most unknowns of a level that is solved densely."""
 
 
 @kernel
-def _direct(start, stop, alpha, beta, inverse, z, scaled, x, p):
-    # x += alpha p; p = z + beta p, where z is D^-1 r if `scaled` (then r is passed as z).
+def _scale_weights(start, stop, row_start, columns, weights, roots, values):
     for i in range(start, stop):
-        k = inverse[i]
-        if k == 0:
-            continue  # fixed: x and p stay zero there
-        if not scaled:
-            k += 1 - k
-        for j in range(3):
-            x[i, j] += alpha * p[i, j]
-            p[i, j] = k * z[i, j] + beta * p[i, j]
-
-
-@kernel
-def _apply(start, stop, row_start, columns, weights, screen, p, q, sums):
-    curvature = 0.0
-    for i in range(start, stop):
-        k = screen[i]
-        if k == 0:
-            continue  # fixed: q stays zero there
-        x, y, z = p[i, 0], p[i, 1], p[i, 2]
-        sx, sy, sz = k * x, k * y, k * z
         for e in range(row_start[i], row_start[i + 1]):
-            c = columns[e]
-            w = weights[e]
-            sx += w * (x - p[c, 0])
-            sy += w * (y - p[c, 1])
-            sz += w * (z - p[c, 2])
-        q[i, 0], q[i, 1], q[i, 2] = sx, sy, sz
-        curvature += sx * x + sy * y + sz * z
-    sums[start // _CHUNK, 0] = curvature
+            values[e] = -weights[e] * roots[i] * roots[columns[e]]
+
+
+@sum_kernel
+def _reduce(start, stop, chunk, alpha, q, r, sums):
+    # r -= alpha q; sum of squares of r. Slices, so that the loop becomes vector instructions.
+    q = q[start:stop]
+    r = r[start:stop]
+    total = alpha * 0
+    for i in range(r.shape[0]):
+        x = r[i] - alpha * q[i]
+        r[i] = x
+        total += x * x
+    sums[start // chunk] = total
 
 
 @kernel
-def _true_residual(start, stop, row_start, columns, weights, screen, x, right, out):
+def _direct(start, stop, alpha, beta, z, x, p):
+    # x += alpha p; p = z + beta p
+    z = z[start:stop]
+    x = x[start:stop]
+    p = p[start:stop]
+    for i in range(p.shape[0]):
+        old = p[i]
+        x[i] += alpha * old
+        p[i] = z[i] + beta * old
+
+
+@kernel
+def _apply(start, stop, chunk, row_start, columns, values, p, q, sums):
+    # q = A p with a diagonal of ones, and the sum of p q. Columns are unsigned, which spares a
+    # test for negative indices; they must not be mixed with signed numbers.
+    curvature = 0.0
+    last = row_start[start]
+    for i in range(start, stop):
+        first = last
+        last = row_start[i + 1]
+        x, y, z = p[i, 0], p[i, 1], p[i, 2]
+        a, b, c = x, y, z
+        for e in range(first, last):
+            column = columns[e]
+            value = values[e]
+            a += value * p[column, 0]
+            b += value * p[column, 1]
+            c += value * p[column, 2]
+        q[i, 0], q[i, 1], q[i, 2] = a, b, c
+        curvature += a * x + b * y + c * z
+    sums[start // chunk] = curvature
+
+
+@kernel
+def _true_residual(start, stop, row_start, columns, weights, screen, roots, y, right, out):
     for i in range(start, stop):
         if screen[i] == 0:
             continue
         for j in range(3):
-            total = screen[i] * x[i, j]
+            x = roots[i] * y[i, j]
+            total = screen[i] * x
             for e in range(row_start[i], row_start[i + 1]):
-                total += weights[e] * (x[i, j] - x[columns[e], j])
-            out[i, j] = right[i, j] - total
+                c = columns[e]
+                total += weights[e] * (x - roots[c] * y[c, j])
+            out[i, j] = right[i, j] - roots[i] * total
 
 
 @kernel
@@ -357,11 +404,12 @@ def _multiply_add(start, stop, row_start, columns, values, x, out):
 
 @kernel
 def _aggregate(row_start, columns, values, aggregates):
-    # Whole neighbourhoods first; what is left joins the strongest neighbouring aggregate.
+    # Whole neighbourhoods first; what is left joins the strongest neighbouring aggregate. Rows
+    # with nothing but their diagonal belong to none.
     n = aggregates.shape[0]
     size = 0
     for i in range(n):
-        if aggregates[i] >= 0:
+        if aggregates[i] >= 0 or row_start[i + 1] - row_start[i] < 2:
             continue
         free = True
         for e in range(row_start[i], row_start[i + 1]):
@@ -375,7 +423,7 @@ def _aggregate(row_start, columns, values, aggregates):
             size += 1
     whole = size
     for i in range(n):
-        if aggregates[i] >= 0:
+        if aggregates[i] >= 0 or row_start[i + 1] - row_start[i] < 2:
             continue
         best = 0.0
         joined = -1

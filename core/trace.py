@@ -138,7 +138,7 @@ def _leave_vertex(f, k, vertices, faces, twins, areas, potential, rates, came):
     best_face, best_corner, kind = -1, -1, 0
     arrival = 0.0
     g, c = f, k
-    for _ in range(10000):
+    while True:  # twins pair up, so the round ends at its begin or at a border
         v, a, b = faces[g, c], faces[g, (c + 1) % 3], faces[g, (c + 2) % 3]
         if areas[g] == 0:
             return -1, -1, 0

@@ -191,8 +191,15 @@ def written(target, results):
 def test_cancelling_the_filter_leaves_the_mesh_alone(target):
     box, read = target
     before = read_positions(box.data)
-    job = jobs.Job(lambda progress: sharpened(read, progress=progress))
+    cancelled = threading.Event()
+
+    def work(progress):
+        cancelled.wait(60)
+        return sharpened(read, progress=progress)
+
+    job = jobs.Job(work)
     job.cancel()
+    cancelled.set()
     with pytest.raises(Cancelled):
         job.result()
     np.testing.assert_array_equal(read_positions(box.data), before)

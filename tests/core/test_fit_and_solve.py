@@ -111,7 +111,8 @@ def test_solves_agree_with_a_direct_solver(multigrid, fixed, tolerance):
     matrix, right = system(20.0, fixed)
     x, report = solve.solve(matrix, right, tolerance, multigrid=multigrid)
     full = matrix.scipy()
-    true = np.linalg.norm(right - full @ x) / np.linalg.norm(right)
+    roots = np.sqrt(full.diagonal())[:, None]
+    true = np.linalg.norm((right - full @ x) / roots) / np.linalg.norm(right / roots)
     assert true == pytest.approx(report.residual, rel=1e-3)
     assert true <= tolerance
     expected = scipy.sparse.linalg.spsolve(full.tocsc(), right)
@@ -130,15 +131,70 @@ def test_multigrid_needs_few_iterations_where_the_diagonal_needs_many():
 
 def test_a_solve_that_does_not_get_there_is_an_error():
     matrix, right = system(100.0)
-    with pytest.raises(core.SolverError, match="after 5 iterations"):
-        solve.solve(matrix, right, 1e-8, multigrid=False, limit=5)
+    with pytest.raises(core.SolverError, match="after 2 iterations"):
+        solve.solve(matrix, right, 1e-8, multigrid=True, limit=2)
     with pytest.raises(core.SolverError, match="finite"):
         solve.solve(matrix, np.full_like(right, np.nan), 1e-3, multigrid=False)
     indefinite = solve.ScreenedLaplacian(
-        matrix.start, matrix.columns, -matrix.weights, matrix.screen, abs(matrix.diagonal)
+        matrix.start, matrix.columns, 3 * matrix.weights, matrix.screen, matrix.diagonal
     )
-    with pytest.raises(core.SolverError, match="definite"):
+    with pytest.raises(core.SolverError, match="stopped at"):
         solve.solve(indefinite, right, 1e-3, multigrid=False)
+
+
+def test_multigrid_takes_over_where_the_diagonal_gives_up(monkeypatch):
+    matrix, right = system(50.0)
+    expected, _ = solve.solve(matrix, right, 1e-6, multigrid=True)
+    monkeypatch.setattr(solve, "PATIENCE", 10)
+    x, report = solve.solve(matrix, right, 1e-6, multigrid=False)
+    assert report.multigrid
+    assert report.residual <= 1e-6
+    assert np.allclose(x, expected, atol=1e-3 * abs(expected).max())
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.95])
+def test_multigrid_with_many_fixed_unknowns_stays_small(share):
+    mesh = core.TriangleMesh(*icosphere(5))
+    screen = calculus.lumped_mass(mesh) / 30.0**2
+    screen[np.random.default_rng(0).random(len(screen)) < share] = 0
+    right = np.ones((mesh.vertex_count, 3)) * (screen > 0)[:, None]
+    matrix = fit.screened_stiffness(mesh, screen)
+    hierarchies = []
+    real = solve.Multigrid
+    solve.Multigrid = lambda *a: hierarchies.append(real(*a)) or hierarchies[-1]
+    try:
+        x, report = solve.solve(matrix, right, 1e-6, multigrid=True)
+    finally:
+        solve.Multigrid = real
+    assert hierarchies[0]._inverse is None or len(hierarchies[0]._inverse) <= 400
+    assert report.iterations < 60
+    assert np.allclose(matrix.scipy() @ x, right, atol=1e-3)
+
+
+def test_multigrid_with_many_components():
+    vertices, faces = cube(2)
+    count = 2000
+    shifts = 5 * np.stack([np.arange(count), 0 * np.arange(count), 0 * np.arange(count)], 1)
+    everywhere = (vertices[None] + shifts[:, None]).reshape(-1, 3)
+    faces = (faces[None] + len(vertices) * np.arange(count)[:, None, None]).reshape(-1, 3)
+    mesh = core.TriangleMesh(everywhere, faces)
+    matrix = fit.screened_stiffness(mesh, calculus.lumped_mass(mesh) / 100.0**2)
+    right = np.random.default_rng(0).normal(size=(mesh.vertex_count, 3))
+    _, report = solve.solve(matrix, right, 1e-6, multigrid=True)
+    assert report.iterations < 60
+
+
+@pytest.mark.parametrize("sides", [1000, 4000])
+def test_fans_of_needles_are_solved(sides):
+    around = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    vertices = np.vstack([ring, [[0, 0, 2.0], [0, 0, 0]]])
+    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
+    faces = np.vstack([np.stack([i, j, 0 * i + sides], 1), np.stack([j, i, 0 * i + sides + 1], 1)])
+    mesh = core.TriangleMesh(vertices, faces)
+    out = core.sharpen_geometry(mesh)
+    assert np.isfinite(out).all()
+    assert np.linalg.norm(out - vertices, axis=1).max() < 0.5
 
 
 def test_a_right_side_of_zero_needs_no_iterations():

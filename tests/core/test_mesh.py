@@ -34,6 +34,10 @@ def brute_twins(faces):
         ([[0, 0, 0], [np.nan, 0, 0], [0, 1, 0]], [[0, 1, 2]], "Vertex 1"),
         ([[0, 0, 0], [np.inf, 0, 0], [0, 1, 0]], [[0, 1, 2]], "infinity"),
         ("abc", [[0, 1, 2]], "numbers"),
+        ([["0", "0", "0"]] * 3, [[0, 1, 2]], "numbers"),
+        (TRIANGLE * 1j, [[0, 1, 2]], "numbers"),
+        ([[0, 0, 0], [1, 0]], [[0, 1, 2]], "numbers"),
+        (TRIANGLE, [[0, 1, 2], [0, 1]], "triangulate"),
         (np.zeros((3, 3)), [[0, 1, 2]], "zero area"),
         (TRIANGLE, [[0, 1, 1]], "zero area"),
     ],
@@ -43,9 +47,20 @@ def test_bad_input_is_refused(vertices, faces, words):
         core.TriangleMesh(vertices, faces)
 
 
-def test_huge_lengths_are_refused_instead_of_overflowing():
-    with pytest.raises(core.InvalidMesh, match="too large"):
-        core.TriangleMesh(TRIANGLE * 1e200, [[0, 1, 2]])
+@pytest.mark.parametrize("size", [1e200, 1e-200])
+def test_sizes_whose_squares_leave_the_range_of_floats_are_refused(size):
+    with pytest.raises(core.InvalidMesh, match="scale it"):
+        core.TriangleMesh(TRIANGLE * size, [[0, 1, 2]])
+
+
+def test_a_loose_vertex_far_away_does_not_matter():
+    vertices, faces = icosphere(3)
+    vertices *= [1, 1.5, 2]
+    expected = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
+    far = core.TriangleMesh(np.vstack([vertices, [1e15, 0, 0]]), faces)
+    assert np.allclose(core.sharpen_geometry(far)[:-1], expected, atol=1e-9)
+    assert is_scattered(far) is False
+    assert len(sorted_along_curve(far)[1]) == len(vertices) + 1
 
 
 @pytest.mark.parametrize("shape", [grid(7, 5), icosphere(2), cube(4)])

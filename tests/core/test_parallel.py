@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
+import multiprocessing
+import os
 import threading
 
 import numpy as np
 import pytest
+from shapes import icosphere
 from shock_filter import core
 from shock_filter.core import parallel
 
@@ -74,3 +77,15 @@ def test_two_threads_may_run_at_once():
     for thread in threads:
         thread.join()
     assert all(np.array_equal(result, expected) for result in results)
+
+
+def fractions_of_a_run(_):
+    mesh = core.TriangleMesh(*icosphere(4))
+    return float(np.abs(core.sharpen_geometry(mesh) - mesh.vertices).max())
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on this system")
+def test_a_forked_process_makes_threads_of_its_own():
+    expected = fractions_of_a_run(None)
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        assert pool.map_async(fractions_of_a_run, [0]).get(timeout=60) == [expected]
