@@ -21,6 +21,9 @@ TOLERANCE = 3e-3
 """Residual of the linear solve, relative to its right side: small against what the refit leaves
 undone anyway (docs/benchmarks.md has the figures)."""
 
+LEAST_MOVE = 1e-6
+"""Moves below this many mean edge lengths are left out: the solver's rounding is of that size."""
+
 LEAST_WEIGHT = 1e-6
 """Mask weights up to this one count as 0."""
 
@@ -118,6 +121,7 @@ def displacement(
     )
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
              " with multigrid" if report.multigrid else "", report.residual)  # fmt: skip
+    solution[(abs(solution) < LEAST_MOVE).all(axis=1)] = 0.0
     solution *= mesh.mean_edge_length
     return solution, report
 

@@ -213,8 +213,12 @@ def _gltf_matrices(tree: dict[str, Any]) -> dict[int, Floats]:
     children = {child for node in nodes for child in node.get("children", [])}
     open_nodes = [(n, np.eye(4)) for n in range(len(nodes) - 1, -1, -1) if n not in children]
     matrices: dict[int, Floats] = {}
+    visits = 0
     while open_nodes:
         number, parent = open_nodes.pop()
+        visits += 1
+        if visits > len(nodes):
+            raise InvalidMesh("The file's nodes contain each other; export it again.")
         matrix = parent @ _gltf_matrix(nodes[number])
         if "mesh" in nodes[number] and np.linalg.det(matrix):
             matrices.setdefault(nodes[number]["mesh"], matrix)

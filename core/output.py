@@ -45,10 +45,12 @@ class Outcome:
 def staged(target: Path, overwrite: bool) -> Iterator[Path]:
     """Give a path to write to, and move what was written there to `target` at the end.
 
-    Files written beside it (materials, textures) come along. If anything fails, nothing of it
-    is left and `target` is as it was.
+    Files written beside it (materials, textures) come along. If writing fails, nothing of it is
+    left and `target` is as it was.
     """
     target = target.absolute()
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise ShockError(f"Cannot write to the folder {target.parent}; choose another output.")
     with tempfile.TemporaryDirectory(prefix=".shock-filter-", dir=target.parent) as folder:
         stage = Path(folder) / target.name
         yield stage
@@ -62,8 +64,9 @@ def staged(target: Path, overwrite: bool) -> Iterator[Path]:
                     raise ShockError(
                         f"{old} exists already; add --overwrite or choose another output."
                     )
+        for _, old in pairs:
+            old.parent.mkdir(parents=True, exist_ok=True)
         for new, old in pairs:
-            old.parent.mkdir(exist_ok=True)
             os.replace(new, old)
 
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-import imageio.v3 as imageio
 import numpy as np
 import numpy.typing as npt
 import scipy.ndimage
 import skimage.data
+from PIL import Image
 
 Pixels = npt.NDArray[np.float32]
 
@@ -62,5 +62,5 @@ def side_by_side(path: Path, pictures: list[Pixels]) -> Path:
     for pixels in pictures[1:]:
         row += [line, pixels]
     values = np.rint(np.clip(np.concatenate(row, axis=1), 0, 1) * 255)
-    imageio.imwrite(path, values.astype(np.uint8))
+    Image.fromarray(values.astype(np.uint8)).save(path)
     return path

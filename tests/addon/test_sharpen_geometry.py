@@ -257,6 +257,33 @@ def test_undo_brings_the_old_shape_back(rounded_box):
     bpy.ops.ed.undo_push(message="Before")
     sharpen()
     bpy.ops.ed.undo_push(message="After")
-    assert (read_positions(bpy.data.objects[name].data) != before).any()
+    after = read_positions(bpy.data.objects[name].data)
+    assert (after != before).any()
     bpy.ops.ed.undo()
     np.testing.assert_array_equal(read_positions(bpy.data.objects[name].data), before)
+    bpy.ops.ed.redo()
+    np.testing.assert_array_equal(read_positions(bpy.data.objects[name].data), after)
+
+
+def test_redo_with_other_settings_starts_from_the_old_shape(rounded_box):
+    # What F9 does: undo, then execute again with new values.
+    other = rounded_box()
+    sharpen(time=4096.0)
+    expected = read_positions(other.data)
+    box = rounded_box()
+    name = box.name
+    bpy.ops.ed.undo_push(message="Before")
+    sharpen(time=16.0)
+    bpy.ops.ed.undo_push(message="After")
+    bpy.ops.ed.undo()
+    sharpen(time=4096.0)
+    np.testing.assert_array_equal(read_positions(bpy.data.objects[name].data), expected)
+
+
+def test_vertices_that_only_rounding_moves_are_not_counted():
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)
+    sphere = bpy.context.object
+    before = read_positions(sphere.data)
+    sharpen(time=0.001)
+    moved = (read_positions(sphere.data) != before).any(axis=1).sum()
+    assert moved < len(before) / 2

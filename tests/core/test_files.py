@@ -14,7 +14,7 @@ from shock_filter.core.files import sharpen_colors_file, sharpen_file
 from shock_filter.core.output import staged
 
 STILL = core.GeometrySettings(time=0)
-STRONG = core.GeometrySettings(time=256)
+STRONG = core.GeometrySettings(time=256, feature_threshold=0, sampling="linear")
 
 
 def rounded_box(size=1.0):
@@ -192,15 +192,15 @@ def test_obj_normals_are_renewed_and_hard_edges_stay_hard(tmp_path):
 def test_obj_materials_and_textures_come_along(tmp_path):
     (tmp_path / "in").mkdir()
     (tmp_path / "out").mkdir()
-    (tmp_path / "in/textures").mkdir()
+    (tmp_path / "in/textures/wood").mkdir(parents=True)
     (tmp_path / "in/a.obj").write_bytes(QUADS)
     (tmp_path / "in/box.mtl").write_text(
-        "newmtl blue\nmap_Kd -s 2 2 textures/wood.png\nmap_Bump my bump.png\nmap_Ks ../gone.png\n"
+        "newmtl blue\nmap_Kd -s 2 2 textures/wood/a.png\nmap_Bump my bump.png\nmap_Ks ../gone.png\n"
     )
-    (tmp_path / "in/textures/wood.png").write_bytes(b"wood")
+    (tmp_path / "in/textures/wood/a.png").write_bytes(b"wood")
     (tmp_path / "in/my bump.png").write_bytes(b"bump")
     outcome = sharpen_file(tmp_path / "in/a.obj", tmp_path / "out/b.obj", STRONG)
-    assert (tmp_path / "out/textures/wood.png").read_bytes() == b"wood"
+    assert (tmp_path / "out/textures/wood/a.png").read_bytes() == b"wood"
     assert (tmp_path / "out/my bump.png").read_bytes() == b"bump"
     assert (tmp_path / "out/box.mtl").read_bytes() == (tmp_path / "in/box.mtl").read_bytes()
     assert any("../gone.png" in note for note in outcome.notes)
@@ -916,3 +916,15 @@ def test_files_without_colors_are_refused(tmp_path):
     with pytest.raises(core.ShockError, match=r"no file .*gone.ply"):
         sharpen_colors_file(tmp_path / "gone.ply", tmp_path / "out.ply")
     assert not list(tmp_path.glob("out*"))
+
+
+def test_gltf_nodes_that_contain_each_other_are_refused(tmp_path):
+    tree = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"children": [1]}, {"children": [2]}, {"children": [1]}],
+        "meshes": [],
+    }
+    path = tmp_path / "loop.gltf"
+    path.write_text(json.dumps(tree))
+    with pytest.raises(core.ShockError, match="contain each other"):
+        sharpen_file(path, tmp_path / "out.gltf", core.GeometrySettings())
