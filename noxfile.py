@@ -135,3 +135,4 @@ def bench(session: nox.Session) -> None:
     """Measure speed and quality against the paper and other programs."""
     session.install("-e", ".[bench,files]")
     session.run("python", "benchmarks/geometry.py", *session.posargs)
+    session.run("python", "benchmarks/paper.py", *session.posargs)

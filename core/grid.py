@@ -229,159 +229,176 @@ def _smooth_rows(start, stop, values, out):
 
 
 @kernel
-def _flow(potential, row, column, v):
-    # v = -grad(P) / 2 in a square: (down, across).
+def _flow(potential, row, column, turned):
+    # v = -grad(P) / 2 in a square: (down, across), or (across, down) if turned.
+    if turned:
+        row, column = column, row
     a = potential[row, column]
     b = potential[row, column + 1]
     c = potential[row + 1, column]
     d = potential[row + 1, column + 1]
-    v[0] = -0.25 * (float(c - a) + float(d - b))
-    v[1] = -0.25 * (float(b - a) + float(d - c))
+    down = -0.25 * (float(c - a) + float(d - b))
+    across = -0.25 * (float(b - a) + float(d - c))
+    return (across, down) if turned else (down, across)
 
 
 @kernel
-def _walk(potential, time, cell, place, v, w):
-    # From square to square; `cell` is the square's first pixel, `place` the point in it.
+def _walk(potential, time, row, column, down, across):
+    # From square to square: (row, column) is the square's first pixel, (down, across) the point
+    # in it. Returns where the walk ends. Numbers rather than arrays: these stay in registers.
     left = time
-    slide = -1  # the axis along which the walk slides on a line between squares
-    _flow(potential, cell[0], cell[1], v)
+    v, w = _flow(potential, row, column, False)
+    y = down + v * left
+    x = across + w * left
+    if 0.0 < y < 1.0 and 0.0 < x < 1.0:
+        return row, column, y, x
+    # The walk crosses the lines between squares along the first axis; i, a and v belong to it.
+    # To cross along the other one, both are exchanged.
+    i, j, a, b = row, column, down, across
+    turned = False
+    sliding = False  # along a line between squares, that is, along the second axis
     for _ in range(1000000):
-        if slide < 0:
-            axis = -1
-            first = left
-            for k in range(2):
-                if v[k] > 1e-30:
-                    reached = (1.0 - place[k]) / v[k]
-                elif v[k] < -1e-30:
-                    reached = place[k] / -v[k]
-                else:
-                    continue
-                if reached < first:
-                    first = reached
-                    axis = k
-            if axis < 0:
+        if not sliding:
+            reach_a = _reach(a, v)
+            reach_b = _reach(b, w)
+            if left <= min(reach_a, reach_b):
                 if left < np.inf:
-                    place[0] += v[0] * left
-                    place[1] += v[1] * left
-                return
-            other = 1 - axis
-            place[other] = min(max(place[other] + v[other] * first, 0.0), 1.0)
-            left -= first
-            ahead = 1 if v[axis] > 0 else -1
-            place[axis] = 1.0 if ahead > 0 else 0.0
-            beyond = cell[axis] + ahead
-            if beyond < 0 or beyond > potential.shape[axis] - 2:
-                return
-            cell[axis] = beyond
-            _flow(potential, cell[0], cell[1], w)
-            if v[0] * w[0] + v[1] * w[1] <= 0:
-                cell[axis] -= ahead
-                return
-            if v[axis] * w[axis] > 0:
-                place[axis] = 1.0 - place[axis]
-                v[0], v[1] = w[0], w[1]
+                    a += v * left
+                    b += w * left
+                break
+            if reach_b < reach_a:
+                turned = not turned
+                i, j, a, b, v, w = j, i, b, a, w, v
+                reach_a = reach_b
+            left -= reach_a
+            ahead = 1 if v > 0 else -1
+            a = 1.0 if v > 0 else 0.0
+            b = min(max(b + w * reach_a, 0.0), 1.0)
+            beyond = i + ahead
+            if beyond < 0 or beyond > potential.shape[1 if turned else 0] - 2:
+                break
+            next_v, next_w = _flow(potential, beyond, j, turned)
+            if v * next_v + w * next_w <= 0:
+                break
+            if v * next_v > 0:
+                i = beyond
+                a = 1.0 - a
+                v, w = next_v, next_w
                 continue
             # Both squares flow into the line between them: slide on it, at the combination of
             # both flows that stays there (Filippov). The line belongs to the lower square.
-            share = -w[axis] / (v[axis] - w[axis])
-            v[other] = share * v[other] + (1.0 - share) * w[other]
-            if ahead > 0:
-                cell[axis] -= 1
-            place[axis] = 1.0
-            slide = other
-        axis = 1 - slide
-        speed = v[slide]
-        reached = (1.0 - place[slide]) / speed if speed > 0 else place[slide] / -speed
+            share = -next_v / (v - next_v)
+            w = share * w + (1.0 - share) * next_w
+            i = min(i, beyond)
+            a = 1.0
+            sliding = True
+        reached = (1.0 - b) / w if w > 0 else b / -w
         if reached >= left:
-            place[slide] += speed * left
-            return
+            b += w * left
+            break
         left -= reached
-        ahead = 1 if speed > 0 else -1
-        place[slide] = 1.0 if ahead > 0 else 0.0
-        beyond = cell[slide] + ahead
-        if beyond < 0 or beyond > potential.shape[slide] - 2:
-            return
-        cell[slide] = beyond
-        place[slide] = 1.0 - place[slide]
+        ahead = 1 if w > 0 else -1
+        b = 1.0 if w > 0 else 0.0
+        beyond = j + ahead
+        if beyond < 0 or beyond > potential.shape[0 if turned else 1] - 2:
+            break
+        j = beyond
+        b = 1.0 - b
         # Past a pixel: the squares on both sides of the line decide.
-        _flow(potential, cell[0], cell[1], v)
-        cell[axis] += 1
-        _flow(potential, cell[0], cell[1], w)
-        cell[axis] -= 1
-        if v[axis] >= 0 and w[axis] <= 0:
-            total = v[axis] - w[axis]
-            share = -w[axis] / total if total > 0 else 0.5
-            v[slide] = share * v[slide] + (1.0 - share) * w[slide]
-            if v[slide] * ahead <= 0:
-                return
+        v, w = _flow(potential, i, j, turned)
+        next_v, next_w = _flow(potential, i + 1, j, turned)
+        if v >= 0 and next_v <= 0:
+            total = v - next_v
+            share = -next_v / total if total > 0 else 0.5
+            w = share * w + (1.0 - share) * next_w
         else:
-            if w[axis] > 0 and w[axis] > -v[axis]:
-                cell[axis] += 1
-                place[axis] = 0.0
-                v[0], v[1] = w[0], w[1]
-            if v[slide] * ahead <= 0:
-                return
-            slide = -1
+            if next_v > 0 and next_v > -v:
+                i += 1
+                a = 0.0
+                v, w = next_v, next_w
+            sliding = False
+        if w * ahead <= 0:
+            break
+    return (j, i, b, a) if turned else (i, j, a, b)
 
 
 @kernel
-def _walk_literal(potential, time, step, cell, place, v, w):
+def _reach(place, speed):
+    # The time until the end of the square, along one axis.
+    if speed > 1e-30:
+        return (1.0 - place) / speed
+    if speed < -1e-30:
+        return place / -speed
+    return np.inf
+
+
+@kernel
+def _walk_literal(potential, time, step, row, column, down, across):
     left = time
-    _flow(potential, cell[0], cell[1], v)
+    most_y = potential.shape[0] - 1
+    most_x = potential.shape[1] - 1
+    v, w = _flow(potential, row, column, False)
     for _ in range(1000000):
-        speed = np.sqrt(v[0] * v[0] + v[1] * v[1])
+        speed = np.sqrt(v * v + w * w)
         if left <= 0 or speed < 1e-30:
-            return
+            break
         pace = min(left, step / speed)
         left -= pace
-        for k in range(2):
-            at = cell[k] + place[k] + v[k] * pace
-            most = potential.shape[k] - 1
-            if at < 0 or at > most:
-                left = 0.0  # the walk ends at the border
-                at = min(max(at, 0.0), float(most))
-            cell[k] = min(int(at), most - 1)
-            place[k] = at - cell[k]
-        _flow(potential, cell[0], cell[1], w)
-        if v[0] * w[0] + v[1] * w[1] <= 0:
-            return
-        v[0], v[1] = w[0], w[1]
+        y = row + down + v * pace
+        x = column + across + w * pace
+        if y < 0 or y > most_y or x < 0 or x > most_x:
+            left = 0.0  # the walk ends at the border
+            y = min(max(y, 0.0), float(most_y))
+            x = min(max(x, 0.0), float(most_x))
+        row = min(int(y), most_y - 1)
+        column = min(int(x), most_x - 1)
+        down = y - row
+        across = x - column
+        next_v, next_w = _flow(potential, row, column, False)
+        if v * next_v + w * next_w <= 0:
+            break
+        v, w = next_v, next_w
+    return row, column, down, across
 
 
 @kernel
-def _begin(y, x, corner, height, width, cell, place):
-    # The start beside pixel (y, x) in one of its four squares; False if there is none.
-    cell[0] = y - (corner >> 1)
-    cell[1] = x - (corner & 1)
-    place[0] = 1.0 - 0.5 * OFFSET if corner >> 1 else 0.5 * OFFSET
-    place[1] = 1.0 - 0.5 * OFFSET if corner & 1 else 0.5 * OFFSET
-    return cell[0] >= 0 and cell[1] >= 0 and cell[0] < height - 1 and cell[1] < width - 1
+def _begin(y, x, corner):
+    # The start beside pixel (y, x) in one of its four squares.
+    up = corner >> 1
+    left = corner & 1
+    down = 1.0 - 0.5 * OFFSET if up else 0.5 * OFFSET
+    across = 1.0 - 0.5 * OFFSET if left else 0.5 * OFFSET
+    return y - up, x - left, down, across
 
 
 @kernel
-def _add(image, first, last, alpha, cell, place, nearest, total):
+def _exists(row, column, height, width):
+    return row >= 0 and column >= 0 and row < height - 1 and column < width - 1
+
+
+@kernel
+def _add(image, first, last, alpha, row, column, down, across, nearest, total):
     # Adds the values at a point, times opacity, to total; returns the opacity.
-    r, s = cell[0], cell[1]
     if nearest:
-        r += place[0] > 0.5
-        s += place[1] > 0.5
-        opacity = 1.0 if alpha < 0 else float(image[r, s, alpha])
+        row += down > 0.5
+        column += across > 0.5
+        opacity = 1.0 if alpha < 0 else float(image[row, column, alpha])
         for c in range(first, last):
-            total[c] += opacity * image[r, s, c]
+            total[c] += opacity * image[row, column, c]
         return opacity
-    k = place[0] * place[1]
-    j = place[0] - k
-    i = place[1] - k
-    h = 1.0 - place[0] - i
+    k = down * across
+    j = down - k
+    i = across - k
+    h = 1.0 - down - i
     if alpha >= 0:
-        h *= image[r, s, alpha]
-        i *= image[r, s + 1, alpha]
-        j *= image[r + 1, s, alpha]
-        k *= image[r + 1, s + 1, alpha]
+        h *= image[row, column, alpha]
+        i *= image[row, column + 1, alpha]
+        j *= image[row + 1, column, alpha]
+        k *= image[row + 1, column + 1, alpha]
     for c in range(first, last):
         total[c] += (
-            h * image[r, s, c] + i * image[r, s + 1, c]
-            + j * image[r + 1, s, c] + k * image[r + 1, s + 1, c]
+            h * image[row, column, c] + i * image[row, column + 1, c]
+            + j * image[row + 1, column, c] + k * image[row + 1, column + 1, c]
         )  # fmt: skip
     return h + i + j + k
 
@@ -401,76 +418,77 @@ def _advect_rows(
     start, stop, image, first, last, alpha, potential, time, step, nearest, rounded, out
 ):
     height, width = potential.shape
-    cell = np.empty(2, np.int64)
-    place = np.empty(2)
-    v = np.empty(2)
-    w = np.empty(2)
     total = np.empty(image.shape[2])
     for y in range(start, stop):
         for x in range(width):
             total[:] = 0.0
             weight = 0.0
             for corner in range(4):
-                if not _begin(y, x, corner, height, width, cell, place):
+                row, column, down, across = _begin(y, x, corner)
+                if not _exists(row, column, height, width):
                     continue
                 if step > 0:
-                    _walk_literal(potential, time, step, cell, place, v, w)
+                    row, column, down, across = _walk_literal(
+                        potential, time, step, row, column, down, across
+                    )
                 else:
-                    _walk(potential, time, cell, place, v, w)
-                weight += _add(image, first, last, alpha, cell, place, nearest, total)
+                    row, column, down, across = _walk(potential, time, row, column, down, across)
+                weight += _add(image, first, last, alpha, row, column, down, across, nearest, total)
             _put(image, y, x, first, last, total, weight, rounded, out)
 
 
 @kernel
 def _start_rows(start, stop, cells, places):
     height, width = cells.shape[:2]
-    cell = np.empty(2, np.int64)
-    place = np.empty(2)
     for y in range(start, stop):
         for x in range(width):
             for corner in range(4):
-                if not _begin(y, x, corner, height, width, cell, place):
-                    cell[0] = -1  # no square there
-                for k in range(2):
-                    cells[y, x, corner, k] = cell[k]
-                    places[y, x, corner, k] = place[k]
+                row, column, down, across = _begin(y, x, corner)
+                if not _exists(row, column, height, width):
+                    row = -1  # no square there
+                cells[y, x, corner, 0] = row
+                cells[y, x, corner, 1] = column
+                places[y, x, corner, 0] = down
+                places[y, x, corner, 1] = across
+
+
+@kernel
+def _stored(cells, places, y, x, corner):
+    return (
+        np.int64(cells[y, x, corner, 0]),
+        np.int64(cells[y, x, corner, 1]),
+        np.float64(places[y, x, corner, 0]),
+        np.float64(places[y, x, corner, 1]),
+    )
 
 
 @kernel
 def _carry_rows(start, stop, potential, time, cells, places):
     width = potential.shape[1]
-    cell = np.empty(2, np.int64)
-    place = np.empty(2)
-    v = np.empty(2)
-    w = np.empty(2)
     for y in range(start, stop):
         for x in range(width):
             for corner in range(4):
-                if cells[y, x, corner, 0] < 0:
+                row, column, down, across = _stored(cells, places, y, x, corner)
+                if row < 0:
                     continue
-                for k in range(2):
-                    cell[k] = cells[y, x, corner, k]
-                    place[k] = places[y, x, corner, k]
-                _walk(potential, time, cell, place, v, w)
-                for k in range(2):
-                    cells[y, x, corner, k] = cell[k]
-                    places[y, x, corner, k] = place[k]
+                row, column, down, across = _walk(potential, time, row, column, down, across)
+                cells[y, x, corner, 0] = row
+                cells[y, x, corner, 1] = column
+                places[y, x, corner, 0] = down
+                places[y, x, corner, 1] = across
 
 
 @kernel
 def _read_rows(start, stop, image, first, last, alpha, cells, places, nearest, rounded, out):
     width = image.shape[1]
-    cell = np.empty(2, np.int64)
-    place = np.empty(2)
     total = np.empty(image.shape[2])
     for y in range(start, stop):
         for x in range(width):
             total[:] = 0.0
             weight = 0.0
             for corner in range(4):
-                for k in range(2):
-                    cell[k] = cells[y, x, corner, k]
-                    place[k] = places[y, x, corner, k]
-                if cell[0] >= 0:
-                    weight += _add(image, first, last, alpha, cell, place, nearest, total)
+                row, column, down, across = _stored(cells, places, y, x, corner)
+                if row < 0:
+                    continue
+                weight += _add(image, first, last, alpha, row, column, down, across, nearest, total)
             _put(image, y, x, first, last, total, weight, rounded, out)

@@ -132,7 +132,7 @@ class ShockSettings(_FlowSettings):
         "Which flow moves which channel",
         choices={
             "coupled": "All channels follow one flow, so that colors stay together",
-            "independent": "Each channel follows its own flow: sharper, with color fringes",
+            "independent": "Each channel follows its own flow, which can leave color fringes",
             "luminance": "All channels follow the flow of the brightness",
         },
         advanced=True,
@@ -142,7 +142,7 @@ class ShockSettings(_FlowSettings):
         "How values are read at the end of a flow-line",
         choices={
             "linear": "Interpolate between neighbours: removes fine noise",
-            "nearest": "Take the nearest value: no new values appear",
+            "nearest": "Take the nearest value: keeps noise, and edges harder",
         },
         advanced=True,
     )
@@ -173,6 +173,16 @@ class ShockSettings(_FlowSettings):
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
 
+    time: float = _setting(
+        16.0,
+        "How long values flow towards the edges. 0 changes nothing; 16 is for photos that are"
+        " sharp already, 256 and more for blurred ones; infinity is the steady state, as if painted",
+        unit="flow time in pixels",
+        minimum=0.0,
+        maximum=INF,
+        soft_minimum=0.0,
+        soft_maximum=4096.0,
+    )
     alpha: str = _setting(
         "auto",
         "Whether the last channel is opacity. Opacity stays as it is, and transparent pixels"
