@@ -176,7 +176,7 @@ class ImageSettings(ShockSettings):
     time: float = _setting(
         16.0,
         "How long values flow towards the edges. 0 changes nothing; 16 is for photos that are"
-        " sharp already, 256 and more for blurred ones; infinity is the steady state, as if painted",
+        " sharp already, 256 and more for blurred ones; infinity is the steady state",
         unit="flow time in pixels",
         minimum=0.0,
         maximum=INF,
