@@ -91,7 +91,9 @@ def fit_to_normals(
 
 def moved_vertices(mesh: TriangleMesh, moved: Floats) -> Floats:
     """Add a displacement; coordinates that do not move keep every bit, the sign of 0 too."""
-    return np.where(moved == 0.0, mesh.vertices, mesh.vertices + moved)
+    positions = np.empty_like(moved)
+    run(_move, mesh.vertex_count, mesh.vertices, moved, positions)
+    return positions
 
 
 def displacement(
@@ -121,8 +123,7 @@ def displacement(
     )
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
              " with multigrid" if report.multigrid else "", report.residual)  # fmt: skip
-    solution[(abs(solution) < LEAST_MOVE).all(axis=1)] = 0.0
-    solution *= mesh.mean_edge_length
+    run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, solution)
     return solution, report
 
 
@@ -146,6 +147,25 @@ def screened_stiffness(
     run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, cotangents(mesh), screen, start,
         weights, diagonal, progress=progress)  # fmt: skip
     return ScreenedLaplacian(start, ring, weights, screen, diagonal)
+
+
+@kernel
+def _to_lengths(start, stop, mean_edge_length, moves):
+    # From mean edge lengths to the mesh's unit; what is only rounding becomes zero.
+    for v in range(start, stop):
+        if max(abs(moves[v, 0]), abs(moves[v, 1]), abs(moves[v, 2])) < LEAST_MOVE:
+            moves[v] = 0.0
+        for x in range(3):
+            moves[v, x] *= mean_edge_length
+
+
+@kernel
+def _move(start, stop, vertices, moved, positions):
+    for v in range(start, stop):
+        for x in range(3):
+            positions[v, x] = vertices[v, x]
+            if moved[v, x] != 0:
+                positions[v, x] += moved[v, x]
 
 
 @kernel

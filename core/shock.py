@@ -115,8 +115,7 @@ def sharpen_geometry(
 def _displaced(
     mesh: TriangleMesh, settings: GeometrySettings, weights: Floats | None, progress: Progress
 ) -> Floats:
-    moved = np.zeros_like(mesh.vertices)
-    current = mesh
+    moved, current = np.zeros((0, 3)), mesh
     for turn in range(settings.repeat):
         round_ = progress.part(turn / settings.repeat, (turn + 1) / settings.repeat, "Sharpening")
         normals = _sharpened(current, settings, round_.part(0.0, 0.6, "Sharpening"))
@@ -125,7 +124,7 @@ def _displaced(
         step, _ = displacement(
             current, normals, settings, weights, round_.part(0.6, 1.0, "Fitting the surface")
         )
-        moved += step
+        moved = step if turn == 0 else moved + step
         if settings.max_displacement > 0:
             _limit(moved, settings.max_displacement * mesh.mean_edge_length)
         if turn + 1 < settings.repeat:

@@ -163,7 +163,7 @@ def solve(
 
 
 def _scaled(matrix: ScreenedLaplacian, roots: Floats, precision: type) -> Csr:
-    values = np.empty(len(matrix.weights), dtype=precision)
+    values: npt.NDArray[np.floating] = np.empty(len(matrix.weights), dtype=precision)
     run(_scale_weights, len(roots), matrix.start, matrix.columns, matrix.weights, roots, values)
     return matrix.start, matrix.columns.view(np.uint32), values
 
