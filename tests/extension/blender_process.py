@@ -85,6 +85,37 @@ def sharpen() -> dict[str, object]:
     }
 
 
+def sharpen_colors() -> dict[str, object]:
+    """Run the operator on a softly painted cube; return its result and the steepest colors."""
+    cube = add_rounded_cube()
+    paint = cube.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    cube.data.color_attributes.active_color = paint
+    values = np.ones((len(cube.data.vertices), 4), np.float32)
+    values[:, 0] = 1 / (1 + np.exp(-positions(cube)[:, 2] / 0.15))
+    paint.data.foreach_set("color", values.ravel())
+    result = bpy.ops.shock_filter.sharpen_colors(time=1024.0)
+    edges = np.empty(2 * len(cube.data.edges), np.int32)
+    cube.data.edges.foreach_get("vertices", edges)
+    before = values[:, 0]
+    cube.data.color_attributes["Paint"].data.foreach_get("color", flat := values.ravel().copy())
+    after = flat.reshape(-1, 4)[:, 0]
+    steepest = [float(np.abs(np.diff(v[edges.reshape(-1, 2)])).max()) for v in (before, after)]
+    return {"result": sorted(result), "steepest": steepest}
+
+
+def sharpen_image() -> dict[str, object]:
+    """Run the operator on an image of a soft edge; return its result and the steepest values."""
+    image = bpy.data.images.new("Edge", 64, 16, float_buffer=True)
+    values = np.ones((16, 64, 4), np.float32)
+    values[..., :3] = (1 / (1 + np.exp(-(np.arange(64) - 31.5) / 3)))[:, None]
+    image.pixels.foreach_set(values.ravel())
+    result = bpy.ops.shock_filter.sharpen_image(image="Edge", time=1024.0)
+    flat = np.empty(values.size, np.float32)
+    bpy.data.images["Edge sharpened"].pixels.foreach_get(flat)
+    pair = values, flat.reshape(values.shape)
+    return {"result": sorted(result), "steepest": [float(np.diff(v[8, :, 0]).max()) for v in pair]}
+
+
 def is_registered() -> bool:
     """Tell whether Blender knows the operator."""
     return hasattr(bpy.types, "SHOCK_FILTER_OT_sharpen_geometry")
@@ -108,6 +139,8 @@ report["imported_by_enabling"] = [name for name in HEAVY if name in sys.modules]
 report["extension_before"] = files_below(installed_extension())
 report["first"] = sharpen()
 report["second"] = sharpen()
+report["colors"] = sharpen_colors()
+report["image"] = sharpen_image()
 report["extension_after"] = files_below(installed_extension())
 report["places"] = {name: importlib.util.find_spec(name).origin for name in HEAVY}
 user_folder = Path(bpy.utils.extension_path_user(MODULE))

@@ -105,6 +105,14 @@ def test_operator_sharpens_the_rounded_edges(first, second):
     assert second["first"]["farthest"] == pytest.approx(first["first"]["farthest"], rel=1e-3)
 
 
+@pytest.mark.parametrize("what", ["colors", "image"])
+def test_operators_steepen_soft_edges(first, second, what):
+    for process in (first, second):
+        assert process[what]["result"] == ["FINISHED"]
+        before, after = process[what]["steepest"]
+        assert after > 2 * before
+
+
 def test_libraries_come_from_the_extensions_own_wheels(first):
     assert first["places"].keys() == HEAVY
     for place in first["places"].values():
