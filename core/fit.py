@@ -18,8 +18,7 @@ from .solve import ScreenedLaplacian, SolveReport, solve
 log = logging.getLogger(__name__)
 
 TOLERANCE = 3e-3
-"""Residual of the linear solve, relative to its right side: small against what the refit leaves
-undone anyway (docs/benchmarks.md has the figures)."""
+"""Residual of the linear solve, relative to its right side (see `solve.SolveReport`)."""
 
 LEAST_MOVE = 1e-6
 """Moves below this many mean edge lengths are left out: the solver's rounding is of that size."""
@@ -28,7 +27,7 @@ LEAST_WEIGHT = 1e-6
 """Mask weights up to this one count as 0."""
 
 MULTIGRID_RADIUS = 80.0
-"""Screening radius, in mean edge lengths, from which multigrid is quicker, set-up included."""
+"""Screening radius, in mean edge lengths, beyond which multigrid is used from the start."""
 
 
 def fit_to_normals(
