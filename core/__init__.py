@@ -19,12 +19,21 @@ from .errors import (
     InvalidMesh,
     InvalidSettings,
     InvalidSignal,
+    InvalidUV,
     ShockError,
     SolverError,
 )
-from .settings import FitSettings, GeometrySettings, ImageSettings, ShockSettings
+from .settings import (
+    DilateSettings,
+    FitSettings,
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+    TextureSettings,
+)
 
 if _TYPE_CHECKING:
+    from .atlas import TextureAtlas, UVReport
     from .fit import fit_to_normals
     from .flow import flow_field
     from .images import sharpen_image
@@ -32,6 +41,7 @@ if _TYPE_CHECKING:
     from .pde import osher_rudin_image
     from .shock import sharpen_geometry, sharpen_normals
     from .signals import sharpen_corner_signal, sharpen_vertex_signal
+    from .textures import dilate_texture, sharpen_texture
 
 _LAZY = {
     "TriangleMesh": "mesh",
@@ -44,20 +54,30 @@ _LAZY = {
     "sharpen_corner_signal": "signals",
     "sharpen_image": "images",
     "osher_rudin_image": "pde",
+    "TextureAtlas": "atlas",
+    "UVReport": "atlas",
+    "dilate_texture": "textures",
+    "sharpen_texture": "textures",
 }
 
 __all__ = [
     "Cancelled",
+    "DilateSettings",
     "FitSettings",
     "GeometrySettings",
     "ImageSettings",
     "InvalidMesh",
     "InvalidSettings",
     "InvalidSignal",
+    "InvalidUV",
     "ShockError",
     "ShockSettings",
     "SolverError",
+    "TextureAtlas",
+    "TextureSettings",
     "TriangleMesh",
+    "UVReport",
+    "dilate_texture",
     "fit_to_normals",
     "flow_field",
     "osher_rudin_image",
@@ -65,6 +85,7 @@ __all__ = [
     "sharpen_geometry",
     "sharpen_image",
     "sharpen_normals",
+    "sharpen_texture",
     "sharpen_vertex_signal",
     "weld",
 ]

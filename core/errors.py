@@ -24,3 +24,7 @@ class SolverError(ShockError, RuntimeError):
 
 class Cancelled(ShockError):
     """The progress callback returned False; nothing was changed."""
+
+
+class InvalidUV(ShockError):
+    """Texture coordinates are missing or cannot be used."""

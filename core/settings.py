@@ -124,8 +124,8 @@ class _FlowSettings(_Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShockSettings(_FlowSettings):
-    """Settings of the filters of signals: vertex colors, corner colors, images (section 3)."""
+class _SignalSettings(_FlowSettings):
+    """Settings of the filters of signals: colors on meshes, in images and in textures."""
 
     channels: str = _setting(
         "coupled",
@@ -146,6 +146,12 @@ class ShockSettings(_FlowSettings):
         },
         advanced=True,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShockSettings(_SignalSettings):
+    """Settings of the filters of signals: vertex colors, corner colors, images (section 3)."""
+
     scheme: str = _setting(
         "fixed",
         "Whether the flow is computed anew while values move",
@@ -169,6 +175,19 @@ class ShockSettings(_FlowSettings):
             )
 
 
+def _alpha() -> Any:
+    return _setting(
+        "auto",
+        "Whether the last channel is opacity. Opacity stays as it is, and transparent pixels"
+        " lend no color to others",
+        choices={
+            "auto": "The last of two or four channels is opacity",
+            "none": "No channel is opacity: all are filtered alike",
+        },
+        advanced=True,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
@@ -183,13 +202,55 @@ class ImageSettings(ShockSettings):
         soft_minimum=0.0,
         soft_maximum=4096.0,
     )
-    alpha: str = _setting(
-        "auto",
-        "Whether the last channel is opacity. Opacity stays as it is, and transparent pixels"
-        " lend no color to others",
+    alpha: str = _alpha()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DilateSettings(_Settings):
+    """Settings of :func:`shock_filter.core.dilate_texture`."""
+
+    gutter: int = _setting(
+        16,
+        "How far around the charts texels are filled, with what lies across the seam. 0 fills"
+        " only what linear sampling reads, one texel; smaller sizes of the texture read more",
+        unit="texels",
+        minimum=0,
+        maximum=1024,
+        soft_maximum=64,
+    )
+    background: str = _setting(
+        "keep",
+        "What happens to texels beyond the gutter",
         choices={
-            "auto": "The last of two or four channels is opacity",
-            "none": "No channel is opacity: all are filtered alike",
+            "keep": "They stay as they are",
+            "nearest": "They get the value of the nearest filled texel",
+        },
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextureSettings(DilateSettings, _SignalSettings):
+    """Settings of :func:`shock_filter.core.sharpen_texture`."""
+
+    time: float = _setting(
+        16.0,
+        "How long values flow towards the edges. 0 changes nothing; 16 is for textures that are"
+        " sharp already, 256 and more for blurred ones; infinity is the steady state",
+        unit="flow time in mean texel sizes on the surface",
+        minimum=0.0,
+        maximum=INF,
+        soft_minimum=0.0,
+        soft_maximum=4096.0,
+    )
+    alpha: str = _alpha()
+    content: str = _setting(
+        "values",
+        "What the texture holds",
+        choices={
+            "values": "Colors or other values that do not depend on the texture's layout",
+            "normals": "Tangent-space normals, as colors: they are turned where values cross to"
+            " a chart that lies turned, and made unit length again",
         },
         advanced=True,
     )
