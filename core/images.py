@@ -9,11 +9,9 @@ import numpy.typing as npt
 from .errors import InvalidSignal
 from .grid import Channels, Sources, advect_pixels, image_potential
 from .parallel import Progress, ProgressCallback
+from .pixels import BAND, SCALES, channel_groups, checked_image, checked_weights
 from .settings import ImageSettings
-from .signals import LUMINANCE, step_durations
-
-_SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float64": 1.0}
-_BAND = 256
+from .signals import step_durations
 
 
 def sharpen_image(
@@ -59,10 +57,10 @@ def sharpen_image(
     are needed while the flow is smoothed and 4 while values flow, 56 more for the scheme
     "composed", and another result for "naive".
     """
-    given = _checked_image(image)
+    given = checked_image(image)
     settings = settings or ImageSettings()
     result = _checked_out(out, given)
-    weights = _checked_weights(mask, given)
+    weights = checked_weights(mask, given)
     phases = Progress.of(progress)
     pixels = given.reshape(*given.shape[:2], -1)
     target = result.reshape(pixels.shape)
@@ -76,7 +74,7 @@ def sharpen_image(
         widened = pixels.copy()
     else:
         widened = target
-    groups = _channel_groups(pixels.shape[2], settings)
+    groups = channel_groups(pixels.shape[2], settings)
     for number, channels in enumerate(groups):
         part = phases.part(number / len(groups), (number + 1) / len(groups), "Sharpening")
         _flow_channels(pixels, channels, settings, widened, part)
@@ -95,7 +93,7 @@ def _flow_channels(
     target: npt.NDArray,
     progress: Progress,
 ) -> None:
-    scale = _SCALES[pixels.dtype.name]
+    scale = SCALES[pixels.dtype.name]
     nearest = settings.sampling == "nearest"
     durations = step_durations(settings)
     if settings.scheme == "fixed":
@@ -122,44 +120,16 @@ def _flow_channels(
         target[..., c] = np.rint(current[..., c]) if scale != 1.0 else current[..., c]
 
 
-def _channel_groups(count: int, settings: ImageSettings) -> list[Channels]:
-    alpha = count - 1 if settings.alpha == "auto" and count in (2, 4) else -1
-    colors = count - (alpha >= 0)
-    none = np.empty(0, dtype=np.float32)
-    if settings.channels == "independent":
-        return [Channels(c, c + 1, alpha, none) for c in range(colors)]
-    if settings.channels == "luminance":
-        weights = LUMINANCE if colors >= 3 else np.full(colors, 1.0 / colors)
-        return [Channels(0, colors, alpha, weights.astype(np.float32))]
-    return [Channels(0, colors, alpha, none)]
-
-
 def _mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray) -> None:
     # In bands of rows, so that an image mapped from disk is not copied as a whole.
-    for start in range(0, len(pixels), _BAND):
-        band = slice(start, start + _BAND)
+    for start in range(0, len(pixels), BAND):
+        band = slice(start, start + BAND)
         weight = weights[band, :, None]
         old = pixels[band].astype(np.float64)
         mixed = old + weight * (target[band] - old)
         if target.dtype.kind == "u":
             mixed = np.rint(mixed)
         target[band] = np.where(weight == 0, pixels[band], mixed)
-
-
-def _checked_image(image: npt.ArrayLike) -> npt.NDArray:
-    array = np.asarray(image)
-    if array.dtype.name not in _SCALES:
-        raise InvalidSignal(
-            f"The image is of type {array.dtype}; give uint8, uint16, float32 or float64."
-        )
-    if array.ndim not in (2, 3) or array.size == 0:
-        raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
-    array = np.ascontiguousarray(array)
-    if array.dtype.kind == "f":
-        for start in range(0, len(array), _BAND):
-            if not np.isfinite(array[start : start + _BAND]).all():
-                raise InvalidSignal("The image holds NaN or infinity; replace these values first.")
-    return array
 
 
 def _checked_out(out: npt.NDArray | None, given: npt.NDArray) -> npt.NDArray:
@@ -173,16 +143,3 @@ def _checked_out(out: npt.NDArray | None, given: npt.NDArray) -> npt.NDArray:
     if np.may_share_memory(out, given):
         raise InvalidSignal("out shares memory with the image; give another array.")
     return np.asarray(out)
-
-
-def _checked_weights(mask: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArray | None:
-    if mask is None:
-        return None
-    weights = np.asarray(mask)
-    if weights.shape != given.shape[:2]:
-        raise InvalidSignal(f"The mask has the shape {weights.shape}; give {given.shape[:2]}.")
-    if weights.dtype.kind not in "bfiu" or not np.isfinite(weights).all():
-        raise InvalidSignal("The mask holds NaN, infinity or no numbers; give weights in [0, 1].")
-    if weights.min() < 0 or weights.max() > 1:
-        raise InvalidSignal("The mask leaves the range 0 to 1; clip or rescale it.")
-    return weights.astype(np.float64, copy=False)

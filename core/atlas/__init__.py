@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texture atlases: charts, seams, texels and the gutter (Prada et al. 2018, sections 3 and 4)."""
+
+from .atlas import TextureAtlas, TextureMasks, UVReport
+
+__all__ = ["TextureAtlas", "TextureMasks", "UVReport"]

@@ -1,0 +1,457 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The analysis of a texture atlas: from a mesh and its texture coordinates to texels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InvalidSignal, InvalidUV
+from ..mesh import Floats, Ints, TriangleMesh
+from ..parallel import Progress, ProgressCallback, kernel, run
+from .charts import degenerate_faces, find_charts, in_mesh_order
+from .ghosts import find_sources
+from .sheet import CLEARLY, NOTHING, ROWS, depth_within, lay_out, nearest_on_edge, span
+from .surface import measure_surface
+
+
+@dataclass(frozen=True)
+class UVReport:
+    """What is unusual about texture coordinates; nothing of it stops the filters.
+
+    Attributes
+    ----------
+    charts : int
+        Number of charts.
+    overlapping : (k,) int
+        Faces whose texels belong to other faces, too. A texel holds one value only: it is
+        filtered where the first of the faces lies.
+    mirrored : (k,) int
+        Faces that run the other way round in the texture than most.
+    outside : (k,) int
+        Faces with corners outside the image; there it repeats.
+    degenerate : (k,) int
+        Faces without area in the texture; flow-lines cross them, they show one line of texels.
+    """
+
+    charts: int
+    overlapping: npt.NDArray[np.intp]
+    mirrored: npt.NDArray[np.intp]
+    outside: npt.NDArray[np.intp]
+    degenerate: npt.NDArray[np.intp]
+
+    def sentences(self) -> list[str]:
+        """Say what was found; empty if all is well."""
+        found = [
+            (self.overlapping, "overlap in the texture, and are filtered where the first lies"),
+            (self.outside, "leave the image, which repeats there"),
+            (self.degenerate, "have no area in the texture"),
+        ]
+        return [
+            f"{len(faces)} {'faces' if len(faces) != 1 else 'face'} {what}."
+            for faces, what in found
+            if len(faces)
+        ]
+
+
+@dataclass(frozen=True)
+class TextureMasks:
+    """What each texel is: all arrays are (h, w), row 0 at v = 0.
+
+    Attributes
+    ----------
+    active : bool
+        Texels that linear sampling of some face reads.
+    boundary : bool
+        Active texels that charts cover only in part.
+    face : int32
+        The face in which the texel's centre lies, or -1.
+    chart : int32
+        The chart of that face, or -1.
+    count : int32
+        How many charts read the texel.
+    """
+
+    active: npt.NDArray[np.bool_]
+    boundary: npt.NDArray[np.bool_]
+    face: Ints
+    chart: Ints
+    count: Ints
+
+
+class TextureAtlas:
+    """A mesh with texture coordinates, prepared for an image size.
+
+    It can be used for all textures of this size with the same coordinates.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Vertices that seams have split should be welded first (see `core.weld`): where the mesh
+        ends, so does the flow.
+    uv : (m, 3, 2) array of float
+        Texture coordinates of the corners of the faces that the mesh was made from. The image
+        covers 0 to 1, and repeats beyond.
+    height, width : int
+        Size of the image in texels.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Attributes
+    ----------
+    report : UVReport
+        What is unusual about the coordinates.
+
+    Raises
+    ------
+    InvalidUV
+        If the coordinates are missing, do not fit the mesh, hold NaN or infinity, have no area,
+        or cover the image more than sixteen times.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    Paper B, section 3. The faces' own metric is used, constant in each. A texel costs 24 bytes.
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        uv: npt.ArrayLike,
+        height: int,
+        width: int,
+        progress: Progress | ProgressCallback | None = None,
+    ) -> None:
+        if not (0 < height <= _LARGEST and 0 < width <= _LARGEST):
+            raise InvalidUV(f"The image has {width} x {height} texels; give 1 to {_LARGEST}.")
+        self.mesh = mesh
+        self.height, self.width = int(height), int(width)
+        phases = Progress.of(progress)
+        self.charts = find_charts(mesh, uv, self.height, self.width)
+        phases.update(0.2)
+        self.sheet = lay_out(self.charts, self.height, self.width, phases.part(
+            0.2, 0.8, "Finding texels"))  # fmt: skip
+        self.surface = measure_surface(mesh, self.charts, self.sheet.points)
+        self.sources = find_sources(self.sheet, self.surface)
+        self.owners = np.full((self.height, self.width), NOTHING, dtype=np.int32)
+        overlapping = self.sheet.overlapping.copy()
+        place = self.sheet.nodes, self.charts.labels, self.sheet.shifts
+        run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS)
+        _own_elsewhere(*place, self.sheet.points, self.owners, overlapping)
+        _own_ghosts(*place, self.sheet.ghosts, self.sheet.ghost_edges, self.sheet.points,
+                    self.owners)  # fmt: skip
+        self.report = UVReport(
+            self.charts.count,
+            np.flatnonzero(overlapping),
+            np.flatnonzero(_mirrored(self.charts.areas)),
+            np.flatnonzero(self.charts.outside),
+            np.flatnonzero(degenerate_faces(self.charts)),
+        )
+        phases.update(1.0)
+
+    @property
+    def texel_size(self) -> float:
+        """Mean length of a texel on the surface, in the unit of the mesh."""
+        return self.surface.texel_size
+
+    @property
+    def inside(self) -> npt.NDArray[np.bool_]:
+        """Texels whose centre lies in a face: (h, w) bool."""
+        nodes = self.sheet.nodes.reshape(-1)
+        return (self.owners != NOTHING) & (nodes[self.owners] >= 0)
+
+    def nearest_borders(
+        self, filled: npt.NDArray[np.bool_], reach: float
+    ) -> tuple[Ints, npt.NDArray[np.float32]]:
+        """The half-edge of a chart's end nearest to each texel, and the squared distance.
+
+        Parameters
+        ----------
+        filled : (h, w) bool
+            Texels that do not matter.
+        reach : float
+            Distance in texels up to which the answer is needed.
+
+        Returns
+        -------
+        edges : (h, w) int32
+            -1 where none is in reach.
+        squares : (h, w) float32
+        """
+        edges = np.full((self.height, self.width), -1, dtype=np.int32)
+        squares = np.full((self.height, self.width), np.inf, dtype=np.float32)
+        _seed_borders(self.charts.borders, self.charts.points, edges, squares)
+        _spread_borders(self.charts.points, filled, (reach + 1.5) ** 2, edges, squares)
+        return edges, squares
+
+    def gather(self, pixels: npt.NDArray, scale: float) -> npt.NDArray[np.float32]:
+        """Bring an image (h, w, c) times `scale` into the sheet: (rows, columns, c)."""
+        values = np.zeros((*self.sheet.nodes.shape, pixels.shape[2]), dtype=np.float32)
+        run(_gather, len(values), self.sheet.nodes, self.charts.labels, self.sheet.shifts,
+            self.sheet.ghost_edges, pixels, scale, values, chunk=ROWS)  # fmt: skip
+        return values
+
+    def bake(self, values: npt.ArrayLike) -> Floats:
+        """Draw a signal given at the corners of the faces into texels.
+
+        Parameters
+        ----------
+        values : (m, 3) or (m, 3, d) array of float
+            Corners of the faces that the mesh was made from, such as vertex weights.
+
+        Returns
+        -------
+        (h, w) or (h, w, d) float64
+            Linear in each face; zero where no texel's centre is in a face.
+
+        Raises
+        ------
+        InvalidSignal
+            If the values do not fit the mesh or are not finite.
+        """
+        given = np.asarray(values, dtype=np.float64)
+        count = self.mesh.face_count
+        if given.ndim not in (2, 3) or given.shape[:2] != (count, 3):
+            raise InvalidSignal(
+                f"The values have the shape {given.shape}; give ({count}, 3) or ({count}, 3, d)."
+            )
+        if not np.isfinite(given).all():
+            raise InvalidSignal("The values hold NaN or infinity; replace these first.")
+        corners = in_mesh_order(self.mesh, given).reshape(count, 3, -1)
+        out = np.zeros((self.height, self.width, corners.shape[2]))
+        run(_bake, self.height, self.owners, self.sheet.nodes, self.sheet.points, corners, out,
+            chunk=ROWS)  # fmt: skip
+        return out[..., 0] if given.ndim == 2 else out
+
+    def masks(self) -> TextureMasks:
+        """Tell the texels apart, for debugging and as masks for other tools."""
+        cut = np.zeros(self.sheet.nodes.shape, dtype=np.bool_)
+        _mark_cut(self.charts.borders, self.sheet.points, cut)
+        shape = self.height, self.width
+        masks = TextureMasks(
+            np.zeros(shape, dtype=np.bool_),
+            np.zeros(shape, dtype=np.bool_),
+            np.full(shape, NOTHING, dtype=np.int32),
+            np.full(shape, NOTHING, dtype=np.int32),
+            np.zeros(shape, dtype=np.int32),
+        )
+        _fill_masks(self.sheet.nodes, self.charts.labels, self.sheet.shifts,
+                    self.sheet.ghost_edges, cut, self.owners, masks.active, masks.boundary,
+                    masks.face, masks.chart, masks.count)  # fmt: skip
+        return masks
+
+
+_LARGEST = 1 << 15
+
+
+def _mirrored(areas: Floats) -> npt.NDArray[np.bool_]:
+    return areas < 0 if areas.sum() >= 0 else areas > 0
+
+
+@kernel
+def _texel(nodes, labels, shifts, edges, y, x, height, width):
+    # The texel (row, column) of a node.
+    node = nodes[y, x]
+    face = node if node >= 0 else edges[-2 - node] // 3
+    if face < 0:
+        return -1, -1
+    label = labels[face]
+    return (y - shifts[label, 0]) % height, (x - shifts[label, 1]) % width
+
+
+@kernel
+def _own_within(start, stop, nodes, owners):
+    # Charts that lie in the sheet as in the image.
+    for y in range(start, stop):
+        for x in range(owners.shape[1]):
+            if nodes[y + 1, x + 1] >= 0:
+                owners[y, x] = (y + 1) * nodes.shape[1] + x + 1
+
+
+@kernel
+def _own_elsewhere(nodes, labels, shifts, points, owners, overlapping):
+    # Nodes inside charts that lie on shelves or beyond the image's rim get what is left.
+    height, width = owners.shape
+    rows, columns = nodes.shape
+    none = np.empty(0, np.int32)
+    for y in range(rows):
+        for x in range(columns):
+            if nodes[y, x] < 0 or (1 <= y <= height and 1 <= x <= width):
+                continue
+            row, column = _texel(nodes, labels, shifts, none, y, x, height, width)
+            owner = owners[row, column]
+            if owner == NOTHING:
+                owners[row, column] = y * columns + x
+                continue
+            b = owner // columns
+            a = owner - b * columns
+            face = nodes[b, a]
+            if (
+                depth_within(points[nodes[y, x]], y, x) > CLEARLY
+                and depth_within(points[face], b, a) > CLEARLY
+            ):
+                overlapping[nodes[y, x]] = True
+                overlapping[face] = True
+
+
+@kernel
+def _own_ghosts(nodes, labels, shifts, ghosts, edges, points, owners):
+    # Of several ghosts, the one nearest to its chart has the texel.
+    height, width = owners.shape
+    columns = nodes.shape[1]
+    for ghost in range(ghosts.shape[0]):
+        if edges[ghost] < 0:
+            continue
+        y = ghosts[ghost] // columns
+        x = ghosts[ghost] - y * columns
+        row, column = _texel(nodes, labels, shifts, edges, y, x, height, width)
+        owner = owners[row, column]
+        if owner != NOTHING:
+            b = owner // columns
+            a = owner - b * columns
+            if nodes[b, a] >= 0:
+                continue
+            _, other = nearest_on_edge(points, edges[-2 - nodes[b, a]], b, a)
+            _, own = nearest_on_edge(points, edges[ghost], y, x)
+            if other <= own:
+                continue
+        owners[row, column] = ghosts[ghost]
+
+
+@kernel
+def _gather(start, stop, nodes, labels, shifts, edges, pixels, scale, values):
+    height, width = pixels.shape[:2]
+    for y in range(start, stop):
+        for x in range(nodes.shape[1]):
+            if nodes[y, x] == NOTHING:
+                continue
+            row, column = _texel(nodes, labels, shifts, edges, y, x, height, width)
+            if row < 0:
+                continue
+            for c in range(values.shape[2]):
+                values[y, x, c] = pixels[row, column, c] * scale
+
+
+@kernel
+def _bake(start, stop, owners, nodes, points, corners, out):
+    columns = nodes.shape[1]
+    for row in range(start, stop):
+        for column in range(out.shape[1]):
+            owner = owners[row, column]
+            if owner == NOTHING:
+                continue
+            y = owner // columns
+            x = owner - y * columns
+            f = nodes[y, x]
+            if f < 0:
+                continue
+            ay = points[f, 1, 0] - points[f, 0, 0]
+            ax = points[f, 1, 1] - points[f, 0, 1]
+            by = points[f, 2, 0] - points[f, 0, 0]
+            bx = points[f, 2, 1] - points[f, 0, 1]
+            dy = y - points[f, 0, 0]
+            dx = x - points[f, 0, 1]
+            det = ay * bx - ax * by
+            second = min(max((dy * bx - dx * by) / det, 0.0), 1.0) if det != 0 else 0.0
+            third = min(max((ay * dx - ax * dy) / det, 0.0), 1.0) if det != 0 else 0.0
+            first = max(1.0 - second - third, 0.0)
+            total = first + second + third
+            for c in range(out.shape[2]):
+                out[row, column, c] = (
+                    first * corners[f, 0, c] + second * corners[f, 1, c] + third * corners[f, 2, c]
+                ) / total
+
+
+@kernel
+def _mark_cut(borders, points, cut):
+    # Cells through which the end of a chart runs.
+    line = np.empty((3, 2))
+    for edge in borders:
+        f = edge // 3
+        k = edge - 3 * f
+        line[0] = points[f, k]
+        line[1] = points[f, k + 1 if k < 2 else 0]
+        line[2] = line[1]
+        low = int(np.floor(min(line[0, 0], line[1, 0])))
+        high = int(np.floor(max(line[0, 0], line[1, 0])))
+        for row in range(low, high + 1):
+            first, last = span(line, row, row + 1)
+            if last >= first:
+                for column in range(int(np.floor(first)), int(np.floor(last)) + 1):
+                    cut[row, column] = True
+
+
+@kernel
+def _fill_masks(
+    nodes, labels, shifts, edges, cut, owners, active, boundary, face, chart, count
+):  # fmt: skip
+    height, width = owners.shape
+    columns = nodes.shape[1]
+    for y in range(nodes.shape[0]):
+        for x in range(columns):
+            if nodes[y, x] == NOTHING:
+                continue
+            row, column = _texel(nodes, labels, shifts, edges, y, x, height, width)
+            if row < 0:
+                continue
+            active[row, column] = True
+            count[row, column] += 1
+            if cut[y, x] or cut[y - 1, x] or cut[y, x - 1] or cut[y - 1, x - 1] or nodes[y, x] < 0:
+                boundary[row, column] = True
+            if nodes[y, x] >= 0 and owners[row, column] == y * columns + x:
+                face[row, column] = nodes[y, x]
+                chart[row, column] = labels[nodes[y, x]]
+
+
+@kernel
+def _offer(points, edge, y, x, edges, squares):
+    _, square = nearest_on_edge(points, edge, y, x)
+    if square < squares[y, x]:
+        squares[y, x] = square
+        edges[y, x] = edge
+
+
+@kernel
+def _seed_borders(borders, points, edges, squares):
+    height, width = edges.shape
+    for edge in borders:
+        f = edge // 3
+        k = edge - 3 * f
+        after = k + 1 if k < 2 else 0
+        ay, ax = points[f, k, 0], points[f, k, 1]
+        by, bx = points[f, after, 0], points[f, after, 1]
+        steps = int(np.ceil(max(abs(by - ay), abs(bx - ax)))) + 1
+        for step in range(steps + 1):
+            y = int(np.floor(ay + (by - ay) * step / steps))
+            x = int(np.floor(ax + (bx - ax) * step / steps))
+            for dy in range(2):
+                for dx in range(2):
+                    if 0 <= y + dy < height and 0 <= x + dx < width:
+                        _offer(points, edge, y + dy, x + dx, edges, squares)
+
+
+@kernel
+def _spread_borders(points, filled, most, edges, squares):
+    # Two sweeps over the image; each texel is offered the edges that its neighbours found.
+    height, width = edges.shape
+    for sweep in range(2):
+        for i in range(height):
+            y = i if sweep == 0 else height - 1 - i
+            back = y - 1 if sweep == 0 else y + 1
+            if 0 <= back < height:
+                for x in range(width):
+                    if filled[y, x]:
+                        continue
+                    for side in range(max(x - 1, 0), min(x + 2, width)):
+                        if squares[back, side] < most:
+                            _offer(points, edges[back, side], y, x, edges, squares)
+            for x in range(1, width):
+                if not filled[y, x] and squares[y, x - 1] < most:
+                    _offer(points, edges[y, x - 1], y, x, edges, squares)
+            for j in range(1, width):
+                x = width - 1 - j
+                if not filled[y, x] and squares[y, x + 1] < most:
+                    _offer(points, edges[y, x + 1], y, x, edges, squares)

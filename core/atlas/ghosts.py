@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ghosts: what each chart sees beyond its seams.
+
+The value of a ghost is that of the surface where one comes by walking straight from the nearest
+edge of the chart to the ghost's texel. It is read there by linear interpolation, which may need
+other ghosts again: a few rounds settle them, the first one without them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..mesh import Ints
+from ..parallel import kernel, run
+from .sheet import NOTHING, Sheet, nearest_on_edge
+from .surface import Surface, carry
+
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Where values outside of charts come from.
+
+    Attributes
+    ----------
+    cells : (g,) int32
+        Row times columns plus column of the cell, or -1 if the surface ends here.
+    places : (g, 2) float32
+        The point in the cell, (down, across).
+    turns : (g, 2, 2) float32
+        What turns tangent-space normals from there to here.
+    """
+
+    cells: Ints
+    places: npt.NDArray[np.float32]
+    turns: npt.NDArray[np.float32]
+
+
+def find_sources(sheet: Sheet, surface: Surface) -> Sources:
+    """Find the sources of a sheet's ghosts; cells at ghosts without one are taken out."""
+    count = len(sheet.ghosts)
+    rows, columns = np.divmod(sheet.ghosts.astype(np.int64), sheet.nodes.shape[1])
+    places = np.stack([rows, columns], axis=1).astype(np.float64)
+    sources = Sources(
+        np.full(count, -1, dtype=np.int32),
+        np.zeros((count, 2), dtype=np.float32),
+        np.zeros((count, 2, 2), dtype=np.float32),
+    )
+    run(_find, count, places, sheet.ghost_edges, surface.points, surface.twins, surface.shapes,
+        surface.to_frame, sheet.cells, sources.cells, sources.places, sources.turns)  # fmt: skip
+    _close_cells(sheet.ghosts[sources.cells < 0], sheet.cells)
+    return sources
+
+
+def fill_ghosts(
+    sheet: Sheet,
+    sources: Sources,
+    values: npt.NDArray[np.float32],
+    alpha: int = -1,
+    normals: bool = False,
+) -> None:
+    """Read the ghosts' values from across the seams, in place.
+
+    Parameters
+    ----------
+    values : (rows, columns, c) float32
+        Values of the nodes.
+    alpha : int
+        The channel that is opacity: other channels count as much as it says. -1: none.
+    normals : bool
+        The first two channels are tangent-space directions around 1/2, which turn.
+    """
+    flat = values.reshape(-1, values.shape[-1])
+    found = np.empty((len(sheet.ghosts), values.shape[-1]), dtype=np.float32)
+    nodes = sheet.nodes.reshape(-1)
+    known = np.zeros(len(sheet.ghosts), dtype=np.bool_)
+    for _ in range(_ROUNDS):
+        known_next = np.zeros_like(known)
+        run(_read_ghosts, len(sheet.ghosts), nodes, sheet.nodes.shape[1], sources.cells,
+            sources.places, sources.turns, flat, alpha, normals, known, found,
+            known_next)  # fmt: skip
+        known = known_next
+        flat[sheet.ghosts[known]] = found[known]
+
+
+@kernel
+def _find(start, stop, places, edges, points, twins, shapes, to_frame, active, cells, found, turns):
+    b = np.empty(3)
+    for i in range(start, stop):
+        edge = edges[i]
+        if edge < 0:
+            continue
+        y = places[i, 0]
+        x = places[i, 1]
+        face, row, column, _, _ = beyond(
+            points, twins, shapes, to_frame, edge, y, x, active, b, turns[i]
+        )
+        if face < 0:
+            continue
+        cells[i] = int(row) * active.shape[1] + int(column)
+        found[i, 0] = row - int(row)
+        found[i, 1] = column - int(column)
+
+
+@kernel
+def beyond(points, twins, shapes, to_frame, edge, y, x, active, b, turn):
+    """Walk from a half-edge's nearest point to (y, x), on the surface beyond it.
+
+    Returns
+    -------
+    face : int
+        Where one arrives, or -1 if the surface ends before.
+    row, column : float
+        The place in the sheet.
+    cosine, sine : float
+        Turn between the frames of both faces.
+    """
+    share, _ = nearest_on_edge(points, edge, y, x)
+    f = edge // 3
+    k = edge - 3 * f
+    after = k + 1 if k < 2 else 0
+    ey = points[f, after, 0] - points[f, k, 0]
+    ex = points[f, after, 1] - points[f, k, 1]
+    dy = y - points[f, k, 0] - share * ey
+    dx = x - points[f, k, 1] - share * ex
+    g, cosine, sine = carry(points, twins, shapes, to_frame, edge, share, dy, dx, b)
+    if g < 0:
+        return -1, 0.0, 0.0, 1.0, 0.0
+    row = b[0] * points[g, 0, 0] + b[1] * points[g, 1, 0] + b[2] * points[g, 2, 0]
+    column = b[0] * points[g, 0, 1] + b[1] * points[g, 1, 1] + b[2] * points[g, 2, 1]
+    if active[int(row), int(column)] == NOTHING:
+        return -1, 0.0, 0.0, 1.0, 0.0
+    turn_normals(to_frame, f, g, cosine, sine, turn)
+    return g, row, column, cosine, sine
+
+
+@kernel
+def turn_normals(to_frame, f, g, cosine, sine, turn):
+    """What turns a tangent-space normal in face g to face f: overwrites `turn` (2, 2)."""
+    # Tangents point along columns. Carry that of f to g, and compare.
+    tx, ty = to_frame[f, 0, 1], to_frame[f, 1, 1]
+    sx, sy = to_frame[g, 0, 1], to_frame[g, 1, 1]
+    length = np.sqrt((tx * tx + ty * ty) * (sx * sx + sy * sy))
+    if length == 0:
+        turn[0, 0] = turn[1, 1] = 1.0
+        turn[0, 1] = turn[1, 0] = 0.0
+        return
+    tx, ty = cosine * tx - sine * ty, sine * tx + cosine * ty
+    c = (tx * sx + ty * sy) / length
+    s = (sx * ty - sy * tx) / length
+    # The second axis points along rows, to the left of the first one unless mirrored.
+    one = 1.0 if _left(to_frame, f) else -1.0
+    two = 1.0 if _left(to_frame, g) else -1.0
+    # To g: [[c, -s one], [two s, two c one]]; back is its transpose.
+    turn[0, 0] = c
+    turn[0, 1] = two * s
+    turn[1, 0] = -s * one
+    turn[1, 1] = two * c * one
+
+
+@kernel
+def _left(to_frame, f):
+    return to_frame[f, 0, 1] * to_frame[f, 1, 0] - to_frame[f, 1, 1] * to_frame[f, 0, 0] > 0
+
+
+@kernel
+def _close_cells(orphans, cells):
+    columns = cells.shape[1]
+    for ghost in orphans:
+        y = ghost // columns
+        x = ghost - y * columns
+        for dy in range(2):
+            for dx in range(2):
+                if y - dy >= 0 and x - dx >= 0:
+                    cells[y - dy, x - dx] = NOTHING
+
+
+@kernel
+def _read_ghosts(
+    start, stop, nodes, columns, cells, places, turns, values, alpha, normals, known, found, knows
+):
+    channels = values.shape[1]
+    for i in range(start, stop):
+        cell = cells[i]
+        found[i] = 0.0
+        if cell < 0:
+            continue
+        total = 0.0
+        opacity = 0.0
+        for corner in range(4):
+            node = cell + (corner >> 1) * columns + (corner & 1)
+            if nodes[node] < 0 and not known[-2 - nodes[node]]:
+                continue
+            weight = places[i, 0] if corner >> 1 else 1.0 - places[i, 0]
+            weight *= places[i, 1] if corner & 1 else 1.0 - places[i, 1]
+            total += weight
+            share = weight
+            if alpha >= 0:
+                share *= values[node, alpha]
+                found[i, alpha] += share
+            opacity += share
+            for c in range(channels):
+                if c != alpha:
+                    found[i, c] += share * values[node, c]
+        if total <= 0:
+            continue
+        knows[i] = True
+        for c in range(channels):
+            if c == alpha:
+                found[i, c] /= total
+            elif opacity > 0:
+                found[i, c] /= opacity
+        if normals:
+            a = found[i, 0] - 0.5
+            b = found[i, 1] - 0.5
+            found[i, 0] = 0.5 + turns[i, 0, 0] * a + turns[i, 0, 1] * b
+            found[i, 1] = 0.5 + turns[i, 1, 0] * a + turns[i, 1, 1] * b

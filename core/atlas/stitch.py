@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fine adjustment of the texels around charts, so that both sides of a seam show one value.
+
+A texel around a chart is seen by linear sampling next to the seam only. Read from across the
+seam it is right up to the error of interpolation; that error is taken out by least squares over
+samples along the seams, which weighs these texels alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_matrix
+
+from ..mesh import Floats
+from ..parallel import kernel
+from .atlas import TextureAtlas
+from .sheet import NOTHING
+
+_SPACING = 0.5
+"""Distance of the samples along a seam, in texels."""
+
+_HOLD = 0.02
+"""Weight of the texels' values as read from across the seam, per sample of weight 1."""
+
+_STEPS = 12
+
+_SLACK = 0.5
+"""How far a texel may leave the range around it, in sizes of that range. Its own centre is not
+seen; where it is seen, on the chart, the values mix to ones that both sides have."""
+
+
+def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
+    """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
+
+    What is seen on the charts stays in the range of what is read along the seam there.
+    """
+    nodes = atlas.sheet.nodes.reshape(-1)
+    free = atlas.owners[(atlas.owners != NOTHING) & ~atlas.inside]
+    reads, weights = _seam_samples(atlas)
+    numbers = np.full(len(nodes), -1, dtype=np.int32)
+    numbers[free] = np.arange(len(free), dtype=np.int32)
+    columns = numbers[reads]
+    useful = (columns >= 0).any(axis=1)
+    reads, weights, columns = reads[useful], weights[useful], columns[useful]
+    if len(reads) == 0:
+        return
+    flat = values.reshape(len(nodes), -1)
+    known = columns >= 0
+    rows = np.broadcast_to(np.arange(len(reads))[:, None], columns.shape)
+    reading = csr_matrix(
+        (weights[known], (rows[known], columns[known])), shape=(len(reads), len(free))
+    )
+    jumps = np.einsum("sk,skc->sc", weights, flat[reads])
+    adjusted = flat[free] + _least_squares(reading, -jumps)
+    low = flat[free]
+    high = low.copy()
+    _widen(reads, columns, flat, low, high)
+    slack = _SLACK * (high - low)
+    flat[free] = np.clip(adjusted, low - slack, high + slack)
+
+
+def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
+    # min |A x - wanted|^2 + hold |x|^2 by conjugate gradients, all columns at once.
+    normal = (reading.T @ reading).tocsr()
+    solution = np.zeros((reading.shape[1], wanted.shape[1]))
+    residual = reading.T @ wanted
+    direction = residual.copy()
+    square = np.einsum("nc,nc->c", residual, residual)
+    for _ in range(_STEPS):
+        image = normal @ direction + _HOLD * direction
+        step = square / np.maximum(np.einsum("nc,nc->c", direction, image), 1e-300)
+        solution += step * direction
+        residual -= step * image
+        before, square = square, np.einsum("nc,nc->c", residual, residual)
+        direction = residual + (square / np.maximum(before, 1e-300)) * direction
+    return solution
+
+
+def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+    # Nodes that linear sampling of the image reads on both sides, and their weights, those of
+    # the second side negative: (samples, 8).
+    borders, twins, points = atlas.charts.borders, atlas.mesh.twins, atlas.charts.points
+    counts = np.zeros(len(borders), dtype=np.int64)
+    _count_samples(borders, twins, points, counts)
+    ends = np.cumsum(counts)
+    reads = np.empty((counts.sum(), 8), dtype=np.int32)
+    weights = np.empty((counts.sum(), 8), dtype=np.float32)
+    _place_samples(borders, twins, points, atlas.owners, ends - counts, counts, reads, weights)
+    return reads, weights
+
+
+@kernel
+def _widen(reads, columns, values, low, high):
+    # Extend each free node's range to what the samples that read it read.
+    for sample in range(reads.shape[0]):
+        for slot in range(8):
+            number = columns[sample, slot]
+            if number < 0:
+                continue
+            for other in range(8):
+                for c in range(values.shape[1]):
+                    value = values[reads[sample, other], c]
+                    low[number, c] = min(low[number, c], value)
+                    high[number, c] = max(high[number, c], value)
+
+
+@kernel
+def _length(points, edge):
+    f = edge // 3
+    k = edge - 3 * f
+    after = k + 1 if k < 2 else 0
+    return np.sqrt(
+        (points[f, after, 0] - points[f, k, 0]) ** 2 + (points[f, after, 1] - points[f, k, 1]) ** 2
+    )
+
+
+@kernel
+def _count_samples(borders, twins, points, counts):
+    for i in range(borders.shape[0]):
+        edge = borders[i]
+        twin = twins[edge // 3, edge % 3]
+        if twin > edge:  # each seam once
+            longest = max(_length(points, edge), _length(points, twin))
+            counts[i] = int(np.ceil(longest / _SPACING))
+
+
+@kernel
+def _place_samples(borders, twins, points, owners, starts, counts, reads, weights):
+    height, width = owners.shape
+    for i in range(borders.shape[0]):
+        for n in range(counts[i]):
+            sample = starts[i] + n
+            share = (n + 0.5) / counts[i]
+            for side in range(2):
+                edge = borders[i] if side == 0 else twins[borders[i] // 3, borders[i] % 3]
+                f = edge // 3
+                k = edge - 3 * f
+                after = k + 1 if k < 2 else 0
+                t = share if side == 0 else 1.0 - share
+                y = points[f, k, 0] + t * (points[f, after, 0] - points[f, k, 0])
+                x = points[f, k, 1] + t * (points[f, after, 1] - points[f, k, 1])
+                row = int(np.floor(y))
+                column = int(np.floor(x))
+                for corner in range(4):
+                    down = y - row if corner >> 1 else 1.0 - (y - row)
+                    across = x - column if corner & 1 else 1.0 - (x - column)
+                    slot = 4 * side + corner
+                    node = owners[(row + (corner >> 1)) % height, (column + (corner & 1)) % width]
+                    reads[sample, slot] = max(node, 0)
+                    weight = down * across if node != NOTHING else 0.0
+                    weights[sample, slot] = weight if side == 0 else -weight

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The surface under the texels: each face's metric, and straight walks from face to face.
+
+Each face has a frame of its own: corner 0 is the origin and the edge to corner 1 the first axis.
+Lengths are in mean texel sizes on the surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InvalidUV
+from ..mesh import Floats, Ints, TriangleMesh
+from ..parallel import kernel, run
+from .charts import Charts, degenerate_faces
+
+
+@dataclass(frozen=True)
+class Surface:
+    """How the faces lie in space, seen from the texture.
+
+    Attributes
+    ----------
+    points : (m, 3, 2) float64
+        Corners as (row, column) in the sheet.
+    twins : (m, 3) int32
+        The half-edges on the other side, or -1.
+    shapes : (m, 3) float64
+        In the face's frame: corner 1 is (shapes[0], 0), corner 2 (shapes[1], shapes[2]).
+    to_frame, to_texels : (m, 2, 2) float64
+        From steps in (row, column) to steps in the face's frame, and back; zero for faces
+        without area in the texture or in space.
+    metrics : (m, 6) float32
+        The inverse metric h^-1 (row row, row column, column column), the area of a texel, and
+        the weights of smoothing between neighbours along a column and along a row.
+    texel_size : float
+        The mean length of a texel on the surface, in the unit of the mesh.
+    """
+
+    points: Floats
+    twins: Ints
+    shapes: Floats
+    to_frame: Floats
+    to_texels: Floats
+    metrics: npt.NDArray[np.float32]
+    texel_size: float
+
+
+def measure_surface(mesh: TriangleMesh, charts: Charts, points: Floats) -> Surface:
+    """Measure the faces under their texels, which lie at `points` in the sheet."""
+    seen = ~degenerate_faces(charts)
+    area = mesh.areas[seen].sum()
+    if not area > 0:
+        raise InvalidUV(
+            "No face has an area both in space and in the texture; unwrap the mesh again."
+        )
+    size = float(np.sqrt(area / np.abs(charts.areas[seen]).sum()))  # in mean edge lengths
+    count = mesh.face_count
+    shapes = np.zeros((count, 3))
+    to_frame = np.zeros((count, 2, 2))
+    to_texels = np.zeros((count, 2, 2))
+    metrics = np.zeros((count, 6), dtype=np.float32)
+    run(_measure, count, mesh.scaled_vertices, mesh.faces, mesh.areas, seen, points, 1.0 / size,
+        shapes, to_frame, to_texels, metrics)  # fmt: skip
+    return Surface(points, mesh.twins, shapes, to_frame, to_texels, metrics,
+                   size * mesh.mean_edge_length)  # fmt: skip
+
+
+@kernel
+def _measure(
+    start, stop, vertices, faces, areas, seen, points, scale, shapes, to_frame, to_texels, metrics
+):
+    for f in range(start, stop):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        uu = 0.0
+        uv = 0.0
+        for x in range(3):
+            u = scale * (vertices[b, x] - vertices[a, x])
+            v = scale * (vertices[c, x] - vertices[a, x])
+            uu += u * u
+            uv += u * v
+        metrics[f, 4] = np.exp(-1.0)
+        metrics[f, 5] = np.exp(-1.0)
+        if areas[f] == 0 or uu == 0:
+            continue
+        along = np.sqrt(uu)
+        shapes[f, 0] = along
+        shapes[f, 1] = uv / along
+        shapes[f, 2] = 2.0 * areas[f] * scale * scale / along
+        if not seen[f]:
+            continue
+        py = points[f, 1, 0] - points[f, 0, 0]
+        px = points[f, 1, 1] - points[f, 0, 1]
+        qy = points[f, 2, 0] - points[f, 0, 0]
+        qx = points[f, 2, 1] - points[f, 0, 1]
+        det = py * qx - px * qy
+        # Columns: the frame's steps for one row and one column.
+        ay = (qx * shapes[f, 0] - px * shapes[f, 1]) / det
+        by = -px * shapes[f, 2] / det
+        ax = (py * shapes[f, 1] - qy * shapes[f, 0]) / det
+        bx = py * shapes[f, 2] / det
+        to_frame[f, 0, 0] = ay
+        to_frame[f, 1, 0] = by
+        to_frame[f, 0, 1] = ax
+        to_frame[f, 1, 1] = bx
+        inner = ay * bx - ax * by
+        to_texels[f, 0, 0] = bx / inner
+        to_texels[f, 0, 1] = -ax / inner
+        to_texels[f, 1, 0] = -by / inner
+        to_texels[f, 1, 1] = ay / inner
+        rr = ay * ay + by * by
+        rc = ay * ax + by * bx
+        cc = ax * ax + bx * bx
+        square = inner * inner
+        metrics[f, 0] = min(cc / square, 1e15)
+        metrics[f, 1] = min(max(-rc / square, -1e15), 1e15)
+        metrics[f, 2] = min(rr / square, 1e15)
+        metrics[f, 3] = abs(inner)
+        metrics[f, 4] = np.exp(-rr)
+        metrics[f, 5] = np.exp(-cc)
+
+
+@kernel
+def _corner(shapes, f, k):
+    # A corner of a face in its frame.
+    if k == 0:
+        return 0.0, 0.0
+    if k == 1:
+        return shapes[f, 0], 0.0
+    return shapes[f, 1], shapes[f, 2]
+
+
+@kernel
+def _axis(shapes, f, k):
+    # Unit vector along half-edge k of a face.
+    ax, ay = _corner(shapes, f, k)
+    bx, by = _corner(shapes, f, k + 1 if k < 2 else 0)
+    length = np.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+    return (bx - ax) / length, (by - ay) / length
+
+
+@kernel
+def carry(points, twins, shapes, to_frame, edge, share, dy, dx, b):
+    """Walk straight on the surface, from a half-edge to the far side (geodesic in each face).
+
+    Parameters
+    ----------
+    edge : int
+        The half-edge that is crossed first.
+    share : float
+        Where on it, from its first corner.
+    dy, dx : float
+        The way to go, as a step in the texels of the half-edge's face.
+    b : (3,) float64
+        Barycentric coordinates of the end; overwritten.
+
+    Returns
+    -------
+    face : int
+        Where the walk ends, or -1 if it cannot begin.
+    cosine, sine : float
+        Turn from the frame of the half-edge's face to the frame of `face`.
+    """
+    f = edge // 3
+    k = edge - 3 * f
+    u = to_frame[f, 0, 0] * dy + to_frame[f, 0, 1] * dx
+    v = to_frame[f, 1, 0] * dy + to_frame[f, 1, 1] * dx
+    cosine, sine = 1.0, 0.0
+    share = min(max(share, 1e-6), 1.0 - 1e-6)
+    left = 1.0
+    for _ in range(100000):
+        t = twins[f, k]
+        g = t // 3
+        if t < 0 or shapes[g, 2] == 0:
+            if left == 1.0:
+                return -1, cosine, sine
+            break
+        j = t - 3 * g
+        # Unfold: the twin's half-edge runs the other way.
+        px, py = _axis(shapes, f, k)
+        qx, qy = _axis(shapes, g, j)
+        c = -(px * qx + py * qy)
+        s = -(px * qy - py * qx)
+        u, v = c * u - s * v, s * u + c * v
+        cosine, sine = c * cosine - s * sine, s * cosine + c * sine
+        f = g
+        b[j] = share
+        b[j + 1 if j < 2 else 0] = 1.0 - share
+        far = j - 1 if j > 0 else 2
+        b[far] = 0.0
+        # Straight on to the side that is reached first.
+        rate2 = v / shapes[f, 2]
+        rate1 = (u - shapes[f, 1] * rate2) / shapes[f, 0]
+        rate0 = -rate1 - rate2
+        leaving = -1
+        first = left
+        for side in range(3):
+            rate = rate0 if side == 0 else (rate1 if side == 1 else rate2)
+            if side != far and rate < 0 and b[side] / -rate < first:
+                first = b[side] / -rate
+                leaving = side
+        b[0] = max(b[0] + rate0 * first, 0.0)
+        b[1] = max(b[1] + rate1 * first, 0.0)
+        b[2] = max(b[2] + rate2 * first, 0.0)
+        total = b[0] + b[1] + b[2]
+        for side in range(3):
+            b[side] /= total
+        left -= first
+        if leaving < 0:
+            break
+        b[leaving] = 0.0
+        k = leaving + 1 if leaving < 2 else 0
+        share = b[k + 1 if k < 2 else 0]
+    return f, cosine, sine
