@@ -87,7 +87,8 @@ def sharpen_texture(
     values = atlas.gather(pixels, scale)
     normals = settings.content == "normals"
     groups = channel_groups(pixels.shape[2], settings)
-    fill_ghosts(atlas.sheet, atlas.sources, values, groups[0].alpha, normals)
+    directions = 0.5 if normals else None
+    fill_ghosts(atlas.sheet, atlas.sources, values, groups[0].alpha, directions)
     result = values.copy()
     for number, channels in enumerate(groups):
         part = phases.part(0.3 + 0.6 * number / len(groups), 0.3 + 0.6 * (number + 1) / len(groups),
@@ -100,7 +101,7 @@ def sharpen_texture(
         keep = weights == 0
         result = values + atlas.gather(weights[..., None], 1.0) * (result - values)
     del values
-    fill_ghosts(atlas.sheet, atlas.sources, result, groups[0].alpha, normals)
+    fill_ghosts(atlas.sheet, atlas.sources, result, groups[0].alpha, directions)
     if not normals:
         stitch(atlas, result)
     out = np.empty_like(pixels)
@@ -164,10 +165,11 @@ def _flow_channels(
     progress: Progress,
 ) -> None:
     parts = atlas.sheet, atlas.sources, atlas.surface, values
+    normals = settings.content == "normals"
     potential = texel_potential(*parts, channels, settings.smoothing_passes, progress.part(
-        0.0, 0.4, "Computing the flow"))  # fmt: skip
+        0.0, 0.4, "Computing the flow"), normals=normals)  # fmt: skip
     advect_texels(*parts, channels, potential, settings.time, result,
-                  nearest=settings.sampling == "nearest", normals=settings.content == "normals",
+                  nearest=settings.sampling == "nearest", normals=normals,
                   progress=progress.part(0.4, 1.0, "Tracing flow-lines"))  # fmt: skip
 
 

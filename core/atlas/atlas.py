@@ -141,8 +141,8 @@ class TextureAtlas:
         place = self.sheet.nodes, self.charts.labels, self.sheet.shifts
         run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS)
         _own_elsewhere(*place, self.sheet.points, self.owners, overlapping)
-        _own_ghosts(*place, self.sheet.ghosts, self.sheet.ghost_edges, self.sheet.points,
-                    self.owners)  # fmt: skip
+        _own_ghosts(*place, self.sheet.ghosts, self.sheet.ghost_edges, self.sources.cells,
+                    self.sheet.points, self.owners)  # fmt: skip
         self.report = UVReport(
             self.charts.count,
             np.flatnonzero(overlapping),
@@ -298,12 +298,12 @@ def _own_elsewhere(nodes, labels, shifts, points, owners, overlapping):
 
 
 @kernel
-def _own_ghosts(nodes, labels, shifts, ghosts, edges, points, owners):
-    # Of several ghosts, the one nearest to its chart has the texel.
+def _own_ghosts(nodes, labels, shifts, ghosts, edges, sources, points, owners):
+    # Of several ghosts that have a source, the one nearest to its chart has the texel.
     height, width = owners.shape
     columns = nodes.shape[1]
     for ghost in range(ghosts.shape[0]):
-        if edges[ghost] < 0:
+        if sources[ghost] < 0:
             continue
         y = ghosts[ghost] // columns
         x = ghosts[ghost] - y * columns

@@ -29,6 +29,8 @@ def texel_potential(
     channels: Channels,
     passes: int,
     progress: Progress,
+    *,
+    normals: bool = False,
 ) -> npt.NDArray[np.float32]:
     """Compute P = sum over channels of the squared gradient, smoothed before and after.
 
@@ -40,6 +42,8 @@ def texel_potential(
         As for images.
     passes : int
         Smoothing passes on the signal and on P.
+    normals : bool
+        The first two channels are tangent-space directions around 1/2, which turn across seams.
 
     Returns
     -------
@@ -47,26 +51,30 @@ def texel_potential(
     """
     shape = sheet.nodes.shape
     energy = np.zeros(shape, dtype=np.float32)
-    signal = np.empty(shape, dtype=np.float32)
-    spare = np.empty(shape, dtype=np.float32)
     guides = 1 if channels.brightness.size else channels.stop - channels.start
-    for guide in range(guides):
-        run(_take_guide, shape[0], values, channels.start, guide, channels.alpha,
-            channels.brightness, signal, chunk=ROWS)  # fmt: skip
+    together = guides if normals else 1  # directions turn together, others go one by one
+    centre = np.float32(0.5 if normals else 0.0)
+    signal = np.zeros((*shape, together), dtype=np.float32)
+    spare = np.zeros_like(signal)
+    for guide in range(0, guides, together):
+        run(_take_guides, shape[0], values, channels.start + guide, channels.alpha,
+            channels.brightness, centre, signal, chunk=ROWS)  # fmt: skip
         for _ in range(passes):
-            _smooth(sheet, sources, surface, signal, spare)
+            _smooth(sheet, sources, surface, signal, spare, 0.0 if normals else None)
             signal, spare = spare, signal
         run(_add_energy, shape[0] - 1, sheet.cells, surface.metrics, signal, energy, chunk=ROWS)
-        progress.update((guide + 1) / (guides + 1))
+        progress.update((guide + together) / (guides + 1))
+    if normals:
+        signal, spare = (np.zeros((*shape, 1), dtype=np.float32) for _ in range(2))
     potential = signal
-    run(_average_energy, shape[0], sheet.nodes, sheet.cells, surface.metrics, energy, potential,
-        chunk=ROWS)  # fmt: skip
-    fill_ghosts(sheet, sources, potential[..., None])
+    run(_average_energy, shape[0], sheet.nodes, sheet.cells, surface.metrics, energy,
+        potential[..., 0], chunk=ROWS)  # fmt: skip
+    fill_ghosts(sheet, sources, potential)
     for _ in range(passes):
         _smooth(sheet, sources, surface, potential, spare)
         potential, spare = spare, potential
     progress.update(1.0)
-    return potential
+    return potential[..., 0]
 
 
 def advect_texels(
@@ -105,25 +113,28 @@ def _smooth(
     surface: Surface,
     values: npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
+    directions: float | None = None,
 ) -> None:
     run(_smooth_rows, values.shape[0], sheet.nodes, sources.cells, surface.metrics, values, out,
         chunk=ROWS)  # fmt: skip
-    fill_ghosts(sheet, sources, out[..., None])
+    fill_ghosts(sheet, sources, out, directions=directions)
 
 
 @kernel
-def _take_guide(start, stop, values, first, guide, alpha, brightness, signal):
+def _take_guides(start, stop, values, first, alpha, brightness, centre, signal):
     for y in range(start, stop):
         for x in range(signal.shape[1]):
-            if brightness.size > 0:
-                total = np.float32(0.0)
-                for c in range(brightness.size):
-                    total += brightness[c] * values[y, x, first + c]
-            else:
-                total = values[y, x, first + guide]
-            if alpha >= 0:
-                total *= values[y, x, alpha]
-            signal[y, x] = total
+            for c in range(signal.shape[2]):
+                if brightness.size > 0:
+                    total = np.float32(0.0)
+                    for k in range(brightness.size):
+                        total += brightness[k] * values[y, x, first + k]
+                else:
+                    total = values[y, x, first + c]
+                total -= centre
+                if alpha >= 0:
+                    total *= values[y, x, alpha]
+                signal[y, x, c] = total
 
 
 @kernel
@@ -142,21 +153,15 @@ def _smooth_rows(start, stop, nodes, sources, metrics, values, out):
             # Nodes inside are never at the sheet's rim.
             down = metrics[face, 4]
             across = metrics[face, 5]
-            total = values[y, x]
-            weight = np.float32(1.0)
-            if _exists(nodes, sources, y - 1, x):
-                total += down * values[y - 1, x]
-                weight += down
-            if _exists(nodes, sources, y + 1, x):
-                total += down * values[y + 1, x]
-                weight += down
-            if _exists(nodes, sources, y, x - 1):
-                total += across * values[y, x - 1]
-                weight += across
-            if _exists(nodes, sources, y, x + 1):
-                total += across * values[y, x + 1]
-                weight += across
-            out[y, x] = total / weight
+            up = down if _exists(nodes, sources, y - 1, x) else np.float32(0.0)
+            down = down if _exists(nodes, sources, y + 1, x) else np.float32(0.0)
+            left = across if _exists(nodes, sources, y, x - 1) else np.float32(0.0)
+            right = across if _exists(nodes, sources, y, x + 1) else np.float32(0.0)
+            weight = np.float32(1.0) + up + down + left + right
+            for c in range(values.shape[2]):
+                total = values[y, x, c] + up * values[y - 1, x, c] + down * values[y + 1, x, c]
+                total += left * values[y, x - 1, c] + right * values[y, x + 1, c]
+                out[y, x, c] = total / weight
 
 
 @kernel
@@ -166,17 +171,18 @@ def _add_energy(start, stop, cells, metrics, signal, energy):
             face = cells[y, x]
             if face == NOTHING:
                 continue
-            a = signal[y, x]
-            b = signal[y, x + 1]
-            c = signal[y + 1, x]
-            d = signal[y + 1, x + 1]
-            across = np.float32(0.5) * (b - a + d - c)
-            down = np.float32(0.5) * (c - a + d - b)
-            energy[y, x] += (
-                metrics[face, 0] * down * down
-                + np.float32(2.0) * metrics[face, 1] * down * across
-                + metrics[face, 2] * across * across
-            )
+            for k in range(signal.shape[2]):
+                a = signal[y, x, k]
+                b = signal[y, x + 1, k]
+                c = signal[y + 1, x, k]
+                d = signal[y + 1, x + 1, k]
+                across = np.float32(0.5) * (b - a + d - c)
+                down = np.float32(0.5) * (c - a + d - b)
+                energy[y, x] += (
+                    metrics[face, 0] * down * down
+                    + np.float32(2.0) * metrics[face, 1] * down * across
+                    + metrics[face, 2] * across * across
+                )
 
 
 @kernel

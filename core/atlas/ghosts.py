@@ -61,7 +61,7 @@ def fill_ghosts(
     sources: Sources,
     values: npt.NDArray[np.float32],
     alpha: int = -1,
-    normals: bool = False,
+    directions: float | None = None,
 ) -> None:
     """Read the ghosts' values from across the seams, in place.
 
@@ -71,18 +71,20 @@ def fill_ghosts(
         Values of the nodes.
     alpha : int
         The channel that is opacity: other channels count as much as it says. -1: none.
-    normals : bool
-        The first two channels are tangent-space directions around 1/2, which turn.
+    directions : float, optional
+        The first two channels are tangent-space directions around this value, which turn.
     """
     flat = values.reshape(-1, values.shape[-1])
     found = np.empty((len(sheet.ghosts), values.shape[-1]), dtype=np.float32)
     nodes = sheet.nodes.reshape(-1)
+    turning = directions is not None
+    centre = np.float32(directions or 0.0)
     known = np.zeros(len(sheet.ghosts), dtype=np.bool_)
     for _ in range(_ROUNDS):
         known_next = np.zeros_like(known)
         run(_read_ghosts, len(sheet.ghosts), nodes, sheet.nodes.shape[1], sources.cells,
-            sources.places, sources.turns, flat, alpha, normals, known, found,
-            known_next)  # fmt: skip
+            sources.places, sources.turns, flat, alpha, turning, centre, known,
+            found, known_next)  # fmt: skip
         known = known_next
         flat[sheet.ghosts[known]] = found[known]
 
@@ -181,7 +183,20 @@ def _close_cells(orphans, cells):
 
 @kernel
 def _read_ghosts(
-    start, stop, nodes, columns, cells, places, turns, values, alpha, normals, known, found, knows
+    start,
+    stop,
+    nodes,
+    columns,
+    cells,
+    places,
+    turns,
+    values,
+    alpha,
+    turning,
+    centre,
+    known,
+    found,
+    knows,
 ):
     channels = values.shape[1]
     for i in range(start, stop):
@@ -214,8 +229,8 @@ def _read_ghosts(
                 found[i, c] /= total
             elif opacity > 0:
                 found[i, c] /= opacity
-        if normals:
-            a = found[i, 0] - 0.5
-            b = found[i, 1] - 0.5
-            found[i, 0] = 0.5 + turns[i, 0, 0] * a + turns[i, 0, 1] * b
-            found[i, 1] = 0.5 + turns[i, 1, 0] * a + turns[i, 1, 1] * b
+        if turning:
+            a = found[i, 0] - centre
+            b = found[i, 1] - centre
+            found[i, 0] = centre + turns[i, 0, 0] * a + turns[i, 0, 1] * b
+            found[i, 1] = centre + turns[i, 1, 0] * a + turns[i, 1, 1] * b

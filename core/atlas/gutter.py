@@ -13,6 +13,9 @@ from .atlas import TextureAtlas
 from .ghosts import beyond
 from .sheet import NOTHING, ROWS, nearest_on_edge
 
+_LEAST = 1.5
+"""Linear sampling reads texels this far from a chart."""
+
 
 def write_texels(
     atlas: TextureAtlas,
@@ -43,9 +46,10 @@ def write_texels(
     run(_write_owned, atlas.height, atlas.owners, values.reshape(-1, values.shape[2]), scale,
         rounded, kept, out, chunk=ROWS)  # fmt: skip
     filled = atlas.owners != NOTHING
-    if settings.gutter > 0 and not filled.all():
-        edges, squares = atlas.nearest_borders(filled, settings.gutter)
-        run(_write_gutter, atlas.height, edges, squares, filled, float(settings.gutter),
+    if not filled.all():
+        radius = max(float(settings.gutter), _LEAST)
+        edges, squares = atlas.nearest_borders(filled, radius)
+        run(_write_gutter, atlas.height, edges, squares, filled, radius,
             atlas.charts.labels, sheet.shifts, sheet.nodes,
             sheet.cells, atlas.sources.cells, surface.points, surface.twins, surface.shapes,
             surface.to_frame, values, scale, rounded, out, chunk=ROWS,

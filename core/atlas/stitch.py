@@ -52,7 +52,7 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
         (weights[known], (rows[known], columns[known])), shape=(len(reads), len(free))
     )
     jumps = np.einsum("sk,skc->sc", weights, flat[reads])
-    adjusted = flat[free] + _least_squares(reading, -jumps)
+    adjusted = flat[free] + _least_squares(reading, -jumps.astype(np.float64))
     low = flat[free]
     high = low.copy()
     _widen(reads, columns, flat, low, high)
@@ -64,7 +64,7 @@ def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
     # min |A x - wanted|^2 + hold |x|^2 by conjugate gradients, all columns at once.
     normal = (reading.T @ reading).tocsr()
     solution = np.zeros((reading.shape[1], wanted.shape[1]))
-    residual = reading.T @ wanted
+    residual = (reading.T @ wanted).astype(np.float64)  # tiny squares are zero as float32
     direction = residual.copy()
     square = np.einsum("nc,nc->c", residual, residual)
     for _ in range(_STEPS):
@@ -132,6 +132,7 @@ def _place_samples(borders, twins, points, owners, starts, counts, reads, weight
         for n in range(counts[i]):
             sample = starts[i] + n
             share = (n + 0.5) / counts[i]
+            complete = True
             for side in range(2):
                 edge = borders[i] if side == 0 else twins[borders[i] // 3, borders[i] % 3]
                 f = edge // 3
@@ -148,5 +149,8 @@ def _place_samples(borders, twins, points, owners, starts, counts, reads, weight
                     slot = 4 * side + corner
                     node = owners[(row + (corner >> 1)) % height, (column + (corner & 1)) % width]
                     reads[sample, slot] = max(node, 0)
-                    weight = down * across if node != NOTHING else 0.0
-                    weights[sample, slot] = weight if side == 0 else -weight
+                    weights[sample, slot] = down * across if side == 0 else -down * across
+                    complete = complete and node != NOTHING
+            if not complete:  # next to a border of the mesh
+                reads[sample] = 0
+                weights[sample] = 0.0

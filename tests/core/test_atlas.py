@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import numpy as np
+import pytest
+from atlases import Blocks, apart
+from shapes import grid, icosphere
+from shock_filter import core
+from shock_filter.core.atlas import charts, surface
+from shock_filter.core.atlas.surface import carry
+
+
+def square(cells=4):
+    vertices, faces = grid(cells, cells)
+    return core.TriangleMesh(vertices, faces), vertices[faces][..., :2] / cells
+
+
+def inside_by_hand(uv, height, width):
+    """Faces around each texel's centre by testing each face: (h, w) lists as sets."""
+    y, x = np.mgrid[:height, :width] + 0.5
+    hit = np.zeros((len(uv), height, width), dtype=bool)
+    for f, corners in enumerate(uv * (width, height)):
+        a, b, c = corners
+        det = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        second = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / det
+        third = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / det
+        hit[f] = (second >= 0) & (third >= 0) & (second + third <= 1)
+    return hit
+
+
+@pytest.mark.parametrize("size", [(40, 40), (23, 37), (128, 96)])
+def test_texels_lie_in_the_faces_that_brute_force_finds(size):
+    mesh = core.TriangleMesh(*icosphere(1))
+    uv, _ = apart(mesh, texels_per_length=9.0)
+    masks = core.TextureAtlas(mesh, uv, *size).masks()
+    hit = inside_by_hand(uv, *size)
+    assert np.array_equal(masks.face >= 0, hit.any(axis=0))
+    y, x = np.nonzero(masks.face >= 0)
+    assert hit[masks.face[y, x], y, x].all()
+    assert np.array_equal(masks.chart, masks.face)  # each face is a chart
+
+
+def test_masks_agree_with_brute_force():
+    # Active: a face touches the texel's four squares; boundary: they are not covered.
+    mesh = core.TriangleMesh(*icosphere(1))
+    uv, _ = apart(mesh, margin=3.0, texels_per_length=9.0)
+    size = 90
+    masks = core.TextureAtlas(mesh, uv, size, size).masks()
+    fine = 9  # points a texel
+    hit = inside_by_hand(uv, fine * size, fine * size)
+    chart = np.where(hit.any(axis=0), hit.argmax(axis=0), -1)
+    padded = np.pad(chart, fine, constant_values=-1)
+    wrong = 0
+    for y in range(2, size - 2):
+        for x in range(2, size - 2):
+            part = padded[
+                fine * (y + 1) - fine // 2 : fine * (y + 2) + fine // 2 + 1,
+                fine * (x + 1) - fine // 2 : fine * (x + 2) + fine // 2 + 1,
+            ]
+            seen = len(set(np.unique(part)) - {-1})
+            covered = seen == 1 and (part >= 0).all()
+            found = masks.count[y, x], masks.active[y, x], masks.boundary[y, x]
+            # Between the points, slivers of faces may be missed, never invented.
+            assert found[0] >= seen
+            assert found[1] == (found[0] > 0)
+            assert covered or not seen or found[2]
+            wrong += found != (seen, seen > 0, seen > 0 and not covered)
+    assert wrong < 0.05 * size * size
+
+
+def test_charts_are_what_hangs_together_in_the_texture():
+    blocks = Blocks(np.zeros((64, 64, 1), dtype=np.float32))
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    assert atlas.report.charts == 16
+    chart = atlas.masks().chart
+    pitch = blocks.width // 4
+    for b in range(16):
+        tile = chart[(b // 4) * pitch :, (b % 4) * pitch :][:pitch, :pitch]
+        assert len(np.unique(tile[tile >= 0])) == 1
+        assert (tile >= 0).sum() == 16 * 16
+    assert len(atlas.report.mirrored) == 5 * 8  # every third chart from the second
+    assert atlas.report.sentences() == []
+
+
+def test_charts_that_touch_are_kept_apart():
+    # Two charts side by side in the texture that are far apart on the surface.
+    vertices, faces = grid(4, 2)
+    left = vertices[faces][:, :, 0].max(axis=1) <= 2
+    apart_vertices = np.concatenate([vertices, vertices + (50, 0, 9)])
+    mesh = core.TriangleMesh(apart_vertices, np.where(left[:, None], faces, faces + len(vertices)))
+    uv = (vertices[faces][..., :2] + 0.013) / (4.1, 2.1)
+    image = np.zeros((41, 82, 1), dtype=np.float32)
+    image[:, 40:] = 1.0  # a jump between the charts
+    image[:, 40] = 0.5
+    atlas = core.TextureAtlas(mesh, uv, 41, 82)
+    assert atlas.report.charts == 2
+    assert atlas.masks().count.max() == 2
+    out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=1000.0))
+    inside = atlas.inside
+    chart = atlas.masks().chart
+    for number in (0, 1):
+        mine = inside & (chart == number)
+        assert out[mine].min() >= image[mine].min()
+        assert out[mine].max() <= image[mine].max()
+
+
+def test_bake_is_linear_in_each_face():
+    blocks = Blocks(np.zeros((64, 64, 1), dtype=np.float32), angle=0.3)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    places = atlas.bake(blocks.vertices[blocks.faces][..., :2])
+    y, x = np.nonzero(atlas.inside)
+    uv = (np.stack([x, y], axis=-1) + 0.5) / blocks.width
+    assert np.allclose(blocks.to_uv(places[y, x]), uv, atol=1e-5)
+    assert (places[~atlas.inside] == 0).all()
+    assert atlas.bake(np.ones((mesh.face_count, 3))).shape == (blocks.width, blocks.width)
+    with pytest.raises(core.InvalidSignal, match="shape"):
+        atlas.bake(np.ones(mesh.face_count))
+    with pytest.raises(core.InvalidSignal, match="NaN"):
+        atlas.bake(np.full((mesh.face_count, 3), np.nan))
+
+
+def test_texel_size_is_the_square_root_of_area_by_texels():
+    mesh, uv = square(4)
+    assert core.TextureAtlas(mesh, uv, 64, 32).texel_size == pytest.approx(4 / np.sqrt(64 * 32))
+    assert core.TextureAtlas(mesh, 0.5 * uv, 64, 32).texel_size == pytest.approx(
+        8 / np.sqrt(64 * 32)
+    )
+
+
+def test_straight_walks_follow_the_unfolded_surface():
+    # Over a roof's ridge and back into the plane: compare with the flat pattern.
+    flat, faces = grid(6, 6, jitter=0.2)
+    bent = flat.copy()
+    over = flat[:, 0] > 3
+    flat[np.abs(flat[:, 0] - 3) < 0.4, 0] = 3.0
+    bent[:, 0] = np.where(over, 3 + (flat[:, 0] - 3) * 0.6, flat[:, 0])
+    bent[:, 2] = np.where(over, (flat[:, 0] - 3) * 0.8, 0.0)
+    mesh = core.TriangleMesh(bent, faces)
+    cut = charts.find_charts(mesh, flat[faces][..., :2] / 6, 60, 60)
+    ground = surface.measure_surface(mesh, cut, cut.points)
+    rng = np.random.default_rng(0)
+    b = np.empty(3)
+    tried = 0
+    for edge in rng.integers(0, 3 * mesh.face_count, 400):
+        f, k = divmod(int(edge), 3)
+        if mesh.twins[f, k] < 0:
+            continue
+        share = rng.uniform(0.1, 0.9)
+        start = (1 - share) * cut.points[f, k] + share * cut.points[f, (k + 1) % 3]
+        third = cut.points[f, (k + 2) % 3]
+        away = start - third + rng.normal(size=2)
+        away *= rng.uniform(1, 25) / np.linalg.norm(away)
+        end = start + away
+        side = np.cross(cut.points[f, (k + 1) % 3] - cut.points[f, k], third - start)
+        leaves = np.cross(cut.points[f, (k + 1) % 3] - cut.points[f, k], away) * side < 0
+        if (end < 0).any() or (end > 59).any() or not leaves:
+            continue
+        face, cosine, sine = carry(
+            ground.points, ground.twins, ground.shapes, ground.to_frame, int(edge), share,
+            away[0], away[1], b,
+        )  # fmt: skip
+        assert np.allclose(b @ cut.points[face], end, atol=1e-6)
+        assert cosine**2 + sine**2 == pytest.approx(1.0)
+        step = np.array([[cosine, -sine], [sine, cosine]]) @ ground.to_frame[f] @ away
+        assert np.allclose(ground.to_texels[face] @ step, away, atol=1e-6)
+        tried += 1
+    assert tried > 50
+
+
+# ---------------------------------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda uv: None, "no texture coordinates"),
+        (lambda uv: uv[:-1], "shape"),
+        (lambda uv: uv.reshape(-1, 2), "shape"),
+        (lambda uv: np.zeros_like(uv), "zero area"),
+        (lambda uv: uv * (1.0, 0.0), "zero area"),
+        (lambda uv: np.where(np.arange(len(uv))[:, None, None] == 3, np.nan, uv), "face 3"),
+        (lambda uv: np.where(np.arange(len(uv))[:, None, None] == 3, np.inf, uv), "infinite"),
+        (lambda uv: uv.astype(str), "floats"),
+        (lambda uv: uv * 50.0, "not tiled"),
+        (lambda uv: uv + 1e8, "1e6"),
+    ],
+)
+def test_unusable_coordinates_are_named_and_the_image_stays(change, words):
+    mesh, uv = square()
+    image = np.random.default_rng(0).random((16, 16, 3))
+    before = image.copy()
+    for filter_ in (core.sharpen_texture, core.dilate_texture):
+        with pytest.raises(core.InvalidUV, match=words):
+            filter_(mesh, change(uv), image)
+    assert np.array_equal(image, before)
+
+
+def test_overlapping_faces_are_reported():
+    mesh, uv = square()
+    fold = uv.copy()
+    fold[..., 0] = np.abs(uv[..., 0] - 0.5)  # the left half lies on the right one, mirrored
+    atlas = core.TextureAtlas(mesh, fold, 64, 64)
+    assert len(atlas.report.overlapping) == mesh.face_count
+    assert len(atlas.report.mirrored) == mesh.face_count // 2
+    assert "overlap" in atlas.report.sentences()[0]
+    apart_charts = uv.copy()
+    apart_charts[uv[..., 0].min(axis=1) >= 0.5] -= (0.5, 0.0)  # two charts at one place
+    report = core.TextureAtlas(mesh, apart_charts, 64, 64).report
+    assert len(report.overlapping) == mesh.face_count
+    assert len(core.TextureAtlas(mesh, uv, 64, 64).report.overlapping) == 0
+
+
+def test_charts_that_lie_on_each_other_flow_alike():
+    # Both halves of a symmetric picture share texels: the same as one half alone, doubled.
+    rng = np.random.default_rng(1)
+    image = np.repeat(rng.random((32, 8, 3)), 4, axis=1).astype(np.float32)
+    vertices, faces = grid(4, 4)
+    two = np.concatenate([vertices, vertices + (0, 0, 100.0)])
+    mesh = core.TriangleMesh(two, np.concatenate([faces, faces + len(vertices)]))
+    uv = np.tile(vertices[faces][..., :2] / 4, (2, 1, 1))
+    settings = core.TextureSettings(time=32.0)
+    once = core.sharpen_texture(
+        core.TriangleMesh(vertices, faces), uv[: len(faces)], image, settings
+    )
+    assert np.allclose(core.sharpen_texture(mesh, uv, image, settings), once, atol=1e-5)
+
+
+def test_degenerate_faces_are_reported_and_crossed():
+    mesh, uv = square(8)
+    flat = uv.copy()
+    # A column of squares is squeezed to a line of the texture: a seam runs along both sides.
+    squeezed = (uv[..., 0].min(axis=1) > 0.49) & (uv[..., 0].max(axis=1) < 0.63)
+    flat[squeezed, :, 0] = 0.5
+    atlas = core.TextureAtlas(mesh, flat, 64, 64)
+    assert np.array_equal(atlas.report.degenerate, np.flatnonzero(squeezed))
+    image = np.random.default_rng(0).random((64, 64, 3))
+    out = core.sharpen_texture(mesh, flat, image, core.TextureSettings(time=64.0))
+    assert np.isfinite(out).all()
+    assert 0 <= out.min() <= out.max() <= 1
+
+
+def messy():
+    rng = np.random.default_rng(3)
+    vertices, faces = icosphere(2)
+    faces = np.concatenate(
+        [faces, [[0, 1, 2], [5, 5, 7], [9, 40, 9]], rng.integers(0, 100, (40, 3))]
+    )
+    return core.TriangleMesh(vertices, faces), rng.random((len(faces), 3, 2)) * 1.6 - 0.3
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (2, 2), (5, 64), (64, 64)])
+def test_nonsense_gives_finite_values_in_range(size):
+    # Random coordinates: faces overlap, fold, leave the image; edges with many faces.
+    mesh, uv = messy()
+    image = np.random.default_rng(0).random((*size, 3)).astype(np.float32)
+    for time in (1.0, 100.0, np.inf):
+        out = core.sharpen_texture(mesh, uv * 0.2, image, core.TextureSettings(time=time))
+        assert np.isfinite(out).all()
+        inside = core.TextureAtlas(mesh, uv * 0.2, *size).inside
+        assert image.min() <= out[inside].min(initial=1.0)
+        assert out[inside].max(initial=0.0) <= image.max()
+    assert np.isfinite(core.dilate_texture(mesh, uv * 0.2, image)).all()
+    core.TextureAtlas(mesh, uv * 0.2, *size).masks()
+
+
+def test_results_are_the_same_on_any_number_of_threads(monkeypatch):
+    from shock_filter.core import parallel
+
+    mesh, uv = messy()
+    image = np.random.default_rng(0).random((128, 128, 3)).astype(np.float32)
+    several = core.sharpen_texture(mesh, uv * 0.3, image)
+    monkeypatch.setattr(parallel, "thread_count", lambda: 1)
+    assert np.array_equal(core.sharpen_texture(mesh, uv * 0.3, image), several)
