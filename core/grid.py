@@ -377,8 +377,8 @@ def _exists(row, column, height, width):
 
 
 @kernel
-def _add(image, first, last, alpha, row, column, down, across, nearest, total):
-    # Adds the values at a point, times opacity, to total; returns the opacity.
+def add_sample(image, first, last, alpha, row, column, down, across, nearest, total):
+    """Add the values at a point, times opacity, to `total`; returns the opacity."""
     if nearest:
         row += down > 0.5
         column += across > 0.5
@@ -433,7 +433,9 @@ def _advect_rows(
                     )
                 else:
                     row, column, down, across = _walk(potential, time, row, column, down, across)
-                weight += _add(image, first, last, alpha, row, column, down, across, nearest, total)
+                weight += add_sample(
+                    image, first, last, alpha, row, column, down, across, nearest, total
+                )
             _put(image, y, x, first, last, total, weight, rounded, out)
 
 
@@ -490,5 +492,7 @@ def _read_rows(start, stop, image, first, last, alpha, cells, places, nearest, r
                 row, column, down, across = _stored(cells, places, y, x, corner)
                 if row < 0:
                     continue
-                weight += _add(image, first, last, alpha, row, column, down, across, nearest, total)
+                weight += add_sample(
+                    image, first, last, alpha, row, column, down, across, nearest, total
+                )
             _put(image, y, x, first, last, total, weight, rounded, out)

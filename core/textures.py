@@ -168,7 +168,7 @@ def _flow_channels(
     normals = settings.content == "normals"
     potential = texel_potential(*parts, channels, settings.smoothing_passes, progress.part(
         0.0, 0.4, "Computing the flow"), normals=normals)  # fmt: skip
-    advect_texels(*parts, channels, potential, settings.time, result,
+    advect_texels(*parts, channels, potential, settings.time, atlas.copies, result,
                   nearest=settings.sampling == "nearest", normals=normals,
                   progress=progress.part(0.4, 1.0, "Tracing flow-lines"))  # fmt: skip
 

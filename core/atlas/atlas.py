@@ -103,6 +103,16 @@ class TextureAtlas:
     ----------
     report : UVReport
         What is unusual about the coordinates.
+    sheet : Sheet
+        Where each texel lies, as each chart sees it.
+    surface : Surface
+        The faces' metrics.
+    sources : Sources
+        What charts see across seams.
+    owners : (h, w) int32
+        The node, counted along the sheet's rows, whose value each texel gets; -1: none.
+    copies : (k, 2) int32
+        Nodes in charts whose texel gets the value of another one, and that one.
 
     Raises
     ------
@@ -140,7 +150,7 @@ class TextureAtlas:
         overlapping = self.sheet.overlapping.copy()
         place = self.sheet.nodes, self.charts.labels, self.sheet.shifts
         run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS)
-        _own_elsewhere(*place, self.sheet.points, self.owners, overlapping)
+        self.copies = _own_elsewhere(*place, self.sheet.points, self.owners, overlapping)
         _own_ghosts(*place, self.sheet.ghosts, self.sheet.ghost_edges, self.sources.cells,
                     self.sheet.points, self.owners)  # fmt: skip
         self.report = UVReport(
@@ -273,10 +283,13 @@ def _own_within(start, stop, nodes, owners):
 
 @kernel
 def _own_elsewhere(nodes, labels, shifts, points, owners, overlapping):
-    # Nodes inside charts that lie on shelves or beyond the image's rim get what is left.
+    # Nodes inside charts that lie on shelves or beyond the image's rim get what is left. Returns
+    # those that get nothing, with the owner of their texel.
     height, width = owners.shape
     rows, columns = nodes.shape
     none = np.empty(0, np.int32)
+    copies = np.empty((1024, 2), np.int32)
+    count = 0
     for y in range(rows):
         for x in range(columns):
             if nodes[y, x] < 0 or (1 <= y <= height and 1 <= x <= width):
@@ -286,6 +299,13 @@ def _own_elsewhere(nodes, labels, shifts, points, owners, overlapping):
             if owner == NOTHING:
                 owners[row, column] = y * columns + x
                 continue
+            if count == len(copies):
+                longer = np.empty((2 * count, 2), np.int32)
+                longer[:count] = copies
+                copies = longer
+            copies[count, 0] = y * columns + x
+            copies[count, 1] = owner
+            count += 1
             b = owner // columns
             a = owner - b * columns
             face = nodes[b, a]
@@ -295,6 +315,7 @@ def _own_elsewhere(nodes, labels, shifts, points, owners, overlapping):
             ):
                 overlapping[nodes[y, x]] = True
                 overlapping[face] = True
+    return copies[:count].copy()
 
 
 @kernel

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..grid import OFFSET, Channels
+from ..grid import OFFSET, Channels, add_sample
+from ..mesh import Ints
 from ..parallel import Progress, kernel, run
 from .ghosts import Sources, beyond, fill_ghosts
 from .sheet import NOTHING, ROWS, Sheet
@@ -85,6 +86,7 @@ def advect_texels(
     channels: Channels,
     potential: npt.NDArray[np.float32],
     time: float,
+    copies: Ints,
     out: npt.NDArray[np.float32],
     *,
     nearest: bool = False,
@@ -95,16 +97,24 @@ def advect_texels(
 
     Parameters
     ----------
+    copies : (k, 2) int32
+        Nodes that get the result of another one, and that one.
     normals : bool
         The first two channels are tangent-space directions around 1/2, which turn with the
         charts that flow-lines come from.
     out : (rows, columns, c) float32
         Where the channels' values at nodes inside charts go.
     """
-    run(_advect, sheet.nodes.shape[0], sheet.nodes, sheet.cells, sheet.ghost_edges,
+    skipped = np.zeros(sheet.nodes.shape, dtype=np.bool_)
+    skipped.reshape(-1)[copies[:, 0]] = True
+    run(_advect, sheet.nodes.shape[0], skipped, sheet.nodes, sheet.cells, sheet.ghost_edges,
         surface.points, surface.twins, surface.shapes, surface.to_frame, surface.to_texels,
         surface.metrics, potential, float(time), values, channels.start, channels.stop,
         channels.alpha, nearest, normals, out, chunk=8, progress=progress)  # fmt: skip
+    flat = out.reshape(skipped.size, -1)
+    flat[copies[:, 0], channels.start : channels.stop] = flat[
+        copies[:, 1], channels.start : channels.stop
+    ]
 
 
 def _smooth(
@@ -238,15 +248,17 @@ def _reach(place, speed):
 
 
 @kernel
-def _seam(nodes, edges, i, j, a, o, turned):
+def _seam(nodes, edges, row, column, down, across, axis):
     # The half-edge over which a point on a side of a cell leaves its chart, or -1: that of the
     # nearest ghost at the side's ends.
-    line = i + (a > 0.5)
-    near = j + (o > 0.5)
-    node = nodes[near, line] if turned else nodes[line, near]
-    if node >= -1 and 0.0 < o < 1.0:
-        other = 2 * j + 1 - near
-        node = nodes[other, line] if turned else nodes[line, other]
+    y = row + (down > 0.5)
+    x = column + (across > 0.5)
+    node = nodes[y, x]
+    if node >= -1:
+        if axis == 1 and 0.0 < across < 1.0:
+            node = nodes[y, 2 * column + 1 - x]
+        elif axis == 2 and 0.0 < down < 1.0:
+            node = nodes[2 * row + 1 - y, x]
     return edges[-2 - node] if node < -1 else -1
 
 
@@ -268,24 +280,21 @@ def _hop(points, twins, shapes, to_frame, to_texels, edge, y, x, vy, vx, cells, 
 
 
 @kernel
-def _walk(
-    nodes, cells, edges, points, twins, shapes, to_frame, to_texels, metrics, potential, time,
-    row, column, down, across, b, turn, step_turn,
-):  # fmt: skip
-    # From cell to cell, as `core.grid` walks from square to square. Returns where it ends;
-    # `turn` gathers how normals turn on the way back.
+def _walk(potential, cells, metrics, time, row, column, down, across):
+    # From cell to cell, as `core.grid` walks from square to square, inside a chart. Returns where
+    # it ends: (row, column, down, across), the time that is left, the velocity (down, across),
+    # and the axis along which it leaves its chart: 1 down, 2 across, 0 if it does not.
     left = time
     v, w, _, _ = _flow(potential, cells, metrics, row, column, False)
     y = down + v * left
     x = across + w * left
     if 0.0 < y < 1.0 and 0.0 < x < 1.0:
-        return row, column, y, x
+        return row, column, y, x, 0.0, v, w, 0
     i, j, a, o = row, column, down, across
     turned = False
     sliding = False
-    hops = 0
+    axis = 0
     for _ in range(1000000):
-        leaves = False
         if not sliding:
             reach_a = _reach(a, v)
             reach_o = _reach(o, w)
@@ -304,84 +313,95 @@ def _walk(
             o = min(max(o + w * reach_a, 0.0), 1.0)
             next_i = i + ahead
             if not _is_open(cells, next_i, j, turned):
-                leaves = True
-            else:
-                next_v, next_w, pv, pw = _flow(potential, cells, metrics, next_i, j, turned)
-                if v * pv + w * pw >= 0:
-                    break
-                if v * next_v > 0:
-                    i = next_i
-                    a = 1.0 - a
-                    v, w = next_v, next_w
-                    continue
-                share = -next_v / (v - next_v)
-                w = share * w + (1.0 - share) * next_w
-                v = 0.0
-                i = min(i, next_i)
-                a = 1.0
-                sliding = True
-        if not leaves:
-            reached = (1.0 - o) / w if w > 0 else (o / -w if w < 0 else np.inf)
-            if reached >= left:
-                if left < np.inf:
-                    o += w * left
+                axis = 1
                 break
-            left -= reached
-            ahead = 1 if w > 0 else -1
-            o = 1.0 if w > 0 else 0.0
-            next_j = j + ahead
-            if not _is_open(cells, i, next_j, turned) or not _is_open(cells, i + 1, next_j, turned):
-                leaves = True
-            else:
-                came = w
-                j = next_j
-                o = 1.0 - o
-                v, w, _, pw = _flow(potential, cells, metrics, i, j, turned)
-                next_v, next_w, _, next_pw = _flow(potential, cells, metrics, i + 1, j, turned)
-                if v >= 0 and next_v <= 0:
-                    total = v - next_v
-                    share = -next_v / total if total > 0 else 0.5
-                    w = share * w + (1.0 - share) * next_w
-                    pw = share * pw + (1.0 - share) * next_pw
-                    v = 0.0
-                else:
-                    if next_v > 0 and next_v > -v:
-                        i += 1
-                        a = 0.0
-                        v, w, pw = next_v, next_w, next_pw
-                    sliding = False
-                if came * pw >= 0:
-                    break
+            next_v, next_w, pv, pw = _flow(potential, cells, metrics, next_i, j, turned)
+            if v * pv + w * pw >= 0:
+                break
+            if v * next_v > 0:
+                i = next_i
+                a = 1.0 - a
+                v, w = next_v, next_w
                 continue
-        # Over the seam, if there is one.
-        y = (j + o) if turned else (i + a)
-        x = (i + a) if turned else (j + o)
-        edge = _seam(nodes, edges, i, j, a, o, turned)
-        hops += 1
-        if edge < 0 or twins[edge // 3, edge % 3] < 0 or hops > _MOST_HOPS:
+            share = -next_v / (v - next_v)
+            w = share * w + (1.0 - share) * next_w
+            v = 0.0
+            i = min(i, next_i)
+            a = 1.0
+            sliding = True
+        reached = (1.0 - o) / w if w > 0 else (o / -w if w < 0 else np.inf)
+        if reached >= left:
+            if left < np.inf:
+                o += w * left
             break
-        vy, vx = (w, v) if turned else (v, w)
+        left -= reached
+        ahead = 1 if w > 0 else -1
+        o = 1.0 if w > 0 else 0.0
+        next_j = j + ahead
+        if not _is_open(cells, i, next_j, turned) or not _is_open(cells, i + 1, next_j, turned):
+            axis = 2
+            break
+        came = w
+        j = next_j
+        o = 1.0 - o
+        v, w, _, pw = _flow(potential, cells, metrics, i, j, turned)
+        next_v, next_w, _, next_pw = _flow(potential, cells, metrics, i + 1, j, turned)
+        if v >= 0 and next_v <= 0:
+            total = v - next_v
+            share = -next_v / total if total > 0 else 0.5
+            w = share * w + (1.0 - share) * next_w
+            pw = share * pw + (1.0 - share) * next_pw
+            v = 0.0
+        else:
+            if next_v > 0 and next_v > -v:
+                i += 1
+                a = 0.0
+                v, w, pw = next_v, next_w, next_pw
+            sliding = False
+        if came * pw >= 0:
+            break
+    if turned:
+        return j, i, o, a, left, w, v, (3 - axis if axis else 0)
+    return i, j, a, o, left, v, w, axis
+
+
+@kernel
+def _walk_on(
+    nodes, cells, edges, points, twins, shapes, to_frame, to_texels, metrics, potential,
+    row, column, down, across, left, vy, vx, axis, b, turn, step_turn,
+):  # fmt: skip
+    # From where a walk leaves its chart, over as many seams as it takes. `turn` gathers how
+    # normals turn on the way back.
+    turn[0, 0] = turn[1, 1] = 1.0
+    turn[0, 1] = turn[1, 0] = 0.0
+    for _ in range(_MOST_HOPS):
+        edge = _seam(nodes, edges, row, column, down, across, axis)
+        if edge < 0 or twins[edge // 3, edge % 3] < 0:
+            break
         # A touch before the line: should the charts' texels line up, the walk crosses it there
         # as it would have done here.
         speed = np.sqrt(vy * vy + vx * vx)
-        y -= _TOUCH * vy / speed
-        x -= _TOUCH * vx / speed
-        face, row, column, vy, vx = _hop(
-            points, twins, shapes, to_frame, to_texels, edge, y, x, vy, vx, cells, b, step_turn
-        )
+        face, y, x, vy, vx = _hop(
+            points, twins, shapes, to_frame, to_texels, edge,
+            row + down - _TOUCH * vy / speed, column + across - _TOUCH * vx / speed,
+            vy, vx, cells, b, step_turn,
+        )  # fmt: skip
         if face < 0:
             break
         _join_turns(turn, step_turn)
-        turned = False
-        sliding = False
-        i = int(row)
-        j = int(column)
-        a = row - i
-        o = column - j
-        v, w, pv, pw = _flow(potential, cells, metrics, i, j, False)
-        if vy * pv + vx * pw >= 0:
+        row = int(y)
+        column = int(x)
+        down = y - row
+        across = x - column
+        _, _, py, px = _flow(potential, cells, metrics, row, column, False)
+        if vy * py + vx * px >= 0:
             break
-    return (j, i, o, a) if turned else (i, j, a, o)
+        row, column, down, across, left, vy, vx, axis = _walk(
+            potential, cells, metrics, left, row, column, down, across
+        )
+        if axis == 0:
+            break
+    return row, column, down, across
 
 
 @kernel
@@ -395,45 +415,18 @@ def _join_turns(turn, step):
 
 
 @kernel
-def _add(values, first, last, alpha, row, column, down, across, nearest, normals, turn, total):
-    # Adds the values at a point, times opacity, to total; returns the opacity.
-    if nearest:
-        down = 1.0 if down > 0.5 else 0.0
-        across = 1.0 if across > 0.5 else 0.0
-    opacity = 0.0
-    for corner in range(4):
-        y = row + (corner >> 1)
-        x = column + (corner & 1)
-        weight = down if corner >> 1 else 1.0 - down
-        weight *= across if corner & 1 else 1.0 - across
-        if alpha >= 0:
-            weight *= values[y, x, alpha]
-        opacity += weight
-        if normals:
-            p = values[y, x, 0] - 0.5
-            q = values[y, x, 1] - 0.5
-            total[0] += weight * (0.5 + turn[0, 0] * p + turn[0, 1] * q)
-            total[1] += weight * (0.5 + turn[1, 0] * p + turn[1, 1] * q)
-            for c in range(2, last):
-                total[c] += weight * values[y, x, c]
-        else:
-            for c in range(first, last):
-                total[c] += weight * values[y, x, c]
-    return opacity
-
-
-@kernel
 def _advect(
-    start, stop, nodes, cells, edges, points, twins, shapes, to_frame, to_texels, metrics,
+    start, stop, skipped, nodes, cells, edges, points, twins, shapes, to_frame, to_texels, metrics,
     potential, time, values, first, last, alpha, nearest, normals, out,
 ):  # fmt: skip
     total = np.empty(values.shape[2])
+    sample = np.empty(values.shape[2])
     b = np.empty(3)
     turn = np.empty((2, 2))
     step_turn = np.empty((2, 2))
     for y in range(start, stop):
         for x in range(nodes.shape[1]):
-            if nodes[y, x] < 0:
+            if nodes[y, x] < 0 or skipped[y, x]:
                 continue
             total[:] = 0.0
             weight = 0.0
@@ -444,16 +437,32 @@ def _advect(
                 column = x - left
                 if cells[row, column] == NOTHING:
                     continue
-                turn[0, 0] = turn[1, 1] = 1.0
-                turn[0, 1] = turn[1, 0] = 0.0
-                row, column, down, across = _walk(
-                    nodes, cells, edges, points, twins, shapes, to_frame, to_texels, metrics,
-                    potential, time, row, column,
+                row, column, down, across, rest, vy, vx, axis = _walk(
+                    potential, cells, metrics, time, row, column,
                     1.0 - 0.5 * OFFSET if up else 0.5 * OFFSET,
                     1.0 - 0.5 * OFFSET if left else 0.5 * OFFSET,
-                    b, turn, step_turn,
                 )  # fmt: skip
-                weight += _add(values, first, last, alpha, row, column, down, across, nearest,
-                               normals, turn, total)  # fmt: skip
+                hops = axis != 0
+                if hops:
+                    row, column, down, across = _walk_on(
+                        nodes, cells, edges, points, twins, shapes, to_frame, to_texels, metrics,
+                        potential, row, column, down, across, rest, vy, vx, axis, b, turn,
+                        step_turn,
+                    )  # fmt: skip
+                if hops and normals:
+                    sample[:] = 0.0
+                    part = add_sample(
+                        values, first, last, alpha, row, column, down, across, nearest, sample
+                    )
+                    p = sample[0] - 0.5 * part
+                    q = sample[1] - 0.5 * part
+                    sample[0] = 0.5 * part + turn[0, 0] * p + turn[0, 1] * q
+                    sample[1] = 0.5 * part + turn[1, 0] * p + turn[1, 1] * q
+                    total += sample
+                    weight += part
+                else:
+                    weight += add_sample(
+                        values, first, last, alpha, row, column, down, across, nearest, total
+                    )
             for c in range(first, last):
                 out[y, x, c] = total[c] / weight if weight > 0 else values[y, x, c]
