@@ -209,7 +209,8 @@ def _average_energy(start, stop, nodes, cells, metrics, energy, potential):
                     if face != NOTHING:
                         total += metrics[face, 3] * energy[y - dy, x - dx]
                         area += metrics[face, 3]
-            potential[y, x] = min(total / area, np.float32(1e30)) if area > 0 else 0.0
+            value = total / area if area > 0 else np.float32(0.0)
+            potential[y, x] = value if value < np.float32(1e30) else np.float32(1e30)
 
 
 @kernel
@@ -380,7 +381,7 @@ def _walk_on(
             break
         # A touch before the line: should the charts' texels line up, the walk crosses it there
         # as it would have done here.
-        speed = np.sqrt(vy * vy + vx * vx)
+        speed = abs(vy) + abs(vx)
         face, y, x, vy, vx = _hop(
             points, twins, shapes, to_frame, to_texels, edge,
             row + down - _TOUCH * vy / speed, column + across - _TOUCH * vx / speed,

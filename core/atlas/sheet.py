@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..errors import InvalidUV
 from ..mesh import Floats, Ints
 from ..parallel import Progress, kernel, run
 from .charts import Charts
@@ -31,6 +32,7 @@ CLEARLY = 0.01
 """Deeper in two faces than this, in texels, a texel's centre shows that they overlap."""
 
 _SLACK = 1e-6
+_MOST_NODES = 1 << 31
 
 
 @dataclass(frozen=True)
@@ -69,13 +71,24 @@ class Sheet:
 
 
 def lay_out(charts: Charts, height: int, width: int, progress: Progress) -> Sheet:
-    """Lay the charts of an image of `height` times `width` texels out."""
+    """Lay the charts of an image of `height` times `width` texels out.
+
+    Raises
+    ------
+    InvalidUV
+        If that takes too many texels.
+    """
     low = np.floor(charts.boxes[:, 0] - _SLACK).astype(np.int64)
     high = np.floor(charts.boxes[:, 1] + _SLACK).astype(np.int64) + 1
     away = (low < -1).any(axis=1) | (high > (height, width)).any(axis=1)
     away |= _clashing(charts, away, height, width)
     progress.update(0.2)
     shifts, shape = _shelve(low, high, away, height, width)
+    if shape[0] * shape[1] >= _MOST_NODES:
+        raise InvalidUV(
+            f"Laid out without overlaps, the charts need {shape[1]} x {shape[0]} texels, more than"
+            " fit; unwrap the mesh without overlaps, or use a smaller image."
+        )
     points = charts.points + shifts[charts.labels][:, None]
     bands = _face_bands(points)
     nodes = np.full(shape, NOTHING, dtype=np.int32)

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
-from ..mesh import Floats
 from ..parallel import kernel
 from .atlas import TextureAtlas
 from .sheet import NOTHING
@@ -20,10 +19,12 @@ from .sheet import NOTHING
 _SPACING = 0.5
 """Distance of the samples along a seam, in texels."""
 
-_HOLD = 0.02
+_HOLD = np.float32(0.02)
 """Weight of the texels' values as read from across the seam, per sample of weight 1."""
 
 _STEPS = 12
+
+_TINY = np.float32(1e-30)
 
 _SLACK = 0.5
 """How far a texel may leave the range around it, in sizes of that range. Its own centre is not
@@ -52,7 +53,7 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
         (weights[known], (rows[known], columns[known])), shape=(len(reads), len(free))
     )
     jumps = np.einsum("sk,skc->sc", weights, flat[reads])
-    adjusted = flat[free] + _least_squares(reading, -jumps.astype(np.float64))
+    adjusted = flat[free] + _least_squares(reading, -jumps)
     low = flat[free]
     high = low.copy()
     _widen(reads, columns, flat, low, high)
@@ -60,20 +61,20 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
     flat[free] = np.clip(adjusted, low - slack, high + slack)
 
 
-def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
+def _least_squares(reading: csr_matrix, wanted: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     # min |A x - wanted|^2 + hold |x|^2 by conjugate gradients, all columns at once.
     normal = (reading.T @ reading).tocsr()
-    solution = np.zeros((reading.shape[1], wanted.shape[1]))
-    residual = (reading.T @ wanted).astype(np.float64)  # tiny squares are zero as float32
+    solution = np.zeros((reading.shape[1], wanted.shape[1]), dtype=np.float32)
+    residual = reading.T @ wanted
     direction = residual.copy()
     square = np.einsum("nc,nc->c", residual, residual)
     for _ in range(_STEPS):
         image = normal @ direction + _HOLD * direction
-        step = square / np.maximum(np.einsum("nc,nc->c", direction, image), 1e-300)
+        step = square / np.maximum(np.einsum("nc,nc->c", direction, image), _TINY)
         solution += step * direction
         residual -= step * image
         before, square = square, np.einsum("nc,nc->c", residual, residual)
-        direction = residual + (square / np.maximum(before, 1e-300)) * direction
+        direction = residual + (square / np.maximum(before, _TINY)) * direction
     return solution
 
 
