@@ -34,7 +34,8 @@ seen; where it is seen, on the chart, the values mix to ones that both sides hav
 def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
     """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
-    What is seen on the charts stays in the range of what is read along the seam there.
+    What is seen on the charts stays in the range of what is read along the seam there, and no
+    value leaves the range of all of them.
     """
     nodes = atlas.sheet.nodes.reshape(-1)
     free = atlas.owners[(atlas.owners != NOTHING) & ~atlas.inside]
@@ -58,7 +59,10 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
     high = low.copy()
     _widen(reads, columns, flat, low, high)
     slack = _SLACK * (high - low)
-    flat[free] = np.clip(adjusted, low - slack, high + slack)
+    around = flat[reads].reshape(-1, flat.shape[1])
+    low = np.maximum(low - slack, around.min(axis=0))
+    high = np.minimum(high + slack, around.max(axis=0))
+    flat[free] = np.clip(adjusted, low, high)
 
 
 def _least_squares(reading: csr_matrix, wanted: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

@@ -246,6 +246,9 @@ def test_values_stay_in_range(dtype):
         low, high = texture[inside][:, c].min(), texture[inside][:, c].max()
         assert low <= out[inside][:, c].min()
         assert out[inside][:, c].max() <= high
+        around = out[inside | (out != texture).any(axis=-1)][:, c]
+        assert low <= around.min() + 1e-6 * scale
+        assert around.max() <= high + 1e-6 * scale
     flat = np.full_like(texture, texture[inside][0])
     assert np.allclose(core.sharpen_texture(mesh, blocks.uv, flat), flat, rtol=1e-5)
 
