@@ -37,7 +37,7 @@ if _TYPE_CHECKING:
     from .fit import fit_to_normals
     from .flow import flow_field
     from .images import sharpen_image
-    from .mesh import TriangleMesh, weld
+    from .mesh import TriangleMesh, weld, weld_borders
     from .pde import osher_rudin_image
     from .shock import sharpen_geometry, sharpen_normals
     from .signals import sharpen_corner_signal, sharpen_vertex_signal
@@ -46,6 +46,7 @@ if _TYPE_CHECKING:
 _LAZY = {
     "TriangleMesh": "mesh",
     "weld": "mesh",
+    "weld_borders": "mesh",
     "flow_field": "flow",
     "fit_to_normals": "fit",
     "sharpen_normals": "shock",
@@ -88,6 +89,7 @@ __all__ = [
     "sharpen_texture",
     "sharpen_vertex_signal",
     "weld",
+    "weld_borders",
 ]
 
 

@@ -22,7 +22,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from .. import __version__
 from .errors import InvalidSettings, ShockError
-from .settings import GeometrySettings, ImageSettings, Setting, ShockSettings, describe
+from .settings import (
+    DilateSettings,
+    GeometrySettings,
+    ImageSettings,
+    Setting,
+    ShockSettings,
+    TextureSettings,
+    describe,
+)
 
 if TYPE_CHECKING:
     from .output import Outcome
@@ -41,6 +49,8 @@ examples:
   {prog} sharpen-geometry --time inf --smoothing-passes 3 scans/*.obj sharp/
   {prog} sharpen-colors painted.ply crisp.ply
   {prog} sharpen-image --time 64 photos/*.png sharp/
+  {prog} sharpen-texture --time 64 model.obj wood.png metal.png sharp/
+  {prog} texture-mask model.obj charts.png --kind chart --like wood.png
 """
 
 
@@ -52,18 +62,21 @@ class Command:
     ----------
     name : str
         What people type.
-    settings : type
+    settings : type or None
         The settings class whose fields become flags.
     inputs : str
         What IN stands for.
     what : str
         What it does.
+    on_mesh : bool
+        Whether a mesh file, whose surface shows the images, stands before IN.
     """
 
     name: str
-    settings: type
+    settings: type | None
     inputs: str
     what: str
+    on_mesh: bool = False
 
 
 GEOMETRY = Command(
@@ -73,7 +86,33 @@ COLORS = Command(
     "sharpen-colors", ShockSettings, "mesh files", "sharpen the vertex colors of meshes"
 )
 IMAGE = Command("sharpen-image", ImageSettings, "image files", "sharpen images")
-COMMANDS = (GEOMETRY, COLORS, IMAGE)
+TEXTURE = Command(
+    "sharpen-texture",
+    TextureSettings,
+    "image files that the mesh shows",
+    "sharpen textures on the surface of a mesh, across seams",
+    on_mesh=True,
+)
+DILATE = Command(
+    "dilate-texture",
+    DilateSettings,
+    "image files that the mesh shows",
+    "fill the texels around the charts of textures with what lies across the seams",
+    on_mesh=True,
+)
+TEXTURE_MASK = Command(
+    "texture-mask", None, "mesh file", "draw what each texel of a mesh's texture is"
+)
+COMMANDS = (GEOMETRY, COLORS, IMAGE, TEXTURE, DILATE, TEXTURE_MASK)
+
+KINDS = {
+    "active": "texels that linear sampling of some face reads",
+    "boundary": "active texels that charts cover only in part",
+    "face": "the face in which the texel's centre lies",
+    "chart": "the chart of that face",
+    "count": "how many charts read the texel",
+}
+"""What `TEXTURE_MASK` can draw."""
 
 
 class Backend(Protocol):
@@ -106,20 +145,34 @@ class FileBackend:
 
     def formats(self, command: Command) -> str:
         """Name the files that a command reads and writes."""
+        images = "PNG, JPEG, TIFF, EXR, BMP, WebP and NumPy (.npy) files"
+        meshes = "OBJ, PLY, GLB and glTF files with texture coordinates"
         return {
             GEOMETRY: "PLY, OBJ, STL, OFF, GLB and glTF files",
             COLORS: "PLY, OBJ, GLB and glTF files, which keep their format",
-            IMAGE: "PNG, JPEG, TIFF, EXR, BMP, WebP and NumPy (.npy) files; 16 bits stay 16 bits",
+            IMAGE: f"{images}; 16 bits stay 16 bits",
+            TEXTURE: f"{images}; 16 bits stay 16 bits; on {meshes}",
+            DILATE: f"{images}; 16 bits stay 16 bits; on {meshes}",
+            TEXTURE_MASK: f"from {meshes} to {images}; NumPy, TIFF and EXR hold numbers, -1 for"
+            " none, all others a picture",
         }[command]
 
     def add_arguments(self, parser: argparse.ArgumentParser, command: Command) -> None:
-        """Add the mask flags."""
+        """Add the flags for masks and materials."""
+        if command.on_mesh or command is TEXTURE_MASK:
+            parser.add_argument(
+                "--material",
+                metavar="NAME",
+                help="only the faces with this material show the texture; all do if left out",
+            )
+        if command in (DILATE, TEXTURE_MASK):
+            return
         metavar = "NAME"
         about = (
             "vertex property of PLY files that says how much is done to each vertex: 0 keeps"
             " it, 1 (or the largest whole number of its type) sharpens it fully"
         )
-        if command is IMAGE:
+        if command in (IMAGE, TEXTURE):
             metavar = "FILE"
             about = "gray image of the same size: black stays, white is sharpened fully"
         parser.add_argument("--mask", metavar=metavar, help=about)
@@ -135,15 +188,18 @@ class FileBackend:
         progress: Callable[[float, str], bool],
     ) -> Outcome:
         """Sharpen one file into another."""
-        return _file_function(command)(
-            source,
-            target,
-            settings,
-            mask=options.mask,
-            invert_mask=options.invert_mask,
-            overwrite=options.overwrite,
-            progress=progress,
-        )
+        words: dict[str, Any] = {"overwrite": options.overwrite, "progress": progress}
+        if command.on_mesh or command is TEXTURE_MASK:
+            words["material"] = options.material
+        if command is TEXTURE_MASK:
+            from .texture_files import texture_mask_file
+
+            words |= {"size": options.size, "like": options.like}
+            return texture_mask_file(source, target, options.kind, **words)
+        if command is not DILATE:
+            words |= {"mask": options.mask, "invert_mask": options.invert_mask}
+        files = [options.mesh, source, target] if command.on_mesh else [source, target]
+        return _file_function(command)(*files, settings, **words)
 
 
 def _file_function(command: Command) -> Callable[..., Outcome]:
@@ -151,6 +207,13 @@ def _file_function(command: Command) -> Callable[..., Outcome]:
         from .image_files import sharpen_image_file
 
         return sharpen_image_file
+    if command.on_mesh:
+        from . import texture_files
+
+        is_sharpen = command is TEXTURE
+        return (
+            texture_files.sharpen_texture_file if is_sharpen else texture_files.dilate_texture_file
+        )
     from . import files
 
     return files.sharpen_file if command is GEOMETRY else files.sharpen_colors_file
@@ -175,7 +238,8 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
     parser = build_parser(backend)
     options = parser.parse_args(arguments)
     try:
-        settings = _settings(options.command.settings, options)
+        kind = options.command.settings
+        settings = None if kind is None else _settings(kind, options)
         pairs = _pairs(options.inputs, options.output)
     except (InvalidSettings, _Usage) as error:
         parser.error(str(error))
@@ -186,7 +250,7 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
     """Make the parser; each field of a settings class becomes a flag."""
     parser = argparse.ArgumentParser(
         prog=backend.prog,
-        description="Sharpen meshes, their colors and images by shock filter advection.",
+        description="Sharpen meshes, their colors, textures and images by shock filter advection.",
         epilog=_EPILOG.format(prog=backend.prog),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -205,17 +269,53 @@ def _add_command(commands: Any, command: Command, backend: Backend) -> None:
         allow_abbrev=False,
     )
     parser.set_defaults(command=command)
-    parser.add_argument("inputs", nargs="+", metavar="IN", help=f"{command.inputs}; * and ** work")
+    if command.on_mesh:
+        parser.add_argument("mesh", metavar="MESH", help="mesh file whose surface shows IN")
+    if command is TEXTURE_MASK:
+        parser.add_argument("inputs", nargs=1, metavar="MESH", help=command.inputs)
+    else:
+        parser.add_argument(
+            "inputs", nargs="+", metavar="IN", help=f"{command.inputs}; * and ** work"
+        )
     parser.add_argument(
         "output",
         metavar="OUT",
-        help="file to write, its ending says the format; or folder, if it is one, ends in / or"
+        help="image file to write, its ending says the format"
+        if command is TEXTURE_MASK
+        else "file to write, its ending says the format; or folder, if it is one, ends in / or"
         " there are several inputs: files keep their names and formats there; folders are made",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     backend.add_arguments(parser, command)
-    _add_settings(parser, command.settings)
+    if command is TEXTURE_MASK:
+        _add_mask_flags(parser)
+    if command.settings is not None:
+        _add_settings(parser, command.settings)
+
+
+def _add_mask_flags(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--kind",
+        choices=list(KINDS),
+        default="active",
+        help="; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())
+        + " (default active)",
+    )
+    size = parser.add_mutually_exclusive_group(required=True)
+    size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
+    size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Height and width."""
+    width, height = map(int, text.lower().split("x"))
+    if width < 1 or height < 1:
+        raise ValueError
+    return height, width
+
+
+_size.__name__ = "size, such as 1024x512"  # argparse says "invalid size, ... value"
 
 
 def _add_settings(parser: argparse.ArgumentParser, settings: type) -> None:

@@ -21,7 +21,7 @@ from .format_gltf import GltfFile
 from .format_obj import ObjFile
 from .format_ply import PlyFile, PlyVertices
 from .format_trimesh import KEEPS, SceneFile
-from .formats import ColoredDocument, Document, Floats, Ints
+from .formats import Document, Floats, Ints, TexturedDocument
 from .mesh import TriangleMesh, weld
 from .output import Outcome, staged
 from .settings import GeometrySettings, ShockSettings
@@ -29,7 +29,7 @@ from .signals import sharpen_vertex_signal
 
 Progress = Callable[[float, str], bool]
 AnyDocument = TypeVar("AnyDocument", bound=Document)
-IN_PLACE: dict[str, Callable[[Path], ColoredDocument]] = {
+IN_PLACE: dict[str, Callable[[Path], TexturedDocument]] = {
     ".obj": ObjFile,
     ".ply": PlyFile,
     ".glb": GltfFile,
@@ -79,7 +79,7 @@ def sharpen_file(
     _check_paths(source, target)
     ending = target.suffix.lower()
     keeps_format = source.suffix.lower() == ending
-    document = _read(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
+    document = read_document(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
     weights = _read_mask(source, mask, invert_mask) if mask else None
     positions = _sharpen(document, settings or GeometrySettings(), weights, progress)
     moved = (positions != document.vertices).any(axis=1)
@@ -132,7 +132,7 @@ def sharpen_colors_file(
             f"{target}: colors are written in the format of the input only; end it in"
             f" {source.suffix}, or use Blender."
         )
-    document = _read(source, IN_PLACE[ending])
+    document = read_document(source, IN_PLACE[ending])
     colors = document.read_colors()
     if not np.isfinite(colors).any():
         raise InvalidSignal(
@@ -147,19 +147,28 @@ def sharpen_colors_file(
 
 
 def _check_paths(source: Path, target: Path) -> None:
-    known = ", ".join(KEEPS)
-    if source.is_dir():
-        raise ShockError(f"{source} is a folder; name the files in it.")
-    if not source.exists():
-        raise ShockError(f"There is no file {source}; check its name and folder.")
-    for path in (source, target):
-        if path.suffix.lower() not in KEEPS:
-            raise ShockError(f"{path}: cannot handle this ending; use one of {known}.")
+    check_mesh_file(source)
+    _check_ending(target)
     if not target.absolute().parent.is_dir():
         raise ShockError(f"There is no folder {target.parent}; make it first.")
 
 
-def _read(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDocument:
+def check_mesh_file(path: Path) -> None:
+    """Refuse what cannot be a mesh file that is there."""
+    if path.is_dir():
+        raise ShockError(f"{path} is a folder; name the files in it.")
+    if not path.exists():
+        raise ShockError(f"There is no file {path}; check its name and folder.")
+    _check_ending(path)
+
+
+def _check_ending(path: Path) -> None:
+    if path.suffix.lower() not in KEEPS:
+        raise ShockError(f"{path}: cannot handle this ending; use one of {', '.join(KEEPS)}.")
+
+
+def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDocument:
+    """Read a file, or say what is wrong with it."""
     try:
         document = reader(source)
     except ShockError:

@@ -22,6 +22,7 @@ from .formats import (
     NO_VERTICES,
     Bools,
     Floats,
+    Names,
     copy_beside,
     from_unit,
     renewed_vertex_normals,
@@ -73,6 +74,7 @@ class GltfFile:
                 raise InvalidMesh(f"{path}: a face names a vertex that is not there.")
             faces.append(corners[: len(corners) // 3 * 3].reshape(-1, 3) + rows.start)
             parts.append(np.full(len(faces[-1]), number))
+        self._counts = [len(block) for block in faces[1:]]  # triangles of each primitive
         self.vertices, self.faces = np.vstack(blocks), np.vstack(faces)
         self.parts = np.concatenate(parts)
 
@@ -122,6 +124,27 @@ class GltfFile:
                 [float(v) for v in bound] for bound in (values.min(axis=0), values.max(axis=0))
             )
         return notes + self._write(path)
+
+    def read_uvs(self) -> tuple[Floats, Names]:
+        blocks = [np.empty((0, 3, 2))]
+        names: list[str] = []
+        first = 0
+        for (_, primitive), count in zip(self._primitives(), self._counts, strict=True):
+            rows = self._rows[primitive["attributes"]["POSITION"]][0]
+            faces = self.faces[first : first + count] - rows.start
+            first += count
+            accessor = primitive["attributes"].get("TEXCOORD_0")
+            if accessor is None:
+                values = np.full((rows.stop - rows.start, 2), np.nan)
+            else:
+                stored = self._array(accessor)
+                values = to_unit(stored.astype(np.float64), stored.dtype) * (1, -1) + (0, 1)
+            blocks.append(values[faces])
+            name = ""
+            if "material" in primitive:
+                name = self._tree["materials"][primitive["material"]].get("name", "")
+            names += [name] * count
+        return np.concatenate(blocks), np.array(names)
 
     def _colors(self) -> list[tuple[slice, int]]:
         """Vertices that have colors, and the accessor that holds these."""

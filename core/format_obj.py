@@ -9,7 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from .errors import InvalidMesh
-from .formats import NEW_NORMALS, Bools, Floats, Ints, copy_beside, decimal, renewed_normals
+from .formats import (
+    NEW_NORMALS,
+    Bools,
+    Floats,
+    Ints,
+    Names,
+    copy_beside,
+    decimal,
+    renewed_normals,
+)
 
 
 class ObjFile:
@@ -43,9 +52,9 @@ class ObjFile:
         self.vertices = self._numbers(self._vertex_lines)
         self._normal_values = self._numbers(self._normal_lines)
         self._corners = np.array(corners, dtype=np.int64).reshape(-1, 2)
-        self._triangles, owner = _fans(np.array(sizes, dtype=np.int64))
+        self._triangles, self._owners = _fans(np.array(sizes, dtype=np.int64))
         self.faces = self._corners[self._triangles, 0]
-        self.parts = np.array(parts, dtype=np.int64)[owner]
+        self.parts = np.array(parts, dtype=np.int64)[self._owners]
         if self._corners[:, 1].max(initial=-1) >= len(self._normal_values):
             raise InvalidMesh(f"{path}: a face names a normal that is not there; repair the file.")
 
@@ -95,6 +104,29 @@ class ObjFile:
             lines[number] = b" ".join(words) + end
         path.write_bytes(b"".join(lines))
         return len(changed), _copy_materials(self.path, self.lines, path.parent)
+
+    def read_uvs(self) -> tuple[Floats, Names]:
+        values = [[np.nan, np.nan]]  # what corners without one point to
+        corners: list[int] = []
+        materials, material = [], ""
+        for line in self.lines:
+            words = line.partition(b"#")[0].split()
+            if words[:1] == [b"vt"]:
+                values.append([float(word) for word in [*words[1:3], b"0"][:2]])
+            elif words[:1] == [b"usemtl"]:
+                material = b" ".join(words[1:]).decode("utf-8", "replace")
+            elif words[:1] == [b"f"]:
+                fields = [word.split(b"/") for word in words[1:]]
+                numbers = [int(field[1]) if len(field) > 1 and field[1] else 0 for field in fields]
+                corners += [n + len(values) if n < 0 else n for n in numbers]
+                materials.append(material)
+        if min(corners) < 0 or max(corners) >= len(values):
+            raise InvalidMesh(
+                f"{self.path}: a face names a texture coordinate that is not there; repair the"
+                " file."
+            )
+        uv = np.array(values)[np.array(corners)[self._triangles]]
+        return uv, np.array(materials)[self._owners]
 
     def _renew_normals(self, lines: list[bytes], positions: Floats) -> None:
         # Corners that shared a vertex and a normal share it again: hard edges stay hard.

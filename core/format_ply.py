@@ -16,6 +16,7 @@ from .formats import (
     NO_FACES,
     Bools,
     Floats,
+    Names,
     decimal,
     from_unit,
     renewed_vertex_normals,
@@ -37,12 +38,14 @@ _COLORS = (
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
     ("r", "g", "b"),
 )
+_UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 
 
 class PlyFile:
     """A PLY file as bytes; only positions and normals of its vertices, or colors, are rewritten."""
 
     def __init__(self, path: Path) -> None:
+        self._path = path
         self._table = PlyVertices(path)
         meshes = list(load_scene(path).geometry.values())
         self.vertices = self._table.columns("x", "y", "z")
@@ -78,6 +81,19 @@ class PlyFile:
         path.write_bytes(self._table.rewritten(dict(zip(names, new, strict=True))))
         differs = (np.column_stack(new) != old) & np.isfinite(colors)
         return int(differs.any(axis=1).sum()), []
+
+    def read_uvs(self) -> tuple[Floats, Names]:
+        materials = np.full(len(self.faces), "")
+        for names in _UVS:
+            if set(names) <= set(self._table.names):
+                return self._table.columns(*names)[self.faces], materials
+        # Those of faces: trimesh splits the vertices for them, but keeps the faces' order.
+        blocks = [np.empty((0, 3, 2))]
+        for mesh in load_scene(self._path, fix_texture=True).geometry.values():
+            uv = getattr(mesh.visual, "uv", None)
+            none = np.full((len(mesh.faces), 3, 2), np.nan)
+            blocks.append(none if uv is None else np.asarray(uv)[mesh.faces])
+        return np.concatenate(blocks), materials
 
 
 class PlyVertices:

@@ -24,7 +24,8 @@ KEEPS: dict[str, set[str]] = {
 }
 
 
-def load_scene(path: Path) -> Any:
+def load_scene(path: Path, fix_texture: bool = False) -> Any:
+    """Read a file; `fix_texture` has PLY files split vertices that have several coordinates."""
     try:
         import trimesh
     except ImportError as error:
@@ -33,7 +34,7 @@ def load_scene(path: Path) -> Any:
         ) from error
     options: dict[str, Any] = {}
     if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
-        options = {"fix_texture": False, "skip_materials": True}
+        options = {"fix_texture": fix_texture, "skip_materials": True}
     return trimesh.load_scene(path, process=False, **options)
 
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
+Names = npt.NDArray[np.str_]
 
 NO_VERTICES: Floats = np.empty((0, 3))
 NO_FACES: Ints = np.empty((0, 3), dtype=np.int64)
@@ -40,6 +41,13 @@ class ColoredDocument(Document, Protocol):
 
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
         """Write it with other colors; returns how many vertices changed theirs, and notes."""
+
+
+class TexturedDocument(ColoredDocument, Protocol):
+    """One that can hold texture coordinates, too."""
+
+    def read_uvs(self) -> tuple[Floats, Names]:
+        """Coordinates of the triangles' corners (t, 3, 2), v upwards, NaN for none; materials."""
 
 
 def to_unit(values: npt.NDArray[Any], kind: np.dtype[Any]) -> Floats:

@@ -27,6 +27,7 @@ from .picture import Picture, lost
 from .settings import ImageSettings
 
 Progress = Callable[[float, str], bool]
+Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
 
 
@@ -35,16 +36,16 @@ class _Format:
     """How an image format is read and written, and which values it holds."""
 
     read: Callable[[Path], Picture]
-    write: Callable[[Path, Picture, npt.NDArray[Any]], list[str]]
+    write: Callable[[Path, Picture, Pixels], list[str]]
     types: Collection[str]
     channels: Collection[int]
 
-    def holds(self, pixels: npt.NDArray[Any]) -> bool:
+    def holds(self, pixels: Pixels) -> bool:
         """Whether the pixels fit as they are."""
         return pixels.dtype.name in self.types and _channels(pixels) in self.channels
 
 
-def _channels(pixels: npt.NDArray[Any]) -> int:
+def _channels(pixels: Pixels) -> int:
     return pixels.shape[2] if pixels.ndim == 3 else 1
 
 
@@ -52,7 +53,7 @@ def _map_array(path: Path) -> Picture:
     return Picture(np.load(path, mmap_mode="r"), "NumPy")
 
 
-def _flush_array(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+def _flush_array(path: Path, picture: Picture, pixels: Pixels) -> list[str]:
     return lost(picture, path, set())  # the pixels are mapped to the file
 
 
@@ -107,16 +108,68 @@ def sharpen_image_file(
     Outcome
         Counts of pixels, and notes on what did not survive.
     """
+    weights = read_mask(mask, invert_mask) if mask else None
+
+    def sharpen(pixels: Pixels, result: Pixels) -> None:
+        chosen = settings or ImageSettings()
+        if pixels.dtype == np.float16:
+            result[...] = sharpen_image(pixels.astype(np.float32), chosen, weights, progress)
+        else:
+            sharpen_image(pixels, chosen, weights, progress, out=result)
+
+    return filter_image_file(source, target, sharpen, overwrite)
+
+
+def filter_image_file(
+    source: str | Path,
+    target: str | Path,
+    function: Callable[[Pixels, Pixels], None],
+    overwrite: bool,
+) -> Outcome:
+    """Filter an image file and write it to another; see `sharpen_image_file`.
+
+    Parameters
+    ----------
+    source, target, overwrite
+        As there.
+    function : callable
+        ``function(pixels, result)`` fills the result, an array like the pixels.
+    """
     source, target = Path(source), Path(target)
     for path in (source, target):
         _check_ending(path)
     _check_source(source)
-    if not target.absolute().parent.is_dir():
-        raise ShockError(f"There is no folder {target.parent}; make it first.")
-    weights = _read_mask(Path(mask), invert_mask) if mask else None
+    check_folder(target)
     with staged(target, overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
-        return _sharpen(source, path, settings or ImageSettings(), weights, progress)
+        return _filter(source, path, function)
+
+
+def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
+    """Write pixels that come from no file, in the format of the target's ending."""
+    _check_ending(target)
+    check_folder(target)
+    ending = target.suffix.lower()
+    if ending != _ARRAY:
+        _check_format(target, ending, pixels)
+    with staged(target, overwrite) as path:
+        if ending == _ARRAY:
+            np.save(path, pixels)
+        else:
+            _FORMATS[ending].write(path, Picture(pixels, ""), pixels)
+
+
+def image_size(path: str | Path) -> tuple[int, int]:
+    """Return height and width of an image file."""
+    _check_source(Path(path))
+    height, width = _read(Path(path)).pixels.shape[:2]
+    return height, width
+
+
+def check_folder(target: Path) -> None:
+    """Refuse a file whose folder is not there."""
+    if not target.absolute().parent.is_dir():
+        raise ShockError(f"There is no folder {target.parent}; make it first.")
 
 
 def _check_ending(path: Path) -> None:
@@ -152,30 +205,16 @@ def _read(path: Path) -> Picture:
     return picture
 
 
-def _sharpen(
-    source: Path,
-    path: Path,
-    settings: ImageSettings,
-    weights: npt.NDArray[Any] | None,
-    progress: Progress | None,
-) -> Outcome:
+def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]) -> Outcome:
     picture = _read(source)
     pixels = picture.pixels
     ending = path.suffix.lower()
-    if not _FORMATS[ending].holds(pixels):
-        fitting = [name for name, other in _FORMATS.items() if other.holds(pixels)]
-        raise ShockError(
-            f"{source}: {ending} cannot hold {_channels(pixels)} channels of {pixels.dtype}; write"
-            f" one of {', '.join(fitting)}."
-        )
+    _check_format(source, ending, pixels)
     if ending == _ARRAY:
         result = np.lib.format.open_memmap(path, "w+", pixels.dtype, pixels.shape)
     else:
         result = np.empty_like(pixels)
-    if pixels.dtype == np.float16:
-        result[...] = sharpen_image(pixels.astype(np.float32), settings, weights, progress)
-    else:
-        sharpen_image(pixels, settings, weights, progress, out=result)
+    function(pixels, result)
     changed = _count_changed(pixels, result)
     total = pixels.shape[0] * pixels.shape[1]
     notes: list[str] = []
@@ -187,7 +226,17 @@ def _sharpen(
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
 
 
-def _count_changed(old: npt.NDArray[Any], new: npt.NDArray[Any]) -> int:
+def _check_format(source: Path, ending: str, pixels: Pixels) -> None:
+    if _FORMATS[ending].holds(pixels):
+        return
+    fitting = [name for name, other in _FORMATS.items() if other.holds(pixels)]
+    raise ShockError(
+        f"{source}: {ending} cannot hold {_channels(pixels)} channels of {pixels.dtype}; write"
+        f" one of {', '.join(fitting)}."
+    )
+
+
+def _count_changed(old: Pixels, new: Pixels) -> int:
     # In bands of rows, so that nothing as large as the image is made.
     changed = 0
     for start in range(0, len(old), _ROWS):
@@ -197,7 +246,9 @@ def _count_changed(old: npt.NDArray[Any], new: npt.NDArray[Any]) -> int:
     return changed
 
 
-def _read_mask(path: Path, invert: bool) -> npt.NDArray[Any]:
+def read_mask(path: str | Path, invert: bool) -> Pixels:
+    """Read a gray image as weights from 0 to 1."""
+    path = Path(path)
     _check_source(path)
     weights = _read(path).pixels
     if weights.ndim == 3 and weights.shape[2] == 1:

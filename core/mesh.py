@@ -234,6 +234,40 @@ def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.
     return first[order], rank[index.reshape(-1)]
 
 
+def weld_borders(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Ints:
+    """Join a surface that was split along seams, and only there.
+
+    Vertices at exactly the same place become one if they lie on borders of the surface. Where
+    sheets lie on each other, as the two sides of a leaf do, only their rims are joined.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+    faces : (m, 3) array of int
+
+    Returns
+    -------
+    (m, 3) int32
+        The faces with other vertex indices: the first of those that are one.
+
+    Raises
+    ------
+    InvalidMesh
+        See `TriangleMesh`.
+    """
+    mesh = TriangleMesh(vertices, faces)
+    borders = mesh.twins < 0
+    on_border = np.zeros(mesh.vertex_count, dtype=bool)
+    on_border[mesh.faces[borders]] = True
+    on_border[np.roll(mesh.faces, -1, axis=1)[borders]] = True
+    places = np.flatnonzero(on_border)
+    index = np.arange(mesh.vertex_count, dtype=np.int32)
+    if len(places):
+        representatives, welded = weld(mesh.vertices[places])
+        index[places] = places[representatives[welded]]
+    return index[np.asarray(faces)]
+
+
 def _checked_vertices(vertices: npt.ArrayLike) -> Floats:
     try:
         given = np.asarray(vertices)

@@ -106,6 +106,39 @@ def test_flags_are_the_settings_with_their_defaults(folder, command, settings):
     assert recorder.commands == [command, command]
 
 
+@pytest.mark.parametrize(
+    "command, settings",
+    [("sharpen-texture", core.TextureSettings), ("dilate-texture", core.DilateSettings)],
+)
+def test_the_mesh_stands_before_its_textures(folder, command, settings):
+    make("mesh.obj", "in/a.png", "in/b.png")
+    recorder = Recorder()
+    assert cli.main([command, "mesh.obj", "in/a.png", "--gutter", "3", "c.png"], recorder) == 0
+    assert recorder.calls == [("in/a.png", Path("c.png"), settings(gutter=3))]
+    assert cli.main([command, "mesh.obj", "in/*.png", "out/"], recorder) == 0
+    assert sorted(os.listdir("out")) == ["a.png", "b.png"]
+    with pytest.raises(SystemExit) as stop:
+        cli.main([command, "mesh.obj", "in/a.png"], recorder)
+    assert stop.value.code == 2
+
+
+@pytest.mark.parametrize(
+    "words, sentence",
+    [
+        ([], "one of the arguments --size --like is required"),
+        (["--size", "64x64", "--like", "a.png"], "not allowed with argument"),
+        (["--size", "64"], "invalid size, such as 1024x512 value: '64'"),
+        (["--size", "0x4"], "invalid size, such as 1024x512 value: '0x4'"),
+        (["--size", "64x64", "--kind", "odd"], "invalid choice: 'odd'"),
+    ],
+)
+def test_masks_of_bad_size_or_kind_are_usage_errors(folder, capsys, words, sentence):
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["texture-mask", "mesh.obj", "out.png", *words], Recorder())
+    assert stop.value.code == 2
+    assert sentence in capsys.readouterr().err
+
+
 def test_flags_may_stand_between_and_time_may_be_endless(folder):
     make("a.obj")
     recorder = Recorder()
@@ -119,7 +152,8 @@ def test_help_says_description_unit_range_and_default(capsys, command):
         cli.main([command.name, "--help"])
     assert stop.value.code == 0
     text = " ".join(capsys.readouterr().out.split())
-    for name, (_, default, about) in describe(command.settings).items():
+    settings = describe(command.settings) if command.settings else {}
+    for name, (_, default, about) in settings.items():
         assert "--" + name.replace("_", "-") in text
         assert about.description in text
         for meaning in about.choices.values():
@@ -127,7 +161,9 @@ def test_help_says_description_unit_range_and_default(capsys, command):
         if not about.choices:
             assert about.unit in text
             assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
-    assert "--mask" in text
+    assert ("--mask" in text) == (command not in (cli.DILATE, cli.TEXTURE_MASK))
+    assert ("--material" in text) == (command in (cli.TEXTURE, cli.DILATE, cli.TEXTURE_MASK))
+    assert all(meaning in text for meaning in cli.KINDS.values()) == (command is cli.TEXTURE_MASK)
 
 
 def test_help_is_quick_and_loads_no_numerics():

@@ -182,3 +182,32 @@ def test_sorting_along_a_curve_keeps_the_surface_and_brings_neighbours_together(
     assert np.array_equal(ordered.vertices, vertices[vertex_order])
     assert np.array_equal(vertex_order[ordered.faces], faces[face_order])
     assert not is_scattered(core.TriangleMesh(*icosphere(3)))
+
+
+def two_sheets(apart):
+    """Two squares of four triangles each, this far from each other; the second is turned over."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], dtype=float)
+    middle = np.array([(0.5, 0.5, 0.0)])
+    fan = np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)])
+    sheet = np.concatenate([points, middle])
+    vertices = np.concatenate([sheet, sheet + (0, 0, apart)])
+    return vertices, np.concatenate([fan, fan[:, ::-1] + len(sheet)])
+
+
+def test_sheets_that_lie_on_each_other_are_joined_at_their_rims_only():
+    vertices, faces = two_sheets(apart=0.0)
+    joined = core.weld_borders(vertices, faces)
+    np.testing.assert_array_equal(joined[:4], faces[:4])
+    np.testing.assert_array_equal(np.unique(joined[4:]), [0, 1, 2, 3, 9])
+    assert (core.TriangleMesh(vertices, joined).twins >= 0).all()
+    vertices, faces = two_sheets(apart=1.0)
+    np.testing.assert_array_equal(core.weld_borders(vertices, faces), faces)
+
+
+def test_a_surface_split_along_a_seam_is_joined():
+    vertices, faces = two_sheets(apart=1.0)
+    fan = faces[:4]
+    split = np.concatenate([vertices[:5], vertices[[0, 2, 4]]])
+    cut = np.concatenate([fan[:2], [(6, 3, 7), (3, 5, 7)]])
+    np.testing.assert_array_equal(core.weld_borders(split, cut), fan)
+    assert (core.TriangleMesh(split, cut).twins < 0).sum() == 8

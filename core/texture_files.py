@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Textures on disk, outside Blender: an image file and the mesh file whose surface shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from .atlas import TextureAtlas
+from .errors import InvalidUV, ShockError
+from .files import IN_PLACE, check_mesh_file, read_document
+from .formats import Floats
+from .image_files import (
+    Pixels,
+    Progress,
+    filter_image_file,
+    image_size,
+    read_mask,
+    write_image_file,
+)
+from .mesh import TriangleMesh, weld_borders
+from .output import Outcome
+from .settings import DilateSettings, TextureSettings
+from .textures import dilate_texture, sharpen_texture
+
+RAW = (".npy", ".tif", ".tiff", ".exr")
+"""Endings of files that hold a mask's numbers; all others hold a picture of it."""
+
+_EXACT = 1 << 24  # whole numbers below are exact as floats of 32 bits
+_STEP = 64  # of gray, for counts
+
+
+@dataclass(frozen=True)
+class TexturedMesh:
+    """A mesh with the texture coordinates of its corners, and what is to be said about them."""
+
+    mesh: TriangleMesh
+    uv: Floats
+    notes: tuple[str, ...]
+
+
+def sharpen_texture_file(
+    mesh: str | Path,
+    source: str | Path,
+    target: str | Path,
+    settings: TextureSettings | None = None,
+    *,
+    material: str | None = None,
+    mask: str | Path | None = None,
+    invert_mask: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Sharpen the texture of a mesh, on its surface, and write it to another image file.
+
+    Parameters
+    ----------
+    mesh : path
+        OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
+        joined; see `core.weld_borders`.
+    source, target, mask, invert_mask, overwrite, progress
+        As in :func:`shock_filter.core.image_files.sharpen_image_file`.
+    settings : TextureSettings, optional
+        Strength and all else; the defaults if left out.
+    material : str, optional
+        Name of the material that shows the texture; all faces do if left out.
+
+    Returns
+    -------
+    Outcome
+        Counts of pixels, and notes on the texture coordinates and on what did not survive.
+    """
+    surface = read_textured_mesh(mesh, material)
+    weights = read_mask(mask, invert_mask)[::-1] if mask else None
+    chosen = settings or TextureSettings()
+
+    def sharpen(pixels: Pixels, atlas: TextureAtlas, rest: Progress | None) -> Pixels:
+        return sharpen_texture(surface.mesh, surface.uv, pixels, chosen, weights, rest, atlas=atlas)
+
+    return _filter(surface, source, target, sharpen, overwrite, progress)
+
+
+def dilate_texture_file(
+    mesh: str | Path,
+    source: str | Path,
+    target: str | Path,
+    settings: DilateSettings | None = None,
+    *,
+    material: str | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Fill the gutter of a mesh's texture and write it to another image file.
+
+    All is as in `sharpen_texture_file`.
+    """
+    surface = read_textured_mesh(mesh, material)
+
+    def dilate(pixels: Pixels, atlas: TextureAtlas, rest: Progress | None) -> Pixels:
+        return dilate_texture(surface.mesh, surface.uv, pixels, settings, rest, atlas=atlas)
+
+    return _filter(surface, source, target, dilate, overwrite, progress)
+
+
+def texture_mask_file(
+    mesh: str | Path,
+    target: str | Path,
+    kind: str,
+    *,
+    size: tuple[int, int] | None = None,
+    like: str | Path | None = None,
+    material: str | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Draw what each texel of a mesh's texture is, and write it as an image.
+
+    Parameters
+    ----------
+    mesh, material, overwrite, progress
+        As in `sharpen_texture_file`.
+    target : path
+        NumPy, TIFF and EXR files hold numbers, with -1 for no face or chart; all others a
+        picture, where faces and charts have colors that stay the same from run to run.
+    kind : str
+        A field of :class:`shock_filter.core.atlas.TextureMasks`.
+    size : (int, int), optional
+        Height and width in texels.
+    like : path, optional
+        Image file of the wanted size; one of `size` and `like` must be given.
+    """
+    target = Path(target)
+    surface = read_textured_mesh(mesh, material)
+    height, width = size or image_size(like)  # type: ignore[arg-type]
+    atlas = TextureAtlas(surface.mesh, surface.uv, height, width, progress)
+    shown = mask_pixels(atlas, kind, target.suffix.lower())
+    write_image_file(target, np.ascontiguousarray(shown[::-1]), overwrite)
+    return mask_outcome(atlas, surface.notes)
+
+
+def mask_outcome(atlas: TextureAtlas, notes: tuple[str, ...]) -> Outcome:
+    """Say how much of the image the charts cover."""
+    total = atlas.height * atlas.width
+    active = int(np.count_nonzero(atlas.masks().active))
+    done = f"{atlas.report.charts} charts, {{changed}} of {{total}} texels active"
+    return Outcome(total, active, (*notes, *atlas.report.sentences()), done)
+
+
+def mask_pixels(atlas: TextureAtlas, kind: str, ending: str) -> Pixels:
+    """Turn one of the masks into what a file with this ending holds, row 0 at v = 0."""
+    values = getattr(atlas.masks(), kind)
+    if ending == ".npy":
+        return values.astype(np.uint8) if values.dtype == np.bool_ else values
+    if ending in RAW:
+        if values.max() >= _EXACT:
+            raise ShockError(f"{ending} cannot hold numbers as large as these; write .npy.")
+        return values.astype(np.float32)
+    if values.dtype == np.bool_:
+        return values.astype(np.uint8) * np.uint8(255)
+    if kind == "count":
+        return np.minimum(values * _STEP, 255).astype(np.uint8)
+    return _colors(values)
+
+
+def _colors(numbers: Pixels) -> Pixels:
+    """Colors that tell numbers apart: (h, w, 3) uint8, black for -1."""
+    mixed = (numbers + 1).astype(np.uint32) * np.uint32(0x9E3779B1)
+    mixed ^= mixed >> np.uint32(15)
+    mixed *= np.uint32(0x85EBCA77)
+    channels = [(mixed >> np.uint32(shift)) % np.uint32(192) for shift in (8, 16, 24)]
+    colors = np.stack(channels, axis=-1).astype(np.uint8) + np.uint8(64)
+    colors[numbers < 0] = 0
+    return colors
+
+
+def read_textured_mesh(path: str | Path, material: str | None = None) -> TexturedMesh:
+    """Read the faces of a mesh file that have texture coordinates.
+
+    Parameters
+    ----------
+    path : path
+        OBJ, PLY, GLB or glTF file.
+    material : str, optional
+        Only those of this material.
+
+    Raises
+    ------
+    InvalidUV
+        If no face has texture coordinates.
+    ShockError
+        If the file cannot be read or has no such material.
+    """
+    path = Path(path)
+    check_mesh_file(path)
+    ending = path.suffix.lower()
+    if ending not in IN_PLACE:
+        raise InvalidUV(
+            f"{path}: {ending} files hold no texture coordinates; use one of {', '.join(IN_PLACE)}."
+        )
+    document = read_document(path, IN_PLACE[ending])
+    uv, materials = document.read_uvs()
+    known = ~np.isnan(uv).any(axis=(1, 2))
+    if not known.any():
+        raise InvalidUV(
+            f"{path} has no texture coordinates; unwrap it (in Blender: UV > Unwrap) and export"
+            " it with them."
+        )
+    notes = []
+    if not known.all():
+        notes.append(f"{np.count_nonzero(~known)} triangles have no texture coordinates: left out")
+    names = sorted(set(materials[known].tolist()))
+    if material is not None:
+        if material not in names:
+            raise ShockError(f"{path} has no material {material!r}; it has: {', '.join(names)}.")
+        known &= materials == material
+    elif len(names) > 1:
+        notes.append(f"all materials ({', '.join(names)}) count; choose one with --material")
+    faces = weld_borders(document.vertices, document.faces[known])
+    mesh = TriangleMesh(document.vertices, faces)
+    return TexturedMesh(mesh, uv[known], tuple(notes))
+
+
+def _filter(
+    surface: TexturedMesh,
+    source: str | Path,
+    target: str | Path,
+    function: Callable[[Pixels, TextureAtlas, Progress | None], Pixels],
+    overwrite: bool,
+    progress: Progress | None,
+) -> Outcome:
+    notes = list(surface.notes)
+
+    def filter_pixels(pixels: Pixels, result: Pixels) -> None:
+        height, width = pixels.shape[:2]
+        finding = _part(progress, 0.0, 0.3)
+        atlas = TextureAtlas(surface.mesh, surface.uv, height, width, finding)
+        notes.extend(atlas.report.sentences())
+        given = pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
+        rest = _part(progress, 0.3, 1.0)
+        result[...] = function(np.ascontiguousarray(given[::-1]), atlas, rest)[::-1]
+
+    outcome = filter_image_file(source, target, filter_pixels, overwrite)
+    return replace(outcome, notes=(*notes, *outcome.notes))
+
+
+def _part(progress: Progress | None, start: float, stop: float) -> Progress | None:
+    if progress is None:
+        return None
+    return lambda fraction, message: progress(start + fraction * (stop - start), message)

@@ -1,0 +1,429 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Textures on disk: meshes with coordinates of all formats, images, masks."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from PIL import Image
+from shock_filter import core
+from shock_filter.core import cli
+from shock_filter.core.files import sharpen_file
+from shock_filter.core.texture_files import (
+    dilate_texture_file,
+    read_textured_mesh,
+    sharpen_texture_file,
+    texture_mask_file,
+)
+
+SIZE = 64
+GAP = 0.25
+STILL = core.TextureSettings(time=0)
+STRONG = core.TextureSettings(time=1024)
+
+
+def sheet(cells=8):
+    """A flat sheet of quads whose halves are two charts with a gap between them.
+
+    Returns positions (n, 3), quads (m, 4) and their texture coordinates (m, 4, 2).
+    """
+    x, y = np.meshgrid(np.linspace(0, 1, cells + 1), np.linspace(0, 1, cells + 1))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    first = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    quads = np.stack([first, first + 1, first + cells + 2, first + cells + 1], axis=1)
+    uv = points[quads, :2] * (1 - GAP, 1.0)
+    uv[..., 0] += GAP * (points[quads, 0].mean(axis=1) > 0.5)[:, None]
+    return points, quads, uv
+
+
+def triangles(rows):
+    """Cut quads into fans."""
+    return np.concatenate([rows[:, None, [0, 1, 2]], rows[:, None, [0, 2, 3]]], axis=1).reshape(
+        -1, 3, *rows.shape[2:]
+    )
+
+
+def split_sheet():
+    """Vertices that are split along the seam: positions, triangles, coordinates of vertices."""
+    points, quads, uv = sheet()
+    rows = np.concatenate([points[quads], uv], axis=2).reshape(-1, 5)
+    kept, index = np.unique(rows, axis=0, return_inverse=True)
+    return kept[:, :3], triangles(index.reshape(quads.shape)), kept[:, 3:]
+
+
+def write_obj(path, material=("", "")):
+    """OBJ with quads; the halves have these materials."""
+    points, quads, uv = sheet()
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
+    lines += [f"vt {u:.9g} {v:.9g}" for u, v in uv.reshape(-1, 2)]
+    for k, quad in enumerate(quads):
+        name = material[int(points[quad, 0].mean() > 0.5)]
+        lines += [f"usemtl {name}"] * bool(name)
+        lines.append("f " + " ".join(f"{v + 1}/{4 * k + n + 1}" for n, v in enumerate(quad)))
+    path.write_text("\n".join(lines))
+
+
+def write_vertex_ply(path, names=("s", "t")):
+    points, faces, uv = split_sheet()
+    header = [
+        "ply",
+        "format ascii 1.0",
+        f"element vertex {len(points)}",
+        *(f"property float {name}" for name in ("x", "y", "z", *names)),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    rows = [" ".join(f"{v:.9g}" for v in row) for row in np.hstack([points, uv])]
+    rows += ["3 " + " ".join(map(str, face)) for face in faces]
+    path.write_text("\n".join([*header, *rows]) + "\n")
+
+
+def write_face_ply(path):
+    points, quads, uv = sheet()
+    header = [
+        "ply",
+        "format ascii 1.0",
+        f"element vertex {len(points)}",
+        *(f"property float {name}" for name in "xyz"),
+        f"element face {2 * len(quads)}",
+        "property list uchar int vertex_indices",
+        "property list uchar float texcoord",
+        "end_header",
+    ]
+    rows = [" ".join(f"{v:.9g}" for v in row) for row in points]
+    for face, corners in zip(triangles(quads), triangles(uv), strict=True):
+        numbers = " ".join(f"{v:.9g}" for v in corners.ravel())
+        rows.append("3 " + " ".join(map(str, face)) + " 6 " + numbers)
+    path.write_text("\n".join([*header, *rows]) + "\n")
+
+
+def write_glb(path, dtype=np.float32):
+    points, faces, uv = split_sheet()
+    uv = np.column_stack([uv[:, 0], 1 - uv[:, 1]])  # glTF counts v downwards
+    if np.dtype(dtype).kind == "u":
+        uv = np.rint(uv * np.iinfo(dtype).max)
+    blocks = [points.astype("<f4"), uv.astype(dtype), faces.astype("<u2")]
+    views, place, data = [], 0, b""
+    for block in blocks:
+        raw = block.tobytes()
+        views.append({"buffer": 0, "byteOffset": place, "byteLength": len(raw)})
+        data += raw + bytes(-len(raw) % 4)
+        place = len(data)
+    kind = {"f": 5126, "u": 5123}[np.dtype(dtype).kind]
+    tree = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": len(data)}],
+        "bufferViews": views,
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3",
+             "min": points.min(axis=0).tolist(), "max": points.max(axis=0).tolist()},
+            {"bufferView": 1, "componentType": kind, "count": len(points), "type": "VEC2",
+             "normalized": kind == 5123},
+            {"bufferView": 2, "componentType": 5123, "count": faces.size, "type": "SCALAR"},
+        ],
+        "materials": [{"name": "Wood"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2,
+                                    "material": 0}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    }  # fmt: skip
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    chunks += struct.pack("<II", len(data), 0x004E4942) + data
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+WRITERS = {
+    "quads.obj": write_obj,
+    "vertices.ply": write_vertex_ply,
+    "uv.ply": lambda path: write_vertex_ply(path, ("u", "v")),
+    "texture.ply": lambda path: write_vertex_ply(path, ("texture_u", "texture_v")),
+    "faces.ply": write_face_ply,
+    "floats.glb": write_glb,
+    "shorts.glb": lambda path: write_glb(path, np.uint16),
+}
+
+
+def picture(dtype=np.uint8):
+    """A soft edge left of the seam, drawn in both charts; rows differ. Row 0 is the top."""
+    u = (np.arange(SIZE) + 0.5) / SIZE
+    x = np.where(u < 0.5, u, u - GAP) / (1 - GAP)
+    step = 0.5 + 0.4 * np.tanh((x - 0.45) / 0.06)
+    rows = np.linspace(0.6, 1.0, SIZE)[:, None]
+    values = np.stack([rows * step, rows * (1 - step), 0.5 * rows * step], axis=-1)
+    values[:, (u > 0.5 * (1 - GAP)) & (u < 0.5 * (1 - GAP) + GAP)] = 0.0
+    if np.dtype(dtype).kind == "u":
+        values = np.rint(values * np.iinfo(dtype).max)
+    return values.astype(dtype)
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    path = tmp_path / "mesh.obj"
+    write_obj(path)
+    return path
+
+
+@pytest.fixture
+def texture(tmp_path):
+    path = tmp_path / "in.png"
+    Image.fromarray(picture()).save(path)
+    return path
+
+
+def pixels_of(path):
+    with Image.open(path) as image:
+        return np.array(image)
+
+
+# ------------------------------------------------------------------------------------------ meshes
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_all_formats_give_the_same_surface(tmp_path, name):
+    WRITERS[name](tmp_path / name)
+    read = read_textured_mesh(tmp_path / name)
+    points, _, _ = sheet()
+    assert len(np.unique(read.mesh.faces)) == len(points)  # joined along the seam
+    corners = read.mesh.vertices[read.mesh.faces]
+    assert not read.mesh.flipped.any()
+    expected = corners[..., :2] * (1 - GAP, 1.0)
+    expected[..., 0] += GAP * (corners[..., 0].mean(axis=1) > 0.5)[:, None]
+    np.testing.assert_allclose(read.uv, expected, atol=2e-5)
+    assert read.notes == ()
+
+
+def test_one_material_can_be_chosen(tmp_path):
+    write_obj(tmp_path / "two.obj", ("Wood", "Fine Stone"))
+    whole = read_textured_mesh(tmp_path / "two.obj")
+    assert whole.notes == ("all materials (Fine Stone, Wood) count; choose one with --material",)
+    part = read_textured_mesh(tmp_path / "two.obj", "Fine Stone")
+    assert part.mesh.face_count == whole.mesh.face_count // 2
+    assert (part.uv[..., 0] > 0.5).all()
+    assert part.notes == ()
+    with pytest.raises(core.ShockError, match=r"no material 'Metal'; it has: Fine Stone, Wood\."):
+        read_textured_mesh(tmp_path / "two.obj", "Metal")
+    write_glb(tmp_path / "one.glb")
+    assert len(read_textured_mesh(tmp_path / "one.glb", "Wood").uv) == 128
+
+
+def test_faces_without_coordinates_are_left_out(tmp_path, mesh):
+    text = mesh.read_text() + "\nv 5 5 5\nf 1 2 82\n"
+    mesh.write_text(text)
+    read = read_textured_mesh(mesh)
+    assert len(read.uv) == 128
+    assert read.notes == ("1 triangles have no texture coordinates: left out",)
+
+
+def test_negative_numbers_count_backwards(tmp_path):
+    path = tmp_path / "back.obj"
+    path.write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0.5\nf -3/-3 -2/-2/ -1/-1 # corner\n"
+    )
+    read = read_textured_mesh(path)
+    np.testing.assert_array_equal(read.uv, [[[0, 0], [1, 0], [0.5, 0]]])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "error", "sentence"),
+    [
+        ("bare.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", core.InvalidUV,
+         "has no texture coordinates; unwrap it"),
+        ("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/7\n", core.InvalidMesh,
+         "names a texture coordinate that is not there"),
+        ("box.stl", "solid\n", core.InvalidUV, r"\.stl files hold no texture coordinates; use one"),
+        ("odd.xyz", "", core.ShockError, "cannot handle this ending"),
+        ("gone.obj", None, core.ShockError, "There is no file"),
+    ],
+)  # fmt: skip
+def test_bad_meshes_are_named(tmp_path, texture, name, text, error, sentence):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(error, match=sentence):
+        sharpen_texture_file(tmp_path / name, texture, tmp_path / "out.png")
+    assert not (tmp_path / "out.png").exists()
+
+
+def test_coordinates_survive_geometry_sharpening(tmp_path, mesh):
+    sharpen_file(mesh, tmp_path / "new.obj", core.GeometrySettings(time=16))
+    before, after = read_textured_mesh(mesh), read_textured_mesh(tmp_path / "new.obj")
+    np.testing.assert_array_equal(before.uv, after.uv)
+
+
+# ---------------------------------------------------------------------------------------- filtering
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float16])
+def test_files_get_what_the_core_gives(tmp_path, mesh, dtype):
+    np.save(tmp_path / "in.npy", picture(dtype))
+    outcome = sharpen_texture_file(mesh, tmp_path / "in.npy", tmp_path / "out.npy", STRONG)
+    read = read_textured_mesh(mesh)
+    given = picture(dtype)[::-1]
+    given = given.astype(np.float32) if dtype == np.float16 else given
+    wanted = core.sharpen_texture(read.mesh, read.uv, given, STRONG)[::-1].astype(dtype)
+    result = np.load(tmp_path / "out.npy")
+    assert result.dtype == dtype
+    np.testing.assert_array_equal(result, wanted)
+    assert str(outcome) == f"changed {outcome.changed} of {SIZE * SIZE} pixels"
+    assert outcome.changed == (result != picture(dtype)).any(axis=2).sum() > 100
+
+
+def test_colors_flow_across_the_seam_and_rows_keep_their_place(tmp_path, mesh, texture):
+    sharpen_texture_file(mesh, texture, tmp_path / "out.png", core.TextureSettings(time=4096))
+    old, new = picture().astype(float), pixels_of(tmp_path / "out.png").astype(float)
+    right = slice(40, 63)  # all of it lies beyond the edge
+    assert np.ptp(old[32, right, 0]) > 10
+    assert np.ptp(new[32, right, 0]) < 6
+    assert new[4, 50, 0] < 0.8 * new[-5, 50, 0]  # the top stays darker
+
+
+def test_time_zero_copies_the_file(tmp_path, mesh, texture):
+    outcome = sharpen_texture_file(mesh, texture, tmp_path / "out.png", STILL)
+    assert (tmp_path / "out.png").read_bytes() == texture.read_bytes()
+    assert outcome.changed == 0
+
+
+@pytest.mark.parametrize("invert", [False, True])
+def test_a_mask_protects(tmp_path, mesh, texture, invert):
+    weights = np.zeros((SIZE, SIZE), dtype=np.uint8)
+    weights[: SIZE // 2] = 255  # the upper half
+    Image.fromarray(weights).save(tmp_path / "mask.png")
+    settings = core.TextureSettings(time=1024, gutter=0)
+    sharpen_texture_file(
+        mesh, texture, tmp_path / "out.png", settings, mask=tmp_path / "mask.png",
+        invert_mask=invert,
+    )  # fmt: skip
+    inside = np.r_[4:20, 44:60]
+    changed = (pixels_of(tmp_path / "out.png") != picture()).any(axis=2)[:, inside].any(axis=1)
+    upper, lower = changed[4 : SIZE // 2 - 2], changed[SIZE // 2 + 2 : -4]
+    kept, free = (upper, lower) if invert else (lower, upper)
+    assert not kept.any()
+    assert free.all()
+
+
+def test_dilation_fills_around_the_charts(tmp_path, mesh, texture):
+    settings = core.DilateSettings(gutter=4)
+    outcome = dilate_texture_file(mesh, texture, tmp_path / "out.png", settings)
+    old, new = picture(), pixels_of(tmp_path / "out.png")
+    filled = np.flatnonzero((old != new).any(axis=(0, 2)))
+    np.testing.assert_array_equal(filled, [*range(24, 28), *range(36, 40)])
+    assert outcome.changed == 8 * SIZE
+    np.testing.assert_allclose(new[8:-8, 24:28].astype(int), old[8:-8, 40:44], atol=12)
+
+
+def test_unusual_coordinates_are_mentioned(tmp_path, mesh, texture):
+    lines = [
+        f"vt {3 * float(line.split()[1]):g} {line.split()[2]}" if line.startswith("vt") else line
+        for line in mesh.read_text().splitlines()
+    ]
+    mesh.write_text("\n".join(lines))
+    outcome = dilate_texture_file(mesh, texture, tmp_path / "out.png")
+    assert any("overlap" in note for note in outcome.notes)
+    assert any("leave the image" in note for note in outcome.notes)
+
+
+def test_cancelling_writes_nothing(tmp_path, mesh, texture):
+    fractions = []
+
+    def stop(fraction, message):
+        fractions.append(fraction)
+        return fraction < 0.6
+
+    with pytest.raises(core.Cancelled):
+        sharpen_texture_file(mesh, texture, tmp_path / "out.png", progress=stop)
+    assert fractions == sorted(fractions)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.png", "mesh.obj"]
+
+
+# -------------------------------------------------------------------------------------------- masks
+
+
+def test_masks_as_numbers(tmp_path, mesh):
+    read = read_textured_mesh(mesh)
+    masks = core.TextureAtlas(read.mesh, read.uv, 32, SIZE).masks()
+    for kind in cli.KINDS:
+        wanted = getattr(masks, kind)[::-1]
+        for ending in ("npy", "tif", "exr"):
+            path = tmp_path / f"{kind}.{ending}"
+            outcome = texture_mask_file(mesh, path, kind, size=(32, SIZE))
+            if ending == "npy":
+                np.testing.assert_array_equal(np.load(path), wanted)
+            else:
+                np.testing.assert_array_equal(floats_of(path), wanted.astype(np.float32))
+    assert str(outcome) == f"2 charts, {masks.active.sum()} of {32 * SIZE} texels active"
+    assert masks.face.min() == -1
+    assert set(np.unique(masks.chart)) == {-1, 0, 1}
+
+
+def floats_of(path):
+    if path.suffix == ".tif":
+        import tifffile
+
+        return tifffile.imread(path)
+    import OpenEXR
+
+    with OpenEXR.File(str(path)) as file:
+        return file.channels()["Y"].pixels.copy()
+
+
+def test_masks_as_pictures(tmp_path, mesh, texture):
+    def drawn(kind, **words):
+        path = tmp_path / f"{kind}.png"
+        texture_mask_file(mesh, path, kind, like=texture, overwrite=True, **words)
+        return pixels_of(path)
+
+    active, boundary, count = (drawn(kind) for kind in ("active", "boundary", "count"))
+    assert set(np.unique(active)) == {0, 255}
+    assert (active[boundary > 0] == 255).all()
+    assert (count[4:-4, 4:20] == 64).all()
+    assert (count[:, 32] == 0).all()  # no chart lies there
+    charts = drawn("chart")
+    assert charts.shape == (SIZE, SIZE, 3)
+    assert (charts[5, 5] != charts[5, -5]).any()
+    assert (charts[:, 32] == 0).all()
+    assert (charts[:, 5] >= 64).all()
+    faces = drawn("face")
+    assert len(np.unique(faces.reshape(-1, 3), axis=0)) > 100
+    np.testing.assert_array_equal(faces, drawn("face"))
+
+
+def test_masks_that_cannot_be_written_are_named(tmp_path, mesh):
+    with pytest.raises(core.ShockError, match=r"\.webp cannot hold 1 channels of uint8; write one"):
+        texture_mask_file(mesh, tmp_path / "out.webp", "active", size=(8, 8))
+    with pytest.raises(core.ShockError, match="cannot handle this ending"):
+        texture_mask_file(mesh, tmp_path / "out.obj", "active", size=(8, 8))
+    with pytest.raises(core.ShockError, match="There is no file"):
+        texture_mask_file(mesh, tmp_path / "out.png", "active", like=tmp_path / "gone.png")
+    texture_mask_file(mesh, tmp_path / "out.png", "active", size=(8, 8))
+    with pytest.raises(core.ShockError, match="exists already"):
+        texture_mask_file(mesh, tmp_path / "out.png", "active", size=(8, 8))
+
+
+# ------------------------------------------------------------------------------------ command line
+
+
+def test_the_command_line_reaches_all_of_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_obj(tmp_path / "mesh.obj", ("Wood", "Stone"))
+    for name in ("a.png", "b.png"):
+        Image.fromarray(picture()).save(name)
+    words = ["sharpen-texture", "mesh.obj", "a.png", "b.png", "out", "--time", "256"]
+    assert cli.main(words) == 0
+    assert (pixels_of("out/a.png") != picture()).any()
+    np.testing.assert_array_equal(pixels_of("out/a.png"), pixels_of("out/b.png"))
+    out, err = capsys.readouterr()
+    assert out.splitlines()[0].startswith("a.png -> out/a.png: changed ")
+    assert out.splitlines()[1] == "  all materials (Stone, Wood) count; choose one with --material"
+    assert cli.main(["dilate-texture", "mesh.obj", "a.png", "d.png", "--material", "Wood"]) == 0
+    assert cli.main(["texture-mask", "mesh.obj", "m.npy", "--size", "20x10", "--kind", "face"]) == 0
+    assert np.load("m.npy").shape == (10, 20)
+    capsys.readouterr()
+    (tmp_path / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert cli.main(["sharpen-texture", "bare.obj", "a.png", "e.png"]) == 1
+    err = capsys.readouterr().err
+    assert "bare.obj has no texture coordinates; unwrap it (in Blender: UV > Unwrap)" in err
+    assert not (tmp_path / "e.png").exists()
