@@ -17,12 +17,14 @@ from . import (
     panels,
     presets,
     properties,
+    texture_operator,
 )
 
 _CLASSES = (
     *geometry_operator.CLASSES,
     *colors_operator.CLASSES,
     *image_operator.CLASSES,
+    *texture_operator.CLASSES,
     *presets.CLASSES,
     *panels.CLASSES,
 )

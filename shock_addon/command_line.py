@@ -6,8 +6,9 @@ from __future__ import annotations
 import argparse
 import math
 import shutil
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,10 @@ from typing import Any
 import bpy
 
 from ..core import cli
-from ..core.errors import Cancelled, ShockError
+from ..core.errors import Cancelled, InvalidUV, ShockError
 from ..core.output import Outcome, staged
-from . import operators
+from . import kernels, operators
+from .skipped import Skipped
 
 COMMAND = "shock_filter"
 OPEN_FILE = "-"
@@ -60,6 +62,8 @@ _IMAGE_FORMATS = {
     ".webp": "WEBP",
 }
 
+_ARRAY = ".npy"
+
 _handle: Any = None
 
 
@@ -96,8 +100,13 @@ class BlenderBackend:
 
     def formats(self, command: cli.Command) -> str:
         """Name the files that a command reads and writes."""
+        images = "PNG, JPEG, TIFF, EXR, HDR, Targa, BMP and WebP files"
         if command is cli.IMAGE:
-            return "PNG, JPEG, TIFF, EXR, HDR, Targa, BMP and WebP files, which keep their format"
+            return f"{images}, which keep their format"
+        if command.on_mesh:
+            return f"{images}, which keep their format, on whatever meshes this Blender reads"
+        if command is cli.TEXTURE_MASK:
+            return f"from whatever this Blender reads to {images}; EXR and NumPy hold numbers"
         return (
             "whatever this Blender reads and writes, such as blend, OBJ, PLY, STL, glTF, FBX, USD"
         )
@@ -106,21 +115,30 @@ class BlenderBackend:
         """Add the flags for objects, vertex groups and color attributes."""
         if command is cli.IMAGE:
             return
-        parser.add_argument(
-            "--mask",
-            metavar="NAME",
-            default="",
-            help="vertex group that says how much is done to each vertex: 0 keeps it, 1 sharpens"
-            " it fully",
-        )
-        parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
+        if command is cli.TEXTURE:
+            parser.add_argument(
+                "--mask",
+                metavar="FILE",
+                default="",
+                help="gray image of the same size: black stays, white is sharpened fully",
+            )
+        elif command in (cli.GEOMETRY, cli.COLORS):
+            parser.add_argument(
+                "--mask",
+                metavar="NAME",
+                default="",
+                help="vertex group that says how much is done to each vertex: 0 keeps it, 1"
+                " sharpens it fully",
+            )
+        if command not in (cli.DILATE, cli.TEXTURE_MASK):
+            parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
         parser.add_argument(
             "--object",
             metavar="NAME",
             action="append",
             dest="objects",
-            help="sharpen this object only, even if it is hidden (may be repeated); without it,"
-            " all visible meshes of the scene",
+            help="take this object only, even if it is hidden (may be repeated); without it, all"
+            " visible meshes of the scene",
         )
         if command is cli.COLORS:
             parser.add_argument(
@@ -142,6 +160,10 @@ class BlenderBackend:
         """Sharpen one file into another; IN may be - for the open file, but not for images."""
         if command is cli.IMAGE:
             return _sharpen_image(command, source, target, settings, options, progress)
+        if command.on_mesh:
+            return _filter_texture(command, source, target, settings, options, progress)
+        if command is cli.TEXTURE_MASK:
+            return _draw_mask(source, target, options, progress)
         return _sharpen_meshes(command, source, target, settings, options, progress)
 
 
@@ -162,16 +184,7 @@ def _sharpen_meshes(
         values["attribute"] = options.attribute
         look, done = partial(_colors, name=options.attribute), "changed {changed} of {total} colors"
     before = [look(obj) for obj in objects]
-    active = bpy.context.view_layer.objects.active
-    if active is not None and active.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
-    # Overriding the context leaves the file's own selection as it is.
-    with bpy.context.temp_override(
-        selected_objects=objects,
-        selected_editable_objects=objects,
-        active_object=objects[0],
-        object=objects[0],
-    ):
+    with _selected(objects):
         _run_operator(command, settings, values, progress)
     after = [look(obj) for obj in objects]
     changed = sum(_count_changed(old, new) for old, new in zip(before, after, strict=True))
@@ -185,6 +198,21 @@ def _sharpen_meshes(
     return Outcome(sum(map(len, before)), changed, tuple(notes), done)
 
 
+@contextmanager
+def _selected(objects: list[bpy.types.Object]) -> Iterator[None]:
+    """Have operators act on these objects; the file's own selection stays as it is."""
+    active = bpy.context.view_layer.objects.active
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    with bpy.context.temp_override(
+        selected_objects=objects,
+        selected_editable_objects=objects,
+        active_object=objects[0],
+        object=objects[0],
+    ):
+        yield
+
+
 def _sharpen_image(
     command: cli.Command,
     source: str,
@@ -192,21 +220,17 @@ def _sharpen_image(
     settings: Any,
     options: argparse.Namespace,
     progress: operators.Progress,
+    more: dict[str, Any] | None = None,
 ) -> Outcome:
-    kind = _IMAGE_FORMATS.get(target.suffix.lower())
-    if kind is None:
-        raise ShockError(
-            f"{target}: this ending cannot be handled here; use one of {', '.join(_IMAGE_FORMATS)}."
-        )
-    image = _load_image(source)
-    try:
+    with _loaded_image(source) as image:
+        kind = _image_format(target)
         if image.file_format != kind:
             raise ShockError(
                 f"{source} is a {image.file_format} file, and Blender keeps its depth only in this"
                 " format; end OUT accordingly, or use shock-filter outside Blender."
             )
         before = _pixels(image)
-        values = {"image": image.name, "output": "REPLACE"}
+        values = {"image": image.name, "output": "REPLACE", **(more or {})}
         _run_operator(command, settings, values, progress)
         changed = _count_changed(before, _pixels(image))
         with staged(target, options.overwrite) as path:
@@ -214,24 +238,107 @@ def _sharpen_image(
                 image.save(filepath=str(path))
             else:
                 shutil.copyfile(source, path)
-    finally:
-        bpy.data.images.remove(image)
     notes = ("Blender writes no further layers, nor metadata that it does not know",)
     return Outcome(
         len(before), changed, notes if changed else (), "changed {changed} of {total} pixels"
     )
 
 
-def _load_image(source: str) -> bpy.types.Image:
-    _check_file(source)
+def _filter_texture(
+    command: cli.Command,
+    source: str,
+    target: Path,
+    settings: Any,
+    options: argparse.Namespace,
+    progress: operators.Progress,
+) -> Outcome:
+    _image_format(target)
+    _open(options.mesh)
+    objects, notes = _chosen(options.objects)
+    with ExitStack() as stack:
+        stack.enter_context(_selected(objects))
+        more: dict[str, Any] = {}
+        if command is cli.TEXTURE and options.mask:
+            mask = stack.enter_context(_loaded_image(options.mask))
+            more = {"mask_image": mask.name, "invert_mask": options.invert_mask}
+        outcome = _sharpen_image(command, source, target, settings, options, progress, more)
+    return replace(outcome, notes=(*notes, *outcome.notes))
+
+
+def _draw_mask(
+    source: str, target: Path, options: argparse.Namespace, progress: operators.Progress
+) -> Outcome:
+    ending = target.suffix.lower()
+    kind = None if ending == _ARRAY else _image_format(target)
+    _open(source)
+    objects, notes = _chosen(options.objects)
+    size = options.size
+    if size is None:
+        with _loaded_image(options.like) as image:
+            size = image.size[1], image.size[0]
+    kernels.load(kernels.cache_folder())
+    import numpy as np
+
+    from ..core.texture_files import mask_outcome, mask_pixels
+    from .texture_data import EVERYWHERE, read_faces
+    from .texturing import analyse
+
     try:
-        image = bpy.data.images.load(str(Path(source).absolute()))
+        faces, _, skipped = read_faces(bpy.context, objects, None, EVERYWHERE)
+    except Skipped as reason:
+        raise InvalidUV(f"{source}: {reason}.") from reason
+    atlas = analyse(faces, size, progress)
+    shown = mask_pixels(atlas, options.kind, ending)
+    with staged(target, options.overwrite) as path:
+        if kind is None:
+            np.save(path, shown[::-1])
+        else:
+            _save_picture(path, kind, shown)
+    return mask_outcome(atlas, (*notes, *skipped))
+
+
+def _save_picture(path: Path, kind: str, shown: Any) -> None:
+    """Write gray values or colors, bytes or floats."""
+    import numpy as np
+
+    height, width = shown.shape[:2]
+    is_float = shown.dtype.kind == "f"
+    pixels = np.ones((height, width, 4), dtype=np.float32)
+    pixels[..., :3] = shown.reshape(height, width, -1) / np.float32(1 if is_float else 255)
+    image = bpy.data.images.new(
+        "mask", width, height, alpha=False, float_buffer=is_float, is_data=True
+    )
+    image.pixels.foreach_set(pixels.reshape(-1))
+    image.file_format = kind
+    image.save(filepath=str(path))
+    bpy.data.images.remove(image)
+
+
+def _image_format(target: Path) -> str:
+    kind = _IMAGE_FORMATS.get(target.suffix.lower())
+    if kind is None:
+        raise ShockError(
+            f"{target}: this ending cannot be handled here; use one of {', '.join(_IMAGE_FORMATS)}."
+        )
+    return kind
+
+
+@contextmanager
+def _loaded_image(source: str) -> Iterator[bpy.types.Image]:
+    """Give the image of a file: the open scene's own one, or one that is removed afterwards."""
+    _check_file(source)
+    known = set(bpy.data.images)
+    try:
+        image = bpy.data.images.load(str(Path(source).absolute()), check_existing=True)
     except RuntimeError as error:
         raise ShockError(str(error).strip().removeprefix("Error: ")) from error
-    if not image.size[0] * image.size[1]:
-        bpy.data.images.remove(image)
-        raise ShockError(f"{source} cannot be read; is it an image, and not damaged?")
-    return image
+    try:
+        if not image.size[0] * image.size[1]:
+            raise ShockError(f"{source} cannot be read; is it an image, and not damaged?")
+        yield image
+    finally:
+        if image not in known:
+            bpy.data.images.remove(image)
 
 
 def _exporter(target: Path) -> tuple[str, dict[str, Any]] | None:
@@ -294,7 +401,7 @@ def _run_operator(
     command: cli.Command, settings: Any, options: dict[str, Any], progress: operators.Progress
 ) -> None:
     values = asdict(settings)
-    if math.isinf(settings.time):
+    if math.isinf(values.get("time", 0.0)):
         values |= {"time": 0.0, "steady_state": True}
     cancelled = False
 

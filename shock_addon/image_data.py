@@ -15,14 +15,19 @@ import numpy.typing as npt
 
 from .picture import Picture
 from .skipped import Skipped
+from .tiles import Tiles, linear_space, new_tiled_like, read_tiles, write_tiles
 
 _REFUSED = {
     "MOVIE": "it is a movie; save the frame as an image and open that",
     "SEQUENCE": "it is an image sequence; open its files one by one as single images",
-    "TILED": "it has UDIM tiles, and scripts reach only the first; open the tiles one by one as"
-    " single images",
+    "TILED": "it has UDIM tiles; Sharpen Texture takes these, or open them one by one as single"
+    " images",
     "VIEWER": "it is a render result or a viewer; save it (Image > Save As) and open the file",
 }
+
+
+UNTILED = 0
+"""The number under which `read_parts` gives the pixels of an image without tiles."""
 
 
 @dataclass(frozen=True)
@@ -33,25 +38,32 @@ class ImageTarget:
     image_uid: int
     surface: Picture
 
+    @property
+    def parts(self) -> Tiles:
+        """The pixels as `read_parts` gives them."""
+        return {UNTILED: self.surface.pixels}
+
 
 @dataclass(frozen=True)
 class _Overwritten:
     image_uid: int
-    pixels: npt.NDArray[np.float32]
+    parts: Tiles
 
 
 _overwritten: _Overwritten | None = None
 """The image that was replaced last, as it was before: Blender's undo does not bring it back."""
 
 
-def refusal(image: bpy.types.Image) -> str:
-    """Say why an image cannot be sharpened; empty if it can."""
+def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
+    """Say why an image cannot be sharpened; empty if it can. UDIM tiles can be allowed."""
     if image.library is not None or image.override_library is not None:
         return "it is linked from another file; make it local first"
     if image.type == "MULTILAYER":
         return "it has several layers; save the one you want as an image of its own"
-    if image.source in _REFUSED:
+    if image.source in _REFUSED and not (tiles and image.source == "TILED"):
         return _REFUSED[image.source]
+    if image.source == "TILED" and image.is_dirty:
+        return "it has tiles that are not saved; save it first (Image > Save)"
     if not image.size[0] * image.size[1]:
         return "it has no pixels; check that its file exists"
     return ""
@@ -68,13 +80,18 @@ def read_image(image: bpy.types.Image) -> ImageTarget:
     reason = refusal(image)
     if reason:
         raise Skipped(reason)
-    picture = Picture(
-        pixels=read_pixels(image),
+    picture = picture_of(image, read_pixels(image))
+    return ImageTarget(image.name, image.session_uid, picture)
+
+
+def picture_of(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> Picture:
+    """Say what pixels that were read from an image mean."""
+    return Picture(
+        pixels=pixels,
         opacity=image.alpha_mode,
         premultiplied=image.is_float,
         levels=0 if image.is_float else 255,
     )
-    return ImageTarget(image.name, image.session_uid, picture)
 
 
 def find(target: ImageTarget) -> bpy.types.Image:
@@ -88,9 +105,29 @@ def find(target: ImageTarget) -> bpy.types.Image:
     image = next((i for i in bpy.data.images if i.session_uid == target.image_uid), None)
     if image is None:
         raise Skipped("it was removed meanwhile")
-    if refusal(image) or not _fits(image, target.surface.pixels):
+    if refusal(image, UNTILED not in target.parts) or part_sizes(image) != sizes_of(target.parts):
         raise Skipped("it was changed meanwhile; run again")
     return image
+
+
+def part_sizes(image: bpy.types.Image) -> dict[int, tuple[int, int]]:
+    """Return height and width of each part of an image, as `read_parts` gives them."""
+    if image.source != "TILED":
+        return {UNTILED: (image.size[1], image.size[0])}
+    return {tile.number: (tile.size[1], tile.size[0]) for tile in image.tiles if tile.size[0]}
+
+
+def read_parts(image: bpy.types.Image) -> Tiles:
+    """Read the pixels of all tiles, or of the image as its only part."""
+    return read_tiles(image) if image.source == "TILED" else {UNTILED: read_pixels(image)}
+
+
+def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
+    """Write the pixels of all parts. Tiles are always packed into the blend file."""
+    if image.source == "TILED":
+        write_tiles(image, parts)
+    else:
+        write_pixels(image, parts[UNTILED], pack)
 
 
 def read_pixels(image: bpy.types.Image) -> npt.NDArray[np.float32]:
@@ -104,11 +141,25 @@ def write_pixels(image: bpy.types.Image, pixels: npt.NDArray[np.float32], pack: 
     """Write the pixels, and pack them into the blend file if asked to."""
     if pack and image.is_float and not image.colorspace_settings.is_data:
         # Blender packs floats as they are in memory: linear, whatever their file was.
-        image.colorspace_settings.name = _linear_space()
+        image.colorspace_settings.name = linear_space()
     image.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
     image.update()
     if pack:
         image.pack()
+
+
+def add_or_reuse(source: bpy.types.Image, name: str, used: str, parts: Tiles) -> bpy.types.Image:
+    """Write the parts into an image like `source`: the one named `used` if it can take them."""
+    pack = source.packed_file is not None
+    image = bpy.data.images.get(used)
+    if image is not None and image != source and is_like(image, source):
+        write_parts(image, parts, pack)
+        return image
+    if source.source == "TILED":
+        return new_tiled_like(source, name, parts)
+    image = new_like(source, name)
+    write_pixels(image, parts[UNTILED], pack)
+    return image
 
 
 def new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
@@ -128,36 +179,30 @@ def new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
 
 def is_like(image: bpy.types.Image, other: bpy.types.Image) -> bool:
     """Whether an image can take the pixels of another one."""
-    return not refusal(image) and (*image.size, image.is_float) == (*other.size, other.is_float)
+    fits = part_sizes(image) == part_sizes(other) and image.is_float == other.is_float
+    return fits and not refusal(image, tiles=True)
 
 
-def overwrite(image: bpy.types.Image, target: ImageTarget, pixels: npt.NDArray) -> None:
-    """Write the pixels and keep the old ones for `restore`."""
+def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
+    """Write new parts and keep the old ones for `restore`."""
     global _overwritten
-    _overwritten = _Overwritten(target.image_uid, target.surface.pixels)
-    write_pixels(image, pixels, image.packed_file is not None)
+    _overwritten = _Overwritten(image.session_uid, old)
+    write_parts(image, new, image.packed_file is not None)
 
 
 def restore(image: bpy.types.Image) -> None:
     """Undo the last `overwrite`, if it was of this image."""
     known = _overwritten is not None and _overwritten.image_uid == image.session_uid
-    if known and _fits(image, _overwritten.pixels):
-        write_pixels(image, _overwritten.pixels, image.packed_file is not None)
+    if known and part_sizes(image) == sizes_of(_overwritten.parts):
+        write_parts(image, _overwritten.parts, image.packed_file is not None)
+
+
+def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
+    """Return height and width of each part."""
+    return {number: pixels.shape[:2] for number, pixels in parts.items()}
 
 
 def forget() -> None:
     """Drop what is kept for `restore`."""
     global _overwritten
     _overwritten = None
-
-
-def _fits(image: bpy.types.Image, pixels: npt.NDArray) -> bool:
-    width, height = image.size
-    return (height, width) == pixels.shape[:2]
-
-
-def _linear_space() -> str:
-    sample = bpy.data.images.new("sample", 1, 1, float_buffer=True)
-    name = sample.colorspace_settings.name
-    bpy.data.images.remove(sample)
-    return name

@@ -81,15 +81,12 @@ class SHOCK_FILTER_OT_sharpen_image(SharpenOperator, ImageProperties, bpy.types.
 
     def _write(self, target: image_data.ImageTarget, result: Recolored) -> bpy.types.Image:
         source = image_data.find(target)
+        new = {image_data.UNTILED: result.colors}
         if self.output == "REPLACE":
             if result.changed:
-                image_data.overwrite(source, target, result.colors)
+                image_data.overwrite(source, target.parts, new)
             return source
-        image = bpy.data.images.get(self.result)
-        if image is None or image == source or not image_data.is_like(image, source):
-            image = image_data.new_like(source, f"{source.name} sharpened")
-        image_data.write_pixels(image, result.colors, source.packed_file is not None)
-        return image
+        return image_data.add_or_reuse(source, f"{source.name} sharpened", self.result, new)
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the image and count pixels."""

@@ -93,11 +93,11 @@ def color_mask(
 
 def _free_faces(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
     flags = []
-    if mode in {"EDIT_MESH", "SCULPT", "PAINT_VERTEX"}:
+    if mode in {"EDIT_MESH", "SCULPT", "PAINT_VERTEX", "PAINT_TEXTURE"}:
         flags.append(~_flags(mesh.polygons, "hide"))
     by_face = tuple(bpy.context.tool_settings.mesh_select_mode) == (False, False, True)
     if (mode == "EDIT_MESH" and parameters.selected_only and by_face) or (
-        mode == "PAINT_VERTEX" and mesh.use_paint_mask
+        mode in {"PAINT_VERTEX", "PAINT_TEXTURE"} and mesh.use_paint_mask
     ):
         flags.append(_flags(mesh.polygons, "select"))
     free = np.logical_and.reduce(flags) if flags else np.True_

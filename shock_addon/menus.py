@@ -7,14 +7,14 @@ from collections.abc import Callable
 
 import bpy
 
-from .panels import draw_sharpen
+from .panels import draw_dilate, draw_sharpen
 
 _MODES = {
-    "VIEW3D_MT_object": ("geometry", "colors"),
+    "VIEW3D_MT_object": ("geometry", "colors", "texture"),
     "VIEW3D_MT_edit_mesh": ("geometry",),
     "VIEW3D_MT_sculpt": ("geometry",),
     "VIEW3D_MT_paint_vertex": ("colors",),
-    "IMAGE_MT_image": ("image",),
+    "IMAGE_MT_image": ("image", "texture"),
 }
 
 
@@ -25,6 +25,8 @@ def _entries(modes: tuple[str, ...]) -> Callable[[bpy.types.Menu, bpy.types.Cont
         layout.operator_context = "INVOKE_DEFAULT"
         for mode in modes:
             draw_sharpen(layout, context, mode)
+        if "texture" in modes:
+            draw_dilate(layout, context)
 
     return draw_entries
 

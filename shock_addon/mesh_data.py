@@ -94,7 +94,8 @@ def read_targets(
     with object_mode(context):
         for uid, obj in users.items():
             try:
-                _check(obj)
+                _check_writable(obj)
+                check_readable(obj)
                 targets.append(Target(obj.name, obj.session_uid, uid, *read(obj, mode, parameters)))
             except Skipped as reason:
                 skipped.append(f"Skipped {obj.name}: {reason}.")
@@ -154,24 +155,41 @@ def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
         If the scale is zero along an axis.
     """
     # Rotation and uniform scale change nothing, so they are left out: no rounding.
-    matrix = np.array(obj.matrix_world.to_3x3(), dtype=np.float64)
+    matrix = matrix_in_world(obj)[:3, :3]
     stretches = np.linalg.svd(matrix, compute_uv=False)
-    if not stretches[-1] > _SINGULAR * stretches[0]:
-        raise Skipped("its scale is zero along an axis; set a scale that is not zero")
     if stretches[0] <= (1.0 + _UNIFORM) * stretches[-1]:
         return np.identity(3)
     return matrix / stretches[0]
 
 
-def _check(obj: bpy.types.Object) -> None:
+def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
+    """Return the matrix that brings the object's points into the world: (4, 4).
+
+    Raises
+    ------
+    Skipped
+        If the scale is zero along an axis.
+    """
+    matrix = np.array(obj.matrix_world, dtype=np.float64)
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if not stretches[-1] > _SINGULAR * stretches[0]:
+        raise Skipped("its scale is zero along an axis; set a scale that is not zero")
+    return matrix
+
+
+def _check_writable(obj: bpy.types.Object) -> None:
     mesh = obj.data
     if mesh.library is not None or mesh.override_library is not None:
         raise Skipped(
             "its mesh is linked from another file; make it local first"
             " (Object > Relations > Make Local)"
         )
+
+
+def check_readable(obj: bpy.types.Object) -> None:
+    """Raise `Skipped` for an object whose faces cannot be read."""
     if obj.mode != "OBJECT":
         mode = f"{obj.mode.replace('_', ' ').title()} Mode"  # the words on screen
         raise Skipped(f"it is in {mode}; switch it to Object Mode first")
-    if not mesh.polygons:
+    if not obj.data.polygons:
         raise Skipped("it has no faces; add some, or select another object")

@@ -14,6 +14,7 @@ from ..core.errors import (
     InvalidMesh,
     InvalidSettings,
     InvalidSignal,
+    InvalidUV,
     ShockError,
     SolverError,
 )
@@ -194,7 +195,7 @@ def filter_targets(
 
         try:
             results.append(function(target.surface, part))
-        except (InvalidMesh, InvalidSignal, SolverError) as error:
+        except (InvalidMesh, InvalidSignal, InvalidUV, SolverError) as error:
             results.append(error)
         done += size
     return results

@@ -5,17 +5,27 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.settings import GeometrySettings, ImageSettings, ShockSettings, describe
+from ..core.settings import (
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+    TextureSettings,
+    describe,
+)
 from . import image_data, jobs, kernels, operators
 from .image_operator import edited_image
+from .mesh_data import mesh_objects
 from .presets import PANELS as PRESETS
-from .properties import NAMES, STEADY_STATE
+from .properties import DILATE_NAMES, NAMES, STEADY_STATE
+from .skipped import Skipped
+from .texture_data import shown_image
 from .wrapping import draw_text
 
 _ABOUT = {
     "geometry": describe(GeometrySettings),
     "colors": describe(ShockSettings),
     "image": describe(ImageSettings),
+    "texture": describe(TextureSettings),
 }
 
 
@@ -40,7 +50,7 @@ class _ImagePanel(_Panel):
 
     @classmethod
     def mode(cls, context: bpy.types.Context) -> str:
-        return "image"
+        return context.scene.shock_filter.image_mode.lower()
 
 
 class _MainPanel(_Panel):
@@ -62,6 +72,8 @@ class _MainPanel(_Panel):
         column = layout.column()
         column.scale_y = 1.5
         draw_sharpen(column, context, mode)
+        if mode == "texture":
+            draw_dilate(layout, context)
         _draw_state(layout, context, mode)
 
 
@@ -69,21 +81,27 @@ class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
     """Mode, main settings, the button, and what was last done."""
 
     def draw_choice(self, context: bpy.types.Context) -> None:
-        """Draw the modes, and for colors the attribute."""
+        """Draw the modes, and for colors the attribute, for textures the image."""
         scene_settings = context.scene.shock_filter
         self.layout.row().prop(scene_settings, "mode", expand=True)
         if scene_settings.mode == "COLORS":
             column = _split(self.layout)
             _draw_search(column, context, scene_settings.colors, "attribute", "color_attributes")
+        elif scene_settings.mode == "TEXTURE":
+            _split(self.layout).prop_search(scene_settings.texture, "image", bpy.data, "images")
+            if not scene_settings.texture.image:
+                _draw_shown_image(self.layout, context)
 
 
 class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
     """Main settings, the button, and what was last done."""
 
     def draw_choice(self, context: bpy.types.Context) -> None:
-        """Say why the image cannot be sharpened, if so."""
+        """Draw the modes, and say why the image cannot be sharpened, if so."""
+        self.layout.row().prop(context.scene.shock_filter, "image_mode", expand=True)
         image = edited_image(context)
-        reason = "" if image is None else image_data.refusal(image)
+        tiles = self.mode(context) == "texture"
+        reason = "" if image is None else image_data.refusal(image, tiles)
         if reason:
             draw_text(self.layout, context, f"{image.name}: {reason}.", icon="ERROR")
 
@@ -91,7 +109,7 @@ class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
 class _SubPanel:
     bl_parent_id = "SHOCK_FILTER_PT_main"
     bl_options = {"DEFAULT_CLOSED"}
-    modes = {"geometry", "colors", "image"}
+    modes = {"geometry", "colors", "image", "texture"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -101,24 +119,39 @@ class _SubPanel:
         self.draw_settings(context, self.settings(context))
 
 
-class SHOCK_FILTER_PT_mask(_SubPanel, _Panel, bpy.types.Panel):
-    """What may change."""
-
+class _MaskPanel(_SubPanel):
     bl_label = "Mask"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the group, and what the current mode adds."""
         column = _split(self.layout)
         _draw_search(column, context, settings, "vertex_group", "vertex_groups")
+        masks = [settings.vertex_group]
+        if self.mode(context) == "texture":
+            column.prop_search(settings, "mask_image", bpy.data, "images")
+            masks.append(settings.mask_image)
         row = column.row()
-        row.active = bool(settings.vertex_group)
+        row.active = any(masks)
         row.prop(settings, "invert_mask")
         if context.mode == "EDIT_MESH":
             column.prop(settings, "selected_only")
         if context.mode == "SCULPT":
             draw_text(column, context, "The sculpt mask protects, too.", icon="INFO")
-        if context.mode == "PAINT_VERTEX":
+        if context.mode in {"PAINT_VERTEX", "PAINT_TEXTURE"}:
             draw_text(column, context, "The paint mask protects, too.", icon="INFO")
+
+
+class SHOCK_FILTER_PT_mask(_MaskPanel, _Panel, bpy.types.Panel):
+    """What may change."""
+
+    modes = {"geometry", "colors", "texture"}
+
+
+class SHOCK_FILTER_PT_image_mask(_MaskPanel, _ImagePanel, bpy.types.Panel):
+    """What of the texture may change."""
+
+    bl_parent_id = "SHOCK_FILTER_PT_image_main"
+    modes = {"texture"}
 
 
 class _OutputPanel(_SubPanel):
@@ -126,13 +159,18 @@ class _OutputPanel(_SubPanel):
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the choice."""
-        _split(self.layout).prop(settings, "output", expand=True)
+        column = _split(self.layout)
+        column.prop(settings, "output", expand=True)
+        if self.mode(context) == "texture":
+            row = column.row()
+            row.active = settings.output == "NEW"
+            row.prop(settings, "assign")
 
 
 class SHOCK_FILTER_PT_output(_OutputPanel, _Panel, bpy.types.Panel):
-    """Where the new shape goes."""
+    """Where the new shape or the new image goes."""
 
-    modes = {"geometry"}
+    modes = {"geometry", "texture"}
 
 
 class SHOCK_FILTER_PT_image_output(_OutputPanel, _ImagePanel, bpy.types.Panel):
@@ -170,6 +208,34 @@ def draw_sharpen(layout: bpy.types.UILayout, context: bpy.types.Context, mode: s
     operator = layout.operator(f"shock_filter.sharpen_{mode}", icon="SHARPCURVE")
     for name in NAMES[mode]:
         setattr(operator, name, getattr(settings, name))
+    if mode == "texture":
+        _name_edited_image(operator, context)
+
+
+def draw_dilate(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the button that fills a texture's gutter."""
+    settings = context.scene.shock_filter.texture
+    operator = layout.operator("shock_filter.dilate_texture", icon="UV_ISLANDSEL")
+    for name in DILATE_NAMES:
+        setattr(operator, name, getattr(settings, name))
+    _name_edited_image(operator, context)
+
+
+def _name_edited_image(operator: bpy.types.OperatorProperties, context: bpy.types.Context) -> None:
+    # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
+    image = edited_image(context)
+    if image is not None:
+        operator.image = image.name
+
+
+def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Say which image will be sharpened, or why there is none."""
+    if not mesh_objects(context):
+        return
+    try:
+        layout.label(text=shown_image(context).name, icon="IMAGE_DATA")
+    except Skipped as reason:
+        draw_text(layout, context, f"{mesh_objects(context)[0].name}: {reason}.", icon="ERROR")
 
 
 def _split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
@@ -223,6 +289,7 @@ CLASSES = (
     SHOCK_FILTER_PT_output,
     SHOCK_FILTER_PT_advanced,
     SHOCK_FILTER_PT_image_main,
+    SHOCK_FILTER_PT_image_mask,
     SHOCK_FILTER_PT_image_output,
     SHOCK_FILTER_PT_image_advanced,
 )

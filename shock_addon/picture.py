@@ -12,6 +12,8 @@ import numpy.typing as npt
 from .. import core
 from .recolored import Recolored, recolored
 
+Pixels = npt.NDArray[np.float32]
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -30,7 +32,7 @@ class Picture:
         Bytes have 255 steps; 0 for floats.
     """
 
-    pixels: npt.NDArray[np.float32]
+    pixels: Pixels
     opacity: str
     premultiplied: bool
     levels: int
@@ -66,28 +68,49 @@ def sharpen_picture(
     core.ShockError
         See `core.sharpen_image`.
     """
+
+    def sharpen(pixels: Pixels, alpha: str) -> Pixels:
+        return core.sharpen_image(pixels, replace(settings, alpha=alpha), progress=progress)
+
+    return filter_picture(picture, settings.alpha, sharpen)
+
+
+def filter_picture(
+    picture: Picture, alpha: str, function: Callable[[Pixels, str], Pixels]
+) -> Recolored:
+    """Filter an image, with colors that are not multiplied by opacity.
+
+    Parameters
+    ----------
+    picture : Picture
+    alpha : str
+        "none" to treat all four channels alike, whatever the fourth is, or "auto".
+    function : callable
+        ``function(pixels, alpha)`` returns new pixels; `alpha` says whether the fourth channel,
+        if there is one, is opacity.
+    """
     old = picture.pixels
-    if settings.alpha == "none" or picture.opacity == "CHANNEL_PACKED":
-        new = core.sharpen_image(old, replace(settings, alpha="none"), progress=progress)
-        return recolored(old, new, picture.levels)
-    new = old.copy()
-    if picture.opacity == "NONE":
-        new[..., :3] = core.sharpen_image(old[..., :3], settings, progress=progress)
+    if alpha == "none" or picture.opacity == "CHANNEL_PACKED":
+        new = function(old, "none")
+    elif picture.opacity == "NONE":
+        new = old.copy()
+        new[..., :3] = function(old[..., :3], "none")
     elif picture.premultiplied:
-        new[..., :3] = _sharpen_multiplied(old, settings, progress)
+        new = _filter_multiplied(old, function)
     else:
-        new = core.sharpen_image(old, settings, progress=progress)
+        new = function(old, "auto")
     return recolored(old, new, picture.levels)
 
 
-def _sharpen_multiplied(
-    pixels: npt.NDArray[np.float32],
-    settings: core.ImageSettings,
-    progress: Callable[[float, str], bool] | None,
-) -> npt.NDArray[np.float32]:
-    opacity = pixels[..., 3:]
-    factor = np.where(opacity > 0, opacity, np.float32(1.0))
+def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]) -> Pixels:
     straight = pixels.copy()
-    straight[..., :3] /= factor
-    sharp = core.sharpen_image(straight, settings, progress=progress)[..., :3]
-    return np.where(sharp == straight[..., :3], pixels[..., :3], sharp * factor)
+    straight[..., :3] /= _factor(pixels)
+    new = function(straight, "auto")
+    same = (new == straight).all(axis=-1, keepdims=True)
+    multiplied = np.concatenate([new[..., :3] * _factor(new), new[..., 3:]], axis=-1)
+    return np.where(same, pixels, multiplied)
+
+
+def _factor(pixels: Pixels) -> Pixels:
+    opacity = pixels[..., 3:]
+    return np.where(opacity > 0, opacity, np.float32(1.0))

@@ -9,7 +9,7 @@ from bl_ui.utils import PresetPanel
 
 from .properties import NAMES
 
-_OF_ONE_OBJECT = {"vertex_group", "attribute"}
+_OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
 
 
 def _panel(mode: str) -> type:

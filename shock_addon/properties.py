@@ -9,7 +9,15 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.settings import GeometrySettings, ImageSettings, Setting, ShockSettings, describe
+from ..core.settings import (
+    DilateSettings,
+    GeometrySettings,
+    ImageSettings,
+    Setting,
+    ShockSettings,
+    TextureSettings,
+    describe,
+)
 
 STEADY_STATE = "steady_state"
 
@@ -91,7 +99,7 @@ _WHERE = {
     ),
     "invert_mask": bpy.props.BoolProperty(
         name="Invert",
-        description="Sharpen where the vertex group's weight is 0 and protect where it is 1",
+        description="Sharpen where the mask is 0 and protect where it is 1",
         default=False,
     ),
     "selected_only": bpy.props.BoolProperty(
@@ -153,21 +161,66 @@ class ColorProperties:
     }
 
 
+_IMAGE_OUTPUT = {
+    "output": _output(
+        ("NEW", "New Image", "Keep the image and put the new one beside it"),
+        (
+            "REPLACE",
+            "Replace",
+            "Overwrite the image's pixels. Blender cannot undo this; the file on disk stays until"
+            " you save the image",
+        ),
+    ),
+}
+
+
 class ImageProperties:
     """The parameters of the operator Sharpen Image that the panel keeps, too."""
 
+    __annotations__ = {**annotations_of(ImageSettings), **_IMAGE_OUTPUT}
+
+
+def texture_image(options: set[str]) -> Any:
+    """Make the property that names a texture."""
+    return bpy.props.StringProperty(
+        name="Image",
+        description="Texture to work on. Empty takes the one in the Image Editor, the one that is"
+        " painted on in Texture Paint Mode, or that of the active Image Texture node in the active"
+        " object's material",
+        options=options,
+    )
+
+
+_TEXTURE = {
+    "image": texture_image(set()),
+    **_IMAGE_OUTPUT,
+    "assign": bpy.props.BoolProperty(
+        name="Assign",
+        description="Show the new image instead of the old one in the materials of the objects",
+        default=True,
+    ),
+}
+
+
+class TextureProperties:
+    """The parameters of the operator Sharpen Texture that the panel keeps, too."""
+
     __annotations__ = {
-        **annotations_of(ImageSettings),
-        "output": _output(
-            ("NEW", "New Image", "Keep the image and put the sharpened one beside it"),
-            (
-                "REPLACE",
-                "Replace",
-                "Overwrite the image's pixels. Blender cannot undo this; the file on disk stays"
-                " until you save the image",
-            ),
+        **annotations_of(TextureSettings),
+        **_WHERE,
+        "mask_image": bpy.props.StringProperty(
+            name="Mask Image",
+            description="Image of the texture's size: white is sharpened fully, black not at all."
+            " Empty sharpens everywhere",
         ),
+        **_TEXTURE,
     }
+
+
+class DilateProperties:
+    """The parameters of the operator Dilate Texture; the panel keeps them with the others."""
+
+    __annotations__ = {**annotations_of(DilateSettings), **_TEXTURE}
 
 
 class SHOCK_FILTER_PG_geometry(GeometryProperties, bpy.types.PropertyGroup):
@@ -182,6 +235,10 @@ class SHOCK_FILTER_PG_image(ImageProperties, bpy.types.PropertyGroup):
     """The Image Editor's parameters."""
 
 
+class SHOCK_FILTER_PG_texture(TextureProperties, bpy.types.PropertyGroup):
+    """The panels' parameters for textures."""
+
+
 class SHOCK_FILTER_PG_scene(bpy.types.PropertyGroup):
     """What the panels keep in each scene."""
 
@@ -193,11 +250,23 @@ class SHOCK_FILTER_PG_scene(bpy.types.PropertyGroup):
                 ("GEOMETRY", "Geometry", "Move vertices so that rounded creases become sharp"),
                 ("COLORS", "Colors", "Move the colors on the surface so that blurred edges in"
                  " them become sharp"),
+                ("TEXTURE", "Texture", "Move the colors of an image on the surface that shows it,"
+                 " across seams, so that blurred edges in it become sharp"),
+            ],
+        ),
+        "image_mode": bpy.props.EnumProperty(
+            name="Mode",
+            description="How to sharpen the image",
+            items=[
+                ("IMAGE", "Image", "As a flat picture"),
+                ("TEXTURE", "Texture", "On the surface of the selected objects that show it, across"
+                 " seams"),
             ],
         ),
         "geometry": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_geometry),
         "colors": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_colors),
         "image": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_image),
+        "texture": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_texture),
     }  # fmt: skip
 
 
@@ -205,13 +274,18 @@ NAMES = {
     "geometry": tuple(GeometryProperties.__annotations__),
     "colors": tuple(ColorProperties.__annotations__),
     "image": tuple(ImageProperties.__annotations__),
+    "texture": tuple(TextureProperties.__annotations__),
 }
 """The names of each mode's parameters; the scene keeps them under the mode's name."""
+
+DILATE_NAMES = tuple(DilateProperties.__annotations__)
+"""The names of the parameters of Dilate Texture, which are among those of textures."""
 
 CLASSES = (
     SHOCK_FILTER_PG_geometry,
     SHOCK_FILTER_PG_colors,
     SHOCK_FILTER_PG_image,
+    SHOCK_FILTER_PG_texture,
     SHOCK_FILTER_PG_scene,
 )
 

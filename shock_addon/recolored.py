@@ -37,14 +37,23 @@ def recolored(old: Colors, new: Colors, levels: int) -> Recolored:
     Recolored
         Colors that do not change are the old ones bit for bit.
     """
-    if levels:
-        new = np.rint(new * np.float32(levels)) / np.float32(levels)
     same = new == old
+    if levels:  # Blender's fractions of bytes may differ from ours in the last bit
+        steps = _steps(new, levels)
+        same = steps == _steps(old, levels)
+        new = steps / np.float32(levels)
+    colors = np.where(same, old, new)  # 0.0 and -0.0 are the same, but not bit for bit
     return Recolored(
-        colors=np.where(same, old, new),  # 0.0 and -0.0 are the same, but not bit for bit
+        colors=colors,
         changed=int(np.count_nonzero(~same.all(axis=-1))),
-        largest_change=float(np.abs(new - old).max()),
+        largest_change=float(np.abs(colors - old).max()),
     )
+
+
+def _steps(colors: Colors, levels: int) -> Colors:
+    steps = colors * np.float32(levels)
+    np.rint(steps, out=steps)
+    return np.clip(steps, 0, levels, out=steps)
 
 
 def describe(results: Sequence[Recolored], things: str) -> str:

@@ -15,6 +15,8 @@ from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
 from shock_filter.core.files import sharpen_colors_file, sharpen_file
+from shock_filter.core.format_exr import read_exr
+from shock_filter.core.texture_files import texture_mask_file
 
 BATCH = Path(__file__).resolve().parents[2] / "shock_addon" / "batch.py"
 
@@ -398,6 +400,141 @@ def test_images_that_are_refused(folder):
         assert run.code == 1
         assert sentence in run.err
     assert sorted(path.name for path in folder.iterdir()) == ["bad.png", "in.png"]
+
+
+TEXTURED = """
+def sheet(name, left, image):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(left, 0, 0), (left + 1, 0, 0), (left + 1, 2, 0), (left, 2, 0)], [],
+                     [(0, 1, 2, 3)])
+    layer = mesh.uv_layers.new(name="Layout")
+    for loop in mesh.loops:
+        x, y, _ = mesh.vertices[loop.vertex_index].co
+        layer.uv[loop.index].vector = x / 2, y / 2
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+    mesh.materials.append(material)
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+
+image = bpy.data.images.load({image!r})
+sheet("Left", 0, image)
+sheet("Right", 1, image)
+sheet("Stone", 0, bpy.data.images.new("Stone", 4, 4))
+bpy.ops.wm.save_as_mainfile(filepath={path!r})
+"""
+
+
+@pytest.fixture
+def textured(folder):
+    """Two sheets that show one image, and one that shows another: sheets.blend and wood.png."""
+    Image.fromarray(soft_edge()).save("wood.png")
+    image, path = (str(folder / name) for name in ("wood.png", "sheets.blend"))
+    run = blender("--version", before=TEXTURED.format(image=image, path=path))
+    assert run.code == 0, run.err
+
+
+def flat_sheet():
+    """The surface that both sheets of `textured` make together, at the same density."""
+    points = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
+    mesh = core.TriangleMesh(points, [(0, 1, 2), (0, 2, 3)])
+    uv = np.array(points, dtype=float)[[(0, 1, 2), (0, 2, 3)], :2] / 2
+    return mesh, uv
+
+
+def pixels_of(name):
+    with Image.open(name) as image:
+        return np.array(image)
+
+
+def test_textures_are_sharpened_on_the_objects_that_show_them(textured):
+    run = blender("sharpen-texture", "sheets.blend", "wood.png", "out.png", "--time", "1024")
+    assert run.code == 0, run.err
+    settings = core.TextureSettings(time=1024)
+    wanted = core.sharpen_texture(*flat_sheet(), soft_edge()[::-1], settings)[::-1]
+    assert abs(wanted.astype(int) - soft_edge()).max() > 10
+    np.testing.assert_allclose(pixels_of("out.png").astype(int), wanted, atol=3)
+    changed = (pixels_of("out.png") != soft_edge()).any(axis=2).sum()
+    assert f"wood.png -> out.png: changed {changed} of 720 pixels in " in run.out
+    np.testing.assert_array_equal(pixels_of("wood.png"), soft_edge())
+
+    words = ["--object", "Left", "--gutter", "0"]
+    run = blender(
+        "sharpen-texture", "sheets.blend", "wood.png", "left.png", "--time", "1024", *words
+    )
+    assert run.code == 0, run.err
+    left = pixels_of("left.png")
+    assert (left[:, 4:14] != soft_edge()[:, 4:14]).any()
+    np.testing.assert_array_equal(left[:, 17:-1], soft_edge()[:, 17:-1])
+
+
+def test_masks_of_textures_are_images(textured):
+    weights = np.zeros((24, 30), dtype=np.uint8)
+    weights[:12] = 255
+    Image.fromarray(weights).save("mask.png")
+    for words, kept in (([], slice(13, -1)), (["--invert-mask"], slice(1, 11))):
+        run = blender(
+            "sharpen-texture", "sheets.blend", "wood.png", "out.png", "--overwrite", "--time",
+            "256", "--gutter", "0", "--mask", "mask.png", *words,
+        )  # fmt: skip
+        assert run.code == 0, run.err
+        new, old = pixels_of("out.png")[:, 1:-1], soft_edge()[:, 1:-1]
+        np.testing.assert_array_equal(new[kept], old[kept])
+        assert (new != old).any()
+
+
+def test_a_mesh_and_a_texture_from_other_programs(folder):
+    points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    uv = "vt 0.1 0.1\nvt 0.6 0.1\nvt 0.6 0.9\nvt 0.1 0.9\n"
+    Path("mesh.obj").write_text(points + uv + "f 1/1 2/2 3/3 4/4\n")
+    Image.fromarray(soft_edge()).save("a.png")
+    Image.fromarray(soft_edge()).save("b.png")
+    run = blender("dilate-texture", "mesh.obj", "a.png", "b.png", "out/", "--gutter", "3")
+    assert run.code == 0, run.err
+    np.testing.assert_array_equal(pixels_of("out/a.png"), pixels_of("out/b.png"))
+    changed = (pixels_of("out/a.png") != soft_edge()).any(axis=2)
+    assert changed[:, 18:22].any()
+    assert not changed[4:-4, 4:17].any()
+    assert not changed[:, 23:].any()
+
+
+@pytest.mark.parametrize("kind", ["active", "face", "chart"])
+def test_texture_masks_are_as_outside_blender(folder, kind):
+    points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    uv = "vt 0.1 0.1\nvt 0.6 0.1\nvt 0.6 0.9\nvt 0.1 0.9\n"
+    Path("mesh.obj").write_text(points + uv + "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+    Image.fromarray(soft_edge()).save("like.png")
+    for out in ("out.npy", "out.exr", "out.png"):
+        run = blender("texture-mask", "mesh.obj", out, "--kind", kind, "--like", "like.png")
+        assert run.code == 0, run.err
+        texture_mask_file("mesh.obj", f"wanted-{out}", kind, size=(24, 30))
+        assert f"mesh.obj -> {out}: 1 charts, " in run.out
+    np.testing.assert_array_equal(np.load("out.npy"), np.load("wanted-out.npy"))
+    shown, wanted = pixels_of("out.png"), pixels_of("wanted-out.png")
+    np.testing.assert_array_equal(
+        shown.reshape(24, 30, -1)[..., :1], wanted.reshape(24, 30, -1)[..., :1]
+    )
+    wanted = read_exr(Path("wanted-out.exr")).pixels
+    shown = read_exr(Path("out.exr")).pixels
+    np.testing.assert_array_equal(shown[..., 0], wanted)
+
+
+def test_what_is_wrong_with_textures_is_named(folder):
+    Path("bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
+    Image.fromarray(soft_edge()).save("in.png")
+    for words, sentence in {
+        ("sharpen-texture", "bare.obj", "in.png", "out.png"): "no UV map",
+        ("sharpen-texture", "gone.obj", "in.png", "out.png"): "no file gone.obj",
+        ("sharpen-texture", "bare.obj", "gone.png", "out.png"): "no file gone.png",
+        ("sharpen-texture", "bare.obj", "in.png", "out.mp3"): "out.mp3: this ending cannot be",
+        ("texture-mask", "bare.obj", "out.png", "--size", "8x8"): "it has no UV map; unwrap it",
+        ("texture-mask", "bare.obj", "out.ply", "--size", "8x8"): "out.ply: this ending cannot be",
+    }.items():
+        run = blender(*words)
+        assert run.code == 1
+        assert sentence in run.err
+    assert sorted(path.name for path in folder.iterdir()) == ["bare.obj", "in.png"]
 
 
 def test_several_inputs_with_a_bad_one(scene, old, folder):

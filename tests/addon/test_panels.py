@@ -6,12 +6,18 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings
+from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon import jobs, kernels, menus, operators, panels
 
 ABOUT = describe(GeometrySettings)
-MODES = {"geometry": GeometrySettings, "colors": ShockSettings, "image": ImageSettings}
+MODES = {
+    "geometry": GeometrySettings,
+    "colors": ShockSettings,
+    "image": ImageSettings,
+    "texture": TextureSettings,
+}
+CHOICES = {"mode", "image_mode", "selected_only"}
 FUNCTIONS = bpy.types.UILayout.bl_rna.functions
 ICONS = FUNCTIONS["label"].parameters["icon"].enum_items.keys()
 
@@ -52,6 +58,9 @@ def draw(panel, image=None):
         scene=bpy.context.scene,
         object=bpy.context.object,
         mode=bpy.context.mode,
+        selected_objects=bpy.context.selected_objects,
+        objects_in_mode=bpy.context.objects_in_mode,
+        tool_settings=bpy.context.tool_settings,
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
         region=SimpleNamespace(width=280),
     )
@@ -119,11 +128,12 @@ def test_each_mode_draws_its_settings_and_its_button(mode, rounded_box):
     rounded_box()
     main, others = panels_of(mode)
     drawn = draw(main)
-    operator = f"shock_filter.sharpen_{mode}"
-    assert words(drawn, "operator") == [(operator,)]
+    operators = [(f"shock_filter.sharpen_{mode}",)]
+    operators += [("shock_filter.dilate_texture",)] * (mode == "texture")
+    assert words(drawn, "operator") == operators
     for panel in others:
         drawn += draw(panel)
-    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - {"mode", "selected_only"}
+    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - CHOICES
     settings = getattr(bpy.context.scene.shock_filter, mode)
     assert shown == set(settings.bl_rna.properties.keys()) - {"rna_type", "name", "selected_only"}
 
@@ -174,16 +184,17 @@ def test_the_image_editor_says_why_an_image_cannot_be_sharpened():
 @pytest.mark.parametrize(
     ("menu", "modes"),
     [
-        ("VIEW3D_MT_object", ["geometry", "colors"]),
+        ("VIEW3D_MT_object", ["geometry", "colors", "texture"]),
         ("VIEW3D_MT_edit_mesh", ["geometry"]),
         ("VIEW3D_MT_sculpt", ["geometry"]),
         ("VIEW3D_MT_paint_vertex", ["colors"]),
-        ("IMAGE_MT_image", ["image"]),
+        ("IMAGE_MT_image", ["image", "texture"]),
     ],
 )
 def test_each_menu_has_its_entries(menu, modes):
     drawn = words(entry(menu), "operator")
-    assert drawn == [(f"shock_filter.sharpen_{mode}",) for mode in modes]
+    wanted = [(f"shock_filter.sharpen_{mode}",) for mode in modes]
+    assert drawn == wanted + [("shock_filter.dilate_texture",)] * ("texture" in modes)
 
 
 def test_the_panel_says_what_is_wrong(monkeypatch):
@@ -213,3 +224,58 @@ def test_long_sentences_are_wrapped(monkeypatch):
     lines = words(draw(panels.SHOCK_FILTER_PT_main), "label")
     assert len(lines) > 1
     assert " ".join(lines) == sentence
+
+
+def texture_panels(editor):
+    """Choose textures; return the main panel and those below it that are seen then."""
+    scene = bpy.context.scene
+    scene.shock_filter.mode = "TEXTURE"
+    scene.shock_filter.image_mode = "TEXTURE"
+    main = panels.SHOCK_FILTER_PT_image_main if editor else panels.SHOCK_FILTER_PT_main
+    below = [p for p in panels.CLASSES if getattr(p, "bl_parent_id", "") == main.__name__]
+    return main, [panel for panel in below if panel.poll(SimpleNamespace(scene=scene))]
+
+
+@pytest.mark.parametrize("editor", [False, True])
+def test_both_editors_have_all_settings_of_textures(editor, rounded_box):
+    rounded_box()
+    main, below = texture_panels(editor)
+    drawn = [entry for panel in (main, *below) for entry in draw(panel)]
+    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - CHOICES
+    wanted = set(bpy.context.scene.shock_filter.texture.bl_rna.properties.keys())
+    wanted -= {"rna_type", "name", "selected_only"}
+    assert shown == wanted - ({"image"} if editor else set())
+
+
+def test_the_image_editors_buttons_name_the_image_that_is_seen():
+    image = bpy.data.images.new("Seen", 4, 4)
+    bpy.context.scene.shock_filter.texture.image = "Other"
+    bpy.context.scene.shock_filter.texture.gutter = 3
+    main, _ = texture_panels(editor=True)
+    for carried in words(draw(main, image=image), "set"):
+        assert (carried.image, carried.gutter) == ("Seen", 3)
+    main, _ = texture_panels(editor=False)
+    for carried in words(draw(main), "set"):
+        assert carried.image == "Other"
+
+
+def test_the_image_editor_takes_tiles_on_the_surface_only():
+    tiled = bpy.data.images.new("Tiles", 4, 4, tiled=True)
+    main, _ = texture_panels(editor=True)
+    assert not any("UDIM" in str(text) for text in words(draw(main, image=tiled), "label"))
+
+
+def test_the_texture_panel_says_which_image_or_why_none(rounded_box):
+    box = rounded_box()
+    main, _ = texture_panels(editor=False)
+    text = " ".join(map(str, words(draw(main), "label")))
+    assert "it has no material; add one with an Image Texture node" in text
+    material = bpy.data.materials.new("Paint")
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new("Wood", 4, 4)
+    box.data.materials.append(material)
+    assert "Wood" in words(draw(main), "label")
+    bpy.context.scene.shock_filter.texture.image = "Wood"
+    assert "Wood" not in words(draw(main), "label")

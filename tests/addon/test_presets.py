@@ -9,7 +9,12 @@ import pytest
 
 @pytest.mark.parametrize(
     ("mode", "of_one_object"),
-    [("geometry", "vertex_group"), ("colors", "attribute"), ("image", None)],
+    [
+        ("geometry", "vertex_group"),
+        ("colors", "attribute"),
+        ("image", None),
+        ("texture", "mask_image"),
+    ],
 )
 def test_a_preset_brings_the_settings_back(mode, of_one_object):
     settings = getattr(bpy.context.scene.shock_filter, mode)

@@ -6,12 +6,24 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.core import GeometrySettings, ImageSettings, InvalidSettings, ShockSettings
+from shock_filter.core import (
+    DilateSettings,
+    GeometrySettings,
+    ImageSettings,
+    InvalidSettings,
+    ShockSettings,
+    TextureSettings,
+)
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon import properties
 
 SETTINGS = describe(GeometrySettings)
-MODES = {"geometry": GeometrySettings, "colors": ShockSettings, "image": ImageSettings}
+MODES = {
+    "geometry": GeometrySettings,
+    "colors": ShockSettings,
+    "image": ImageSettings,
+    "texture": TextureSettings,
+}
 EACH = [(mode, name) for mode, settings in MODES.items() for name in describe(settings)]
 
 
@@ -45,6 +57,12 @@ def test_each_setting_is_a_property_of_panel_and_operator(mode, name):
 def test_untouched_properties_give_the_default_settings(mode):
     read = properties.settings_from(MODES[mode], panel_settings(mode))
     assert read == MODES[mode]()
+
+
+def test_dilation_has_its_settings_among_those_of_textures():
+    names = set(bpy.ops.shock_filter.dilate_texture.get_rna_type().properties.keys())
+    kept = set(panel_settings("texture").bl_rna.properties.keys())
+    assert set(describe(DilateSettings)) <= set(properties.DILATE_NAMES) <= names & kept
 
 
 def test_numbers_come_back_as_they_were_typed():

@@ -65,8 +65,9 @@ print(json.dumps(states))
     assert before["operators"] == []
     assert before["types"] == []
     assert enabled["operators"] == [
-        "colors_preset_add", "geometry_preset_add", "image_preset_add",
-        "sharpen_colors", "sharpen_geometry", "sharpen_image",
+        "colors_preset_add", "dilate_texture", "geometry_preset_add", "image_preset_add",
+        "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture",
+        "texture_preset_add",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 16
     assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}

@@ -112,6 +112,13 @@ def test_all_bytes_survive():
     np.testing.assert_array_equal(np.rint(255 * read(photo)), np.rint(255 * levels))
 
 
+def test_pixels_that_stay_are_not_counted():
+    levels = (np.arange(32 * 32 * 4) % 256 / 255).reshape(32, 32, 4).astype(np.float32)
+    add(pixels=levels)
+    sharpen(image="Photo", time=0.0)
+    assert "1,024 pixels, changed 0, largest change 0 " in operators.summaries["image"]
+
+
 def test_high_dynamic_range_is_kept():
     pixels = blend()
     pixels[..., :3] *= 20.0

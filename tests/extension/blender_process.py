@@ -116,6 +116,20 @@ def sharpen_image() -> dict[str, object]:
     return {"result": sorted(result), "steepest": [float(np.diff(v[8, :, 0]).max()) for v in pair]}
 
 
+def sharpen_texture() -> dict[str, object]:
+    """Run the operator on a soft edge on a cube; return its result and the steepest values."""
+    bpy.ops.mesh.primitive_cube_add()  # it has a UV map
+    image = bpy.data.images.new("Around", 64, 64, float_buffer=True)
+    values = np.ones((64, 64, 4), np.float32)
+    values[..., :3] = (1 / (1 + np.exp(-(np.arange(64) - 31.5) / 3)))[:, None]
+    image.pixels.foreach_set(values.ravel())
+    result = bpy.ops.shock_filter.sharpen_texture(image="Around", time=4096.0)
+    flat = np.empty(values.size, np.float32)
+    bpy.data.images["Around sharpened"].pixels.foreach_get(flat)
+    around = [v[40, 10:54, 0] for v in (values, flat.reshape(values.shape))]  # inside the chart
+    return {"result": sorted(result), "steepest": [float(np.diff(v).max()) for v in around]}
+
+
 def is_registered() -> bool:
     """Tell whether Blender knows the operator."""
     return hasattr(bpy.types, "SHOCK_FILTER_OT_sharpen_geometry")
@@ -141,6 +155,7 @@ report["first"] = sharpen()
 report["second"] = sharpen()
 report["colors"] = sharpen_colors()
 report["image"] = sharpen_image()
+report["texture"] = sharpen_texture()
 report["extension_after"] = files_below(installed_extension())
 report["places"] = {name: importlib.util.find_spec(name).origin for name in HEAVY}
 user_folder = Path(bpy.utils.extension_path_user(MODULE))

@@ -105,7 +105,7 @@ def test_operator_sharpens_the_rounded_edges(first, second):
     assert second["first"]["farthest"] == pytest.approx(first["first"]["farthest"], rel=1e-3)
 
 
-@pytest.mark.parametrize("what", ["colors", "image"])
+@pytest.mark.parametrize("what", ["colors", "image", "texture"])
 def test_operators_steepen_soft_edges(first, second, what):
     for process in (first, second):
         assert process[what]["result"] == ["FINISHED"]
