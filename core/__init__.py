@@ -24,6 +24,9 @@ from .errors import (
     SolverError,
 )
 from .settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
     DilateSettings,
     FitSettings,
     GeometrySettings,
@@ -34,6 +37,13 @@ from .settings import (
 
 if _TYPE_CHECKING:
     from .atlas import TextureAtlas, UVReport
+    from .beltrami.images import beltrami_image, beltrami_manifold
+    from .beltrami.meshes import (
+        beltrami_corner_signal,
+        beltrami_joint,
+        beltrami_mesh,
+        beltrami_vertex_signal,
+    )
     from .fit import fit_to_normals
     from .flow import flow_field
     from .images import sharpen_image
@@ -57,11 +67,20 @@ _LAZY = {
     "osher_rudin_image": "pde",
     "TextureAtlas": "atlas",
     "UVReport": "atlas",
+    "beltrami_image": "beltrami.images",
+    "beltrami_manifold": "beltrami.images",
+    "beltrami_vertex_signal": "beltrami.meshes",
+    "beltrami_corner_signal": "beltrami.meshes",
+    "beltrami_mesh": "beltrami.meshes",
+    "beltrami_joint": "beltrami.meshes",
     "dilate_texture": "textures",
     "sharpen_texture": "textures",
 }
 
 __all__ = [
+    "BeltramiGeometrySettings",
+    "BeltramiMeshSettings",
+    "BeltramiSettings",
     "Cancelled",
     "DilateSettings",
     "FitSettings",
@@ -78,6 +97,12 @@ __all__ = [
     "TextureSettings",
     "TriangleMesh",
     "UVReport",
+    "beltrami_corner_signal",
+    "beltrami_image",
+    "beltrami_joint",
+    "beltrami_manifold",
+    "beltrami_mesh",
+    "beltrami_vertex_signal",
     "dilate_texture",
     "fit_to_normals",
     "flow_field",

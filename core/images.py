@@ -6,10 +6,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .errors import InvalidSignal
 from .grid import Channels, Sources, advect_pixels, image_potential
 from .parallel import Progress, ProgressCallback
-from .pixels import BAND, SCALES, channel_groups, checked_image, checked_weights
+from .pixels import SCALES, channel_groups, checked_image, checked_out, checked_weights, mix
 from .settings import ImageSettings
 from .signals import step_durations
 
@@ -59,7 +58,7 @@ def sharpen_image(
     """
     given = checked_image(image)
     settings = settings or ImageSettings()
-    result = _checked_out(out, given)
+    result = checked_out(out, given)
     weights = checked_weights(mask, given)
     phases = Progress.of(progress)
     pixels = given.reshape(*given.shape[:2], -1)
@@ -81,7 +80,7 @@ def sharpen_image(
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
     if weights is not None:
-        _mix(given.reshape(target.shape), weights, target)
+        mix(given.reshape(target.shape), weights, target)
     phases.update(1.0)
     return result
 
@@ -118,28 +117,3 @@ def _flow_channels(
             current, spare = spare, current
     for c in range(channels.start, channels.stop):
         target[..., c] = np.rint(current[..., c]) if scale != 1.0 else current[..., c]
-
-
-def _mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray) -> None:
-    # In bands of rows, so that an image mapped from disk is not copied as a whole.
-    for start in range(0, len(pixels), BAND):
-        band = slice(start, start + BAND)
-        weight = weights[band, :, None]
-        old = pixels[band].astype(np.float64)
-        mixed = old + weight * (target[band] - old)
-        if target.dtype.kind == "u":
-            mixed = np.rint(mixed)
-        target[band] = np.where(weight == 0, pixels[band], mixed)
-
-
-def _checked_out(out: npt.NDArray | None, given: npt.NDArray) -> npt.NDArray:
-    if out is None:
-        return np.empty_like(given)
-    if out.shape != given.shape or out.dtype != given.dtype or not out.flags.c_contiguous:
-        raise InvalidSignal(
-            f"out is {out.dtype} of shape {out.shape}; give a contiguous {given.dtype} array of"
-            f" shape {given.shape}."
-        )
-    if np.may_share_memory(out, given):
-        raise InvalidSignal("out shares memory with the image; give another array.")
-    return np.asarray(out)

@@ -160,6 +160,11 @@ class TriangleMesh:
         """Areas of the faces in squared mean edge lengths, exactly zero if degenerate: (m,)."""
         return self._normals_and_areas[1]
 
+    def own_corners(self, corners: npt.NDArray) -> npt.NDArray:
+        """Exchange second and third corners (m, 3, ...) of turned faces, to `faces` or back."""
+        order = np.where(self.flipped[:, None], [0, 2, 1], [0, 1, 2])
+        return np.take_along_axis(corners, order.reshape(-1, 3, *(1,) * (corners.ndim - 2)), axis=1)
+
     def displaced(self, displacement: Floats) -> TriangleMesh:
         """Return the mesh with its vertices moved by `displacement` (n, 3)."""
         moved = TriangleMesh.__new__(TriangleMesh)

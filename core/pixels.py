@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixel arrays as filters take them: checks, scales, channels and masks."""
+"""What the filters of images share: which images they take, and masks."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from .settings import ImageSettings, TextureSettings
 from .signals import LUMINANCE
 
 SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float64": 1.0}
-"""What brings values of each supported type to [0, 1]."""
+"""The types of images, with what brings their values to [0, 1]."""
 
-BAND = 256
-"""Rows that are converted at once, so that an image mapped from disk is not copied as a whole."""
+_BAND = 256
 
 
 def checked_image(image: npt.ArrayLike) -> npt.NDArray:
-    """Return an image as a contiguous (h, w) or (h, w, c) array, or raise `InvalidSignal`."""
+    """Return the image as a contiguous array; raises `InvalidSignal` if it cannot be filtered."""
     array = np.asarray(image)
     if array.dtype.name not in SCALES:
         raise InvalidSignal(
@@ -29,14 +28,28 @@ def checked_image(image: npt.ArrayLike) -> npt.NDArray:
         raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
     array = np.ascontiguousarray(array)
     if array.dtype.kind == "f":
-        for start in range(0, len(array), BAND):
-            if not np.isfinite(array[start : start + BAND]).all():
+        for start in range(0, len(array), _BAND):
+            if not np.isfinite(array[start : start + _BAND]).all():
                 raise InvalidSignal("The image holds NaN or infinity; replace these values first.")
     return array
 
 
+def checked_out(out: npt.NDArray | None, given: npt.NDArray) -> npt.NDArray:
+    """Return where the result goes: a new array, or `out` if it fits."""
+    if out is None:
+        return np.empty_like(given)
+    if out.shape != given.shape or out.dtype != given.dtype or not out.flags.c_contiguous:
+        raise InvalidSignal(
+            f"out is {out.dtype} of shape {out.shape}; give a contiguous {given.dtype} array of"
+            f" shape {given.shape}."
+        )
+    if np.may_share_memory(out, given):
+        raise InvalidSignal("out shares memory with the image; give another array.")
+    return np.asarray(out)
+
+
 def checked_weights(mask: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArray | None:
-    """Return a mask as (h, w) float64 in [0, 1], or None, or raise `InvalidSignal`."""
+    """Return the mask as float64; raises `InvalidSignal` if it does not fit the image."""
     if mask is None:
         return None
     weights = np.asarray(mask)
@@ -49,9 +62,14 @@ def checked_weights(mask: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArr
     return weights.astype(np.float64, copy=False)
 
 
+def opacity_channel(channels: int, alpha: str) -> int:
+    """Find the channel that is opacity, or -1; `alpha` is as in `ImageSettings`."""
+    return channels - 1 if alpha == "auto" and channels in (2, 4) else -1
+
+
 def channel_groups(count: int, settings: ImageSettings | TextureSettings) -> list[Channels]:
-    """Tell which of `count` channels are filtered together."""
-    alpha = count - 1 if settings.alpha == "auto" and count in (2, 4) else -1
+    """Tell which of `count` channels follow one flow."""
+    alpha = opacity_channel(count, settings.alpha)
     colors = count - (alpha >= 0)
     none = np.empty(0, dtype=np.float32)
     if settings.channels == "independent":
@@ -60,3 +78,16 @@ def channel_groups(count: int, settings: ImageSettings | TextureSettings) -> lis
         weights = LUMINANCE if colors >= 3 else np.full(colors, 1.0 / colors)
         return [Channels(0, colors, alpha, weights.astype(np.float32))]
     return [Channels(0, colors, alpha, none)]
+
+
+def mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray) -> None:
+    """Mix the result in `target` with the input; a weight of 0 keeps the input bit for bit."""
+    # In bands of rows, so that an image mapped from disk is not copied as a whole.
+    for start in range(0, len(pixels), _BAND):
+        band = slice(start, start + _BAND)
+        weight = weights[band, :, None]
+        old = pixels[band].astype(np.float64)
+        mixed = old + weight * (target[band] - old)
+        if target.dtype.kind == "u":
+            mixed = np.rint(mixed)
+        target[band] = np.where(weight == 0, pixels[band], mixed)

@@ -344,3 +344,187 @@ class GeometrySettings(FitSettings, _FlowSettings):
         soft_maximum=5.0,
         advanced=True,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _KernelSettings(_Settings):
+    """Settings of the short-time Beltrami kernel that images and meshes share (paper C)."""
+
+    iterations: int = _setting(
+        1,
+        "How often the kernel is applied, each time measured on the last result. Several short"
+        " times keep edges better than one long time",
+        unit="times",
+        minimum=1,
+        maximum=1000,
+        soft_maximum=10,
+    )
+    distance: str = _setting(
+        "geodesic",
+        "How far apart two values are: what the weights depend on",
+        choices={
+            "geodesic": "Along the surface that the values make: nothing crosses an edge",
+            "euclidean": "Straight through space and values (a bilateral filter): faster, and"
+            " blind to edges in between",
+        },
+        advanced=True,
+    )
+    threshold: float = _setting(
+        0.01,
+        "Weights below this part of the largest one count as nothing, which bounds how far the"
+        " kernel reaches. Smaller is slower and more exact",
+        unit="of the largest weight",
+        minimum=1e-9,
+        maximum=0.9,
+        soft_minimum=0.001,
+        soft_maximum=0.1,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeltramiSettings(_KernelSettings):
+    """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
+
+    time: float = _setting(
+        1.0,
+        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
+        " is a Gaussian of variance 2 * time",
+        unit="squared pixels",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=10.0,
+    )
+    beta: float = _setting(
+        7.0,
+        "How much values count against lengths: a step from 0 to 1 is as far as this many"
+        " pixels. 0 blurs across edges; more keeps fainter ones",
+        unit="pixels a unit of value",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=30.0,
+    )
+    iterations: int = _setting(
+        2,
+        "How often the kernel is applied, each time measured on the last result. Several short"
+        " times keep edges better than one long time",
+        unit="times",
+        minimum=1,
+        maximum=1000,
+        soft_maximum=10,
+    )
+    measure: str = _setting(
+        "space",
+        "How much each pixel counts, besides its distance",
+        choices={
+            "space": "By its area in space, all alike in a flat image: keeps edges best",
+            "surface": "By its area on the surface that the values make, which is greatest on"
+            " edges: in short times this is the Beltrami flow",
+        },
+        advanced=True,
+    )
+    window: int = _setting(
+        0,
+        "Width of the square of pixels that a kernel may reach, an odd number. 0 goes as far"
+        " as the threshold",
+        unit="pixels",
+        minimum=0,
+        maximum=9999,
+        soft_maximum=21,
+        advanced=True,
+    )
+    alpha: str = _alpha()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.window != 0 and self.window % 2 == 0:
+            raise InvalidSettings(
+                f"window is {self.window!r}, which has no middle pixel; give an odd number, or 0."
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeltramiMeshSettings(_KernelSettings):
+    """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`."""
+
+    time: float = _setting(
+        1.0,
+        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
+        " is a Gaussian of variance 2 * time",
+        unit="squared mean edge lengths",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=10.0,
+    )
+    beta: float = _setting(
+        3.0,
+        "How much values count against lengths: a step from 0 to 1 is as far as this many mean"
+        " edge lengths. 0 blurs across edges; more keeps fainter ones",
+        unit="mean edge lengths a unit of value",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=30.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
+    """Settings of :func:`shock_filter.core.beltrami_mesh`."""
+
+    time: float = _setting(
+        0.5,
+        "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
+        " variance 2 * time. More removes coarser noise, and fine relief",
+        unit="squared mean edge lengths",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=10.0,
+    )
+    beta: float = _setting(
+        0.9,
+        "How much the directions of faces count against lengths. At 1, neighbours whose"
+        " directions differ by the noise are one mean edge length farther apart; creases are"
+        " many. 0 blurs across creases; more keeps fainter ones, and noise",
+        unit="mean edge lengths for the noise",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=5.0,
+    )
+    iterations: int = _setting(
+        3,
+        "How often the kernel is applied, each time measured on the last result. Strong noise"
+        " needs several",
+        unit="times",
+        minimum=1,
+        maximum=1000,
+        soft_maximum=10,
+    )
+    filtered: str = _setting(
+        "normals",
+        "What is filtered",
+        choices={
+            "normals": "The directions of the faces, to which the surface is fitted: keeps creases",
+            "positions": "The places of the vertices, as in the paper: rounds creases and shrinks"
+            " a little. Only times, iterations, distance and threshold matter then",
+        },
+        advanced=True,
+    )
+    mollify_passes: int = _setting(
+        1,
+        "Smoothing passes on the normals that distances are measured with; those that are"
+        " averaged stay as they are. 0 is for clean surfaces, 1 for noisy ones",
+        unit="passes",
+        minimum=0,
+        maximum=1000,
+        soft_maximum=4,
+        advanced=True,
+    )
+    repeat: int = _setting(
+        3,
+        "Apply the whole filter again on its own result. 1 is once",
+        unit="times",
+        minimum=1,
+        maximum=100,
+        soft_maximum=10,
+        advanced=True,
+    )

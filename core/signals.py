@@ -58,7 +58,7 @@ def sharpen_vertex_signal(
     -----
     Paper A, sections 3.2, 3.3 and Appendix A, "Vertex Advection".
     """
-    given = _checked_type(signal)
+    given = checked_type(signal)
     values = checked_signal(given, mesh.vertex_count)
     weights = checked_mask(mask, mesh.vertex_count)
     settings = settings or ShockSettings()
@@ -69,7 +69,7 @@ def sharpen_vertex_signal(
         return average_corners(mesh, corner_values, old)
 
     result = _sharpened(mesh, values, settings, average, average, Progress.of(progress))
-    return _like(given, values, result, weights)
+    return like(given, values, result, weights)
 
 
 def sharpen_corner_signal(
@@ -105,16 +105,9 @@ def sharpen_corner_signal(
     InvalidSignal, Cancelled
         As in `sharpen_vertex_signal`.
     """
-    given = _checked_type(signal)
-    if given.ndim not in (2, 3) or given.shape[:2] != (mesh.face_count, 3):
-        raise InvalidSignal(
-            f"The signal has the shape {given.shape}; give ({mesh.face_count}, 3) or"
-            f" ({mesh.face_count}, 3, channels)."
-        )
-    # The mesh keeps turned faces with their second and third corner exchanged.
-    order = np.where(mesh.flipped[:, None], [0, 2, 1], [0, 1, 2])[:, :, None]
-    own = np.take_along_axis(given.reshape(mesh.face_count, 3, -1), order, axis=1)
-    values = checked_signal(own.reshape(3 * mesh.face_count, -1), 3 * mesh.face_count)
+    given = checked_type(signal)
+    own = to_own_corners(mesh, given)
+    values = checked_signal(own, 3 * mesh.face_count)
     weights = checked_mask(mask, mesh.vertex_count)
     settings = settings or ShockSettings()
     if settings.time == 0:
@@ -129,8 +122,7 @@ def sharpen_corner_signal(
 
     result = _sharpened(cut, cut_values, settings, average, keep, Progress.of(progress))
     corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
-    mixed = _like(own.reshape(values.shape), values, result, corner_weights)
-    return np.take_along_axis(mixed.reshape(own.shape), order, axis=1).reshape(given.shape)
+    return from_own_corners(mesh, like(own, values, result, corner_weights), given)
 
 
 Gather = Callable[[Floats, Floats], Floats]
@@ -202,7 +194,23 @@ def luminance(values: Floats) -> Floats:
     return values.mean(axis=1, keepdims=True)
 
 
-def _checked_type(signal: npt.ArrayLike) -> npt.NDArray:
+def to_own_corners(mesh: TriangleMesh, given: npt.NDArray) -> npt.NDArray:
+    """Rows of a corner signal, one a corner, in the order of ``mesh.faces``: (3 m, d)."""
+    if given.ndim not in (2, 3) or given.shape[:2] != (mesh.face_count, 3):
+        raise InvalidSignal(
+            f"The signal has the shape {given.shape}; give ({mesh.face_count}, 3) or"
+            f" ({mesh.face_count}, 3, channels)."
+        )
+    return mesh.own_corners(given.reshape(mesh.face_count, 3, -1)).reshape(3 * len(given), -1)
+
+
+def from_own_corners(mesh: TriangleMesh, own: npt.NDArray, given: npt.NDArray) -> npt.NDArray:
+    """Undo `to_own_corners`: (3 m, d) to the shape of the signal that was given."""
+    return mesh.own_corners(own.reshape(mesh.face_count, 3, -1)).reshape(given.shape)
+
+
+def checked_type(signal: npt.ArrayLike) -> npt.NDArray:
+    """Return a signal as an array, or raise `InvalidSignal` unless it is of float type."""
     array = np.asarray(signal)
     if array.dtype not in (np.float32, np.float64):
         raise InvalidSignal(
@@ -211,9 +219,8 @@ def _checked_type(signal: npt.ArrayLike) -> npt.NDArray:
     return array
 
 
-def _like(
-    given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None
-) -> npt.NDArray:
+def like(given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None) -> npt.NDArray:
+    """Mix a result with the values before by weights, in the type and shape that were given."""
     if weights is not None:
         result = values + weights[:, None] * (result - values)
         result[weights == 0] = values[weights == 0]

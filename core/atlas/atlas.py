@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..errors import InvalidSignal, InvalidUV
 from ..mesh import Floats, Ints, TriangleMesh
 from ..parallel import Progress, ProgressCallback, kernel, run
-from .charts import degenerate_faces, find_charts, in_mesh_order
+from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
 from .sheet import CLEARLY, NOTHING, ROWS, depth_within, lay_out, nearest_on_edge, span
 from .surface import measure_surface
@@ -230,7 +230,7 @@ class TextureAtlas:
             )
         if not np.isfinite(given).all():
             raise InvalidSignal("The values hold NaN or infinity; replace these first.")
-        corners = in_mesh_order(self.mesh, given).reshape(count, 3, -1)
+        corners = self.mesh.own_corners(given).reshape(count, 3, -1)
         out = np.zeros((self.height, self.width, corners.shape[2]))
         run(_bake, self.height, self.owners, self.sheet.nodes, self.sheet.points, corners, out,
             chunk=ROWS)  # fmt: skip

@@ -68,7 +68,7 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
         If the coordinates do not fit the mesh, are not finite, have no area, or repeat the
         image more than `MOST_REPEATS` times.
     """
-    coordinates = in_mesh_order(mesh, _checked_uv(uv, mesh.face_count))
+    coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
     low = coordinates.min(axis=1)
     high = coordinates.max(axis=1)
     slack = 1e-6
@@ -129,16 +129,6 @@ def _checked_uv(uv: npt.ArrayLike, face_count: int) -> Floats:
     if np.abs(array).max() > 1e6:
         raise InvalidUV("Texture coordinates reach beyond 1e6; unwrap the mesh again.")
     return array
-
-
-def in_mesh_order(mesh: TriangleMesh, corners: npt.NDArray) -> npt.NDArray:
-    """Bring corner values (m, 3, ...) into the order of the mesh's own, turned faces."""
-    if not mesh.flipped.any():
-        return corners
-    own = corners.copy()
-    own[mesh.flipped, 1] = corners[mesh.flipped, 2]
-    own[mesh.flipped, 2] = corners[mesh.flipped, 1]
-    return own
 
 
 def _signed_areas(points: Floats) -> Floats:

@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Geodesic distances on images and other grids of points, by fast marching from one pixel.
+
+A grid of points in space is a surface: an image's pixels at (x, y, beta I), or the points of a
+parametric manifold with beta I as further coordinates. Each pixel has eight neighbours; between
+two that touch lies a triangle through which the front reaches the pixel. Triangles are known by
+the lengths of their sides in space, so their angles are those of the metric.
+
+Cells are the pixels of a band of rows with a frame of one cell around them, numbered row by row.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..parallel import kernel
+
+# The neighbours of a pixel, clockwise from the right: even ones along the axes, odd diagonal.
+_DOWN = np.array([0, 1, 1, 1, 0, -1, -1, -1])
+_RIGHT = np.array([1, 1, 0, -1, -1, -1, 0, 1])
+
+_STENCIL = 40  # numbers per cell: eight lengths to neighbours, four for each of eight triangles
+_MOST_SPLITS = 16  # most triangles that an obtuse one is split into
+_CELL = 0xFFFFFFFF  # masking shows the compiler that an index is not negative
+
+
+@kernel
+def _fill_stencils(guide, spacing, first, last, squares, obtuse, stencils):
+    """Measure the triangles around all pixels of the rows ``first <= y < last``.
+
+    Parameters
+    ----------
+    guide : (h, w, k) float32
+        The coordinates of the points; all but x and y if these are the pixel's.
+    spacing : float32
+        Squared distance of pixels along the axes in the plane of the image; 0 if `guide` has
+        all coordinates.
+    first, last : int
+    squares : (cells, 4) float32
+        Filled with squared lengths to the right, lower right, lower and lower left; NaN where
+        there is no such neighbour.
+    obtuse : (cells,) uint8
+        Filled with a bit for each triangle that is obtuse at the pixel.
+    stencils : (cells, _STENCIL) float32
+        Filled. A triangle has its side away from the pixel at y = 0 with the axis neighbour at
+        x = 0: half of the side, half of its inverse, and x and y of the pixel.
+    """
+    columns = guide.shape[1]
+    width = columns + 2
+    squares[:] = np.nan
+    obtuse[:] = 0
+    for y in range(first, last):
+        for x in range(columns):
+            for k in range(4):
+                down, right = y + _DOWN[k], x + _RIGHT[k]
+                if down < last and 0 <= right < columns:
+                    cell = (y - first + 1) * width + x + 1
+                    squares[cell, k] = chord(guide, spacing, y, x, down, right)
+    for y in range(first, last):
+        for x in range(columns):
+            cell = (y - first + 1) * width + x + 1
+            spokes = stencils[cell]
+            for k in range(8):
+                spokes[k] = _square(squares, width, cell, k)
+            for j in range(8):
+                axis, diagonal = _sides(j)
+                side = _opposite(squares, width, cell, j)
+                if spokes[axis] + spokes[diagonal] < side:
+                    obtuse[cell] |= 1 << j
+                place = 8 + 4 * j
+                _place_triangle(spokes[axis], spokes[diagonal], side, spokes[place : place + 4])
+            for k in range(8):
+                spokes[k] = _root(spokes[k])
+
+
+@kernel
+def chord(guide, spacing, y, x, down, right):
+    """Compute the squared distance of two pixels straight through space."""
+    total = spacing * np.float32((down - y) * (down - y) + (right - x) * (right - x))
+    for c in range(guide.shape[2]):
+        step = guide[down, right, c] - guide[y, x, c]
+        total += step * step
+    return total
+
+
+@kernel
+def _sides(j):
+    # The neighbours, along an axis and diagonal, of triangle j.
+    return (j + 1) & 6, j | 1
+
+
+@kernel
+def _square(squares, width, cell, k):
+    # The squared length from a cell to its neighbour in direction k.
+    if k < 4:
+        return squares[cell, k]
+    return squares[cell + _DOWN[k] * width + _RIGHT[k], k - 4]
+
+
+@kernel
+def _opposite(squares, width, cell, j):
+    # The squared length of the side of triangle j away from the cell.
+    axis = (j + 1) & 6
+    corner = cell + _DOWN[axis] * width + _RIGHT[axis]
+    turn = 2 if j & 1 == 0 else 6  # a quarter turn from the axis to the diagonal's side
+    return _square(squares, width, corner, (axis + turn) & 7)
+
+
+@kernel
+def _place_triangle(near, far, side, placed):
+    # From squared lengths: pixel to the corner at x = 0, to the other one, and between them.
+    length = _root(side)
+    half = np.float32(0.5)
+    along = half * (near + side - far) / length
+    placed[0] = half * length
+    placed[1] = half / length
+    placed[2] = along
+    placed[3] = _root(max(near - along * along, np.float32(0.0)))
+
+
+@kernel
+def _count_splits(guide, spacing, limit, first, last, squares, obtuse, ends):
+    """Count the ways through splits of obtuse triangles; ``ends[cell + 1]`` gets their end.
+
+    Parameters
+    ----------
+    guide, spacing, first, last, squares, obtuse
+        As in `_fill_stencils`.
+    limit : float32
+        Squared distance beyond which nothing matters.
+    ends : (cells + 1,) int64
+        Filled.
+    """
+    columns = guide.shape[1]
+    width = columns + 2
+    corners = np.empty((_MOST_SPLITS, 4), np.int64)
+    lengths = np.empty((_MOST_SPLITS, 3), np.float32)
+    ends[:] = 0
+    for y in range(first, last):
+        for x in range(columns):
+            cell = (y - first + 1) * width + x + 1
+            for j in range(8):
+                if (obtuse[cell] >> j) & 1 == 0:
+                    continue
+                count = _split(guide, spacing, limit, first, last, squares, y, x, j,
+                               corners, lengths)  # fmt: skip
+                for i in range(count):
+                    ends[cell + corners[i, 0] * width + corners[i, 1] + 1] += 1
+                    ends[cell + corners[i, 2] * width + corners[i, 3] + 1] += 1
+    for cell in range(ends.size - 1):
+        ends[cell + 1] += ends[cell]
+
+
+@kernel
+def _fill_splits(guide, spacing, limit, first, last, squares, obtuse, ends, targets, ways):
+    """List, for each cell, the ways that lead from it through split triangles.
+
+    Parameters
+    ----------
+    guide, spacing, limit, first, last, squares, obtuse, ends
+        As `_count_splits` leaves them.
+    targets : (ends[-1], 2) int32
+        The cell a way leads to, and the third cell of the triangle.
+    ways : (ends[-1], 5) float32
+        The way's length, and the triangle as in `_fill_stencils`, this cell at x = 0.
+    """
+    columns = guide.shape[1]
+    width = columns + 2
+    corners = np.empty((_MOST_SPLITS, 4), np.int64)
+    lengths = np.empty((_MOST_SPLITS, 3), np.float32)
+    filled = ends[:-1].copy()
+    for y in range(first, last):
+        for x in range(columns):
+            cell = (y - first + 1) * width + x + 1
+            for j in range(8):
+                if (obtuse[cell] >> j) & 1 == 0:
+                    continue
+                count = _split(guide, spacing, limit, first, last, squares, y, x, j,
+                               corners, lengths)  # fmt: skip
+                for i in range(count):
+                    near = cell + corners[i, 0] * width + corners[i, 1]
+                    far = cell + corners[i, 2] * width + corners[i, 3]
+                    for turned in range(2):
+                        start, other = (far, near) if turned else (near, far)
+                        place = filled[start]
+                        filled[start] += 1
+                        targets[place, 0] = cell
+                        targets[place, 1] = other
+                        way = ways[place]
+                        way[0] = _root(lengths[i, turned])
+                        _place_triangle(
+                            lengths[i, turned], lengths[i, 1 - turned], lengths[i, 2], way[1:]
+                        )
+
+
+@kernel
+def _split(guide, spacing, limit, first, last, squares, y, x, j, corners, lengths):
+    # Splits triangle j, which is obtuse at the pixel, by unfolding those beyond it (Kimmel and
+    # Sethian): the sum of two corners' offsets is the next point between them. Returns the
+    # number of parts, whose corners are at offsets `corners` and whose squared `lengths` are to
+    # the first corner, to the second, and between them; 0 if it cannot be split.
+    width = guide.shape[1] + 2
+    cell = (y - first + 1) * width + x + 1
+    axis, diagonal = _sides(j)
+    near = _square(squares, width, cell, axis)
+    far = _square(squares, width, cell, diagonal)
+    side = _opposite(squares, width, cell, j)
+    corners[0, 0], corners[0, 1] = _DOWN[axis], _RIGHT[axis]
+    corners[0, 2], corners[0, 3] = _DOWN[diagonal], _RIGHT[diagonal]
+    lengths[0, 0], lengths[0, 1], lengths[0, 2] = near, far, side
+    half = np.float32(0.5)
+    count = 1
+    i = 0
+    while i < count:
+        near, far, side = lengths[i]
+        down = y + corners[i, 0] + corners[i, 2]
+        right = x + corners[i, 1] + corners[i, 3]
+        acute = near + far >= side
+        outside = down < first or down >= last or right < 0 or right >= guide.shape[1]
+        if acute or outside or count == _MOST_SPLITS:
+            i += 1
+            continue
+        # The side lies along x; the pixel is above it, the new corner below.
+        to_near = chord(guide, spacing, down, right, y + corners[i, 0], x + corners[i, 1])
+        to_far = chord(guide, spacing, down, right, y + corners[i, 2], x + corners[i, 3])
+        length = _root(side)
+        along = half * (near + side - far) / length
+        height = _root(max(near - along * along, np.float32(0.0)))
+        beyond = half * (to_near + side - to_far) / length
+        depth = _root(max(to_near - beyond * beyond, np.float32(0.0)))
+        cross = along * depth + beyond * height
+        across = beyond - along
+        square = across * across + (height + depth) * (height + depth)
+        if not 0 < cross < length * (height + depth) or height * height > limit:
+            i += 1
+            continue
+        corners[count, 0], corners[count, 1] = down - y, right - x
+        corners[count, 2], corners[count, 3] = corners[i, 2], corners[i, 3]
+        lengths[count, 0], lengths[count, 1], lengths[count, 2] = square, far, to_far
+        corners[i, 2], corners[i, 3] = down - y, right - x
+        lengths[i, 1], lengths[i, 2] = square, to_near
+        count += 1
+    return count if count > 1 else 0
+
+
+@kernel
+def open_band(guide, spacing, limit, first, last):
+    """Prepare for marching in the rows ``first <= y < last``.
+
+    Parameters
+    ----------
+    guide : (h, w, k) float32
+        The coordinates of the points; all but x and y if these are the pixel's.
+    spacing : float32
+        Squared distance of pixels along the axes in the plane of the image; 0 if `guide` has
+        all coordinates.
+    limit : float32
+        The greatest squared distance that marches will go.
+    first, last : int
+
+    Returns
+    -------
+    surface : tuple
+        What `march` needs to know of the surface.
+    front : tuple
+        What `march` works on: ``final`` and ``tentative``, (cells,) float32, a queue and
+        ``reached``, (cells,) int32. All values are infinite, but `tentative` is negative where
+        there are no pixels.
+    """
+    columns = guide.shape[1]
+    width = columns + 2
+    cells = (last - first + 2) * width
+    squares = np.empty((cells, 4), np.float32)
+    obtuse = np.empty(cells, np.uint8)
+    stencils = np.empty((cells, _STENCIL), np.float32)
+    _fill_stencils(guide, spacing, first, last, squares, obtuse, stencils)
+    ends = np.empty(cells + 1, np.int64)
+    _count_splits(guide, spacing, limit, first, last, squares, obtuse, ends)
+    targets = np.empty((ends[cells], 2), np.int32)
+    ways = np.empty((ends[cells], 5), np.float32)
+    _fill_splits(guide, spacing, limit, first, last, squares, obtuse, ends, targets, ways)
+    final = np.full(cells, np.inf, np.float32)
+    tentative = np.full(cells, -1.0, np.float32)
+    for row in range(1, last - first + 1):
+        tentative[row * width + 1 : row * width + 1 + columns] = np.inf
+    # Each way into a cell puts it into the queue at most once.
+    queue = np.empty(8 * cells + ends[cells] + 1, np.int64)
+    surface = (_DOWN * width + _RIGHT, stencils, ends, targets, ways)
+    return surface, (final, tentative, queue, np.empty(cells, np.int32))
+
+
+@kernel
+def march(source, limit, surface, front):
+    """Find the cells within a squared distance of `limit` from a cell, nearest first.
+
+    Parameters
+    ----------
+    source : int
+    limit : float32
+    surface, front : tuple
+        From `open_band`. In the cells that are reached, ``final`` becomes the squared distance
+        and ``tentative`` negative. Where it is negative already the front does not go.
+
+    Returns
+    -------
+    int
+        How many cells were put into ``reached``.
+    """
+    offsets, stencils, ends, targets, ways = surface
+    final, tentative, queue, reached = front
+    infinite = np.float32(np.inf)
+    count = 0
+    queue[0] = source
+    head, tail = 0, 1
+    while head < tail:
+        entry = queue[head]
+        head += 1
+        cell = entry & _CELL
+        if tentative[cell] < 0:
+            continue  # was found on a shorter way
+        square = np.int32(entry >> 32).view(np.float32)
+        final[cell] = square
+        tentative[cell] = np.float32(-1.0)
+        reached[count] = cell
+        count += 1
+        distance = _root(square)
+        # All triangles here have a corner at a neighbour along an axis.
+        before = final[(cell + offsets[6]) & _CELL]
+        here = final[(cell + offsets[0]) & _CELL]
+        for k in range(0, 8, 2):
+            after = final[(cell + offsets[(k + 2) & 7]) & _CELL]
+            to = (cell + offsets[k]) & _CELL
+            if tentative[to] >= 0:
+                way = distance + stencils[cell, k]
+                best = way * way
+                if before < infinite:
+                    best = min(best, _through(stencils, to, 8 + 4 * (k ^ 4), square, before))
+                if after < infinite:
+                    best = min(best, _through(stencils, to, 8 + 4 * ((k + 3) & 7), square, after))
+                tail = _offer(to, best, limit, tentative, queue, head, tail)
+            to = (cell + offsets[k + 1]) & _CELL
+            if tentative[to] >= 0:
+                way = distance + stencils[cell, k + 1]
+                best = way * way
+                if here < infinite:
+                    best = min(best, _through(stencils, to, 8 + 4 * ((k + 5) & 7), here, square))
+                if after < infinite:
+                    best = min(best, _through(stencils, to, 8 + 4 * (k ^ 4), after, square))
+                tail = _offer(to, best, limit, tentative, queue, head, tail)
+            before, here = here, after
+        for e in range(ends[cell], ends[cell + 1]):
+            to = targets[e, 0] & _CELL
+            if tentative[to] >= 0:
+                way = distance + ways[e, 0]
+                best = way * way
+                other = final[targets[e, 1] & _CELL]
+                if other < infinite:
+                    best = min(best, _through(ways, e, 1, square, other))
+                tail = _offer(to, best, limit, tentative, queue, head, tail)
+    return count
+
+
+@kernel
+def _through(triangles, row, place, near, far):
+    # The squared distance of a pixel, through the triangle that stands in a row from a place on,
+    # with the squared distances of its other corners; infinite if the way there passes beside it.
+    # The front is a circle around a point in the triangle's plane. No branches: they cost more.
+    half = triangles[row, place]
+    x, y = triangles[row, place + 2], triangles[row, place + 3]
+    middle = half + (near - far) * triangles[row, place + 1]
+    depth = _root(near - middle * middle)  # NaN fails both comparisons
+    down = y + depth
+    cross = middle * y + x * depth
+    across = x - middle
+    inside = (cross >= np.float32(0.0)) & (cross <= np.float32(2.0) * half * down)
+    return across * across + down * down if inside else np.float32(np.inf)
+
+
+@kernel
+def _root(square):
+    # A power is compiled to one instruction, where numba's square root calls a function.
+    return square ** np.float32(0.5)
+
+
+@kernel
+def _offer(cell, square, limit, tentative, queue, head, tail):
+    # Puts a cell among the sorted entries ``head <= i < tail``, if the way there is a shorter one;
+    # it mostly belongs near their end. Returns the new tail.
+    if not (square < tentative[cell] and square <= limit):
+        return tail
+    tentative[cell] = square
+    # Squares are not negative, so their bits are in their order.
+    entry = (np.int64(np.float32(square).view(np.int32)) << 32) | cell
+    place = tail
+    while place > head and queue[(place - 1) & _CELL] > entry:
+        queue[place] = queue[(place - 1) & _CELL]
+        place -= 1
+    queue[place] = entry
+    return tail + 1

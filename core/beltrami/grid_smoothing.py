@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weighted means over images and grids of points: the short-time kernel and the bilateral one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ..parallel import Progress, kernel, run
+from ..settings import BeltramiSettings
+from .grid_distance import chord, march, open_band
+
+_ROWS = 16
+
+Coordinates = npt.NDArray[np.float32]
+
+
+def smooth_grid(
+    signal: npt.NDArray,
+    guide: Coordinates,
+    flat: bool,
+    areas: npt.NDArray[np.float32],
+    settings: BeltramiSettings,
+    progress: Progress,
+) -> npt.NDArray:
+    """Apply the kernel once.
+
+    Parameters
+    ----------
+    signal : (h, w, k) float32 or float64
+        What is averaged.
+    guide : (h, w, g) float32
+        The coordinates of the points of the surface on which distances are measured.
+    flat : bool
+        Whether the pixel's own x and y are further coordinates.
+    areas : (h, w) float32
+        How much each pixel counts.
+    settings : BeltramiSettings
+        `time` greater than 0.
+
+    Returns
+    -------
+    array like `signal`
+    """
+    out = np.empty_like(signal)
+    limit = -4.0 * settings.time * math.log(settings.threshold)
+    rows = _reachable_rows(guide, flat, math.sqrt(limit), settings.window)
+    smooth_rows = _smooth_rows if settings.distance == "geodesic" else _bilateral_rows
+    rate = np.float32(0.25 / settings.time)
+    half_window = settings.window // 2 if settings.window else -1
+    run(smooth_rows, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
+        half_window, rows, out, chunk=_ROWS, progress=progress)  # fmt: skip
+    return out
+
+
+def surface_areas(guide: Coordinates, flat: bool) -> npt.NDArray[np.float32]:
+    """Compute the area element, sqrt(det g), from central differences; parameters as above."""
+    areas = np.empty(guide.shape[:2], dtype=np.float32)
+    run(_area_rows, len(guide), guide, np.float32(flat), areas)
+    return areas
+
+
+@kernel
+def _area_rows(start, stop, guide, spacing, areas):
+    height, width = areas.shape
+    for y in range(start, stop):
+        up, down = max(y - 1, 0), min(y + 1, height - 1)
+        rows = np.float32(max(down - up, 1))
+        for x in range(width):
+            left, right = max(x - 1, 0), min(x + 1, width - 1)
+            columns = np.float32(max(right - left, 1))
+            g_yy = float(spacing)
+            g_xx = float(spacing)
+            g_xy = 0.0
+            for c in range(guide.shape[2]):
+                slope_y = (guide[down, x, c] - guide[up, x, c]) / rows
+                slope_x = (guide[y, right, c] - guide[y, left, c]) / columns
+                g_yy += slope_y * slope_y
+                g_xx += slope_x * slope_x
+                g_xy += slope_x * slope_y
+            areas[y, x] = np.sqrt(max(g_yy * g_xx - g_xy * g_xy, 0.0))
+
+
+def _reachable_rows(
+    guide: Coordinates, flat: bool, radius: float, window: int
+) -> npt.NDArray[np.int64]:
+    # For each row, the first one within the radius, and the end of these rows.
+    height = len(guide)
+    number = np.arange(height)
+    depth = number * 1.0 if flat else np.concatenate([[0.0], np.cumsum(_row_gaps(guide))])
+    first = np.searchsorted(depth, depth - radius, "left")
+    last = np.searchsorted(depth, depth + radius, "right")
+    if window:
+        first = np.maximum(first, number - window // 2)
+        last = np.minimum(last, number + window // 2 + 1)
+    return np.stack([first, last], axis=1)
+
+
+def _row_gaps(guide: Coordinates) -> npt.NDArray[np.float64]:
+    # The least heights of the triangles between two rows: no way across is shorter.
+    columns = guide.shape[1]
+    gaps = np.full(len(guide) - 1, np.inf)
+    for base, apex in ((guide[:-1], guide[1:]), (guide[1:], guide[:-1])):
+        if columns == 1:
+            return np.linalg.norm((apex - base)[:, 0].astype(np.float64), axis=1)
+        side = (base[:, 1:] - base[:, :-1]).astype(np.float64)
+        side /= np.maximum(np.linalg.norm(side, axis=2, keepdims=True), 1e-30)
+        for corner in (apex[:, :-1], apex[:, 1:]):
+            leg = (corner - base[:, :-1]).astype(np.float64)
+            along = (leg * side).sum(axis=2, keepdims=True)
+            gaps = np.minimum(gaps, np.linalg.norm(leg - along * side, axis=2).min(axis=1))
+    return gaps
+
+
+@kernel
+def _smooth_rows(start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, out):
+    first, last = rows[start, 0], rows[stop - 1, 1]
+    columns = guide.shape[1]
+    width = columns + 2
+    surface, front = open_band(guide, spacing, limit, first, last)
+    final, tentative, _, reached = front
+    values = np.zeros((final.size, signal.shape[2]), signal.dtype)
+    shares = np.empty(final.size, np.float32)
+    for y in range(first, last):
+        for x in range(columns):
+            cell = (y - first + 1) * width + x + 1
+            shares[cell] = areas[y, x]
+            for c in range(signal.shape[2]):
+                values[cell, c] = signal[y, x, c]
+    total = np.empty(signal.shape[2])
+    for y in range(start, stop):
+        for x in range(columns):
+            source = (y - first + 1) * width + x + 1
+            if half_window >= 0:
+                _frame(tentative, width, first, last, columns, y, x, half_window, -1.0)
+            count = march(source, limit, surface, front)
+            if half_window >= 0:
+                _frame(tentative, width, first, last, columns, y, x, half_window, np.inf)
+            total[:] = 0.0
+            weight = 0.0
+            for i in range(count):
+                cell = reached[i]
+                share = shares[cell] * np.exp(-rate * final[cell])
+                weight += share
+                for c in range(total.size):
+                    total[c] += share * values[cell, c]
+                final[cell] = np.inf
+                tentative[cell] = np.inf
+            for c in range(total.size):
+                out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]
+
+
+@kernel
+def _frame(tentative, width, first, last, columns, y, x, half, value):
+    # Close (-1) or open (infinity) the pixels around a window.
+    top, bottom = max(y - half - 1, first), min(y + half + 1, last - 1)
+    left, right = max(x - half - 1, 0), min(x + half + 1, columns - 1)
+    for row in range(top, bottom + 1):
+        whole = row in (y - half - 1, y + half + 1)
+        for column in range(left, right + 1):
+            if whole or column in (x - half - 1, x + half + 1):
+                tentative[(row - first + 1) * width + column + 1] = value
+
+
+@kernel
+def _bilateral_rows(
+    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, out
+):
+    reach = half_window if half_window >= 0 else int(np.sqrt(limit))
+    total = np.empty(signal.shape[2])
+    for y in range(start, stop):
+        for x in range(guide.shape[1]):
+            total[:] = 0.0
+            weight = 0.0
+            for down in range(rows[y, 0], rows[y, 1]):
+                for right in range(max(x - reach, 0), min(x + reach + 1, guide.shape[1])):
+                    square = chord(guide, spacing, y, x, down, right)
+                    if square > limit:
+                        continue
+                    share = areas[down, right] * np.exp(-rate * square)
+                    weight += share
+                    for c in range(total.size):
+                        total[c] += share * signal[down, right, c]
+            for c in range(total.size):
+                out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]

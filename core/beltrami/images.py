@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Smoothing of images, flat or painted on a parametric manifold, that keeps edges (paper C)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InvalidSettings, InvalidSignal
+from ..parallel import Progress, ProgressCallback
+from ..pixels import SCALES, checked_image, checked_weights, mix, opacity_channel
+from ..settings import BeltramiSettings
+from .grid_smoothing import smooth_grid, surface_areas
+
+_FARTHEST = 1e15  # its square is far from the ends of float32
+_SMOOTHED = ("image", "embedding", "both")
+
+
+def beltrami_image(
+    image: npt.ArrayLike,
+    settings: BeltramiSettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Smooth an image by the short-time Beltrami kernel, which keeps edges.
+
+    Each pixel becomes a mean of those around it, with Gaussian weights of their distance along
+    the surface (x, y, beta I); so what lies beyond an edge hardly counts.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
+        Any number of channels. Whole numbers are scaled to [0, 1], floats may go beyond.
+    settings : BeltramiSettings, optional
+    mask : (h, w) array of float in [0, 1], optional
+        1 smooths fully, less mixes with the input, 0 keeps it bit for bit.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    array like `image`
+        Every value lies within the input's values near it. A time of 0 returns the input bit
+        for bit; opacity (see `BeltramiSettings.alpha`) always stays.
+
+    Raises
+    ------
+    InvalidSignal
+        If the image's shape or type is not supported, it holds NaN or infinity, or the mask does
+        not fit it.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    Equations 20 to 23 of paper C: weights are exp(-d^2 / 4t) and sum up to 1. With the measure
+    "surface" they are multiplied by the area element: then, on smooth images, the change tends
+    to t times the Laplace-Beltrami operator as t goes to 0. Differs from the paper in the front's
+    shape within a triangle, which is a circle around a point instead of a line: so distances on
+    planes are exact, and beta = 0 gives exact Gaussians.
+    """
+    given = checked_image(image)
+    weights = checked_weights(mask, given)
+    settings = settings or BeltramiSettings()
+    if settings.time == 0:
+        return given.copy()
+    flat = np.empty((*given.shape[:2], 0), dtype=np.float32)
+    return _smoothed(given, flat, settings, weights, "image", Progress.of(progress))[0]
+
+
+def beltrami_manifold(
+    image: npt.ArrayLike,
+    embedding: npt.ArrayLike,
+    settings: BeltramiSettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    smooth: str = "image",
+) -> tuple[npt.NDArray, npt.NDArray]:
+    """Smooth an image painted on a parametric manifold, the manifold, or both.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, c) array
+        As in `beltrami_image`.
+    embedding : (h, w, 3) array of float32 or float64
+        Where each pixel lies in space. Lengths are in the mean distance between neighbours along
+        the grid's axes; that is what `time` and `beta` count as a pixel.
+    settings, mask, progress
+        As in `beltrami_image`.
+    smooth : {"image", "embedding", "both"}
+        Which components the kernel is applied to (equation 7 of paper C).
+
+    Returns
+    -------
+    image : array like `image`
+    embedding : array like `embedding`
+        What is not smoothed comes back bit for bit.
+
+    Raises
+    ------
+    InvalidSignal, Cancelled
+        As in `beltrami_image`; also if the embedding does not fit the image.
+    InvalidSettings
+        If `smooth` is another word, or Euclidean distances are asked for without a window.
+    """
+    given = checked_image(image)
+    places = _checked_embedding(embedding, given)
+    weights = checked_weights(mask, given)
+    settings = settings or BeltramiSettings()
+    if smooth not in _SMOOTHED:
+        raise InvalidSettings(f"smooth is {smooth!r}; choose one of: {', '.join(_SMOOTHED)}.")
+    if settings.distance == "euclidean" and settings.window == 0:
+        raise InvalidSettings(
+            "On manifolds Euclidean distances do not bound how many pixels are near; give a window."
+        )
+    if settings.time == 0:
+        return given.copy(), places.copy()
+    center, unit = places.mean(axis=(0, 1), dtype=np.float64), _mean_distance(places)
+    points = (places - center) / unit
+    result, points = _smoothed(given, points, settings, weights, smooth, Progress.of(progress))
+    new_places = places.copy()
+    if smooth != "image":
+        new_places[...] = points * unit + center
+        if weights is not None:
+            mix(places, weights, new_places)
+    return result, new_places
+
+
+def _checked_embedding(embedding: npt.ArrayLike, given: npt.NDArray) -> npt.NDArray:
+    points = np.asarray(embedding)
+    if points.dtype not in (np.float32, np.float64):
+        raise InvalidSignal(f"The embedding is of type {points.dtype}; give float32 or float64.")
+    if points.shape != (*given.shape[:2], 3):
+        raise InvalidSignal(
+            f"The embedding has the shape {points.shape}; give {(*given.shape[:2], 3)}."
+        )
+    if not np.isfinite(points).all():
+        raise InvalidSignal("The embedding holds NaN or infinity; replace these values first.")
+    return points
+
+
+def _smoothed(
+    given: npt.NDArray,
+    points: npt.NDArray,
+    settings: BeltramiSettings,
+    mask: npt.NDArray | None,
+    smooth: str,
+    progress: Progress,
+) -> tuple[npt.NDArray, npt.NDArray]:
+    # The image smoothed, and the points, (h, w, 3) in mean distances; (h, w, 0) is a flat image.
+    pixels = given.reshape(*given.shape[:2], -1)
+    scale = SCALES[given.dtype.name]
+    floats = np.float64 if given.dtype == np.float64 else np.float32
+    alpha = opacity_channel(pixels.shape[2], settings.alpha)
+    count = pixels.shape[2] if alpha < 0 else alpha
+    colors = np.multiply(pixels[..., :count], scale, dtype=floats)
+    opacity = np.multiply(pixels[..., count:], scale, dtype=floats)  # without any: (h, w, 0)
+    for i in range(settings.iterations):
+        part = progress.part(i / settings.iterations, (i + 1) / settings.iterations, "Smoothing")
+        new_colors, new_points = _step(colors, opacity, points, settings, part)
+        colors = colors if smooth == "embedding" else new_colors
+        points = points if smooth == "image" else new_points
+    progress.update(1.0)
+    result = pixels.copy()
+    if smooth != "embedding":
+        colors = colors / scale
+        result[..., :count] = np.rint(colors) if scale != 1.0 else colors
+        if mask is not None:
+            mix(pixels, mask, result)
+    return result.reshape(given.shape), points
+
+
+def _step(
+    colors: npt.NDArray,
+    opacity: npt.NDArray,
+    points: npt.NDArray,
+    settings: BeltramiSettings,
+    progress: Progress,
+) -> tuple[npt.NDArray, npt.NDArray]:
+    # Colors count as much as they are opaque, for distances and for means.
+    transparent = opacity.shape[2] > 0
+    covered = colors * opacity if transparent else colors
+    with np.errstate(over="ignore"):  # too bright for float32: an edge that nothing crosses
+        steep = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
+    guide = np.concatenate([steep, points], axis=2, dtype=np.float32)
+    means = smooth_grid(
+        np.concatenate([covered, opacity, points], axis=2), guide, points.shape[2] == 0,
+        _areas(guide, points, settings), settings, progress)  # fmt: skip
+    count = colors.shape[2]
+    new_colors = means[..., :count]
+    if transparent:
+        share = means[..., count : count + 1]
+        new_colors = np.where(share > 0, new_colors / np.where(share > 0, share, 1), colors)
+    return new_colors, means[..., count + opacity.shape[2] :]
+
+
+def _areas(guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings) -> npt.NDArray:
+    flat = points.shape[2] == 0
+    if settings.measure == "surface":
+        return surface_areas(guide, flat)
+    if flat:
+        return np.ones(guide.shape[:2], dtype=np.float32)
+    return surface_areas(points.astype(np.float32), flat)
+
+
+def _mean_distance(embedding: npt.NDArray) -> float:
+    steps = [np.linalg.norm(np.diff(embedding, axis=axis), axis=2).ravel() for axis in (0, 1)]
+    mean = float(np.concatenate(steps).mean(dtype=np.float64)) if embedding[..., 0].size > 1 else 0
+    if mean == 0:
+        raise InvalidSignal("All points of the embedding are one; give a surface.")
+    return mean
