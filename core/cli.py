@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import math
 import os
 import signal
 import sys
@@ -23,6 +24,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 from .. import __version__
 from .errors import InvalidSettings, ShockError
 from .settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
     DilateSettings,
     GeometrySettings,
     ImageSettings,
@@ -39,7 +43,7 @@ DONE, FAILED, INTERRUPTED = 0, 1, 130
 
 _EPILOG = """\
 exit codes:
-  0    every input was sharpened and written
+  0    every input was filtered and written
   1    some inputs failed; the others were written
   2    the command line is wrong; nothing was done
   130  interrupted; the file at hand was not written
@@ -47,6 +51,7 @@ exit codes:
 examples:
   {prog} sharpen-geometry scan.ply sharp.ply
   {prog} sharpen-geometry --time inf --smoothing-passes 3 scans/*.obj sharp/
+  {prog} denoise-geometry scan.ply clean.ply --then-sharpen
   {prog} sharpen-colors painted.ply crisp.ply
   {prog} sharpen-image --time 64 photos/*.png sharp/
   {prog} sharpen-texture --time 64 model.obj wood.png metal.png sharp/
@@ -70,6 +75,8 @@ class Command:
         What it does.
     on_mesh : bool
         Whether a mesh file, whose surface shows the images, stands before IN.
+    then : type or None
+        The settings class of the sharpening that may follow in the same run.
     """
 
     name: str
@@ -77,6 +84,7 @@ class Command:
     inputs: str
     what: str
     on_mesh: bool = False
+    then: type | None = None
 
 
 GEOMETRY = Command(
@@ -103,7 +111,36 @@ DILATE = Command(
 TEXTURE_MASK = Command(
     "texture-mask", None, "mesh file", "draw what each texel of a mesh's texture is"
 )
-COMMANDS = (GEOMETRY, COLORS, IMAGE, TEXTURE, DILATE, TEXTURE_MASK)
+DENOISE_GEOMETRY = Command(
+    "denoise-geometry",
+    BeltramiGeometrySettings,
+    "mesh files",
+    "remove noise from meshes; creases stay",
+    then=GeometrySettings,
+)
+DENOISE_COLORS = Command(
+    "denoise-colors",
+    BeltramiMeshSettings,
+    "mesh files",
+    "remove noise from the vertex colors of meshes; edges stay",
+    then=ShockSettings,
+)
+DENOISE_IMAGE = Command(
+    "denoise-image",
+    BeltramiSettings,
+    "image files",
+    "remove noise from images; edges stay",
+    then=ImageSettings,
+)
+COMMANDS = (
+    DENOISE_GEOMETRY, DENOISE_COLORS, DENOISE_IMAGE,
+    GEOMETRY, COLORS, IMAGE, TEXTURE, DILATE, TEXTURE_MASK,
+)  # fmt: skip
+
+ON_GEOMETRY = (GEOMETRY, DENOISE_GEOMETRY)
+ON_COLORS = (COLORS, DENOISE_COLORS)
+ON_IMAGES = (IMAGE, DENOISE_IMAGE)
+"""Commands that differ only in what they do to the same files."""
 
 KINDS = {
     "active": "texels that linear sampling of some face reads",
@@ -148,9 +185,9 @@ class FileBackend:
         images = "PNG, JPEG, TIFF, EXR, BMP, WebP and NumPy (.npy) files"
         meshes = "OBJ, PLY, GLB and glTF files with texture coordinates"
         return {
-            GEOMETRY: "PLY, OBJ, STL, OFF, GLB and glTF files",
-            COLORS: "PLY, OBJ, GLB and glTF files, which keep their format",
-            IMAGE: f"{images}; 16 bits stay 16 bits",
+            **dict.fromkeys(ON_GEOMETRY, "PLY, OBJ, STL, OFF, GLB and glTF files"),
+            **dict.fromkeys(ON_COLORS, "PLY, OBJ, GLB and glTF files, which keep their format"),
+            **dict.fromkeys(ON_IMAGES, f"{images}; 16 bits stay 16 bits"),
             TEXTURE: f"{images}; 16 bits stay 16 bits; on {meshes}",
             DILATE: f"{images}; 16 bits stay 16 bits; on {meshes}",
             TEXTURE_MASK: f"from {meshes} to {images}; NumPy, TIFF and EXR hold numbers, -1 for"
@@ -170,11 +207,11 @@ class FileBackend:
         metavar = "NAME"
         about = (
             "vertex property of PLY files that says how much is done to each vertex: 0 keeps"
-            " it, 1 (or the largest whole number of its type) sharpens it fully"
+            " it, 1 (or the largest whole number of its type) changes it fully"
         )
-        if command in (IMAGE, TEXTURE):
+        if command in (*ON_IMAGES, TEXTURE):
             metavar = "FILE"
-            about = "gray image of the same size: black stays, white is sharpened fully"
+            about = "gray image of the same size: black stays, white changes fully"
         parser.add_argument("--mask", metavar=metavar, help=about)
         parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
 
@@ -198,11 +235,22 @@ class FileBackend:
             return texture_mask_file(source, target, options.kind, **words)
         if command is not DILATE:
             words |= {"mask": options.mask, "invert_mask": options.invert_mask}
+        if command.then is not None:
+            words["sharpen_time"] = options.then_sharpen
         files = [options.mesh, source, target] if command.on_mesh else [source, target]
         return _file_function(command)(*files, settings, **words)
 
 
 def _file_function(command: Command) -> Callable[..., Outcome]:
+    if command.then is not None:
+        from . import denoise_files
+
+        functions: dict[Command, Callable[..., Outcome]] = {
+            DENOISE_GEOMETRY: denoise_files.denoise_file,
+            DENOISE_COLORS: denoise_files.denoise_colors_file,
+            DENOISE_IMAGE: denoise_files.denoise_image_file,
+        }
+        return functions[command]
     if command is IMAGE:
         from .image_files import sharpen_image_file
 
@@ -240,6 +288,7 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
     try:
         kind = options.command.settings
         settings = None if kind is None else _settings(kind, options)
+        _check_sharpening(options)
         pairs = _pairs(options.inputs, options.output)
     except (InvalidSettings, _Usage) as error:
         parser.error(str(error))
@@ -250,7 +299,8 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
     """Make the parser; each field of a settings class becomes a flag."""
     parser = argparse.ArgumentParser(
         prog=backend.prog,
-        description="Sharpen meshes, their colors, textures and images by shock filter advection.",
+        description="Sharpen meshes, their colors, textures and images by shock filter advection,"
+        " and denoise them.",
         epilog=_EPILOG.format(prog=backend.prog),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -290,6 +340,8 @@ def _add_command(commands: Any, command: Command, backend: Backend) -> None:
     backend.add_arguments(parser, command)
     if command is TEXTURE_MASK:
         _add_mask_flags(parser)
+    if command.then is not None:
+        _add_then_sharpen(parser, command.then)
     if command.settings is not None:
         _add_settings(parser, command.settings)
 
@@ -305,6 +357,37 @@ def _add_mask_flags(parser: argparse.ArgumentParser) -> None:
     size = parser.add_mutually_exclusive_group(required=True)
     size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
     size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
+
+
+def _add_then_sharpen(parser: argparse.ArgumentParser, settings: type) -> None:
+    _, default, about = describe(settings)["time"]
+    parser.add_argument(
+        "--then-sharpen",
+        nargs="?",
+        type=_time,
+        const=default,
+        metavar="TIME",
+        help="sharpen the result for this long; give it after OUT where TIME is left out"
+        f" ({default:g} if left out, {about.unit})",
+    )
+
+
+def _time(text: str) -> float:
+    try:
+        return _number(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time; give one, or --then-sharpen after OUT"
+        ) from None
+
+
+def _check_sharpening(options: argparse.Namespace) -> None:
+    command = options.command
+    if command.then is None or options.then_sharpen is None:
+        return
+    if not math.isfinite(options.then_sharpen):
+        raise _Usage("the time of --then-sharpen must be finite; give one such as 4096")
+    command.then(time=options.then_sharpen)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -28,6 +28,8 @@ from .settings import GeometrySettings, ShockSettings
 from .signals import sharpen_vertex_signal
 
 Progress = Callable[[float, str], bool]
+MeshFilter = Callable[[TriangleMesh, Floats | None, Progress | None], Floats]
+ColorFilter = Callable[[TriangleMesh, Floats, Floats | None, Progress | None], Floats]
 AnyDocument = TypeVar("AnyDocument", bound=Document)
 IN_PLACE: dict[str, Callable[[Path], TexturedDocument]] = {
     ".obj": ObjFile,
@@ -75,13 +77,39 @@ def sharpen_file(
     Outcome
         Counts, and notes on what did not survive.
     """
+    chosen = settings or GeometrySettings()
+
+    def sharpen(mesh: TriangleMesh, weights: Floats | None, part: Progress | None) -> Floats:
+        return shock.sharpen_geometry(mesh, chosen, weights, part)
+
+    return filter_mesh_file(source, target, sharpen, mask, invert_mask, overwrite, progress)
+
+
+def filter_mesh_file(
+    source: str | Path,
+    target: str | Path,
+    function: MeshFilter,
+    mask: str | None,
+    invert_mask: bool,
+    overwrite: bool,
+    progress: Progress | None,
+) -> Outcome:
+    """Move the vertices of a mesh file and write it to another; see `sharpen_file`.
+
+    Parameters
+    ----------
+    source, target, mask, invert_mask, overwrite, progress
+        As there.
+    function : callable
+        ``function(mesh, weights, progress)`` returns new positions.
+    """
     source, target = Path(source), Path(target)
     _check_paths(source, target)
     ending = target.suffix.lower()
     keeps_format = source.suffix.lower() == ending
     document = read_document(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
     weights = _read_mask(source, mask, invert_mask) if mask else None
-    positions = _sharpen(document, settings or GeometrySettings(), weights, progress)
+    positions = _move(document, function, weights, progress)
     moved = (positions != document.vertices).any(axis=1)
     with staged(target, overwrite) as path:
         notes = document.save(path, positions, moved)
@@ -118,6 +146,34 @@ def sharpen_colors_file(
     Outcome
         Counts, and notes on what did not survive.
     """
+    chosen = settings or ShockSettings()
+
+    def sharpen(
+        mesh: TriangleMesh, colors: Floats, weights: Floats | None, part: Progress | None
+    ) -> Floats:
+        return sharpen_vertex_signal(mesh, colors, chosen, weights, part)
+
+    return filter_colors_file(source, target, sharpen, mask, invert_mask, overwrite, progress)
+
+
+def filter_colors_file(
+    source: str | Path,
+    target: str | Path,
+    function: ColorFilter,
+    mask: str | None,
+    invert_mask: bool,
+    overwrite: bool,
+    progress: Progress | None,
+) -> Outcome:
+    """Change the vertex colors of a mesh file; see `sharpen_colors_file`.
+
+    Parameters
+    ----------
+    source, target, mask, invert_mask, overwrite, progress
+        As there.
+    function : callable
+        ``function(mesh, colors, weights, progress)`` returns new colors.
+    """
     source, target = Path(source), Path(target)
     _check_paths(source, target)
     ending = target.suffix.lower()
@@ -139,7 +195,7 @@ def sharpen_colors_file(
             f"{source} has no vertex colors; paint them, or bake a texture to them."
         )
     weights = _read_mask(source, mask, invert_mask) if mask else None
-    result = _sharpen_colors(document, colors, settings or ShockSettings(), weights, progress)
+    result = _recolor(document, colors, function, weights, progress)
     with staged(target, overwrite) as path:
         changed, notes = document.save_colors(path, result)
     done = "changed the color of {changed} of {total} vertices"
@@ -187,16 +243,16 @@ def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDoc
     return document
 
 
-# ------------------------------------------------------------------------------------- sharpening
+# -------------------------------------------------------------------------------------- filtering
 
 
-def _sharpen(
+def _move(
     document: Document,
-    settings: GeometrySettings,
+    function: MeshFilter,
     weights: Floats | None,
     progress: Progress | None,
 ) -> Floats:
-    """Positions after sharpening; vertices that do not move keep theirs bit for bit."""
+    """Positions after filtering; vertices that do not move keep theirs bit for bit."""
     representatives, index = weld(document.vertices)
     welded = document.vertices[representatives]
     faces = index[document.faces]
@@ -207,19 +263,19 @@ def _sharpen(
     result = welded.copy()
     for mesh, used, part in _meshes(welded, faces, document.parts[whole], progress):
         part_weights = None if weights is None else weights[used]
-        result[used] = shock.sharpen_geometry(mesh, settings, part_weights, part)
+        result[used] = function(mesh, part_weights, part)
     positions = result[index]
     return np.where(positions == document.vertices, document.vertices, positions)
 
 
-def _sharpen_colors(
+def _recolor(
     document: Document,
     colors: Floats,
-    settings: ShockSettings,
+    function: ColorFilter,
     weights: Floats | None,
     progress: Progress | None,
 ) -> Floats:
-    """Colors after sharpening; NaN, for none, stays."""
+    """Colors after filtering; NaN, for none, stays."""
     colored = np.isfinite(colors).all(axis=1)
     places = weld(document.vertices)[1]
     kinds = weld(np.where(colored[:, None], colors, -1.0))[1]
@@ -233,7 +289,7 @@ def _sharpen_colors(
     parts = document.parts[usable]
     for mesh, used, part in _meshes(document.vertices[first], faces[usable], parts, progress):
         part_weights = None if weights is None else weights[used]
-        result[used] = sharpen_vertex_signal(mesh, result[used], settings, part_weights, part)
+        result[used] = function(mesh, result[used], part_weights, part)
     return np.where(abs(result[index] - colors) < _ROUNDING, colors, result[index])
 
 

@@ -348,8 +348,26 @@ class GeometrySettings(FitSettings, _FlowSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class _KernelSettings(_Settings):
-    """Settings of the short-time Beltrami kernel that images and meshes share (paper C)."""
+    """Settings of the short-time Beltrami kernel (paper C), with the defaults for meshes."""
 
+    time: float = _setting(
+        1.0,
+        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
+        " is a Gaussian of variance 2 * time",
+        unit="squared mean edge lengths",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=10.0,
+    )
+    beta: float = _setting(
+        3.0,
+        "How much values count against lengths: a step from 0 to 1 is as far as this many mean"
+        " edge lengths. 0 blurs across edges; more keeps fainter ones",
+        unit="mean edge lengths a unit of value",
+        minimum=0.0,
+        maximum=1e6,
+        soft_maximum=30.0,
+    )
     iterations: int = _setting(
         1,
         "How often the kernel is applied, each time measured on the last result. Several short"
@@ -446,25 +464,6 @@ class BeltramiSettings(_KernelSettings):
 @dataclass(frozen=True, kw_only=True)
 class BeltramiMeshSettings(_KernelSettings):
     """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`."""
-
-    time: float = _setting(
-        1.0,
-        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time",
-        unit="squared mean edge lengths",
-        minimum=0.0,
-        maximum=1e6,
-        soft_maximum=10.0,
-    )
-    beta: float = _setting(
-        3.0,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many mean"
-        " edge lengths. 0 blurs across edges; more keeps fainter ones",
-        unit="mean edge lengths a unit of value",
-        minimum=0.0,
-        maximum=1e6,
-        soft_maximum=30.0,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ import bpy
 from . import (
     colors_operator,
     command_line,
+    denoise_operator,
     geometry_operator,
     image_data,
     image_operator,
@@ -21,6 +22,7 @@ from . import (
 )
 
 _CLASSES = (
+    *denoise_operator.CLASSES,
     *geometry_operator.CLASSES,
     *colors_operator.CLASSES,
     *image_operator.CLASSES,

@@ -60,14 +60,20 @@ def write_colors(target: Target, result: Recolored) -> bpy.types.Object:
         If the object was removed or its colors have changed since they were read.
     """
     obj = find(target)
-    attribute = obj.data.color_attributes.get(target.place)
-    values = None if attribute is None else _read(attribute)
-    if values is None or not np.array_equal(values[:, :3], target.surface.colors):
-        raise Skipped("its colors were changed meanwhile; run again")
+    check_unchanged(obj, target)
+    attribute = obj.data.color_attributes[target.place]
+    values = _read(attribute)
     values[:, :3] = result.colors
     attribute.data.foreach_set(_stored(attribute), values.reshape(-1))
     obj.data.update()
     return obj
+
+
+def check_unchanged(obj: bpy.types.Object, target: Target) -> None:
+    """Raise `Skipped` if the colors have changed since they were read."""
+    attribute = obj.data.color_attributes.get(target.place)
+    if attribute is None or not np.array_equal(_read(attribute)[:, :3], target.surface.colors):
+        raise Skipped("its colors were changed meanwhile; run again")
 
 
 def _attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:

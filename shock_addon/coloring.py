@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,8 @@ import numpy.typing as npt
 from .. import core
 from .recolored import Colors, Recolored, recolored
 from .surface import Surface, welded
+
+ColorFilter = Callable[[Any, Colors, "npt.NDArray | None"], Colors]
 
 
 @dataclass(frozen=True)
@@ -69,19 +72,56 @@ def sharpen_colors(
     core.ShockError
         See `core.TriangleMesh`, `core.sharpen_vertex_signal` and `core.sharpen_corner_signal`.
     """
-    if not np.isfinite(surface.colors).all():
-        raise core.InvalidSignal("The colors hold NaN or infinity; paint over these first.")
+
+    def at_vertices(mesh: core.TriangleMesh, values: Colors, mask: npt.NDArray | None) -> Colors:
+        return core.sharpen_vertex_signal(mesh, values, settings, mask, progress)
+
+    def at_corners(mesh: core.TriangleMesh, values: Colors, mask: npt.NDArray | None) -> Colors:
+        return core.sharpen_corner_signal(mesh, values, settings, mask, progress)
+
+    return filter_colors(surface, at_vertices, at_corners, weld)
+
+
+def filter_colors(
+    surface: ColoredSurface, at_vertices: ColorFilter, at_corners: ColorFilter, weld: bool
+) -> Recolored:
+    """Filter the colors of a surface; see `sharpen_colors`.
+
+    Parameters
+    ----------
+    surface, weld
+        As there.
+    at_vertices, at_corners : callable
+        ``function(mesh, colors, mask)`` for colors of vertices, and of the corners of triangles.
+    """
+    check_colors(surface)
     new = surface.colors.copy()
     if surface.corners is None:
         part = welded(surface, weld, surface.colors)
         values = surface.colors[part.used][part.representatives]
-        result = core.sharpen_vertex_signal(part.mesh, values, settings, part.mask, progress)
-        new[part.used] = result[part.index]
-    else:
-        part = welded(surface, weld)
-        values = surface.colors[surface.corners]
-        result = core.sharpen_corner_signal(part.mesh, values, settings, part.mask, progress)
-        _gather(surface.corners, result, new)
+        new[part.used] = at_vertices(part.mesh, values, part.mask)[part.index]
+        return _repainted(surface, new)
+    part = welded(surface, weld)
+    result = at_corners(part.mesh, surface.colors[surface.corners], part.mask)
+    return repainted_corners(surface, surface.corners, result)
+
+
+def check_colors(surface: ColoredSurface) -> None:
+    """Refuse what no filter can work on."""
+    if not np.isfinite(surface.colors).all():
+        raise core.InvalidSignal("The colors hold NaN or infinity; paint over these first.")
+
+
+def repainted_corners(
+    surface: ColoredSurface, corners: npt.NDArray[np.int32], values: Colors
+) -> Recolored:
+    """Bring new colors of the corners of triangles back; `corners` says which color each has."""
+    new = surface.colors.copy()
+    _gather(corners, values, new)
+    return _repainted(surface, new)
+
+
+def _repainted(surface: ColoredSurface, new: Colors) -> Recolored:
     if surface.free is not None:
         new[~surface.free] = surface.colors[~surface.free]
     return recolored(surface.colors, new, surface.levels)

@@ -19,6 +19,7 @@ from ..core import cli
 from ..core.errors import Cancelled, InvalidUV, ShockError
 from ..core.output import Outcome, staged
 from . import kernels, operators
+from .properties import COLOR_PREFIX
 from .skipped import Skipped
 
 COMMAND = "shock_filter"
@@ -93,7 +94,7 @@ def _command(arguments: list[str]) -> int:
 
 
 class BlenderBackend:
-    """Reads with Blender's importers, sharpens with its operators, writes with the exporters."""
+    """Reads with Blender's importers, filters with its operators, writes with the exporters."""
 
     def __init__(self, program: str) -> None:
         self.prog = program
@@ -101,7 +102,7 @@ class BlenderBackend:
     def formats(self, command: cli.Command) -> str:
         """Name the files that a command reads and writes."""
         images = "PNG, JPEG, TIFF, EXR, HDR, Targa, BMP and WebP files"
-        if command is cli.IMAGE:
+        if command in cli.ON_IMAGES:
             return f"{images}, which keep their format"
         if command.on_mesh:
             return f"{images}, which keep their format, on whatever meshes this Blender reads"
@@ -113,22 +114,22 @@ class BlenderBackend:
 
     def add_arguments(self, parser: argparse.ArgumentParser, command: cli.Command) -> None:
         """Add the flags for objects, vertex groups and color attributes."""
-        if command is cli.IMAGE:
+        if command in cli.ON_IMAGES:
             return
         if command is cli.TEXTURE:
             parser.add_argument(
                 "--mask",
                 metavar="FILE",
                 default="",
-                help="gray image of the same size: black stays, white is sharpened fully",
+                help="gray image of the same size: black stays, white changes fully",
             )
-        elif command in (cli.GEOMETRY, cli.COLORS):
+        elif command in (*cli.ON_GEOMETRY, *cli.ON_COLORS):
             parser.add_argument(
                 "--mask",
                 metavar="NAME",
                 default="",
                 help="vertex group that says how much is done to each vertex: 0 keeps it, 1"
-                " sharpens it fully",
+                " changes it fully",
             )
         if command not in (cli.DILATE, cli.TEXTURE_MASK):
             parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
@@ -140,12 +141,12 @@ class BlenderBackend:
             help="take this object only, even if it is hidden (may be repeated); without it, all"
             " visible meshes of the scene",
         )
-        if command is cli.COLORS:
+        if command in cli.ON_COLORS:
             parser.add_argument(
                 "--attribute",
                 metavar="NAME",
                 default="",
-                help="color attribute to sharpen; each mesh's active one if left out",
+                help="color attribute to work on; each mesh's active one if left out",
             )
 
     def sharpen(
@@ -158,7 +159,7 @@ class BlenderBackend:
         progress: operators.Progress,
     ) -> Outcome:
         """Sharpen one file into another; IN may be - for the open file, but not for images."""
-        if command is cli.IMAGE:
+        if command in cli.ON_IMAGES:
             return _sharpen_image(command, source, target, settings, options, progress)
         if command.on_mesh:
             return _filter_texture(command, source, target, settings, options, progress)
@@ -180,12 +181,12 @@ def _sharpen_meshes(
     objects, notes = _chosen(options.objects)
     values: dict[str, Any] = {"vertex_group": options.mask, "invert_mask": options.invert_mask}
     look, done = _coordinates, "moved {changed} of {total} vertices"
-    if command is cli.COLORS:
+    if command in cli.ON_COLORS:
         values["attribute"] = options.attribute
         look, done = partial(_colors, name=options.attribute), "changed {changed} of {total} colors"
     before = [look(obj) for obj in objects]
     with _selected(objects):
-        _run_operator(command, settings, values, progress)
+        _run_operator(command, settings, values, options, progress)
     after = [look(obj) for obj in objects]
     changed = sum(_count_changed(old, new) for old, new in zip(before, after, strict=True))
     if not progress(1.0, "Writing"):
@@ -231,7 +232,7 @@ def _sharpen_image(
             )
         before = _pixels(image)
         values = {"image": image.name, "output": "REPLACE", **(more or {})}
-        _run_operator(command, settings, values, progress)
+        _run_operator(command, settings, values, options, progress)
         changed = _count_changed(before, _pixels(image))
         with staged(target, options.overwrite) as path:
             if changed:
@@ -397,12 +398,38 @@ def _chosen(names: list[str] | None) -> tuple[list[bpy.types.Object], list[str]]
     return list({obj.data: obj for obj in chosen}.values()), notes
 
 
-def _run_operator(
-    command: cli.Command, settings: Any, options: dict[str, Any], progress: operators.Progress
-) -> None:
+# The operator Denoise has more than one target, the settings of which have names of their own.
+_DENOISE = {
+    cli.DENOISE_GEOMETRY: ("shock_filter.denoise", "", {"target": "geometry"}),
+    cli.DENOISE_COLORS: ("shock_filter.denoise", COLOR_PREFIX, {"target": "colors"}),
+    cli.DENOISE_IMAGE: ("shock_filter.denoise_image", "", {}),
+}
+
+
+def _call_of(
+    command: cli.Command, settings: Any, options: argparse.Namespace
+) -> tuple[str, dict[str, Any]]:
+    """Find a command's operator and the values of its properties."""
     values = asdict(settings)
-    if math.isinf(values.get("time", 0.0)):
-        values |= {"time": 0.0, "steady_state": True}
+    if command not in _DENOISE:
+        if math.isinf(values.get("time", 0.0)):
+            values |= {"time": 0.0, "steady_state": True}
+        return f"shock_filter.{command.name.replace('-', '_')}", values
+    name, prefix, more = _DENOISE[command]
+    values = {prefix + key: value for key, value in values.items()} | more
+    if options.then_sharpen is not None:
+        values |= {"then_sharpen": True, "sharpen_time": options.then_sharpen}
+    return name, values
+
+
+def _run_operator(
+    command: cli.Command,
+    settings: Any,
+    more: dict[str, Any],
+    options: argparse.Namespace,
+    progress: operators.Progress,
+) -> None:
+    name, values = _call_of(command, settings, options)
     cancelled = False
 
     def listen(fraction: float, message: str) -> bool:
@@ -412,7 +439,7 @@ def _run_operator(
 
     operators.listener = listen
     try:
-        _call(f"shock_filter.{command.name.replace('-', '_')}", **options, **values)
+        _call(name, **more, **values)
     except ShockError:
         if cancelled:
             raise Cancelled("Interrupted; nothing was written.") from None

@@ -37,8 +37,17 @@ def read_geometry(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[st
     return parameters.output, surface
 
 
-def write_geometry(target: Target, result: Sharpened) -> bpy.types.Object:
+def write_geometry(
+    target: Target, result: Sharpened, key_name: str = "Sharpened"
+) -> bpy.types.Object:
     """Write new positions, in Object Mode; returns the object.
+
+    Parameters
+    ----------
+    target : Target
+    result : Sharpened
+    key_name : str
+        What a new shape key is called.
 
     Raises
     ------
@@ -50,7 +59,7 @@ def write_geometry(target: Target, result: Sharpened) -> bpy.types.Object:
     if not np.array_equal(_source(obj, target.place), old):
         raise Skipped("it was changed meanwhile; run again")
     if target.place == "SHAPE_KEY":
-        shape_keys.add(obj, result.positions - old)
+        shape_keys.add(obj, key_name, result.positions - old)
     elif obj.data.shape_keys is None:
         write_positions(obj.data, result.positions)
     else:

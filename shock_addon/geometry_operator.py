@@ -9,7 +9,7 @@ from ..core.settings import GeometrySettings
 from .geometry_data import read_geometry, write_geometry
 from .operators import MeshOperator, counted
 from .properties import GeometryProperties
-from .sharpening import sharpen
+from .sharpening import Sharpened, sharpen
 
 _HARDLY_SEEN = 0.02  # mean edge lengths
 
@@ -29,20 +29,26 @@ class SHOCK_FILTER_OT_sharpen_geometry(MeshOperator, GeometryProperties, bpy.typ
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes and vertices."""
-        vertices = sum(len(result.positions) for _, result in written)
-        moved = sum(result.moved for _, result in written)
-        largest = max(result.largest_move for _, result in written)
+        results = [result for _, result in written]
         text = (
-            f"Sharpened {counted(len(written), 'mesh', 'meshes')}: {vertices:,} vertices, moved"
-            f" {moved:,}, largest move {largest:.2g} edge lengths, {seconds:.1f} s."
+            f"Sharpened {counted(len(written), 'mesh', 'meshes')}: {describe_moves(results)},"
+            f" {seconds:.1f} s."
         )
-        if largest < _HARDLY_SEEN:
+        if max(result.largest_move for result in results) < _HARDLY_SEEN:
             text += " For wide or gentle creases raise Time or lower Feature Threshold."
         return text
 
     def notes(self, written: list[tuple]) -> str:
         """Name modifiers and custom normals."""
         return notes([obj for obj, _ in written])
+
+
+def describe_moves(results: list[Sharpened]) -> str:
+    """Count vertices, and say how many moved and how far."""
+    vertices = sum(len(result.positions) for result in results)
+    moved = sum(result.moved for result in results)
+    largest = max(result.largest_move for result in results)
+    return f"{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
 
 
 def notes(objects: list[bpy.types.Object]) -> str:

@@ -16,18 +16,20 @@ from .recolored import Recolored, describe
 from .skipped import Skipped
 
 
-class SHOCK_FILTER_OT_sharpen_image(SharpenOperator, ImageProperties, bpy.types.Operator):
-    """Turn blurred edges in an image into sharp ones, without halos beside them"""
+class ImageOperator(SharpenOperator):
+    """Mixin for operators on one image; they have the properties `of_one_run`, too.
 
-    bl_idname = "shock_filter.sharpen_image"
-    bl_label = "Sharpen Image"
-    bl_options = {"REGISTER", "UNDO", "PRESET"}
+    Attributes
+    ----------
+    suffix : str
+        What a new image's name ends with.
+    """
 
-    __annotations__ = {
-        **ImageProperties.__annotations__,
+    suffix: str
+    of_one_run = {
         "image": bpy.props.StringProperty(
             name="Image",
-            description="Image to sharpen. Empty takes the one in the Image Editor",
+            description="Image to work on. Empty takes the one in the Image Editor",
             options={"SKIP_SAVE"},
         ),
         "result": bpy.props.StringProperty(
@@ -37,8 +39,13 @@ class SHOCK_FILTER_OT_sharpen_image(SharpenOperator, ImageProperties, bpy.types.
         ),
     }
 
-    mode = "image"
-    settings_type = ImageSettings
+    def done(self) -> str:
+        """Say what was done, in a verb."""
+        raise NotImplementedError
+
+    def changes(self, result: Recolored) -> str:
+        """Say how much has changed."""
+        raise NotImplementedError
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -66,10 +73,6 @@ class SHOCK_FILTER_OT_sharpen_image(SharpenOperator, ImageProperties, bpy.types.
         self.image = image.name  # redo must not take the result, which the editor shows by then
         return [target], []
 
-    def filter(self, settings: ImageSettings) -> Filter:
-        """Sharpen one image."""
-        return lambda picture, progress: sharpen_picture(picture, settings, progress)
-
     def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
         """Write the image and show it in the Image Editor."""
         written, skipped = write_results(self.targets, results, self._write)
@@ -86,14 +89,40 @@ class SHOCK_FILTER_OT_sharpen_image(SharpenOperator, ImageProperties, bpy.types.
             if result.changed:
                 image_data.overwrite(source, target.parts, new)
             return source
-        return image_data.add_or_reuse(source, f"{source.name} sharpened", self.result, new)
+        return image_data.add_or_reuse(source, f"{source.name} {self.suffix}", self.result, new)
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the image and count pixels."""
         ((image, result),) = written
         into = "" if image.name == self.image else f" into {image.name}"
-        changes = describe([result], "pixels")
-        return f"Sharpened the image {self.image}{into}: {changes}, {seconds:.1f} s."
+        changes = self.changes(result)
+        return f"{self.done()} the image {self.image}{into}: {changes}, {seconds:.1f} s."
+
+
+class SHOCK_FILTER_OT_sharpen_image(ImageOperator, ImageProperties, bpy.types.Operator):
+    """Turn blurred edges in an image into sharp ones, without halos beside them"""
+
+    bl_idname = "shock_filter.sharpen_image"
+    bl_label = "Sharpen Image"
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
+
+    __annotations__ = {**ImageProperties.__annotations__, **ImageOperator.of_one_run}
+
+    mode = "image"
+    settings_type = ImageSettings
+    suffix = "sharpened"
+
+    def filter(self, settings: ImageSettings) -> Filter:
+        """Sharpen one image."""
+        return lambda picture, progress: sharpen_picture(picture, settings, progress)
+
+    def done(self) -> str:
+        """Say what was done."""
+        return "Sharpened"
+
+    def changes(self, result: Recolored) -> str:
+        """Say how much has changed."""
+        return describe([result], "pixels")
 
 
 def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:

@@ -83,7 +83,7 @@ def load(folder: str | None) -> None:
             chosen_by_user = numba.config.CACHE_DIR
             numba.config.CACHE_DIR = chosen_by_user or folder or ""
             try:
-                from ..core import images, shock, signals, textures  # noqa: F401
+                from ..core import denoising, images, shock, signals, textures  # noqa: F401
             finally:
                 numba.config.CACHE_DIR = chosen_by_user
         except (ImportError, OSError) as error:

@@ -109,7 +109,7 @@ def _product(masks: list[npt.NDArray]) -> npt.NDArray[np.float64] | None:
         return None
     mask = np.clip(np.prod(masks, axis=0, dtype=np.float64), 0.0, 1.0)
     if not mask.any():
-        raise Skipped("its mask or selection leaves nothing to sharpen; select or unmask some")
+        raise Skipped("its mask or selection leaves nothing to change; select or unmask some")
     return None if (mask == 1.0).all() else mask
 
 

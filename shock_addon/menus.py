@@ -10,28 +10,39 @@ import bpy
 from .panels import draw_dilate, draw_sharpen
 
 _MODES = {
-    "VIEW3D_MT_object": ("geometry", "colors", "texture"),
-    "VIEW3D_MT_edit_mesh": ("geometry",),
-    "VIEW3D_MT_sculpt": ("geometry",),
-    "VIEW3D_MT_paint_vertex": ("colors",),
-    "IMAGE_MT_image": ("image", "texture"),
+    "VIEW3D_MT_object": ("denoise", "geometry", "colors", "texture"),
+    "VIEW3D_MT_edit_mesh": ("denoise", "geometry"),
+    "VIEW3D_MT_sculpt": ("denoise", "geometry"),
+    "VIEW3D_MT_paint_vertex": ("denoise", "colors"),
+    "IMAGE_MT_image": ("denoise_image", "image", "texture"),
 }
 
+_TARGETS = {
+    "VIEW3D_MT_edit_mesh": "geometry",
+    "VIEW3D_MT_sculpt": "geometry",
+    "VIEW3D_MT_paint_vertex": "colors",
+}
+"""What is denoised from the menus of modes that work on one thing only."""
 
-def _entries(modes: tuple[str, ...]) -> Callable[[bpy.types.Menu, bpy.types.Context], None]:
+
+def _entries(
+    menu: str, modes: tuple[str, ...]
+) -> Callable[[bpy.types.Menu, bpy.types.Context], None]:
     def draw_entries(self: bpy.types.Menu, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.separator()
         layout.operator_context = "INVOKE_DEFAULT"
         for mode in modes:
-            draw_sharpen(layout, context, mode)
+            operator = draw_sharpen(layout, context, mode)
+            if mode == "denoise" and menu in _TARGETS:
+                operator.target = _TARGETS[menu]
         if "texture" in modes:
             draw_dilate(layout, context)
 
     return draw_entries
 
 
-ENTRIES = {menu: _entries(modes) for menu, modes in _MODES.items()}
+ENTRIES = {menu: _entries(menu, modes) for menu, modes in _MODES.items()}
 """What is drawn at the end of each menu: buttons with the panel's settings."""
 
 

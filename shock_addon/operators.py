@@ -48,6 +48,10 @@ class SharpenOperator(ModalJob):
     mode: str
     settings_type: type
 
+    def read_settings(self) -> Any:
+        """Read what is handed to `filter` from the operator's properties."""
+        return settings_from(self.settings_type, self)
+
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Return the targets, which have `name` and `surface`, and reasons for what is no target.
 
@@ -93,7 +97,7 @@ class SharpenOperator(ModalJob):
     def _prepare(self, context: bpy.types.Context) -> Work | None:
         self._began = time.perf_counter()
         try:
-            settings = settings_from(self.settings_type, self)
+            settings = self.read_settings()
         except InvalidSettings as error:
             self.report({"ERROR"}, str(error))
             return None

@@ -6,8 +6,12 @@ from __future__ import annotations
 import bpy
 
 from ..core.settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
     GeometrySettings,
     ImageSettings,
+    Setting,
     ShockSettings,
     TextureSettings,
     describe,
@@ -16,17 +20,25 @@ from . import image_data, jobs, kernels, operators
 from .image_operator import edited_image
 from .mesh_data import mesh_objects
 from .presets import PANELS as PRESETS
-from .properties import DILATE_NAMES, NAMES, STEADY_STATE
+from .properties import COLOR_PREFIX, DILATE_NAMES, NAMES, STEADY_STATE, denoise_names
 from .skipped import Skipped
 from .texture_data import shown_image
 from .wrapping import draw_text
 
 _ABOUT = {
+    "denoise": {
+        **describe(BeltramiGeometrySettings),
+        **{COLOR_PREFIX + name: about for name, about in describe(BeltramiMeshSettings).items()},
+    },
+    "denoise_image": describe(BeltramiSettings),
     "geometry": describe(GeometrySettings),
     "colors": describe(ShockSettings),
     "image": describe(ImageSettings),
     "texture": describe(TextureSettings),
 }
+
+_DENOISE = {"denoise": "Denoise", "denoise_image": "Denoise Image"}
+"""The words on the buttons that denoise."""
 
 
 class _Panel:
@@ -84,7 +96,13 @@ class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
         """Draw the modes, and for colors the attribute, for textures the image."""
         scene_settings = context.scene.shock_filter
         self.layout.row().prop(scene_settings, "mode", expand=True)
-        if scene_settings.mode == "COLORS":
+        if scene_settings.mode == "DENOISE":
+            settings = scene_settings.denoise
+            self.layout.row().prop(settings, "target", expand=True)
+            if settings.target != "geometry":
+                column = _split(self.layout)
+                _draw_search(column, context, settings, "attribute", "color_attributes")
+        elif scene_settings.mode == "COLORS":
             column = _split(self.layout)
             _draw_search(column, context, scene_settings.colors, "attribute", "color_attributes")
         elif scene_settings.mode == "TEXTURE":
@@ -109,7 +127,7 @@ class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
 class _SubPanel:
     bl_parent_id = "SHOCK_FILTER_PT_main"
     bl_options = {"DEFAULT_CLOSED"}
-    modes = {"geometry", "colors", "image", "texture"}
+    modes = set(NAMES)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -144,7 +162,7 @@ class _MaskPanel(_SubPanel):
 class SHOCK_FILTER_PT_mask(_MaskPanel, _Panel, bpy.types.Panel):
     """What may change."""
 
-    modes = {"geometry", "colors", "texture"}
+    modes = {"denoise", "geometry", "colors", "texture"}
 
 
 class SHOCK_FILTER_PT_image_mask(_MaskPanel, _ImagePanel, bpy.types.Panel):
@@ -170,7 +188,15 @@ class _OutputPanel(_SubPanel):
 class SHOCK_FILTER_PT_output(_OutputPanel, _Panel, bpy.types.Panel):
     """Where the new shape or the new image goes."""
 
-    modes = {"geometry", "texture"}
+    modes = {"denoise", "geometry", "texture"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Denoised colors stay where they are."""
+        settings = context.scene.shock_filter
+        if settings.mode == "DENOISE" and settings.denoise.target == "colors":
+            return False
+        return super().poll(context)
 
 
 class SHOCK_FILTER_PT_image_output(_OutputPanel, _ImagePanel, bpy.types.Panel):
@@ -185,7 +211,7 @@ class _AdvancedPanel(_SubPanel):
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the settings in the order of their description."""
         column = _split(self.layout)
-        for name, (_, _, about) in _ABOUT[self.mode(context)].items():
+        for name, about in _about(settings, self.mode(context)).items():
             if about.advanced:
                 column.prop(settings, name)
         if "weld" in NAMES[self.mode(context)]:
@@ -202,14 +228,21 @@ class SHOCK_FILTER_PT_image_advanced(_AdvancedPanel, _ImagePanel, bpy.types.Pane
     bl_parent_id = "SHOCK_FILTER_PT_image_main"
 
 
-def draw_sharpen(layout: bpy.types.UILayout, context: bpy.types.Context, mode: str) -> None:
+def draw_sharpen(
+    layout: bpy.types.UILayout, context: bpy.types.Context, mode: str
+) -> bpy.types.OperatorProperties:
     """Draw a mode's button, which copies the scene's settings into the operator."""
     settings = getattr(context.scene.shock_filter, mode)
-    operator = layout.operator(f"shock_filter.sharpen_{mode}", icon="SHARPCURVE")
+    if mode in _DENOISE:
+        text = _DENOISE[mode] + (", then Sharpen" if settings.then_sharpen else "")
+        operator = layout.operator(f"shock_filter.{mode}", text=text, icon="SMOOTHCURVE")
+    else:
+        operator = layout.operator(f"shock_filter.sharpen_{mode}", icon="SHARPCURVE")
     for name in NAMES[mode]:
         setattr(operator, name, getattr(settings, name))
     if mode == "texture":
         _name_edited_image(operator, context)
+    return operator
 
 
 def draw_dilate(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -265,14 +298,25 @@ def _draw_main_settings(
     layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, mode: str
 ) -> None:
     column = _split(layout)
-    for name, (_, _, about) in _ABOUT[mode].items():
+    for name, about in _about(settings, mode).items():
         if about.advanced:
             continue
         row = column.row()
         row.prop(settings, name)
-        if name == "time":
+        if name == "time" and hasattr(settings, STEADY_STATE):
             row.active = not settings.steady_state
             column.prop(settings, STEADY_STATE)
+    if "then_sharpen" in NAMES[mode]:
+        column.prop(settings, "then_sharpen")
+        row = column.row()
+        row.active = settings.then_sharpen
+        row.prop(settings, "sharpen_time")
+
+
+def _about(settings: bpy.types.PropertyGroup, mode: str) -> dict[str, Setting]:
+    """Describe the settings that matter now."""
+    names = denoise_names(settings.target) if mode == "denoise" else _ABOUT[mode]
+    return {name: about for name, (_, _, about) in _ABOUT[mode].items() if name in names}
 
 
 def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context, mode: str) -> None:

@@ -7,7 +7,7 @@ import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
-from .properties import NAMES
+from .properties import NAMES, label
 
 _OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
 
@@ -19,7 +19,7 @@ def _panel(mode: str) -> type:
         {
             "__doc__": "The list that the header's button opens.",
             "__module__": __name__,
-            "bl_label": f"{mode.title()} Presets",
+            "bl_label": f"{label(mode)} Presets",
             "preset_subdir": f"shock_filter/{mode}",
             "preset_operator": "script.execute_preset",
             "preset_add_operator": f"shock_filter.{mode}_preset_add",
@@ -33,10 +33,10 @@ def _add_operator(mode: str) -> type:
         f"SHOCK_FILTER_OT_{mode}_preset_add",
         (AddPresetBase, bpy.types.Operator),
         {
-            "__doc__": f"Add or remove a preset of the settings for {mode}",
+            "__doc__": f"Add or remove a preset of the settings for {label(mode).lower()}",
             "__module__": __name__,
             "bl_idname": f"shock_filter.{mode}_preset_add",
-            "bl_label": f"Add {mode.title()} Preset",
+            "bl_label": f"Add {label(mode)} Preset",
             "preset_menu": f"SHOCK_FILTER_PT_{mode}_presets",
             "preset_subdir": f"shock_filter/{mode}",
             "preset_defines": [f"settings = bpy.context.scene.shock_filter.{mode}"],

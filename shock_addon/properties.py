@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..core.settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
     DilateSettings,
     GeometrySettings,
     ImageSettings,
@@ -22,16 +26,16 @@ from ..core.settings import (
 STEADY_STATE = "steady_state"
 
 
-def annotations_of(settings: type) -> dict[str, Any]:
+def annotations_of(settings: type, prefix: str = "") -> dict[str, Any]:
     """Make the annotations of a Blender class from a settings class.
 
-    Each field becomes a property of the same name. Blender's numbers cannot be infinite, so the
-    time has a checkbox for the steady state beside it.
+    Each field becomes a property of the same name, after the prefix. Blender's numbers cannot be
+    infinite, so a time that may be has a checkbox for the steady state beside it.
     """
     annotations = {}
     for name, (kind, default, about) in describe(settings).items():
-        annotations[name] = _property(name, kind, default, about)
-        if name == "time":
+        annotations[prefix + name] = _property(name, kind, default, about)
+        if name == "time" and math.isinf(about.maximum):
             annotations[STEADY_STATE] = bpy.props.BoolProperty(
                 name="Steady State",
                 description="Flow until nothing changes any more: the time is infinite",
@@ -45,8 +49,15 @@ def label(name: str) -> str:
     return name.replace("_", " ").title()
 
 
-def settings_from(settings: type, owner: Any) -> Any:
+def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
     """Read a settings object from the properties of an operator or property group.
+
+    Parameters
+    ----------
+    settings : type
+    owner : bpy.types.Operator or bpy.types.PropertyGroup
+    prefix : str
+        What the properties' names begin with.
 
     Raises
     ------
@@ -55,7 +66,7 @@ def settings_from(settings: type, owner: Any) -> Any:
     """
     values = {}
     for name, (kind, _, about) in describe(settings).items():
-        value = getattr(owner, name)
+        value = getattr(owner, prefix + name)
         if kind is float:
             value = min(max(_shortest(value), about.minimum), about.maximum)
         values[name] = value
@@ -94,17 +105,17 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
 _WHERE = {
     "vertex_group": bpy.props.StringProperty(
         name="Vertex Group",
-        description="Vertices with weight 1 are sharpened fully, with weight 0 not at all."
-        " Empty sharpens all vertices",
+        description="Vertices with weight 1 change fully, with weight 0 not at all."
+        " Empty changes all vertices",
     ),
     "invert_mask": bpy.props.BoolProperty(
         name="Invert",
-        description="Sharpen where the mask is 0 and protect where it is 1",
+        description="Change where the mask is 0 and protect where it is 1",
         default=False,
     ),
     "selected_only": bpy.props.BoolProperty(
         name="Selected Only",
-        description="In Edit Mode, sharpen only what is selected",
+        description="In Edit Mode, change only what is selected",
         default=True,
     ),
 }
@@ -133,7 +144,7 @@ class GeometryProperties:
             (
                 "SHAPE_KEY",
                 "New Shape Key",
-                "Keep the mesh and put the sharpened shape into a new shape key, whose value"
+                "Keep the mesh and put the new shape into a new shape key, whose value"
                 " sets the strength",
             ),
         ),
@@ -151,7 +162,7 @@ class ColorProperties:
         **annotations_of(ShockSettings),
         "attribute": bpy.props.StringProperty(
             name="Attribute",
-            description="Color attribute to sharpen. Empty takes each object's active one",
+            description="Color attribute to work on. Empty takes each object's active one",
         ),
         **_WHERE,
         "weld": _weld(
@@ -223,6 +234,68 @@ class DilateProperties:
     __annotations__ = {**annotations_of(DilateSettings), **_TEXTURE}
 
 
+COLOR_PREFIX = "color_"
+"""What the names of the settings for denoising colors begin with."""
+
+
+def _then_sharpen(settings: type) -> dict[str, Any]:
+    kind, default, about = describe(settings)["time"]
+    about = replace(about, description="How long the result is sharpened. 0 changes nothing")
+    return {
+        "then_sharpen": bpy.props.BoolProperty(
+            name="Then Sharpen",
+            description="Sharpen what is denoised in the same run",
+            default=False,
+        ),
+        "sharpen_time": _property("sharpen_time", kind, default, about),
+    }
+
+
+class DenoiseProperties:
+    """All parameters of the operator Denoise; the panel keeps the same ones."""
+
+    __annotations__ = {
+        "target": bpy.props.EnumProperty(
+            name="Target",
+            description="What to denoise",
+            items=[
+                ("geometry", "Geometry", "Move vertices so that the surface becomes smooth between"
+                 " its creases"),
+                ("colors", "Colors", "Average colors within the areas between edges"),
+                ("both", "Both", "Average vertices and colors with the same weights, so that edges"
+                 " between colors keep the shape, too"),
+            ],
+        ),
+        **annotations_of(BeltramiGeometrySettings),
+        **annotations_of(BeltramiMeshSettings, COLOR_PREFIX),
+        **_then_sharpen(GeometrySettings),
+        **{name: ColorProperties.__annotations__[name] for name in ("attribute", *_WHERE)},
+        "output": GeometryProperties.__annotations__["output"],
+        "weld": _weld(
+            "Vertices at exactly the same place count as one, so that meshes that are split along"
+            " UV seams do not crack open; as to colors, where these agree. Nothing is merged"
+        ),
+    }  # fmt: skip
+
+
+class DenoiseImageProperties:
+    """The parameters of the operator Denoise Image that the panel keeps, too."""
+
+    __annotations__ = {
+        **annotations_of(BeltramiSettings),
+        **_then_sharpen(ImageSettings),
+        **_IMAGE_OUTPUT,
+    }
+
+
+class SHOCK_FILTER_PG_denoise(DenoiseProperties, bpy.types.PropertyGroup):
+    """The panel's parameters for denoising meshes and colors."""
+
+
+class SHOCK_FILTER_PG_denoise_image(DenoiseImageProperties, bpy.types.PropertyGroup):
+    """The Image Editor's parameters for denoising."""
+
+
 class SHOCK_FILTER_PG_geometry(GeometryProperties, bpy.types.PropertyGroup):
     """The panel's parameters for geometry."""
 
@@ -245,24 +318,31 @@ class SHOCK_FILTER_PG_scene(bpy.types.PropertyGroup):
     __annotations__ = {
         "mode": bpy.props.EnumProperty(
             name="Mode",
-            description="What to sharpen",
+            description="What to do",
             items=[
+                ("DENOISE", "Denoise", "Remove noise from vertices and colors; creases and edges"
+                 " stay"),
                 ("GEOMETRY", "Geometry", "Move vertices so that rounded creases become sharp"),
                 ("COLORS", "Colors", "Move the colors on the surface so that blurred edges in"
                  " them become sharp"),
                 ("TEXTURE", "Texture", "Move the colors of an image on the surface that shows it,"
                  " across seams, so that blurred edges in it become sharp"),
             ],
+            default="GEOMETRY",
         ),
         "image_mode": bpy.props.EnumProperty(
             name="Mode",
-            description="How to sharpen the image",
+            description="What to do with the image",
             items=[
-                ("IMAGE", "Image", "As a flat picture"),
-                ("TEXTURE", "Texture", "On the surface of the selected objects that show it, across"
-                 " seams"),
+                ("DENOISE_IMAGE", "Denoise", "Remove noise; edges stay"),
+                ("IMAGE", "Image", "Sharpen it as a flat picture"),
+                ("TEXTURE", "Texture", "Sharpen it on the surface of the selected objects that show"
+                 " it, across seams"),
             ],
+            default="IMAGE",
         ),
+        "denoise": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_denoise),
+        "denoise_image": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_denoise_image),
         "geometry": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_geometry),
         "colors": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_colors),
         "image": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_image),
@@ -271,6 +351,8 @@ class SHOCK_FILTER_PG_scene(bpy.types.PropertyGroup):
 
 
 NAMES = {
+    "denoise": tuple(DenoiseProperties.__annotations__),
+    "denoise_image": tuple(DenoiseImageProperties.__annotations__),
     "geometry": tuple(GeometryProperties.__annotations__),
     "colors": tuple(ColorProperties.__annotations__),
     "image": tuple(ImageProperties.__annotations__),
@@ -278,10 +360,23 @@ NAMES = {
 }
 """The names of each mode's parameters; the scene keeps them under the mode's name."""
 
+
+def denoise_names(target: str) -> list[str]:
+    """List the parameters of the operator Denoise that matter for a target."""
+    return [name for name in NAMES["denoise"] if name not in _WITHOUT[target]]
+
+
+_GEOMETRY = set(describe(BeltramiGeometrySettings))
+_COLORS = {COLOR_PREFIX + name for name in describe(BeltramiMeshSettings)} | {"attribute"}
+_WITHOUT = {"geometry": _COLORS, "colors": _GEOMETRY | {"output"}, "both": _GEOMETRY}
+
+
 DILATE_NAMES = tuple(DilateProperties.__annotations__)
 """The names of the parameters of Dilate Texture, which are among those of textures."""
 
 CLASSES = (
+    SHOCK_FILTER_PG_denoise,
+    SHOCK_FILTER_PG_denoise_image,
     SHOCK_FILTER_PG_geometry,
     SHOCK_FILTER_PG_colors,
     SHOCK_FILTER_PG_image,

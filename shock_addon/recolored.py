@@ -56,12 +56,16 @@ def _steps(colors: Colors, levels: int) -> Colors:
     return np.clip(steps, 0, levels, out=steps)
 
 
-def describe(results: Sequence[Recolored], things: str) -> str:
+def describe(
+    results: Sequence[Recolored],
+    things: str,
+    advice: str = "for wide edges raise Time or Smoothing Passes",
+) -> str:
     """Say how many things changed and how much, and what to do if it was little."""
     total = sum(result.colors[..., 0].size for result in results)
     changed = sum(result.changed for result in results)
     largest = max(result.largest_change for result in results)
     text = f"{total:,} {things}, changed {changed:,}, largest change {largest:.2g}"
     if largest < _HARDLY_SEEN:
-        text += " (for wide edges raise Time or Smoothing Passes)"
+        text += f" ({advice})"
     return text

@@ -18,8 +18,6 @@ from .skipped import Skipped
 
 Positions = npt.NDArray[np.float32]
 
-NEW_KEY_NAME = "Sharpened"
-
 
 def read(key: bpy.types.ShapeKey) -> Positions:
     """Read a key's positions: (n, 3)."""
@@ -81,11 +79,11 @@ def write_active(obj: bpy.types.Object, positions: Positions) -> None:
     keys.update_tag()
 
 
-def add(obj: bpy.types.Object, change: Positions) -> None:
+def add(obj: bpy.types.Object, name: str, change: Positions) -> None:
     """Add a key with value 1 that moves vertices by `change` from the Basis."""
     if obj.data.shape_keys is None:
         obj.shape_key_add(name="Basis", from_mix=False)
-    key = obj.shape_key_add(name=NEW_KEY_NAME, from_mix=False)
+    key = obj.shape_key_add(name=name, from_mix=False)
     keys = obj.data.shape_keys
     write(key, read(keys.reference_key) + change)
     key.relative_key = keys.reference_key

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
-from .surface import Surface, welded
+from .surface import Surface, Welded, welded
 from .symmetry import mirror_pairs, symmetrise
 
 
@@ -58,8 +58,13 @@ def sharpen(
         See `core.TriangleMesh` and `core.sharpen_geometry`.
     """
     part = welded(surface, weld)
+    return placed(surface, part, core.sharpen_geometry(part.mesh, settings, part.mask, progress))
+
+
+def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Sharpened:
+    """Bring a welded part's new positions, which may be mirrored, back to the surface."""
     mesh = part.mesh
-    moves = core.sharpen_geometry(mesh, settings, part.mask, progress) - mesh.vertices
+    moves = positions - mesh.vertices
     moves = np.linalg.solve(surface.to_world, moves.T).T
     old = surface.positions[part.used]
     points = old[part.representatives].astype(np.float64)

@@ -14,6 +14,7 @@ import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
+from shock_filter.core.denoise_files import denoise_file
 from shock_filter.core.files import sharpen_colors_file, sharpen_file
 from shock_filter.core.format_exr import read_exr
 from shock_filter.core.texture_files import texture_mask_file
@@ -535,6 +536,53 @@ def test_what_is_wrong_with_textures_is_named(folder):
         assert run.code == 1
         assert sentence in run.err
     assert sorted(path.name for path in folder.iterdir()) == ["bare.obj", "in.png"]
+
+
+def noisy_box(name):
+    box = trimesh.creation.box().subdivide().subdivide().subdivide().subdivide()
+    box.vertices += 0.01 * np.random.default_rng(0).normal(size=box.vertices.shape)
+    box.export(name)
+    return trimesh.load_mesh(name)
+
+
+@pytest.mark.parametrize("more", [[], ["--repeat", "2", "--then-sharpen", "64"]])
+def test_meshes_are_denoised_as_outside_blender(folder, more):
+    before = noisy_box("in.ply")
+    run = blender("denoise-geometry", "in.ply", "out.ply", *more)
+    assert run.code == 0, run.err
+    assert f"in.ply -> out.ply: moved {len(before.vertices)} of {len(before.vertices)}" in run.out
+    settings = core.BeltramiGeometrySettings(repeat=2 if more else 3)
+    denoise_file("in.ply", "wanted.ply", settings, sharpen_time=64 if more else None)
+    new, wanted = (trimesh.load_mesh(f"{name}.ply").vertices for name in ("out", "wanted"))
+    assert np.median(nearest(new, wanted)) < 1e-4
+    assert nearest(before.vertices, wanted).max() > 0.01
+
+
+def test_colors_of_blend_files_are_denoised(folder):
+    words = ["in.blend", "a.blend", "--beta", "0", "--time", "4", "--mask", "Left"]
+    old, _ = colors_in("in.blend", "--version", before=SCENE + PAINT + save("in.blend"))
+    new, run = colors_in("a.blend", "denoise-colors", *words, "--attribute", "Under")
+    assert changes(old, new) == {("Seen", "Under")}
+    assert "hidden, so left as they are: Hidden" in run.out
+    words[1] = "b.blend"
+    sharper, _ = colors_in("b.blend", "denoise-colors", *words, "--then-sharpen", "4096")
+    coats = [state["Seen"]["Coat"] for state in (old, new, sharper)]
+    assert (coats[2] != coats[0]).any()
+    assert (coats[1] == coats[0]).all()
+
+
+def test_images_are_denoised_as_outside_blender(folder):
+    noise = np.random.default_rng(0).normal(size=(24, 30, 3)) * 12
+    pixels = np.clip(soft_edge() + noise, 0, 255).astype(np.uint8)
+    Image.fromarray(pixels).save("in.png")
+    run = blender("denoise-image", "in.png", "out.png", "--window", "9")
+    assert run.code == 0, run.err
+    wanted = core.beltrami_image(pixels, core.BeltramiSettings(window=9))
+    assert abs(wanted.astype(int) - pixels).mean() > 4
+    assert abs(pixels_of("out.png").astype(int) - wanted).max() <= 1
+    run = blender("denoise-image", "in.png", "sharp.png", "--then-sharpen", "4096")
+    assert run.code == 0, run.err
+    assert abs(pixels_of("sharp.png").astype(int) - wanted).max() > 10
 
 
 def test_several_inputs_with_a_bad_one(scene, old, folder):

@@ -100,7 +100,7 @@ def test_edit_mode_can_change_all(sheet, domain):
     painted = sheet(domain)
     painted.flag("select")
     bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(RuntimeError, match="leaves nothing to sharpen"):
+    with pytest.raises(RuntimeError, match="leaves nothing to change"):
         sharpen(time=256.0)
     sharpen(time=256.0, selected_only=False)
     changed = painted.changed()

@@ -61,7 +61,7 @@ def test_a_missing_group_is_named(rounded_box):
 
 def test_an_empty_group_is_named(rounded_box):
     rounded_box().vertex_groups.new(name="Mask")
-    with pytest.raises(RuntimeError, match="leaves nothing to sharpen"):
+    with pytest.raises(RuntimeError, match="leaves nothing to change"):
         sharpen(vertex_group="Mask")
 
 
@@ -83,7 +83,7 @@ def test_edit_mode_can_move_all_that_is_not_hidden(half):
     before = read_positions(box.data)
     set_edit_flags(box, "select", np.zeros_like(right))
     bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(RuntimeError, match="leaves nothing to sharpen"):
+    with pytest.raises(RuntimeError, match="leaves nothing to change"):
         sharpen()
     sharpen(selected_only=False)
     bpy.ops.object.mode_set(mode="OBJECT")

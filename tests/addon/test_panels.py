@@ -111,7 +111,7 @@ def test_the_button_carries_the_panels_settings():
     settings.repeat = 7
     settings.output = "SHAPE_KEY"
     for drawn in (draw(panels.SHOCK_FILTER_PT_main), entry()):
-        (carried,) = words(drawn, "set")
+        *_, carried = words(drawn, "set")
         assert carried.repeat == 7
         assert carried.output == "SHAPE_KEY"
         assert carried.time == pytest.approx(ABOUT["time"][1])
@@ -138,7 +138,30 @@ def test_each_mode_draws_its_settings_and_its_button(mode, rounded_box):
     assert shown == set(settings.bl_rna.properties.keys()) - {"rna_type", "name", "selected_only"}
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", ["denoise", "denoise_image"])
+def test_denoising_has_its_settings_and_its_button(mode, rounded_box):
+    rounded_box()
+    main, others = panels_of(mode)
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    settings.then_sharpen = True
+    settings.iterations = 5
+    below = {"window", "alpha", "measure"} if mode == "denoise_image" else {"vertex_group", "weld"}
+    drawn = draw(main)
+    assert words(drawn, "operator")[0].endswith(", then Sharpen")
+    *_, carried = words(drawn, "set")
+    assert (carried.then_sharpen, carried.iterations) == (True, 5)
+    first = words(drawn, "prop")
+    assert first[-5:] == ["time", "beta", "iterations", "then_sharpen", "sharpen_time"]
+    for panel in others:
+        drawn += draw(panel)
+    shown = set(words(drawn, "prop") + words(drawn, "prop_search")) - CHOICES
+    assert below <= shown
+    every = set(settings.bl_rna.properties.keys()) - {"rna_type", "name", "selected_only"}
+    every -= {name for name in every if name.startswith("color_")} | {"attribute"}
+    assert shown == every
+
+
+@pytest.mark.parametrize("mode", ["denoise", "denoise_image", *MODES])
 def test_the_header_offers_presets_of_the_mode(mode):
     main, _ = panels_of(mode)
     layout = Layout()
@@ -151,9 +174,12 @@ def test_the_header_offers_presets_of_the_mode(mode):
 def panels_of(mode):
     """Choose the mode; return its main panel, and those below it that are seen then."""
     scene = bpy.context.scene
-    if mode != "image":
+    in_image_editor = mode in ("image", "denoise_image")
+    if in_image_editor:
+        scene.shock_filter.image_mode = mode.upper()
+    else:
         scene.shock_filter.mode = mode.upper()
-    name = "SHOCK_FILTER_PT_image_main" if mode == "image" else "SHOCK_FILTER_PT_main"
+    name = "SHOCK_FILTER_PT_image_main" if in_image_editor else "SHOCK_FILTER_PT_main"
     below = [panel for panel in panels.CLASSES if getattr(panel, "bl_parent_id", "") == name]
     context = SimpleNamespace(scene=scene)
     return getattr(panels, name), [panel for panel in below if panel.poll(context)]
@@ -193,7 +219,8 @@ def test_the_image_editor_says_why_an_image_cannot_be_sharpened():
 )
 def test_each_menu_has_its_entries(menu, modes):
     drawn = words(entry(menu), "operator")
-    wanted = [(f"shock_filter.sharpen_{mode}",) for mode in modes]
+    wanted = ["Denoise Image" if "image" in modes else "Denoise"]
+    wanted += [(f"shock_filter.sharpen_{mode}",) for mode in modes]
     assert drawn == wanted + [("shock_filter.dilate_texture",)] * ("texture" in modes)
 
 

@@ -7,6 +7,21 @@ import bpy
 import pytest
 
 
+def test_a_preset_of_denoising_brings_the_settings_back():
+    settings = bpy.context.scene.shock_filter.denoise
+    settings.target, settings.then_sharpen, settings.color_beta = "both", True, 4.0
+    settings.vertex_group = "Of another object"
+    assert bpy.ops.shock_filter.denoise_preset_add(name="Four") == {"FINISHED"}
+    for name in ("target", "then_sharpen", "color_beta", "vertex_group"):
+        settings.property_unset(name)
+    (folder,) = bpy.utils.preset_paths("shock_filter/denoise")
+    bpy.ops.script.execute_preset(
+        filepath=f"{folder}/Four.py", menu_idname="SHOCK_FILTER_PT_denoise_presets"
+    )
+    found = settings.target, settings.then_sharpen, settings.color_beta, settings.vertex_group
+    assert found == ("both", True, 4.0, "")
+
+
 @pytest.mark.parametrize(
     ("mode", "of_one_object"),
     [

@@ -7,6 +7,9 @@ from types import SimpleNamespace
 import bpy
 import pytest
 from shock_filter.core import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
     DilateSettings,
     GeometrySettings,
     ImageSettings,
@@ -51,6 +54,25 @@ def test_each_setting_is_a_property_of_panel_and_operator(mode, name):
             assert shown.hard_min == pytest.approx(about.minimum)
             if math.isfinite(about.maximum):
                 assert shown.hard_max == pytest.approx(about.maximum)
+
+
+DENOISING = [
+    ("denoise", "", BeltramiGeometrySettings),
+    ("denoise", properties.COLOR_PREFIX, BeltramiMeshSettings),
+    ("denoise_image", "", BeltramiSettings),
+]
+
+
+@pytest.mark.parametrize(("mode", "prefix", "settings"), DENOISING)
+def test_denoising_has_all_settings_with_their_defaults(mode, prefix, settings):
+    operator = getattr(bpy.ops.shock_filter, mode).get_rna_type()
+    for name, (kind, default, about) in describe(settings).items():
+        for owner in (panel_settings(mode).bl_rna, operator):
+            shown = owner.properties[prefix + name]
+            assert shown.default == (default if kind is not float else pytest.approx(default))
+            assert shown.description.startswith(about.description)
+    assert properties.settings_from(settings, panel_settings(mode), prefix) == settings()
+    assert "steady_state" not in operator.properties
 
 
 @pytest.mark.parametrize("mode", MODES)

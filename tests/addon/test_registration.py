@@ -65,11 +65,12 @@ print(json.dumps(states))
     assert before["operators"] == []
     assert before["types"] == []
     assert enabled["operators"] == [
-        "colors_preset_add", "dilate_texture", "geometry_preset_add", "image_preset_add",
+        "colors_preset_add", "denoise", "denoise_image", "denoise_image_preset_add",
+        "denoise_preset_add", "dilate_texture", "geometry_preset_add", "image_preset_add",
         "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture",
         "texture_preset_add",
     ]  # fmt: skip
-    assert len(enabled["types"]) >= 16
+    assert len(enabled["types"]) >= 20
     assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}
     assert [len(now) - len(old) for now, old in zip(enabled["entries"], before["entries"],
                                                     strict=True)] == [1] * 5  # fmt: skip

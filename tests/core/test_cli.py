@@ -87,6 +87,9 @@ def usage_error(capsys, *words):
         ("sharpen-geometry", core.GeometrySettings),
         ("sharpen-colors", core.ShockSettings),
         ("sharpen-image", core.ImageSettings),
+        ("denoise-geometry", core.BeltramiGeometrySettings),
+        ("denoise-colors", core.BeltramiMeshSettings),
+        ("denoise-image", core.BeltramiSettings),
     ],
 )
 def test_flags_are_the_settings_with_their_defaults(folder, command, settings):

@@ -11,7 +11,14 @@ import pytest
 from shock_filter import core
 from shock_filter.core.settings import describe
 
-CLASSES = [core.ShockSettings, core.FitSettings, core.GeometrySettings]
+CLASSES = [
+    core.ShockSettings,
+    core.FitSettings,
+    core.GeometrySettings,
+    core.BeltramiSettings,
+    core.BeltramiMeshSettings,
+    core.BeltramiGeometrySettings,
+]
 
 
 @pytest.mark.parametrize("settings", CLASSES)

@@ -130,6 +130,40 @@ def sharpen_texture() -> dict[str, object]:
     return {"result": sorted(result), "steepest": [float(np.diff(v).max()) for v in around]}
 
 
+def denoise() -> dict[str, object]:
+    """Run the operator on a noisy, painted cube; return its result, and both kinds of noise."""
+    cube = add_rounded_cube()
+    calm = roundness(cube)
+    paint = cube.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    cube.data.color_attributes.active_color = paint
+    random = np.random.default_rng(0)
+    noisy = positions(cube) + random.normal(scale=0.01, size=(len(cube.data.vertices), 3))
+    cube.data.attributes["position"].data.foreach_set("vector", noisy.astype(np.float32).ravel())
+    cube.data.update()
+    values = np.full((len(noisy), 4), 0.5, np.float32)
+    values[:, :3] += random.normal(scale=0.05, size=(len(noisy), 3))
+    paint.data.foreach_set("color", values.ravel())
+    before = [roundness(cube) - calm, float(values.std())]
+    results = [bpy.ops.shock_filter.denoise(target=t) for t in ("geometry", "colors", "both")]
+    results.append(bpy.ops.shock_filter.denoise(then_sharpen=True))
+    cube.data.color_attributes["Paint"].data.foreach_get("color", flat := values.ravel().copy())
+    noises = [before, [roundness(cube) - calm, float(flat.std())]]
+    return {"result": sorted(set.union(*results)), "noises": noises}
+
+
+def denoise_image() -> dict[str, object]:
+    """Run the operator on a noisy image; return its result, and the noise."""
+    image = bpy.data.images.new("Noise", 48, 48, float_buffer=True)
+    values = np.ones((48, 48, 4), np.float32)
+    values[..., :3] = 0.5 + np.random.default_rng(0).normal(scale=0.05, size=(48, 48, 3))
+    image.pixels.foreach_set(values.ravel())
+    result = bpy.ops.shock_filter.denoise_image(image="Noise")
+    flat = np.empty(values.size, np.float32)
+    bpy.data.images["Noise denoised"].pixels.foreach_get(flat)
+    noises = [[float(v[..., :3].std())] for v in (values, flat.reshape(values.shape))]
+    return {"result": sorted(result), "noises": noises}
+
+
 def is_registered() -> bool:
     """Tell whether Blender knows the operator."""
     return hasattr(bpy.types, "SHOCK_FILTER_OT_sharpen_geometry")
@@ -156,6 +190,8 @@ report["second"] = sharpen()
 report["colors"] = sharpen_colors()
 report["image"] = sharpen_image()
 report["texture"] = sharpen_texture()
+report["denoise"] = denoise()
+report["denoise_image"] = denoise_image()
 report["extension_after"] = files_below(installed_extension())
 report["places"] = {name: importlib.util.find_spec(name).origin for name in HEAVY}
 user_folder = Path(bpy.utils.extension_path_user(MODULE))

@@ -113,6 +113,14 @@ def test_operators_steepen_soft_edges(first, second, what):
         assert after > 1.5 * before
 
 
+@pytest.mark.parametrize("what", ["denoise", "denoise_image"])
+def test_operators_remove_noise(first, second, what):
+    for process in (first, second):
+        assert process[what]["result"] == ["FINISHED"]
+        for before, after in zip(*process[what]["noises"], strict=True):
+            assert after < 0.5 * before
+
+
 def test_libraries_come_from_the_extensions_own_wheels(first):
     assert first["places"].keys() == HEAVY
     for place in first["places"].values():

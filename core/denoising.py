@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Denoise by the short-time Beltrami kernel, then sharpen what is left, in one run.
+
+Noise has to go before edges are pulled together: what remains of it is taken for edges.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .beltrami.images import beltrami_image
+from .beltrami.meshes import (
+    beltrami_corner_signal,
+    beltrami_joint,
+    beltrami_mesh,
+    beltrami_vertex_signal,
+)
+from .calculus import checked_mask, checked_signal
+from .images import sharpen_image
+from .mesh import Floats, TriangleMesh, split_at_jumps
+from .parallel import ProgressCallback
+from .settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+)
+from .shock import sharpen_geometry
+from .signals import (
+    checked_type,
+    from_own_corners,
+    sharpen_corner_signal,
+    sharpen_vertex_signal,
+    to_own_corners,
+)
+
+
+def denoise_geometry(
+    mesh: TriangleMesh,
+    settings: BeltramiGeometrySettings,
+    sharpen_time: float | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Denoise a mesh, then sharpen its creases.
+
+    Parameters
+    ----------
+    mesh, settings, mask, progress
+        As in `beltrami_mesh`.
+    sharpen_time : float, optional
+        Time of the sharpening; none follows if left out. Normals are read by linear sampling,
+        which removes the noise that is left where detail sampling keeps it.
+
+    Returns
+    -------
+    (n, 3) float64
+    """
+    first, second = _parts(progress, sharpen_time)
+    positions = beltrami_mesh(mesh, settings, mask, first)
+    if sharpen_time is None:
+        return positions
+    return _sharpened(_moved(mesh, positions), sharpen_time, mask, second)
+
+
+def denoise_vertex_signal(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    settings: BeltramiMeshSettings,
+    sharpen_time: float | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Denoise a signal given at the vertices, then sharpen it; see `beltrami_vertex_signal`."""
+    first, second = _parts(progress, sharpen_time)
+    result = beltrami_vertex_signal(mesh, signal, settings, mask, first)
+    if sharpen_time is None:
+        return result
+    return sharpen_vertex_signal(mesh, result, ShockSettings(time=sharpen_time), mask, second)
+
+
+def denoise_corner_signal(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    settings: BeltramiMeshSettings,
+    sharpen_time: float | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Denoise a signal given at the corners, then sharpen it; see `beltrami_corner_signal`."""
+    first, second = _parts(progress, sharpen_time)
+    result = beltrami_corner_signal(mesh, signal, settings, mask, first)
+    if sharpen_time is None:
+        return result
+    return sharpen_corner_signal(mesh, result, ShockSettings(time=sharpen_time), mask, second)
+
+
+def denoise_jointly(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    settings: BeltramiMeshSettings,
+    sharpen_time: float | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> tuple[Floats, npt.NDArray]:
+    """Denoise a mesh and the signal at its corners with the same weights, then sharpen both.
+
+    Where corners at a vertex differ, nothing crosses, as in `beltrami_corner_signal`; the vertex
+    moves as the mean of its sides does, so that the mesh does not crack open.
+
+    Parameters
+    ----------
+    mesh, signal, settings, mask, progress
+        As in `beltrami_corner_signal`.
+    sharpen_time : float, optional
+        Time of the sharpening of both; none follows if left out.
+
+    Returns
+    -------
+    positions : (n, 3) float64
+    signal : array like `signal`
+    """
+    given = checked_type(signal)
+    values = checked_signal(to_own_corners(mesh, given), 3 * mesh.face_count)
+    weights = checked_mask(mask, mesh.vertex_count)
+    first, second = _parts(progress, sharpen_time)
+    cut, cut_values = split_at_jumps(mesh, values)
+    corners = cut.faces.reshape(-1)
+    vertex = np.empty(cut.vertex_count, dtype=np.intp)
+    vertex[corners] = mesh.faces.reshape(-1)
+    points, filtered = beltrami_joint(
+        cut, cut_values, settings, None if weights is None else weights[vertex], first
+    )
+    positions = mesh.vertices + _means(vertex, points - cut.vertices, mesh.vertex_count)
+    result = from_own_corners(mesh, filtered[corners].astype(given.dtype), given)
+    if sharpen_time is None:
+        return positions, result
+    geometry, painted = _parts(second, sharpen_time)
+    positions = _sharpened(_moved(mesh, positions), sharpen_time, mask, geometry)
+    sharpening = ShockSettings(time=sharpen_time)
+    moved = _moved(mesh, positions)
+    return positions, sharpen_corner_signal(moved, result, sharpening, mask, painted)
+
+
+def denoise_image(
+    image: npt.ArrayLike,
+    settings: BeltramiSettings,
+    sharpen_time: float | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> npt.NDArray:
+    """Denoise an image, then sharpen it; see `beltrami_image`."""
+    first, second = _parts(progress, sharpen_time)
+    result = beltrami_image(image, settings, mask, first)
+    if sharpen_time is None:
+        return result
+    sharpening = ImageSettings(time=sharpen_time, alpha=settings.alpha)
+    return sharpen_image(result, sharpening, mask, second)
+
+
+def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh:
+    return mesh.displaced(positions - mesh.vertices)
+
+
+def _sharpened(
+    mesh: TriangleMesh,
+    time: float,
+    mask: npt.ArrayLike | None,
+    progress: ProgressCallback | None,
+) -> Floats:
+    settings = GeometrySettings(time=time, sampling="linear")
+    return sharpen_geometry(mesh, settings, mask, progress)
+
+
+def _means(groups: npt.NDArray, rows: Floats, count: int) -> Floats:
+    # The mean row of each group; 0 for those without any.
+    sizes = np.maximum(np.bincount(groups, minlength=count), 1)
+    sums = [np.bincount(groups, column, minlength=count) for column in rows.T]
+    return np.stack(sums, axis=1) / sizes[:, None]
+
+
+def _parts(
+    progress: ProgressCallback | None, sharpen_time: float | None
+) -> tuple[ProgressCallback | None, ProgressCallback | None]:
+    # The callbacks of two runs, of which the second may be missing.
+    if progress is None or sharpen_time is None:
+        return progress, None
+    return (
+        lambda fraction, message: progress(0.5 * fraction, message),
+        lambda fraction, message: progress(0.5 + 0.5 * fraction, message),
+    )
