@@ -62,6 +62,44 @@ TRIED: dict[str, tuple[str, str, list[Settings]]] = {
 }
 """Per method: program, filter, and the settings that are tried; the first are its defaults."""
 
+DENOISERS: dict[str, tuple[str, str, list[Settings]]] = {
+    "MeshLab two-step smoothing": (
+        "MeshLab",
+        "apply_coord_two_steps_smoothing",
+        [
+            {
+                "stepsmoothnum": steps,
+                "normalthr": threshold,
+                "stepnormalnum": turns,
+                "stepfitnum": fits,
+            }
+            for steps, threshold in ((3, 60.0), (1, 60.0), (3, 90.0), (1, 90.0))
+            for turns, fits in ((20, 20), (5, 20), (5, 5))
+        ],
+    ),
+    "MeshLab Taubin": (
+        "MeshLab",
+        "apply_coord_taubin_smoothing",
+        [{"stepsmoothnum": steps} for steps in (10, 5, 20, 40, 80)],
+    ),
+    "MeshLab HC Laplacian": (
+        "MeshLab",
+        "apply_coord_hc_laplacian_smoothing",
+        [{"times": times} for times in (1, 2, 3, 4, 6)],
+    ),
+    "Lagrange mesh_smoothing": (
+        "Lagrange",
+        "mesh_smoothing",
+        [
+            {"method": method, "curvature_weight": curvature, "gradient_weight": gradient}
+            for method in ("NormalSmoothing", "VertexSmoothing")
+            for curvature in (0.02, 0.2)
+            for gradient in (1e-4, 3e-4, 1e-3)
+        ],
+    ),
+}
+"""The same for denoising; `times` is how often the filter is applied on its own result."""
+
 
 @cache
 def installed(program: str) -> bool:

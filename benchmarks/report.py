@@ -77,8 +77,9 @@ class Page:
         y_label: str,
         guide: str = "",
         x_scale: str = "log",
+        y_scale: str = "log",
     ) -> str:
-        """Draw curves over a logarithmic y axis; return the Markdown that shows the picture.
+        """Draw curves; return the Markdown that shows the picture.
 
         `guide` names a dashed line of slope 1 through the first curve's first point.
         """
@@ -98,9 +99,10 @@ class Page:
             line = [y[0] * value / x[0] for value in x]
             axes.plot(x, line, "--", color="#999999", linewidth=1.2, label=guide, zorder=0)
         axes.set_xscale(x_scale)
-        axes.set_yscale("log")
+        axes.set_yscale(y_scale)
         axes.xaxis.set_major_formatter("{x:,.12g}")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        if y_scale == "log":
+            axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(x_label)
