@@ -73,10 +73,8 @@ def draw(
     points[:, :2] += (fine - 1) / 2
     cosines = (mesh.normals @ turn.T) @ (_LIGHT / np.linalg.norm(_LIGHT))
     brightness = (0.5 + 0.5 * cosines) ** 1.6
-    depth = np.full((fine, fine), -np.inf)
-    shades = np.full((fine, fine), -1.0)
-    _draw_faces(points, mesh.faces, brightness, depth, shades)
-    picture = np.where(shades[..., None] < 0, 255.0, shades[..., None] * _CLAY)
+    seen, _ = visible(points, mesh.faces, fine)
+    picture = np.where(seen[..., None] < 0, 255.0, brightness[seen][..., None] * _CLAY)
     picture = picture.reshape(pixels, _FINER, pixels, _FINER, 3).mean(axis=(1, 3))
     return np.rint(picture).astype(np.uint8)
 
@@ -91,8 +89,30 @@ def _rotation(axis: int, angle: float) -> np.ndarray:
     return turn
 
 
+def visible(points: np.ndarray, faces: np.ndarray, pixels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Find what a square picture shows.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        (across, down, towards the viewer), in pixels; centres of pixels are at whole numbers.
+
+    Returns
+    -------
+    seen : (pixels, pixels) int32
+        The face in front, or -1.
+    shares : (pixels, pixels, 2) float64
+        Barycentric coordinates of its second and third corner.
+    """
+    depth = np.full((pixels, pixels), -np.inf)
+    seen = np.full((pixels, pixels), -1, dtype=np.int32)
+    shares = np.zeros((pixels, pixels, 2))
+    _draw_faces(points, faces, depth, seen, shares)
+    return seen, shares
+
+
 @kernel
-def _draw_faces(points, faces, brightness, depth, shades):
+def _draw_faces(points, faces, depth, seen, shares):
     size = len(depth)
     for f in range(len(faces)):
         ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
@@ -109,4 +129,6 @@ def _draw_faces(points, faces, brightness, depth, shades):
                     z = az + b * (bz - az) + c * (cz - az)
                     if z > depth[y, x]:
                         depth[y, x] = z
-                        shades[y, x] = brightness[f]
+                        seen[y, x] = f
+                        shares[y, x, 0] = b
+                        shares[y, x, 1] = c

@@ -34,7 +34,7 @@ def sharpen_texture(
     Parameters
     ----------
     mesh : TriangleMesh
-        Vertices that seams have split should be welded first (see `core.weld`).
+        Vertices that seams have split should be welded first (see `core.weld_borders`).
     uv : (m, 3, 2) array of float
         Texture coordinates of the corners of the faces that the mesh was made from.
     image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
@@ -71,7 +71,7 @@ def sharpen_texture(
     Paper A, sections 3.2, 3.3 and Appendix A, on the texels of paper B, section 3. Differs from
     paper B in what makes values continuous: the charts are extended by ghost texels that read
     across the seam, instead of basis functions that are merged there. Beside the atlas and
-    image and result, a texel costs 16 bytes and 8 more for each channel.
+    image and result, a node of its sheet costs 12 bytes and 8 more for each channel.
     """
     given = checked_image(image)
     settings = settings or TextureSettings()
@@ -103,7 +103,7 @@ def sharpen_texture(
     del values
     fill_ghosts(atlas.sheet, atlas.sources, result, groups[0].alpha, directions)
     if not normals:
-        stitch(atlas, result)
+        stitch(atlas, result, _step(given))
     out = np.empty_like(pixels)
     out[...] = pixels
     write_texels(atlas, result, 1.0 / scale, settings, keep, out,
@@ -149,7 +149,7 @@ def dilate_texture(
     scale = SCALES[given.dtype.name]
     values = atlas.gather(pixels, scale)
     fill_ghosts(atlas.sheet, atlas.sources, values)
-    stitch(atlas, values)
+    stitch(atlas, values, _step(given))
     out = pixels.copy()
     write_texels(atlas, values, 1.0 / scale, settings, atlas.inside, out,
                  phases.part(0.7, 1.0, "Filling the gutter"))  # fmt: skip
@@ -171,6 +171,11 @@ def _flow_channels(
     advect_texels(*parts, channels, potential, settings.time, atlas.copies, result,
                   nearest=settings.sampling == "nearest", normals=normals,
                   progress=progress.part(0.4, 1.0, "Tracing flow-lines"))  # fmt: skip
+
+
+def _step(image: npt.NDArray) -> float:
+    # Between values of whole numbers, where white is 1.
+    return SCALES[image.dtype.name] if image.dtype.kind == "u" else 0.0
 
 
 def _checked_atlas(

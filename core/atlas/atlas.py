@@ -89,8 +89,8 @@ class TextureAtlas:
     Parameters
     ----------
     mesh : TriangleMesh
-        Vertices that seams have split should be welded first (see `core.weld`): where the mesh
-        ends, so does the flow.
+        Vertices that seams have split should be welded first (see `core.weld_borders`): where
+        the mesh ends, so does the flow.
     uv : (m, 3, 2) array of float
         Texture coordinates of the corners of the faces that the mesh was made from. The image
         covers 0 to 1, and repeats beyond.
@@ -124,7 +124,9 @@ class TextureAtlas:
 
     Notes
     -----
-    Paper B, section 3. The faces' own metric is used, constant in each. A texel costs 24 bytes.
+    Paper B, section 3. The faces' own metric is used, constant in each. The sheet
+    has as many nodes as the image has texels, and more where charts overlap or touch; each costs
+    about 20 bytes.
     """
 
     def __init__(

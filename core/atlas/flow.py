@@ -210,7 +210,7 @@ def _average_energy(start, stop, nodes, cells, metrics, energy, potential):
                         total += metrics[face, 3] * energy[y - dy, x - dx]
                         area += metrics[face, 3]
             value = total / area if area > 0 else np.float32(0.0)
-            potential[y, x] = value if value < np.float32(1e30) else np.float32(1e30)
+            potential[y, x] = value if abs(value) < np.float32(1e30) else np.float32(1e30)
 
 
 @kernel

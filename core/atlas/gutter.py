@@ -42,7 +42,7 @@ def write_texels(
     """
     sheet, surface = atlas.sheet, atlas.surface
     rounded = out.dtype.kind in "ui"
-    kept = np.zeros((1, 1), dtype=np.bool_) if keep is None else keep & atlas.inside
+    kept = np.zeros((0, 0), dtype=np.bool_) if keep is None else keep & atlas.inside
     run(_write_owned, atlas.height, atlas.owners, values.reshape(-1, values.shape[2]), scale,
         rounded, kept, out, chunk=ROWS)  # fmt: skip
     filled = atlas.owners != NOTHING
@@ -54,7 +54,7 @@ def write_texels(
             sheet.cells, atlas.sources.cells, surface.points, surface.twins, surface.shapes,
             surface.to_frame, values, scale, rounded, out, chunk=ROWS,
             progress=progress)  # fmt: skip
-    if settings.background == "nearest" and not filled.all():
+    if settings.background == "nearest" and filled.any() and not filled.all():
         rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
         out[~filled] = out[rows[~filled], columns[~filled]]
     progress.update(1.0)
@@ -71,7 +71,7 @@ def _write_owned(start, stop, owners, values, scale, rounded, kept, out):
     for y in range(start, stop):
         for x in range(owners.shape[1]):
             node = owners[y, x]
-            if node != NOTHING and not (kept.size > 1 and kept[y, x]):
+            if node != NOTHING and not (kept.size > 0 and kept[y, x]):
                 for c in range(out.shape[2]):
                     out[y, x, c] = _store(values[node, c], scale, rounded)
 

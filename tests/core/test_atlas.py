@@ -263,6 +263,74 @@ def test_nonsense_gives_finite_values_in_range(size):
     core.TextureAtlas(mesh, uv * 0.2, *size).masks()
 
 
+def test_faces_without_area_in_space_end_the_surface():
+    vertices, faces = icosphere(2)
+    mesh = core.TriangleMesh(vertices, faces)
+    uv, size = apart(mesh, texels_per_length=9.0)
+    vertices[faces[::9, 1]] = vertices[faces[::9, 0]]
+    vertices[faces[4::9, 2]] = vertices[faces[4::9, :2]].mean(axis=1)
+    mesh = core.TriangleMesh(vertices, faces)
+    assert (mesh.areas == 0).sum() > 20
+    image = np.random.default_rng(0).random((size, size, 3)).astype(np.float32)
+    for time in (16.0, np.inf):
+        out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=time))
+        assert np.isfinite(out).all()
+        assert image.min() <= out.min() <= out.max() <= image.max()
+
+
+@pytest.mark.parametrize("texels", [1.0, 2.0, 3.0])
+def test_nothing_beside_charts_as_thin_as_texels_gets_in(texels):
+    mesh = core.TriangleMesh(*icosphere(2))
+    uv, size = apart(mesh, texels_per_length=texels)
+    rng = np.random.default_rng(1)
+    angle = 2 * np.pi * rng.random(mesh.face_count)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    centre = uv.mean(axis=1, keepdims=True)
+    uv = centre + np.einsum("ijf,fkj->fki", turn, uv - centre)
+    uv += rng.random((mesh.face_count, 1, 2)) / size
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    image = np.full((size, size, 1), 50.0, dtype=np.float32)
+    image[atlas.inside] = rng.random((np.count_nonzero(atlas.inside), 1))
+    for time in (16.0, np.inf):
+        out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=time), atlas=atlas)
+        assert atlas.inside.any()
+        assert out[atlas.inside].max() <= 1.0
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e20, 1e37])
+def test_the_gutter_does_not_depend_on_the_unit_of_values(scale):
+    blocks = Blocks(np.random.default_rng(0).random((32, 32, 3)).astype(np.float32), angle=0.3)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    texture = blocks.texture()
+    out = core.dilate_texture(mesh, blocks.uv, texture)
+    scaled = core.dilate_texture(mesh, blocks.uv, texture * np.float32(scale))
+    assert np.allclose(scaled / np.float64(scale), out, atol=1e-4)
+
+
+@pytest.mark.parametrize("shear", [-0.999, 0.999])
+def test_values_whose_squares_overflow_stay_finite_and_in_range(shear):
+    vertices, faces = grid(4, 4)
+    uv = vertices[faces][..., :2] / 4
+    mesh = core.TriangleMesh(vertices @ [[1, shear, 0], [shear, 1, 0], [0, 0, 1]], faces)
+    image = np.random.default_rng(0).random((32, 32, 1)).astype(np.float32)
+    for scale in np.float32(10.0) ** np.arange(15, 20, 0.25, dtype=np.float32):
+        for passes in (0, 1):
+            settings = core.TextureSettings(time=1000.0, smoothing_passes=passes)
+            out = core.sharpen_texture(mesh, uv, image * scale, settings)
+            assert np.isfinite(out).all()
+            assert (image * scale).min() <= out.min() <= out.max() <= (image * scale).max()
+
+
+def test_one_texel_and_charts_without_texels_stay_bit_for_bit():
+    mesh, uv = square()
+    one = np.array([[[0.1, 0.2, 0.7]]])  # float64: does not pass through float32
+    assert np.array_equal(core.sharpen_texture(mesh, uv, one, mask=np.zeros((1, 1))), one)
+    assert np.array_equal(core.dilate_texture(mesh, uv, one), one)
+    image = np.random.default_rng(0).random((8, 8, 3))
+    settings = core.DilateSettings(background="nearest")
+    assert np.array_equal(core.dilate_texture(mesh, 0.3 + 1e-3 * uv, image, settings), image)
+
+
 def test_results_are_the_same_on_any_number_of_threads(monkeypatch):
     from shock_filter.core import parallel
 

@@ -382,6 +382,41 @@ def test_a_texture_that_leaves_the_image_repeats():
     assert len(core.TextureAtlas(mesh, uv + (0.5, 0.0), 64, 64).report.outside) > 0
 
 
+def test_a_texture_that_is_folded_has_a_seam_at_the_fold():
+    # Both halves of a square show the same texels, mirrored; corners meet at the fold.
+    half = photo(64)[:, :32]
+    image = np.full((80, 48, 3), 5.0, dtype=np.float32)
+    image[8:72, 8:40] = half
+    vertices, faces = grid(4, 4)
+    mesh = core.TriangleMesh(vertices, faces)
+    places = 16 * vertices[faces][..., :2]
+    uv = (np.abs(places - (32, 0)) + 8) / (48, 80)
+    assert core.TextureAtlas(mesh, uv, 80, 48).report.charts == 2
+    filled = core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=4))
+    assert np.abs(filled[9:71, 4:8] - half[1:63, 3::-1]).max() < 1e-3
+    out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=64.0))
+    whole = np.concatenate([half[:, ::-1], half], axis=1)
+    expected = core.sharpen_image(whole, core.ImageSettings(time=64.0))[:, 32:]
+    assert np.abs(expected - half).max() > 0.05
+    assert np.mean(np.abs(out[8:72, 8:40] - expected).max(axis=-1) > 2e-3) < 2e-3
+
+
+def test_a_sliver_at_a_seam_does_not_read_far_beyond_it():
+    # The left chart ends with a strip that is 8 wide and has a quarter of a texel: one texel
+    # beyond the seam is 32 away. All is dark up to 5 beyond the seam.
+    across = np.array([0.0, 24.0, 32.0, 64.0])
+    vertices, faces = grid(3, 1)
+    vertices = np.stack([across[vertices[:, 0].astype(int)], 64 * vertices[:, 1]], axis=-1)
+    mesh = core.TriangleMesh(np.pad(vertices, ((0, 0), (0, 1))), faces)
+    corners = vertices[faces]
+    left = corners.mean(axis=1)[:, :1] < 32
+    x = np.where(left, np.interp(corners[..., 0], across[:3], (8, 32, 32.25)), corners[..., 0] + 16)
+    image = np.full((80, 96, 3), 0.1, dtype=np.float32)
+    image[:, 48 + 5 :] = 0.9
+    out = core.sharpen_texture(mesh, np.stack([x / 96, (corners[..., 1] + 8) / 80], axis=-1), image)
+    assert out[8:72, 8:33].max() < 0.11
+
+
 def test_cancelling_and_progress():
     blocks = Blocks(photo(64))
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
