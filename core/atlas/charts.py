@@ -167,7 +167,8 @@ def _mark_seams(start, stop, twins, points, areas, seams):
                 g = t // 3
                 j = t - 3 * g
                 joined = _near(points, f, k, g, (j + 1) % 3) and _near(points, f, (k + 1) % 3, g, j)
-                joined = joined and areas[f] * areas[g] >= 0  # not folded over
+                if min(abs(areas[f]), abs(areas[g])) > _FLAT:
+                    joined = joined and areas[f] * areas[g] > 0  # not folded over
             seams[3 * f + k] = not joined
 
 

@@ -225,7 +225,7 @@ def _read_ghosts(
     centre,
     known,
     found,
-    knows,
+    known_now,
 ):
     channels = values.shape[1]
     for i in range(start, stop):
@@ -252,7 +252,7 @@ def _read_ghosts(
                     found[i, c] += share * values[node, c]
         if total <= 0:
             continue
-        knows[i] = True
+        known_now[i] = True
         for c in range(channels):
             if c == alpha:
                 found[i, c] /= total

@@ -447,3 +447,61 @@ def test_bad_images_and_atlases_are_named():
         core.sharpen_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, 16, 16))
     with pytest.raises(core.InvalidSignal, match="three channels"):
         core.sharpen_texture(mesh, uv, image[..., :2], core.TextureSettings(content="normals"))
+
+
+def test_a_chart_around_the_rim_of_the_image_has_its_whole_gutter():
+    image = photo(64)
+    image[10:54, 10:54] += 5.0  # what is not filled stays far away
+    mesh, uv = flat_square()
+    uv = 0.2 + 0.5 * uv
+    middle = core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=8))
+    rolled = np.roll(image, (32, 32), axis=(0, 1))
+    around = core.dilate_texture(mesh, uv + 0.5, rolled, core.DilateSettings(gutter=8))
+    assert (middle != image).any(axis=-1).sum() > 500
+    assert np.allclose(np.roll(around, (-32, -32), axis=(0, 1)), middle, atol=1e-5)
+
+
+def test_normals_are_unit_vectors_under_a_mask_and_in_the_gutter():
+    blocks = Blocks(photo(64), angle=0.3)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    texture = blocks.texture(0.0)
+    atlas = core.TextureAtlas(mesh, blocks.uv, *texture.shape[:2])
+    lengths = np.linalg.norm(texture - 0.5, axis=-1, keepdims=True)
+    texture = (0.5 + 0.5 * (texture - 0.5) / lengths).astype(np.float32)
+    settings = core.TextureSettings(time=64.0, content="normals", gutter=4)
+    mask = np.full(texture.shape[:2], 0.5)
+    out = core.sharpen_texture(mesh, blocks.uv, texture, settings, mask, atlas=atlas)
+    changed = (out != texture).any(axis=-1)
+    assert (changed & ~atlas.inside).sum() > 1000
+    assert np.allclose(np.linalg.norm(2 * out[changed] - 1, axis=-1), 1.0, atol=1e-4)
+    for channels in ("luminance", "independent"):
+        wrong = core.TextureSettings(content="normals", channels=channels)
+        with pytest.raises(core.InvalidSignal, match="coupled"):
+            core.sharpen_texture(mesh, blocks.uv, texture, wrong)
+
+
+@pytest.mark.parametrize("code", [">u2", ">f4", ">f8"])
+def test_images_of_the_other_byte_order_are_taken(code):
+    mesh, uv = flat_square()
+    image = (photo(32) * (60000 if code == ">u2" else 1)).astype(code)
+    plain = image.astype(image.dtype.newbyteorder("="))
+    expected = core.sharpen_texture(mesh, uv, plain)
+    assert np.array_equal(core.sharpen_texture(mesh, uv, image), expected)
+    assert np.array_equal(core.sharpen_image(image), core.sharpen_image(plain))
+
+
+def test_opacity_beyond_its_range_counts_as_none_or_all():
+    mesh, uv = flat_square()
+    image = np.concatenate([photo(48), np.ones((48, 48, 1))], axis=-1).astype(np.float32)
+    image[:, 20:, 3] = -1e-3
+    image[:20, :, 3] = 7.0
+    out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=100.0))
+    assert np.array_equal(out[..., 3], image[..., 3])
+    assert image[..., :3].min() <= out[..., :3].min()
+    assert out[..., :3].max() <= image[..., :3].max()
+
+
+def test_values_too_large_for_single_precision_are_named():
+    mesh, uv = flat_square()
+    with pytest.raises(core.InvalidSignal, match="beyond"):
+        core.sharpen_texture(mesh, uv, np.full((8, 8, 3), 1e200))
