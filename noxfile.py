@@ -136,3 +136,5 @@ def bench(session: nox.Session) -> None:
     session.install("-e", ".[bench,files]")
     session.run("python", "benchmarks/geometry.py", *session.posargs)
     session.run("python", "benchmarks/paper.py", *session.posargs)
+    session.run("python", "benchmarks/textures.py", *session.posargs)
+    session.run("python", "benchmarks/denoise.py", *session.posargs)

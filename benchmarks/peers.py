@@ -145,3 +145,54 @@ def _meshlab(
     getattr(meshes, name)(**settings)
     seconds = time.perf_counter() - start
     return meshes.current_mesh().vertex_matrix(), seconds
+
+
+def decimated(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a mesh with about `count` faces, by MeshLab."""
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    meshes.apply_filter("meshing_decimation_quadric_edge_collapse", targetfacenum=count)
+    mesh = meshes.current_mesh()
+    return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int64)
+
+
+def filter_texture(
+    vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: np.ndarray, scale: float
+) -> tuple[np.ndarray, float]:
+    """Run Lagrange's texture filter; return the new uint8 image and the filter's seconds.
+
+    Parameters
+    ----------
+    uv : (m, 3, 2) array
+    image : (h, w, c) uint8
+        Row 0 at v = 0.
+    scale : float
+        What gradients are multiplied by.
+
+    Raises
+    ------
+    RuntimeError
+        If Lagrange refuses the mesh; the first line says why.
+    """
+    import lagrange
+
+    lagrange.logger.setLevel("ERROR")
+    used, renamed = np.unique(faces, return_inverse=True)
+    corners, indices = np.unique(uv.reshape(-1, 2), axis=0, return_inverse=True)
+    mesh = lagrange.SurfaceMesh()
+    mesh.add_vertices(np.ascontiguousarray(vertices[used], dtype=np.float64))
+    mesh.add_triangles(renamed.reshape(-1, 3).astype(np.uint32))
+    mesh.create_attribute(
+        "uv",
+        element=lagrange.AttributeElement.Indexed,
+        usage=lagrange.AttributeUsage.UV,
+        initial_values=corners,
+        initial_indices=indices.ravel().astype(np.uint32),
+    )
+    values = np.ascontiguousarray(image[::-1], dtype=np.float32) / 255  # its row 0 is at v = 1
+    start = time.perf_counter()
+    result = lagrange.texproc.texture_filtering(mesh, values, gradient_scale=scale)
+    seconds = time.perf_counter() - start
+    return np.rint(255 * np.clip(np.array(result)[::-1], 0, 1)).astype(np.uint8), seconds

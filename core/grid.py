@@ -259,8 +259,8 @@ def _walk(potential, time, row, column, down, across):
     sliding = False  # along a line between squares, that is, along the second axis
     for _ in range(1000000):
         if not sliding:
-            reach_a = _reach(a, v)
-            reach_b = _reach(b, w)
+            reach_a = reach(a, v)
+            reach_b = reach(b, w)
             if left <= min(reach_a, reach_b):
                 if left < np.inf:
                     a += v * left
@@ -323,8 +323,8 @@ def _walk(potential, time, row, column, down, across):
 
 
 @kernel
-def _reach(place, speed):
-    # The time until the end of the square, along one axis.
+def reach(place, speed):
+    """Time until the end of the square, along one axis."""
     if speed > 1e-30:
         return (1.0 - place) / speed
     if speed < -1e-30:

@@ -26,7 +26,7 @@ def checked_image(image: npt.ArrayLike) -> npt.NDArray:
         )
     if array.ndim not in (2, 3) or array.size == 0:
         raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
-    array = np.ascontiguousarray(array)
+    array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
     if array.dtype.kind == "f":
         for start in range(0, len(array), _BAND):
             if not np.isfinite(array[start : start + _BAND]).all():

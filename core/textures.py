@@ -9,14 +9,17 @@ import numpy.typing as npt
 from .atlas import TextureAtlas
 from .atlas.flow import advect_texels, texel_potential
 from .atlas.ghosts import fill_ghosts
-from .atlas.gutter import write_texels
+from .atlas.gutter import unit_normals, write_texels
+from .atlas.sheet import ROWS
 from .atlas.stitch import stitch
 from .errors import InvalidSignal
 from .grid import Channels
 from .mesh import TriangleMesh
-from .parallel import Progress, ProgressCallback
+from .parallel import Progress, ProgressCallback, run
 from .pixels import SCALES, channel_groups, checked_image, checked_weights
 from .settings import DilateSettings, TextureSettings
+
+_LARGEST = 1e30  # beyond, sums leave the range of single precision
 
 
 def sharpen_texture(
@@ -34,7 +37,7 @@ def sharpen_texture(
     Parameters
     ----------
     mesh : TriangleMesh
-        Vertices that seams have split should be welded first (see `core.weld`).
+        Vertices that seams have split should be welded first (see `core.weld_borders`).
     uv : (m, 3, 2) array of float
         Texture coordinates of the corners of the faces that the mesh was made from.
     image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
@@ -47,14 +50,15 @@ def sharpen_texture(
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
     atlas : TextureAtlas, optional
-        The analysis of the same mesh, coordinates and image size, to save doing it again.
+        The analysis of the same mesh, coordinates and image size, to save doing it again; `uv`
+        is not looked at then.
 
     Returns
     -------
     array like `image`
-        Inside the charts, every value lies within the input's values near it on the surface;
-        opacity stays. Around them the gutter is filled with what lies across the seam. A time
-        of 0 returns the input bit for bit.
+        Inside the charts, every value lies within the input's values near it on the surface, but
+        for rounding to single precision; opacity stays. Around them the gutter is filled with
+        what lies across the seam. A time of 0 returns the input bit for bit.
 
     Raises
     ------
@@ -71,9 +75,9 @@ def sharpen_texture(
     Paper A, sections 3.2, 3.3 and Appendix A, on the texels of paper B, section 3. Differs from
     paper B in what makes values continuous: the charts are extended by ghost texels that read
     across the seam, instead of basis functions that are merged there. Beside the atlas and
-    image and result, a texel costs 16 bytes and 8 more for each channel.
+    image and result, a node of its sheet costs 12 bytes and 8 more for each channel.
     """
-    given = checked_image(image)
+    given = _checked_texture(image)
     settings = settings or TextureSettings()
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
@@ -88,26 +92,29 @@ def sharpen_texture(
     normals = settings.content == "normals"
     groups = channel_groups(pixels.shape[2], settings)
     directions = 0.5 if normals else None
-    fill_ghosts(atlas.sheet, atlas.sources, values, groups[0].alpha, directions)
+    alpha = groups[0].alpha
+    if alpha >= 0:
+        np.clip(values[..., alpha], 0.0, 1.0, out=values[..., alpha])
+    fill_ghosts(atlas.sheet, atlas.sources, values, alpha, directions)
     result = values.copy()
     for number, channels in enumerate(groups):
         part = phases.part(0.3 + 0.6 * number / len(groups), 0.3 + 0.6 * (number + 1) / len(groups),
                            "Sharpening")  # fmt: skip
         _flow_channels(atlas, values, channels, settings, result, part)
-    if normals:
-        _normalise(result)
     keep = None
     if weights is not None:
         keep = weights == 0
         result = values + atlas.gather(weights[..., None], 1.0) * (result - values)
     del values
-    fill_ghosts(atlas.sheet, atlas.sources, result, groups[0].alpha, directions)
-    if not normals:
-        stitch(atlas, result)
-    out = np.empty_like(pixels)
-    out[...] = pixels
+    fill_ghosts(atlas.sheet, atlas.sources, result, alpha, directions)
+    if normals:
+        run(unit_normals, len(result), result, chunk=ROWS)
+    else:
+        stitch(atlas, result, _step(given))
+    out = pixels.copy()
     write_texels(atlas, result, 1.0 / scale, settings, keep, out,
-                 phases.part(0.9, 1.0, "Filling the gutter"))  # fmt: skip
+                 phases.part(0.9, 1.0, "Filling the gutter"), opacity=alpha,
+                 normals=normals)  # fmt: skip
     return out.reshape(given.shape)
 
 
@@ -141,7 +148,7 @@ def dilate_texture(
     InvalidUV, InvalidSignal, Cancelled
         As in `sharpen_texture`.
     """
-    given = checked_image(image)
+    given = _checked_texture(image)
     settings = settings or DilateSettings()
     pixels = given.reshape(*given.shape[:2], -1)
     phases = Progress.of(progress)
@@ -149,7 +156,7 @@ def dilate_texture(
     scale = SCALES[given.dtype.name]
     values = atlas.gather(pixels, scale)
     fill_ghosts(atlas.sheet, atlas.sources, values)
-    stitch(atlas, values)
+    stitch(atlas, values, _step(given))
     out = pixels.copy()
     write_texels(atlas, values, 1.0 / scale, settings, atlas.inside, out,
                  phases.part(0.7, 1.0, "Filling the gutter"))  # fmt: skip
@@ -173,6 +180,18 @@ def _flow_channels(
                   progress=progress.part(0.4, 1.0, "Tracing flow-lines"))  # fmt: skip
 
 
+def _checked_texture(image: npt.ArrayLike) -> npt.NDArray:
+    given = checked_image(image)
+    if given.dtype.kind == "f" and max(-float(given.min()), float(given.max())) > _LARGEST:
+        raise InvalidSignal(f"The image holds values beyond {_LARGEST:g}; scale or clip them.")
+    return given
+
+
+def _step(image: npt.NDArray) -> float:
+    # Between values of whole numbers, where white is 1.
+    return SCALES[image.dtype.name] if image.dtype.kind == "u" else 0.0
+
+
 def _checked_atlas(
     atlas: TextureAtlas | None,
     mesh: TriangleMesh,
@@ -194,17 +213,9 @@ def _checked_atlas(
 
 def _check_content(settings: TextureSettings, pixels: npt.NDArray) -> None:
     if settings.content == "normals" and (
-        pixels.shape[2] not in (3, 4) or settings.channels == "independent"
+        pixels.shape[2] not in (3, 4) or settings.channels != "coupled"
     ):
         raise InvalidSignal(
-            f"A texture of normals needs three channels, or four with opacity, that move"
-            f" together; this one has {pixels.shape[2]}, moved {settings.channels!r}."
+            f"A texture of normals needs three channels, or four with opacity, and channels"
+            f" 'coupled'; this one has {pixels.shape[2]}, and channels {settings.channels!r}."
         )
-
-
-def _normalise(values: npt.NDArray[np.float32]) -> None:
-    # Colors (n + 1) / 2 of unit vectors n.
-    vectors = values[..., :3] - np.float32(0.5)
-    lengths = np.sqrt(np.einsum("yxc,yxc->yx", vectors, vectors))
-    some = lengths > 1e-3
-    values[some, :3] = 0.5 + vectors[some] * (np.float32(0.5) / lengths[some])[:, None]

@@ -71,7 +71,7 @@ class TextureMasks:
     chart : int32
         The chart of that face, or -1.
     count : int32
-        How many charts read the texel.
+        How many charts read the texel; twice where a chart meets itself around the image's rim.
     """
 
     active: npt.NDArray[np.bool_]
@@ -89,8 +89,8 @@ class TextureAtlas:
     Parameters
     ----------
     mesh : TriangleMesh
-        Vertices that seams have split should be welded first (see `core.weld`): where the mesh
-        ends, so does the flow.
+        Vertices that seams have split should be welded first (see `core.weld_borders`): where
+        the mesh ends, so does the flow.
     uv : (m, 3, 2) array of float
         Texture coordinates of the corners of the faces that the mesh was made from. The image
         covers 0 to 1, and repeats beyond.
@@ -124,7 +124,9 @@ class TextureAtlas:
 
     Notes
     -----
-    Paper B, section 3. The faces' own metric is used, constant in each. A texel costs 24 bytes.
+    Paper B, section 3. The faces' own metric is used, constant in each. The sheet
+    has as many nodes as the image has texels, and more where charts overlap or touch; each costs
+    about 20 bytes.
     """
 
     def __init__(
@@ -172,30 +174,6 @@ class TextureAtlas:
         """Texels whose centre lies in a face: (h, w) bool."""
         nodes = self.sheet.nodes.reshape(-1)
         return (self.owners != NOTHING) & (nodes[self.owners] >= 0)
-
-    def nearest_borders(
-        self, filled: npt.NDArray[np.bool_], reach: float
-    ) -> tuple[Ints, npt.NDArray[np.float32]]:
-        """The half-edge of a chart's end nearest to each texel, and the squared distance.
-
-        Parameters
-        ----------
-        filled : (h, w) bool
-            Texels that do not matter.
-        reach : float
-            Distance in texels up to which the answer is needed.
-
-        Returns
-        -------
-        edges : (h, w) int32
-            -1 where none is in reach.
-        squares : (h, w) float32
-        """
-        edges = np.full((self.height, self.width), -1, dtype=np.int32)
-        squares = np.full((self.height, self.width), np.inf, dtype=np.float32)
-        _seed_borders(self.charts.borders, self.charts.points, edges, squares)
-        _spread_borders(self.charts.points, filled, (reach + 1.5) ** 2, edges, squares)
-        return edges, squares
 
     def gather(self, pixels: npt.NDArray, scale: float) -> npt.NDArray[np.float32]:
         """Bring an image (h, w, c) times `scale` into the sheet: (rows, columns, c)."""
@@ -420,59 +398,9 @@ def _fill_masks(
                 continue
             active[row, column] = True
             count[row, column] += 1
+            # The sheet's last row and column are empty, so that -1 may stand for them.
             if cut[y, x] or cut[y - 1, x] or cut[y, x - 1] or cut[y - 1, x - 1] or nodes[y, x] < 0:
                 boundary[row, column] = True
             if nodes[y, x] >= 0 and owners[row, column] == y * columns + x:
                 face[row, column] = nodes[y, x]
                 chart[row, column] = labels[nodes[y, x]]
-
-
-@kernel
-def _offer(points, edge, y, x, edges, squares):
-    _, square = nearest_on_edge(points, edge, y, x)
-    if square < squares[y, x]:
-        squares[y, x] = square
-        edges[y, x] = edge
-
-
-@kernel
-def _seed_borders(borders, points, edges, squares):
-    height, width = edges.shape
-    for edge in borders:
-        f = edge // 3
-        k = edge - 3 * f
-        after = k + 1 if k < 2 else 0
-        ay, ax = points[f, k, 0], points[f, k, 1]
-        by, bx = points[f, after, 0], points[f, after, 1]
-        steps = int(np.ceil(max(abs(by - ay), abs(bx - ax)))) + 1
-        for step in range(steps + 1):
-            y = int(np.floor(ay + (by - ay) * step / steps))
-            x = int(np.floor(ax + (bx - ax) * step / steps))
-            for dy in range(2):
-                for dx in range(2):
-                    if 0 <= y + dy < height and 0 <= x + dx < width:
-                        _offer(points, edge, y + dy, x + dx, edges, squares)
-
-
-@kernel
-def _spread_borders(points, filled, most, edges, squares):
-    # Two sweeps over the image; each texel is offered the edges that its neighbours found.
-    height, width = edges.shape
-    for sweep in range(2):
-        for i in range(height):
-            y = i if sweep == 0 else height - 1 - i
-            back = y - 1 if sweep == 0 else y + 1
-            if 0 <= back < height:
-                for x in range(width):
-                    if filled[y, x]:
-                        continue
-                    for side in range(max(x - 1, 0), min(x + 2, width)):
-                        if squares[back, side] < most:
-                            _offer(points, edges[back, side], y, x, edges, squares)
-            for x in range(1, width):
-                if not filled[y, x] and squares[y, x - 1] < most:
-                    _offer(points, edges[y, x - 1], y, x, edges, squares)
-            for j in range(1, width):
-                x = width - 1 - j
-                if not filled[y, x] and squares[y, x + 1] < most:
-                    _offer(points, edges[y, x + 1], y, x, edges, squares)

@@ -60,7 +60,8 @@ class Charts:
 def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) -> Charts:
     """Cut the faces of a mesh into charts.
 
-    Neighbouring faces are in one chart if their corners meet in the texture.
+    Neighbouring faces are in one chart if their corners meet in the texture and none is folded
+    over the other.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
         )
     labels = np.full(mesh.face_count, -1, dtype=np.int32)
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
-    run(_mark_seams, mesh.face_count, mesh.twins, points, seams)
+    run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
     count = _label(mesh.twins, seams, labels)
     boxes = np.empty((count, 2, 2))
     boxes[:, 0] = np.inf
@@ -119,7 +120,7 @@ def _checked_uv(uv: npt.ArrayLike, face_count: int) -> Floats:
             f"Texture coordinates have the shape {array.shape}; give one pair for each corner of"
             f" each face, ({face_count}, 3, 2)."
         )
-    array = array.astype(np.float64)
+    array = array.astype(np.float64, order="C")
     finite = np.isfinite(array).all(axis=(1, 2))
     if not finite.all():
         raise InvalidUV(
@@ -147,7 +148,7 @@ def _near(points, f, k, g, j):
 
 
 @kernel
-def _mark_seams(start, stop, twins, points, seams):
+def _mark_seams(start, stop, twins, points, areas, seams):
     for f in range(start, stop):
         for k in range(3):
             t = twins[f, k]
@@ -156,6 +157,8 @@ def _mark_seams(start, stop, twins, points, seams):
                 g = t // 3
                 j = t - 3 * g
                 joined = _near(points, f, k, g, (j + 1) % 3) and _near(points, f, (k + 1) % 3, g, j)
+                if min(abs(areas[f]), abs(areas[g])) > _FLAT:
+                    joined = joined and areas[f] * areas[g] > 0  # not folded over
             seams[3 * f + k] = not joined
 
 

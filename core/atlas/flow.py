@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..grid import OFFSET, Channels, add_sample
+from ..grid import OFFSET, Channels, add_sample, reach
 from ..mesh import Ints
 from ..parallel import Progress, kernel, run
 from .ghosts import Sources, beyond, fill_ghosts
@@ -210,7 +210,7 @@ def _average_energy(start, stop, nodes, cells, metrics, energy, potential):
                         total += metrics[face, 3] * energy[y - dy, x - dx]
                         area += metrics[face, 3]
             value = total / area if area > 0 else np.float32(0.0)
-            potential[y, x] = value if value < np.float32(1e30) else np.float32(1e30)
+            potential[y, x] = value if abs(value) < np.float32(1e30) else np.float32(1e30)
 
 
 @kernel
@@ -236,16 +236,6 @@ def _flow(potential, cells, metrics, i, j, turned):
 @kernel
 def _is_open(cells, i, j, turned):
     return (cells[j, i] if turned else cells[i, j]) != NOTHING
-
-
-@kernel
-def _reach(place, speed):
-    # The time until the end of the cell, along one axis.
-    if speed > 1e-30:
-        return (1.0 - place) / speed
-    if speed < -1e-30:
-        return place / -speed
-    return np.inf
 
 
 @kernel
@@ -282,8 +272,9 @@ def _hop(points, twins, shapes, to_frame, to_texels, edge, y, x, vy, vx, cells, 
 
 @kernel
 def _walk(potential, cells, metrics, time, row, column, down, across):
-    # From cell to cell, as `core.grid` walks from square to square, inside a chart. Returns where
-    # it ends: (row, column, down, across), the time that is left, the velocity (down, across),
+    # From cell to cell inside a chart. The same walk as in `core.grid`, but on the surface's metric
+    # and among cells that may be closed; that one stays free of both for speed. Returns where it
+    # ends: (row, column, down, across), the time that is left, the velocity (down, across),
     # and the axis along which it leaves its chart: 1 down, 2 across, 0 if it does not.
     left = time
     v, w, _, _ = _flow(potential, cells, metrics, row, column, False)
@@ -297,8 +288,8 @@ def _walk(potential, cells, metrics, time, row, column, down, across):
     axis = 0
     for _ in range(1000000):
         if not sliding:
-            reach_a = _reach(a, v)
-            reach_o = _reach(o, w)
+            reach_a = reach(a, v)
+            reach_o = reach(o, w)
             if left <= min(reach_a, reach_o):
                 if left < np.inf:
                     a += v * left

@@ -19,6 +19,7 @@ from .sheet import NOTHING, Sheet, nearest_on_edge
 from .surface import Surface, carry
 
 _ROUNDS = 3
+_MOST_TEXELS = 4.0  # a texel beyond a seam is not farther away than so many texels there
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,9 @@ def find_sources(sheet: Sheet, surface: Surface) -> Sources:
     )
     run(_find, count, places, sheet.ghost_edges, surface.points, surface.twins, surface.shapes,
         surface.to_frame, sheet.cells, sources.cells, sources.places, sources.turns)  # fmt: skip
+    # Those that read nothing but one another would keep what the image holds beside the charts.
+    known = fill_ghosts(sheet, sources, np.zeros((*sheet.nodes.shape, 1), dtype=np.float32))
+    sources.cells[~known] = -1
     _close_cells(sheet.ghosts[sources.cells < 0], sheet.cells)
     return sources
 
@@ -62,7 +66,7 @@ def fill_ghosts(
     values: npt.NDArray[np.float32],
     alpha: int = -1,
     directions: float | None = None,
-) -> None:
+) -> npt.NDArray[np.bool_]:
     """Read the ghosts' values from across the seams, in place.
 
     Parameters
@@ -73,6 +77,11 @@ def fill_ghosts(
         The channel that is opacity: other channels count as much as it says. -1: none.
     directions : float, optional
         The first two channels are tangent-space directions around this value, which turn.
+
+    Returns
+    -------
+    (g,) bool
+        Ghosts that got a value.
     """
     flat = values.reshape(-1, values.shape[-1])
     found = np.empty((len(sheet.ghosts), values.shape[-1]), dtype=np.float32)
@@ -87,6 +96,7 @@ def fill_ghosts(
             found, known_next)  # fmt: skip
         known = known_next
         flat[sheet.ghosts[known]] = found[known]
+    return known
 
 
 @kernel
@@ -129,6 +139,9 @@ def beyond(points, twins, shapes, to_frame, edge, y, x, active, b, turn):
     ex = points[f, after, 1] - points[f, k, 1]
     dy = y - points[f, k, 0] - share * ey
     dx = x - points[f, k, 1] - share * ex
+    shorter = _shorter(twins, to_frame, edge, dy, dx)
+    dy *= shorter
+    dx *= shorter
     g, cosine, sine = carry(points, twins, shapes, to_frame, edge, share, dy, dx, b)
     if g < 0:
         return -1, 0.0, 0.0, 1.0, 0.0
@@ -138,6 +151,22 @@ def beyond(points, twins, shapes, to_frame, edge, y, x, active, b, turn):
         return -1, 0.0, 0.0, 1.0, 0.0
     turn_normals(to_frame, f, g, cosine, sine, turn)
     return g, row, column, cosine, sine
+
+
+@kernel
+def _shorter(twins, to_frame, edge, dy, dx):
+    # What a step over a half-edge is to be multiplied by: where a texel here covers many beyond
+    # the seam, such as next to slivers in the texture, it must not skip what lies at the seam.
+    f = edge // 3
+    g = twins[f, edge - 3 * f] // 3
+    if g < 0:
+        return 1.0
+    there = abs(to_frame[g, 0, 0] * to_frame[g, 1, 1] - to_frame[g, 0, 1] * to_frame[g, 1, 0])
+    u = to_frame[f, 0, 0] * dy + to_frame[f, 0, 1] * dx
+    v = to_frame[f, 1, 0] * dy + to_frame[f, 1, 1] * dx
+    length = np.sqrt(u * u + v * v)
+    most = _MOST_TEXELS * np.sqrt(there * (dy * dy + dx * dx))
+    return most / length if 0 < most < length else 1.0
 
 
 @kernel
@@ -196,7 +225,7 @@ def _read_ghosts(
     centre,
     known,
     found,
-    knows,
+    known_now,
 ):
     channels = values.shape[1]
     for i in range(start, stop):
@@ -223,7 +252,7 @@ def _read_ghosts(
                     found[i, c] += share * values[node, c]
         if total <= 0:
             continue
-        knows[i] = True
+        known_now[i] = True
         for c in range(channels):
             if c == alpha:
                 found[i, c] /= total

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
+from ..mesh import Ints
 from ..parallel import Progress, kernel, run
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
@@ -25,6 +26,9 @@ def write_texels(
     keep: npt.NDArray[np.bool_] | None,
     out: npt.NDArray,
     progress: Progress,
+    *,
+    opacity: int = -1,
+    normals: bool = False,
 ) -> None:
     """Write the values of a sheet into an image: charts, gutter and background.
 
@@ -39,25 +43,104 @@ def write_texels(
         Texels inside charts that are left as they are.
     out : (h, w, c) array
         Overwritten where there is something to write.
+    opacity : int
+        A channel that is left as it is inside charts; -1: none.
+    normals : bool
+        The values are colors of tangent-space normals, which turn across seams.
     """
     sheet, surface = atlas.sheet, atlas.surface
     rounded = out.dtype.kind in "ui"
-    kept = np.zeros((1, 1), dtype=np.bool_) if keep is None else keep & atlas.inside
-    run(_write_owned, atlas.height, atlas.owners, values.reshape(-1, values.shape[2]), scale,
-        rounded, kept, out, chunk=ROWS)  # fmt: skip
+    inside = atlas.inside
+    kept = np.zeros((0, 0), dtype=np.bool_) if keep is None else keep & inside
+    run(_write_owned, atlas.height, atlas.owners, inside, values.reshape(-1, values.shape[2]),
+        scale, rounded, kept, opacity, out, chunk=ROWS)  # fmt: skip
     filled = atlas.owners != NOTHING
     if not filled.all():
         radius = max(float(settings.gutter), _LEAST)
-        edges, squares = atlas.nearest_borders(filled, radius)
-        run(_write_gutter, atlas.height, edges, squares, filled, radius,
-            atlas.charts.labels, sheet.shifts, sheet.nodes,
-            sheet.cells, atlas.sources.cells, surface.points, surface.twins, surface.shapes,
-            surface.to_frame, values, scale, rounded, out, chunk=ROWS,
-            progress=progress)  # fmt: skip
-    if settings.background == "nearest" and not filled.all():
+        edges, squares = _nearest_borders(atlas, filled, radius)
+        run(_write_gutter, atlas.height, edges, squares, filled, radius, atlas.charts.points,
+            atlas.charts.labels, sheet.shifts, sheet.nodes, sheet.cells, atlas.sources.cells,
+            surface.points, surface.twins, surface.shapes, surface.to_frame, values, normals, scale,
+            rounded, out, chunk=ROWS, progress=progress)  # fmt: skip
+    if settings.background == "nearest" and filled.any() and not filled.all():
         rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
         out[~filled] = out[rows[~filled], columns[~filled]]
     progress.update(1.0)
+
+
+def _nearest_borders(
+    atlas: TextureAtlas, filled: npt.NDArray[np.bool_], reach: float
+) -> tuple[Ints, npt.NDArray[np.float32]]:
+    # The half-edge of a chart's end nearest to each texel that is not filled, -1 where none is
+    # in reach, and the squared distance.
+    points = atlas.charts.points
+    edges = np.full(filled.shape, -1, dtype=np.int32)
+    squares = np.full(filled.shape, np.inf, dtype=np.float32)
+    _seed_borders(atlas.charts.borders, points, edges, squares)
+    _spread_borders(points, filled, (reach + 1.5) ** 2, edges, squares)
+    return edges, squares
+
+
+@kernel
+def _beside(points, edge, y, x, height, width):
+    # The place of texel (y, x) that is nearest to a half-edge, as the image repeats.
+    f = edge // 3
+    k = edge - 3 * f
+    after = k + 1 if k < 2 else 0
+    middle = 0.5 * (points[f, k, 0] + points[f, after, 0])
+    centre = 0.5 * (points[f, k, 1] + points[f, after, 1])
+    return y + height * np.rint((middle - y) / height), x + width * np.rint((centre - x) / width)
+
+
+@kernel
+def _offer(points, edge, y, x, edges, squares):
+    there, across = _beside(points, edge, y, x, squares.shape[0], squares.shape[1])
+    _, square = nearest_on_edge(points, edge, there, across)
+    if square < squares[y, x]:
+        squares[y, x] = square
+        edges[y, x] = edge
+
+
+@kernel
+def _seed_borders(borders, points, edges, squares):
+    height, width = edges.shape
+    for edge in borders:
+        f = edge // 3
+        k = edge - 3 * f
+        after = k + 1 if k < 2 else 0
+        ay, ax = points[f, k, 0], points[f, k, 1]
+        by, bx = points[f, after, 0], points[f, after, 1]
+        steps = int(np.ceil(max(abs(by - ay), abs(bx - ax)))) + 1
+        for step in range(steps + 1):
+            y = int(np.floor(ay + (by - ay) * step / steps))
+            x = int(np.floor(ax + (bx - ax) * step / steps))
+            for dy in range(2):
+                for dx in range(2):
+                    _offer(points, edge, (y + dy) % height, (x + dx) % width, edges, squares)
+
+
+@kernel
+def _spread_borders(points, filled, most, edges, squares):
+    # Two sweeps over the image; each texel is offered the edges that its neighbours found.
+    height, width = edges.shape
+    for sweep in range(2):
+        for i in range(height):
+            y = i if sweep == 0 else height - 1 - i
+            back = y - 1 if sweep == 0 else y + 1
+            if 0 <= back < height:
+                for x in range(width):
+                    if filled[y, x]:
+                        continue
+                    for side in range(max(x - 1, 0), min(x + 2, width)):
+                        if squares[back, side] < most:
+                            _offer(points, edges[back, side], y, x, edges, squares)
+            for x in range(1, width):
+                if not filled[y, x] and squares[y, x - 1] < most:
+                    _offer(points, edges[y, x - 1], y, x, edges, squares)
+            for j in range(1, width):
+                x = width - 1 - j
+                if not filled[y, x] and squares[y, x + 1] < most:
+                    _offer(points, edges[y, x + 1], y, x, edges, squares)
 
 
 @kernel
@@ -67,19 +150,37 @@ def _store(value, scale, rounded):
 
 
 @kernel
-def _write_owned(start, stop, owners, values, scale, rounded, kept, out):
+def unit_normal(color):
+    """Make the normal n of a color (n + 1) / 2 unit length, in place."""
+    square = (color[0] - 0.5) ** 2 + (color[1] - 0.5) ** 2 + (color[2] - 0.5) ** 2
+    if square > 1e-6:
+        for c in range(3):
+            color[c] = 0.5 + (color[c] - 0.5) * 0.5 / np.sqrt(square)
+
+
+@kernel
+def unit_normals(start, stop, values):
+    """Make normals of a sheet unit length."""
+    for y in range(start, stop):
+        for x in range(values.shape[1]):
+            unit_normal(values[y, x])
+
+
+@kernel
+def _write_owned(start, stop, owners, inside, values, scale, rounded, kept, opacity, out):
     for y in range(start, stop):
         for x in range(owners.shape[1]):
             node = owners[y, x]
-            if node != NOTHING and not (kept.size > 1 and kept[y, x]):
+            if node != NOTHING and not (kept.size > 0 and kept[y, x]):
                 for c in range(out.shape[2]):
-                    out[y, x, c] = _store(values[node, c], scale, rounded)
+                    if c != opacity or not inside[y, x]:
+                        out[y, x, c] = _store(values[node, c], scale, rounded)
 
 
 @kernel
 def _write_gutter(
-    start, stop, edges, squares, filled, radius, labels, shifts, nodes, cells, sources, points,
-    twins, shapes, to_frame, values, scale, rounded, out,
+    start, stop, edges, squares, filled, radius, places, labels, shifts, nodes, cells, sources,
+    points, twins, shapes, to_frame, values, normals, scale, rounded, out,
 ):  # fmt: skip
     b = np.empty(3)
     turn = np.empty((2, 2))
@@ -91,8 +192,9 @@ def _write_gutter(
                 continue
             f = edge // 3
             k = edge - 3 * f
-            there = float(y + shifts[labels[f], 0])
-            across = float(x + shifts[labels[f], 1])
+            there, across = _beside(places, edge, y, x, edges.shape[0], edges.shape[1])
+            there += shifts[labels[f], 0]
+            across += shifts[labels[f], 1]
             face, row, column, _, _ = beyond(
                 points, twins, shapes, to_frame, edge, there, across, cells, b, turn
             )
@@ -118,5 +220,13 @@ def _write_gutter(
                     total[c] += part * values[i, j, c]
             if weight > 1e-6:
                 filled[y, x] = True
+                total /= weight
+                if normals:
+                    if face >= 0:
+                        p = total[0] - 0.5
+                        q = total[1] - 0.5
+                        total[0] = 0.5 + turn[0, 0] * p + turn[0, 1] * q
+                        total[1] = 0.5 + turn[1, 0] * p + turn[1, 1] * q
+                    unit_normal(total)
                 for c in range(out.shape[2]):
-                    out[y, x, c] = _store(total[c] / weight, scale, rounded)
+                    out[y, x, c] = _store(total[c], scale, rounded)

@@ -56,8 +56,6 @@ class Sheet:
         The half-edge nearest to each ghost at which its chart ends.
     overlapping : (m,) bool
         Faces that share a texel's centre with another face of their chart.
-    moved : int
-        How many charts lie on shelves.
     """
 
     points: Floats
@@ -67,7 +65,6 @@ class Sheet:
     ghosts: Ints
     ghost_edges: Ints
     overlapping: npt.NDArray[np.bool_]
-    moved: int
 
 
 def lay_out(charts: Charts, height: int, width: int, progress: Progress) -> Sheet:
@@ -84,10 +81,13 @@ def lay_out(charts: Charts, height: int, width: int, progress: Progress) -> Shee
     away |= _clashing(charts, away, height, width)
     progress.update(0.2)
     shifts, shape = _shelve(low, high, away, height, width)
-    if shape[0] * shape[1] >= _MOST_NODES:
+    most = min(_MOST_NODES, 64 * height * width + 1024 * charts.count)
+    if shape[0] * shape[1] >= most:
+        largest = int(np.argmax((high - low).max(axis=1)))
         raise InvalidUV(
-            f"Laid out without overlaps, the charts need {shape[1]} x {shape[0]} texels, more than"
-            " fit; unwrap the mesh without overlaps, or use a smaller image."
+            f"Laid out without overlaps, the charts need {shape[1]} x {shape[0]} texels, too many"
+            f" for an image of {width} x {height}; the longest chart is that of face"
+            f" {int(np.argmax(charts.labels == largest))}. Unwrap the mesh without overlaps."
         )
     points = charts.points + shifts[charts.labels][:, None]
     bands = _face_bands(points)
@@ -105,8 +105,7 @@ def lay_out(charts: Charts, height: int, width: int, progress: Progress) -> Shee
     nearest = np.full(len(ghosts), np.inf, dtype=np.float32)
     _find_edges(charts.borders, points, charts.labels, nodes, cells, nearest, edges)
     progress.update(1.0)
-    return Sheet(points, shifts, nodes, cells, ghosts, edges, overlapping,
-                 int(np.count_nonzero(away)))  # fmt: skip
+    return Sheet(points, shifts, nodes, cells, ghosts, edges, overlapping)
 
 
 def _clashing(

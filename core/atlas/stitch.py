@@ -31,11 +31,12 @@ _SLACK = 0.5
 seen; where it is seen, on the chart, the values mix to ones that both sides have."""
 
 
-def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
+def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) -> None:
     """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
     What is seen on the charts stays in the range of what is read along the seam there, and no
-    value leaves the range of all of them.
+    value leaves the range of the texture. Results will be rounded to multiples of `step`, which
+    leaves as much freedom where values are alike; 0 for floats.
     """
     nodes = atlas.sheet.nodes.reshape(-1)
     free = atlas.owners[(atlas.owners != NOTHING) & ~atlas.inside]
@@ -54,14 +55,15 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> None:
         (weights[known], (rows[known], columns[known])), shape=(len(reads), len(free))
     )
     jumps = np.einsum("sk,skc->sc", weights, flat[reads])
-    adjusted = flat[free] + _least_squares(reading, -jumps)
+    largest = np.maximum(np.abs(jumps).max(axis=0), _TINY)  # squares of values may not fit
+    adjusted = flat[free] - largest * _least_squares(reading, jumps / largest)
     low = flat[free]
     high = low.copy()
     _widen(reads, columns, flat, low, high)
-    slack = _SLACK * (high - low)
-    around = flat[reads].reshape(-1, flat.shape[1])
-    low = np.maximum(low - slack, around.min(axis=0))
-    high = np.minimum(high + slack, around.max(axis=0))
+    slack = np.maximum(_SLACK * (high - low), np.float32(step))
+    charts = flat[atlas.owners[atlas.inside]]
+    low = np.maximum(low - slack, charts.min(axis=0))
+    high = np.minimum(high + slack, charts.max(axis=0))
     flat[free] = np.clip(adjusted, low, high)
 
 

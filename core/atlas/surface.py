@@ -17,6 +17,8 @@ from ..mesh import Floats, Ints, TriangleMesh
 from ..parallel import kernel, run
 from .charts import Charts, degenerate_faces
 
+_MOST_FACES = 4000  # that a walk crosses; needed only where texels are larger than the surface
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -166,12 +168,14 @@ def carry(points, twins, shapes, to_frame, edge, share, dy, dx, b):
     """
     f = edge // 3
     k = edge - 3 * f
+    if shapes[f, 2] == 0:
+        return -1, 1.0, 0.0
     u = to_frame[f, 0, 0] * dy + to_frame[f, 0, 1] * dx
     v = to_frame[f, 1, 0] * dy + to_frame[f, 1, 1] * dx
     cosine, sine = 1.0, 0.0
     share = min(max(share, 1e-6), 1.0 - 1e-6)
     left = 1.0
-    for _ in range(100000):
+    for _ in range(_MOST_FACES):
         t = twins[f, k]
         g = t // 3
         if t < 0 or shapes[g, 2] == 0:

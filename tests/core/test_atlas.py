@@ -4,7 +4,7 @@ import pytest
 from atlases import Blocks, apart
 from shapes import grid, icosphere
 from shock_filter import core
-from shock_filter.core.atlas import charts, surface
+from shock_filter.core.atlas import charts, flow, surface
 from shock_filter.core.atlas.surface import carry
 
 
@@ -263,6 +263,70 @@ def test_nonsense_gives_finite_values_in_range(size):
     core.TextureAtlas(mesh, uv * 0.2, *size).masks()
 
 
+def test_faces_without_area_in_space_end_the_surface():
+    vertices, faces = icosphere(2)
+    mesh = core.TriangleMesh(vertices, faces)
+    uv, size = apart(mesh, texels_per_length=9.0)
+    vertices[faces[::9, 1]] = vertices[faces[::9, 0]]
+    vertices[faces[4::9, 2]] = vertices[faces[4::9, :2]].mean(axis=1)
+    mesh = core.TriangleMesh(vertices, faces)
+    assert (mesh.areas == 0).sum() > 20
+    image = np.random.default_rng(0).random((size, size, 3)).astype(np.float32)
+    for time in (16.0, np.inf):
+        out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=time))
+        assert np.isfinite(out).all()
+        assert image.min() <= out.min() <= out.max() <= image.max()
+
+
+@pytest.mark.parametrize("texels", [1.0, 2.0, 3.0])
+def test_nothing_beside_charts_as_thin_as_texels_gets_in(texels):
+    mesh = core.TriangleMesh(*icosphere(2))
+    uv, size = apart(mesh, texels_per_length=texels)
+    rng = np.random.default_rng(1)
+    angle = 2 * np.pi * rng.random(mesh.face_count)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    centre = uv.mean(axis=1, keepdims=True)
+    uv = centre + np.einsum("ijf,fkj->fki", turn, uv - centre)
+    uv += rng.random((mesh.face_count, 1, 2)) / size
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    image = np.full((size, size, 1), 50.0, dtype=np.float32)
+    image[atlas.inside] = rng.random((np.count_nonzero(atlas.inside), 1))
+    for time in (16.0, np.inf):
+        out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=time), atlas=atlas)
+        assert atlas.inside.any()
+        assert out[atlas.inside].max() <= 1.0
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-20, 1e20, 1e28])
+def test_the_gutter_does_not_depend_on_the_unit_of_values(scale):
+    blocks = Blocks(np.random.default_rng(0).random((32, 32, 3)).astype(np.float32), angle=0.3)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    texture = blocks.texture()
+    out = core.dilate_texture(mesh, blocks.uv, texture)
+    scaled = core.dilate_texture(mesh, blocks.uv, texture * np.float32(scale))
+    assert np.allclose(scaled / np.float64(scale), out, atol=1e-3)
+
+
+def test_the_flow_stays_finite_where_squares_of_values_overflow():
+    nodes = np.zeros((4, 4), dtype=np.int32)
+    metrics = np.ones((1, 6), dtype=np.float32)
+    for energy in (np.inf, -np.inf, np.nan):
+        potential = np.zeros((4, 4), dtype=np.float32)
+        energies = np.full((4, 4), energy, dtype=np.float32)
+        flow._average_energy(1, 4, nodes, nodes, metrics, energies, potential)
+        assert np.isfinite(potential).all()
+
+
+def test_one_texel_and_charts_without_texels_stay_bit_for_bit():
+    mesh, uv = square()
+    one = np.array([[[0.1, 0.2, 0.7]]])  # float64: does not pass through float32
+    assert np.array_equal(core.sharpen_texture(mesh, uv, one, mask=np.zeros((1, 1))), one)
+    assert np.array_equal(core.dilate_texture(mesh, uv, one), one)
+    image = np.random.default_rng(0).random((8, 8, 3))
+    settings = core.DilateSettings(background="nearest")
+    assert np.array_equal(core.dilate_texture(mesh, 0.3 + 1e-3 * uv, image, settings), image)
+
+
 def test_results_are_the_same_on_any_number_of_threads(monkeypatch):
     from shock_filter.core import parallel
 
@@ -271,3 +335,12 @@ def test_results_are_the_same_on_any_number_of_threads(monkeypatch):
     several = core.sharpen_texture(mesh, uv * 0.3, image)
     monkeypatch.setattr(parallel, "thread_count", lambda: 1)
     assert np.array_equal(core.sharpen_texture(mesh, uv * 0.3, image), several)
+
+
+def test_a_face_that_reaches_too_far_is_named():
+    mesh, uv = square()
+    far = 0.5 * uv
+    far[5, 0] = (9000.0, far[5, 0, 1])
+    far[5, 1] = (9000.0, far[5, 0, 1] + 1e-4)
+    with pytest.raises(core.InvalidUV, match="chart is that of face 5"):
+        core.TextureAtlas(mesh, far, 64, 64)

@@ -382,6 +382,41 @@ def test_a_texture_that_leaves_the_image_repeats():
     assert len(core.TextureAtlas(mesh, uv + (0.5, 0.0), 64, 64).report.outside) > 0
 
 
+def test_a_texture_that_is_folded_has_a_seam_at_the_fold():
+    # Both halves of a square show the same texels, mirrored; corners meet at the fold.
+    half = photo(64)[:, :32]
+    image = np.full((80, 48, 3), 5.0, dtype=np.float32)
+    image[8:72, 8:40] = half
+    vertices, faces = grid(4, 4)
+    mesh = core.TriangleMesh(vertices, faces)
+    places = 16 * vertices[faces][..., :2]
+    uv = (np.abs(places - (32, 0)) + 8) / (48, 80)
+    assert core.TextureAtlas(mesh, uv, 80, 48).report.charts == 2
+    filled = core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=4))
+    assert np.abs(filled[9:71, 4:8] - half[1:63, 3::-1]).max() < 1e-3
+    out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=64.0))
+    whole = np.concatenate([half[:, ::-1], half], axis=1)
+    expected = core.sharpen_image(whole, core.ImageSettings(time=64.0))[:, 32:]
+    assert np.abs(expected - half).max() > 0.05
+    assert np.mean(np.abs(out[8:72, 8:40] - expected).max(axis=-1) > 2e-3) < 2e-3
+
+
+def test_a_sliver_at_a_seam_does_not_read_far_beyond_it():
+    # The left chart ends with a strip that is 8 wide and has a quarter of a texel: one texel
+    # beyond the seam is 32 away. All is dark up to 5 beyond the seam.
+    across = np.array([0.0, 24.0, 32.0, 64.0])
+    vertices, faces = grid(3, 1)
+    vertices = np.stack([across[vertices[:, 0].astype(int)], 64 * vertices[:, 1]], axis=-1)
+    mesh = core.TriangleMesh(np.pad(vertices, ((0, 0), (0, 1))), faces)
+    corners = vertices[faces]
+    left = corners.mean(axis=1)[:, :1] < 32
+    x = np.where(left, np.interp(corners[..., 0], across[:3], (8, 32, 32.25)), corners[..., 0] + 16)
+    image = np.full((80, 96, 3), 0.1, dtype=np.float32)
+    image[:, 48 + 5 :] = 0.9
+    out = core.sharpen_texture(mesh, np.stack([x / 96, (corners[..., 1] + 8) / 80], axis=-1), image)
+    assert out[8:72, 8:33].max() < 0.11
+
+
 def test_cancelling_and_progress():
     blocks = Blocks(photo(64))
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
@@ -412,3 +447,61 @@ def test_bad_images_and_atlases_are_named():
         core.sharpen_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, 16, 16))
     with pytest.raises(core.InvalidSignal, match="three channels"):
         core.sharpen_texture(mesh, uv, image[..., :2], core.TextureSettings(content="normals"))
+
+
+def test_a_chart_around_the_rim_of_the_image_has_its_whole_gutter():
+    image = photo(64)
+    image[10:54, 10:54] += 5.0  # what is not filled stays far away
+    mesh, uv = flat_square()
+    uv = 0.2 + 0.5 * uv
+    middle = core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=8))
+    rolled = np.roll(image, (32, 32), axis=(0, 1))
+    around = core.dilate_texture(mesh, uv + 0.5, rolled, core.DilateSettings(gutter=8))
+    assert (middle != image).any(axis=-1).sum() > 500
+    assert np.allclose(np.roll(around, (-32, -32), axis=(0, 1)), middle, atol=1e-5)
+
+
+def test_normals_are_unit_vectors_under_a_mask_and_in_the_gutter():
+    blocks = Blocks(photo(64), angle=0.3)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    texture = blocks.texture(0.0)
+    atlas = core.TextureAtlas(mesh, blocks.uv, *texture.shape[:2])
+    lengths = np.linalg.norm(texture - 0.5, axis=-1, keepdims=True)
+    texture = (0.5 + 0.5 * (texture - 0.5) / lengths).astype(np.float32)
+    settings = core.TextureSettings(time=64.0, content="normals", gutter=4)
+    mask = np.full(texture.shape[:2], 0.5)
+    out = core.sharpen_texture(mesh, blocks.uv, texture, settings, mask, atlas=atlas)
+    changed = (out != texture).any(axis=-1)
+    assert (changed & ~atlas.inside).sum() > 1000
+    assert np.allclose(np.linalg.norm(2 * out[changed] - 1, axis=-1), 1.0, atol=1e-4)
+    for channels in ("luminance", "independent"):
+        wrong = core.TextureSettings(content="normals", channels=channels)
+        with pytest.raises(core.InvalidSignal, match="coupled"):
+            core.sharpen_texture(mesh, blocks.uv, texture, wrong)
+
+
+@pytest.mark.parametrize("code", [">u2", ">f4", ">f8"])
+def test_images_of_the_other_byte_order_are_taken(code):
+    mesh, uv = flat_square()
+    image = (photo(32) * (60000 if code == ">u2" else 1)).astype(code)
+    plain = image.astype(image.dtype.newbyteorder("="))
+    expected = core.sharpen_texture(mesh, uv, plain)
+    assert np.array_equal(core.sharpen_texture(mesh, uv, image), expected)
+    assert np.array_equal(core.sharpen_image(image), core.sharpen_image(plain))
+
+
+def test_opacity_beyond_its_range_counts_as_none_or_all():
+    mesh, uv = flat_square()
+    image = np.concatenate([photo(48), np.ones((48, 48, 1))], axis=-1).astype(np.float32)
+    image[:, 20:, 3] = -1e-3
+    image[:20, :, 3] = 7.0
+    out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=100.0))
+    assert np.array_equal(out[..., 3], image[..., 3])
+    assert image[..., :3].min() <= out[..., :3].min()
+    assert out[..., :3].max() <= image[..., :3].max()
+
+
+def test_values_too_large_for_single_precision_are_named():
+    mesh, uv = flat_square()
+    with pytest.raises(core.InvalidSignal, match="beyond"):
+        core.sharpen_texture(mesh, uv, np.full((8, 8, 3), 1e200))
