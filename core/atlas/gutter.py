@@ -57,9 +57,11 @@ def write_texels(
     filled = atlas.owners != NOTHING
     if not filled.all():
         radius = max(float(settings.gutter), _LEAST)
-        edges, squares = _nearest_borders(atlas, filled, radius)
+        around = _leave_image(atlas)
+        edges, squares = _nearest_borders(atlas, around, filled, radius)
         run(_write_gutter, atlas.height, edges, squares, filled, radius, atlas.charts.points,
-            atlas.charts.labels, sheet.shifts, sheet.nodes, sheet.cells, atlas.sources.cells,
+            around, atlas.charts.labels, sheet.shifts, sheet.nodes, sheet.cells,
+            atlas.sources.cells,
             surface.points, surface.twins, surface.shapes, surface.to_frame, values, normals, scale,
             rounded, out, chunk=ROWS, progress=progress)  # fmt: skip
     if settings.background == "nearest" and filled.any() and not filled.all():
@@ -68,23 +70,33 @@ def write_texels(
     progress.update(1.0)
 
 
+def _leave_image(atlas: TextureAtlas) -> npt.NDArray[np.bool_]:
+    # Faces whose chart goes on around the rim of the image, which repeats.
+    boxes, rim = atlas.charts.boxes + 0.5, np.array([atlas.height, atlas.width])
+    leaves = (boxes[:, 0] < -1e-6).any(axis=1) | (boxes[:, 1] > rim + 1e-6).any(axis=1)
+    return leaves[atlas.charts.labels]
+
+
 def _nearest_borders(
-    atlas: TextureAtlas, filled: npt.NDArray[np.bool_], reach: float
+    atlas: TextureAtlas, around: npt.NDArray[np.bool_], filled: npt.NDArray[np.bool_], reach: float
 ) -> tuple[Ints, npt.NDArray[np.float32]]:
     # The half-edge of a chart's end nearest to each texel that is not filled, -1 where none is
     # in reach, and the squared distance.
     points = atlas.charts.points
     edges = np.full(filled.shape, -1, dtype=np.int32)
     squares = np.full(filled.shape, np.inf, dtype=np.float32)
-    _seed_borders(atlas.charts.borders, points, edges, squares)
-    _spread_borders(points, filled, (reach + 1.5) ** 2, edges, squares)
+    _seed_borders(atlas.charts.borders, points, around, edges, squares)
+    _spread_borders(points, around, filled, (reach + 1.5) ** 2, edges, squares)
     return edges, squares
 
 
 @kernel
-def _beside(points, edge, y, x, height, width):
-    # The place of texel (y, x) that is nearest to a half-edge, as the image repeats.
+def _beside(points, around, edge, y, x, height, width):
+    # The place of texel (y, x), that nearest to a half-edge if its chart leaves the image, which
+    # repeats there.
     f = edge // 3
+    if not around[f]:
+        return float(y), float(x)
     k = edge - 3 * f
     after = k + 1 if k < 2 else 0
     middle = 0.5 * (points[f, k, 0] + points[f, after, 0])
@@ -93,8 +105,8 @@ def _beside(points, edge, y, x, height, width):
 
 
 @kernel
-def _offer(points, edge, y, x, edges, squares):
-    there, across = _beside(points, edge, y, x, squares.shape[0], squares.shape[1])
+def _offer(points, around, edge, y, x, edges, squares):
+    there, across = _beside(points, around, edge, y, x, squares.shape[0], squares.shape[1])
     _, square = nearest_on_edge(points, edge, there, across)
     if square < squares[y, x]:
         squares[y, x] = square
@@ -102,7 +114,7 @@ def _offer(points, edge, y, x, edges, squares):
 
 
 @kernel
-def _seed_borders(borders, points, edges, squares):
+def _seed_borders(borders, points, around, edges, squares):
     height, width = edges.shape
     for edge in borders:
         f = edge // 3
@@ -116,11 +128,13 @@ def _seed_borders(borders, points, edges, squares):
             x = int(np.floor(ax + (bx - ax) * step / steps))
             for dy in range(2):
                 for dx in range(2):
-                    _offer(points, edge, (y + dy) % height, (x + dx) % width, edges, squares)
+                    row, column = (y + dy) % height, (x + dx) % width
+                    if around[f] or (row == y + dy and column == x + dx):
+                        _offer(points, around, edge, row, column, edges, squares)
 
 
 @kernel
-def _spread_borders(points, filled, most, edges, squares):
+def _spread_borders(points, around, filled, most, edges, squares):
     # Two sweeps over the image; each texel is offered the edges that its neighbours found.
     height, width = edges.shape
     for sweep in range(2):
@@ -133,14 +147,14 @@ def _spread_borders(points, filled, most, edges, squares):
                         continue
                     for side in range(max(x - 1, 0), min(x + 2, width)):
                         if squares[back, side] < most:
-                            _offer(points, edges[back, side], y, x, edges, squares)
+                            _offer(points, around, edges[back, side], y, x, edges, squares)
             for x in range(1, width):
                 if not filled[y, x] and squares[y, x - 1] < most:
-                    _offer(points, edges[y, x - 1], y, x, edges, squares)
+                    _offer(points, around, edges[y, x - 1], y, x, edges, squares)
             for j in range(1, width):
                 x = width - 1 - j
                 if not filled[y, x] and squares[y, x + 1] < most:
-                    _offer(points, edges[y, x + 1], y, x, edges, squares)
+                    _offer(points, around, edges[y, x + 1], y, x, edges, squares)
 
 
 @kernel
@@ -179,8 +193,8 @@ def _write_owned(start, stop, owners, inside, values, scale, rounded, kept, opac
 
 @kernel
 def _write_gutter(
-    start, stop, edges, squares, filled, radius, places, labels, shifts, nodes, cells, sources,
-    points, twins, shapes, to_frame, values, normals, scale, rounded, out,
+    start, stop, edges, squares, filled, radius, places, around, labels, shifts, nodes, cells,
+    sources, points, twins, shapes, to_frame, values, normals, scale, rounded, out,
 ):  # fmt: skip
     b = np.empty(3)
     turn = np.empty((2, 2))
@@ -192,7 +206,7 @@ def _write_gutter(
                 continue
             f = edge // 3
             k = edge - 3 * f
-            there, across = _beside(places, edge, y, x, edges.shape[0], edges.shape[1])
+            there, across = _beside(places, around, edge, y, x, edges.shape[0], edges.shape[1])
             there += shifts[labels[f], 0]
             across += shifts[labels[f], 1]
             face, row, column, _, _ = beyond(
