@@ -17,6 +17,7 @@ from .beltrami.meshes import (
     beltrami_vertex_signal,
 )
 from .calculus import checked_mask, checked_signal
+from .fit import moved_vertices
 from .images import sharpen_image
 from .mesh import Floats, TriangleMesh, split_at_jumps
 from .parallel import ProgressCallback
@@ -134,15 +135,17 @@ def denoise_jointly(
     points, filtered = beltrami_joint(
         cut, cut_values, settings, None if weights is None else weights[vertex], first
     )
-    positions = mesh.vertices + _means(vertex, points - cut.vertices, mesh.vertex_count)
+    moved = _means(vertex, points - cut.vertices, mesh.vertex_count)
+    positions = moved_vertices(mesh, moved)
     result = from_own_corners(mesh, filtered[corners].astype(given.dtype), given)
     if sharpen_time is None:
         return positions, result
     geometry, painted = _parts(second, sharpen_time)
     positions = _sharpened(_moved(mesh, positions), sharpen_time, mask, geometry)
     sharpening = ShockSettings(time=sharpen_time)
-    moved = _moved(mesh, positions)
-    return positions, sharpen_corner_signal(moved, result, sharpening, mask, painted)
+    return positions, sharpen_corner_signal(
+        _moved(mesh, positions), result, sharpening, mask, painted
+    )
 
 
 def denoise_image(
@@ -162,7 +165,9 @@ def denoise_image(
 
 
 def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh:
-    return mesh.displaced(positions - mesh.vertices)
+    moved = mesh.displaced(positions - mesh.vertices)
+    moved.vertices = positions  # the sum differs in the last bits, and in the sign of 0
+    return moved
 
 
 def _sharpened(
@@ -185,7 +190,9 @@ def _means(groups: npt.NDArray, rows: Floats, count: int) -> Floats:
 def _parts(
     progress: ProgressCallback | None, sharpen_time: float | None
 ) -> tuple[ProgressCallback | None, ProgressCallback | None]:
-    # The callbacks of two runs, of which the second may be missing.
+    # The callbacks of two runs, of which the second may be missing; a bad time is refused here.
+    if sharpen_time is not None:
+        ShockSettings(time=sharpen_time)
     if progress is None or sharpen_time is None:
         return progress, None
     return (

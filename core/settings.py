@@ -410,7 +410,7 @@ class BeltramiSettings(_KernelSettings):
         " is a Gaussian of variance 2 * time",
         unit="squared pixels",
         minimum=0.0,
-        maximum=1e6,
+        maximum=100.0,
         soft_maximum=10.0,
     )
     beta: float = _setting(

@@ -12,7 +12,8 @@ from ..parallel import Progress, kernel, run
 from ..settings import BeltramiSettings
 from .grid_distance import chord, march, open_band
 
-_ROWS = 16
+_ROWS = 16  # most rows that are smoothed at once
+_REACHED = 2_000_000  # about how many pixels their kernels reach: tenths of a second
 
 Coordinates = npt.NDArray[np.float32]
 
@@ -50,8 +51,12 @@ def smooth_grid(
     smooth_rows = _smooth_rows if settings.distance == "geodesic" else _bilateral_rows
     rate = np.float32(0.25 / settings.time)
     half_window = settings.window // 2 if settings.window else -1
+    around = math.pi * limit + 1.0
+    if settings.window:
+        around = min(around, settings.window**2)
+    chunk = max(min(int(_REACHED / (around * signal.shape[1])), _ROWS), 1)
     run(smooth_rows, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
-        half_window, rows, out, chunk=_ROWS, progress=progress)  # fmt: skip
+        half_window, rows, out, chunk=chunk, progress=progress)  # fmt: skip
     return out
 
 
@@ -71,8 +76,8 @@ def _area_rows(start, stop, guide, spacing, areas):
         for x in range(width):
             left, right = max(x - 1, 0), min(x + 1, width - 1)
             columns = np.float32(max(right - left, 1))
-            g_yy = float(spacing)
-            g_xx = float(spacing)
+            g_yy = np.float64(spacing)  # squares of squares leave float32
+            g_xx = np.float64(spacing)
             g_xy = 0.0
             for c in range(guide.shape[2]):
                 slope_y = (guide[down, x, c] - guide[up, x, c]) / rows
@@ -100,11 +105,10 @@ def _reachable_rows(
 
 def _row_gaps(guide: Coordinates) -> npt.NDArray[np.float64]:
     # The least heights of the triangles between two rows: no way across is shorter.
-    columns = guide.shape[1]
+    if guide.shape[1] == 1:
+        return np.linalg.norm((guide[1:] - guide[:-1])[:, 0].astype(np.float64), axis=1)
     gaps = np.full(len(guide) - 1, np.inf)
     for base, apex in ((guide[:-1], guide[1:]), (guide[1:], guide[:-1])):
-        if columns == 1:
-            return np.linalg.norm((apex - base)[:, 0].astype(np.float64), axis=1)
         side = (base[:, 1:] - base[:, :-1]).astype(np.float64)
         side /= np.maximum(np.linalg.norm(side, axis=2, keepdims=True), 1e-30)
         for corner in (apex[:, :-1], apex[:, 1:]):
@@ -131,13 +135,18 @@ def _smooth_rows(start, stop, signal, guide, spacing, areas, limit, rate, half_w
                 values[cell, c] = signal[y, x, c]
     total = np.empty(signal.shape[2])
     for y in range(start, stop):
+        if half_window >= 0:  # only the window is open; it slides along the row
+            tentative[:] = -1.0
+            above, below = max(y - half_window, first), min(y + half_window + 1, last)
+            window = tentative.reshape(-1, width)[above - first + 1 : below - first + 1, 1:-1]
+            window[:, :half_window] = np.inf
         for x in range(columns):
             source = (y - first + 1) * width + x + 1
             if half_window >= 0:
-                _frame(tentative, width, first, last, columns, y, x, half_window, -1.0)
+                window[:, x + half_window : x + half_window + 1] = np.inf
+                if x > half_window:
+                    window[:, x - half_window - 1] = -1.0
             count = march(source, limit, surface, front)
-            if half_window >= 0:
-                _frame(tentative, width, first, last, columns, y, x, half_window, np.inf)
             total[:] = 0.0
             weight = 0.0
             for i in range(count):
@@ -145,23 +154,11 @@ def _smooth_rows(start, stop, signal, guide, spacing, areas, limit, rate, half_w
                 share = shares[cell] * np.exp(-rate * final[cell])
                 weight += share
                 for c in range(total.size):
-                    total[c] += share * values[cell, c]
+                    total[c] += np.float64(share) * values[cell, c]  # float32 could overflow
                 final[cell] = np.inf
                 tentative[cell] = np.inf
             for c in range(total.size):
                 out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]
-
-
-@kernel
-def _frame(tentative, width, first, last, columns, y, x, half, value):
-    # Close (-1) or open (infinity) the pixels around a window.
-    top, bottom = max(y - half - 1, first), min(y + half + 1, last - 1)
-    left, right = max(x - half - 1, 0), min(x + half + 1, columns - 1)
-    for row in range(top, bottom + 1):
-        whole = row in (y - half - 1, y + half + 1)
-        for column in range(left, right + 1):
-            if whole or column in (x - half - 1, x + half + 1):
-                tentative[(row - first + 1) * width + column + 1] = value
 
 
 @kernel
@@ -182,6 +179,6 @@ def _bilateral_rows(
                     share = areas[down, right] * np.exp(-rate * square)
                     weight += share
                     for c in range(total.size):
-                        total[c] += share * signal[down, right, c]
+                        total[c] += np.float64(share) * signal[down, right, c]
             for c in range(total.size):
                 out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]

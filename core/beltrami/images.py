@@ -156,6 +156,7 @@ def _smoothed(
     count = pixels.shape[2] if alpha < 0 else alpha
     colors = np.multiply(pixels[..., :count], scale, dtype=floats)
     opacity = np.multiply(pixels[..., count:], scale, dtype=floats)  # without any: (h, w, 0)
+    np.maximum(opacity, 0.0, out=opacity)
     for i in range(settings.iterations):
         part = progress.part(i / settings.iterations, (i + 1) / settings.iterations, "Smoothing")
         new_colors, new_points = _step(colors, opacity, points, settings, part)
@@ -205,8 +206,11 @@ def _areas(guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings) 
 
 
 def _mean_distance(embedding: npt.NDArray) -> float:
-    steps = [np.linalg.norm(np.diff(embedding, axis=axis), axis=2).ravel() for axis in (0, 1)]
+    with np.errstate(over="ignore"):
+        steps = [np.linalg.norm(np.diff(embedding, axis=axis), axis=2).ravel() for axis in (0, 1)]
     mean = float(np.concatenate(steps).mean(dtype=np.float64)) if embedding[..., 0].size > 1 else 0
     if mean == 0:
         raise InvalidSignal("All points of the embedding are one; give a surface.")
+    if mean == np.inf:
+        raise InvalidSignal("The embedding is too large to measure; scale it down.")
     return mean

@@ -26,6 +26,15 @@ from ..settings import BeltramiGeometrySettings, BeltramiMeshSettings
 from ..signals import checked_type, from_own_corners, like, to_own_corners
 from .surface_distance import Stencils, face_stencils, march, march_scratch, stencils
 
+LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
+"""Bounds of what the normals of neighbouring faces differ by for noise."""
+
+MOLLIFIED = 10.0
+"""Normals that differ by this many times the noise hardly mollify each other: creases stay."""
+
+_REACHED = 500_000
+"""About how many vertices a chunk's marches reach: tenths of a second between cancel points."""
+
 
 def beltrami_vertex_signal(
     mesh: TriangleMesh,
@@ -150,7 +159,8 @@ def beltrami_joint(
     if settings.time == 0:
         return mesh.vertices.copy(), given.copy()
     moved, filtered = _jointly(mesh, values, settings, settings.beta, Progress.of(progress))
-    return _placed(mesh, moved, weights), like(given, values, filtered, weights)
+    positions = moved_vertices(mesh, _weighed(moved, weights))
+    return positions, like(given, values, filtered, weights)
 
 
 def beltrami_mesh(
@@ -329,7 +339,7 @@ def _averaged(
     count = len(mass)
     limit = math.sqrt(-4.0 * settings.time * math.log(settings.threshold))
     around = min(2.0 * math.pi * limit**2 + 1.0, count)
-    chunk = min(max(int(_REACHED / around), 64), chunk_size(count))
+    chunk = min(max(int(_REACHED / around), 1), chunk_size(count))
     out = np.empty_like(values)
     if settings.distance == "geodesic":
         run(_geodesic_means, count, settings.time, limit, graph, mass, values, out,
@@ -340,10 +350,6 @@ def _averaged(
     return out
 
 
-def _placed(mesh: TriangleMesh, moved: Floats, weights: Floats | None) -> Floats:
-    return moved_vertices(mesh, _weighed(moved, weights))
-
-
 def _weighed(moved: Floats, weights: Floats | None) -> Floats:
     return moved if weights is None else weights[:, None] * moved
 
@@ -351,16 +357,6 @@ def _weighed(moved: Floats, weights: Floats | None) -> Floats:
 def _unit(vectors: Floats) -> Floats:
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 1e-12, lengths, np.inf)
-
-
-LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
-"""Bounds of what the normals of neighbouring faces differ by for noise."""
-
-MOLLIFIED = 10.0
-"""Normals that differ by this many times the noise hardly mollify each other: creases stay."""
-
-_REACHED = 2_000_000
-"""About how many vertices a chunk's marches reach: tenths of a second between cancel points."""
 
 
 @kernel

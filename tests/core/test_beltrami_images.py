@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from shock_filter import core
+from shock_filter.core.beltrami import grid_smoothing
 from shock_filter.core.beltrami.grid_distance import march, open_band
 
 
@@ -254,6 +255,19 @@ def test_a_window_bounds_the_kernel():
     assert np.array_equal(corner > 0, box[12:, 12:])
 
 
+@pytest.mark.parametrize("window", [1, 3, 7])
+def test_no_way_leads_out_of_the_window_on_steep_images(window):
+    # Obtuse triangles are split by ways to pixels that are farther than a neighbour.
+    noise = np.random.default_rng(0).random((25, 27, 2))
+    mark = np.ones((25, 27, 1))
+    half = window // 2
+    mark[12 - half : 13 + half, 12 - half : 13 + half] = 0
+    image = np.concatenate([noise, 1e-9 * mark], axis=2)
+    out = smooth(image, window=window, time=100.0, beta=30.0, iterations=1)
+    assert out[12, 12, 2] == 0
+    assert (out[12, 13 + half :, 2] > 0).all()
+
+
 def test_the_threshold_bounds_the_kernel():
     image = np.zeros((25, 25))
     image[12, 12] = 1.0
@@ -303,6 +317,14 @@ def test_values_beyond_float32_do_no_harm(measure):
     assert image.min() <= out.min() <= out.max() <= image.max()
 
 
+@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
+def test_bright_values_times_large_areas_stay_finite(distance):
+    image = 1e20 * photo(channels=1)
+    for beta in (1e-6, 1e-10):
+        out = smooth(image.astype(np.float32), measure="surface", beta=beta, distance=distance)
+        assert image.min() * 0.999 <= out.min() <= out.max() <= image.max() * 1.001
+
+
 def test_whole_numbers_agree_with_floats_up_to_rounding():
     image = photo()
     for dtype, top in ((np.uint8, 255), (np.uint16, 65535)):
@@ -346,10 +368,23 @@ def test_bad_input_is_refused():
         core.beltrami_manifold(points, np.full_like(points, np.nan))
     with pytest.raises(core.InvalidSignal, match="one; give a surface"):
         core.beltrami_manifold(points, np.ones_like(points))
+    with pytest.raises(core.InvalidSignal, match="scale it down"):
+        core.beltrami_manifold(points, 1e200 * points)
     with pytest.raises(core.InvalidSettings, match="choose one of"):
         core.beltrami_manifold(points, points, smooth="colors")
     with pytest.raises(core.InvalidSettings, match="window"):
         core.beltrami_manifold(points, points, core.BeltramiSettings(distance="euclidean"))
+
+
+def test_wide_kernels_are_cut_into_small_chunks(monkeypatch):
+    chunks = []
+    monkeypatch.setattr(
+        grid_smoothing, "run", lambda *arguments, chunk, progress: chunks.append(chunk)
+    )
+    image = np.zeros((64, 4000), dtype=np.float32)
+    for settings in ({"time": 0.1}, {"time": 10.0}, {"time": 100.0}, {"time": 100.0, "window": 3}):
+        smooth(image, iterations=1, **settings)
+    assert chunks == [16, 1, 1, 16]
 
 
 def test_runs_can_be_cancelled():
@@ -423,3 +458,18 @@ def test_a_pole_where_points_meet_is_no_obstacle():
     assert np.isfinite(out).all()
     assert np.ptp(out[0]) < 1e-3
     assert abs(out - image).max() < 0.1
+
+
+def test_times_that_would_take_a_day_are_refused():
+    with pytest.raises(core.InvalidSettings, match="from 0 to 100"):
+        core.BeltramiSettings(time=1e4)
+
+
+def test_opacity_below_zero_counts_as_none():
+    rng = np.random.default_rng(0)
+    image = rng.random((24, 24, 4)).astype(np.float32)
+    image[..., 3] -= 0.4
+    out = core.beltrami_image(image)
+    assert np.array_equal(out[..., 3], image[..., 3])
+    assert image[..., :3].min() <= out[..., :3].min()
+    assert out[..., :3].max() <= image[..., :3].max()

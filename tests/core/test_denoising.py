@@ -126,6 +126,19 @@ def test_weight_zero_stays_bit_for_bit(sharpen_time):
     np.testing.assert_array_equal(corners[~right[faces]], colors[faces][~right[faces]])
 
 
+@pytest.mark.parametrize("sharpen_time", [None, 16.0])
+def test_weight_zero_keeps_the_sign_of_zero(sharpen_time):
+    vertices, faces = grid(6, 6)
+    vertices[:, 2] = -0.0
+    mesh = core.TriangleMesh(vertices, faces)
+    nothing = np.zeros(len(vertices))
+    colors = np.random.default_rng(0).random((len(faces), 3))
+    positions = denoising.denoise_geometry(mesh, GEOMETRY, sharpen_time, nothing)
+    assert positions.tobytes() == vertices.tobytes()
+    positions, _ = denoising.denoise_jointly(mesh, colors, SIGNAL, sharpen_time, nothing)
+    assert positions.tobytes() == vertices.tobytes()
+
+
 @pytest.mark.parametrize("sharpen_time", [None, 64.0])
 def test_progress_rises_to_one_and_cancels(sharpen_time):
     _, vertices, faces = noisy_cube()
