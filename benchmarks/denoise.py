@@ -13,7 +13,7 @@ from pathlib import Path
 
 import common
 from denoise_distances import distances, flow
-from denoise_images import images, kernels, manifold
+from denoise_images import betas, images, kernels, manifold
 from denoise_meshes import meshes, noise
 from denoise_pictures import draw_scans, joint, painted, pictures
 from denoise_speed import speed
@@ -24,6 +24,7 @@ SECTIONS = {
     "distances": distances,
     "flow": flow,
     "images": images,
+    "betas": betas,
     "kernels": kernels,
     "manifold": manifold,
     "meshes": meshes,

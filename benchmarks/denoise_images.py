@@ -25,12 +25,12 @@ Setting = tuple[float, ...]
 Filter = Callable[[np.ndarray], np.ndarray]
 
 
-def noisy_pair(name: str) -> tuple[np.ndarray, np.ndarray]:
+def noisy_pair(name: str, sigma: float = NOISE) -> tuple[np.ndarray, np.ndarray]:
     """A part of a photo, clean and noisy, (SIDE, SIDE, 3) float32 in [0, 1]."""
     top, left = PHOTOS[name]
     photo = getattr(photos, name)()[top : top + SIDE, left : left + SIDE]
     clean = photo.astype(np.float32) / 255
-    noise = np.random.default_rng(0).normal(0, NOISE, clean.shape)
+    noise = np.random.default_rng(0).normal(0, sigma, clean.shape)
     return clean, np.clip(clean + noise, 0, 1).astype(np.float32)
 
 
@@ -131,6 +131,26 @@ def search(method: Method, clean: np.ndarray, noisy: np.ndarray) -> Best:
     best = max(values, key=values.get)
     result, seconds = timed(method.make(*best), noisy)
     return Best(psnr(result, clean), seconds, method.label(best), result)
+
+
+def betas(job: common.Job) -> None:
+    """What beta suits which noise, from none on."""
+    tried = (4, 5, 7, 10, 15, 20, 30)
+    default = core.BeltramiSettings()
+    rows = []
+    for sigma in (0.0, 0.02, 0.05, 0.1, 0.15):
+        clean, noisy = noisy_pair("astronaut", sigma)
+        values = [
+            psnr(ours(beta, default.time, default.iterations, "geodesic")(noisy), clean)
+            for beta in tried
+        ]
+        cells = [f"**{v:.1f}**" if v == max(values) else f"{v:.1f}" for v in values]
+        rows.append([f"{sigma:g}", f"{psnr(noisy, clean):.1f}" if sigma else "", *cells])
+    job.page.write(
+        "betas",
+        "PSNR of a part of the astronaut, dB, with the other settings at their defaults.\n\n"
+        + table(["noise", "noisy", *(f"beta {beta}" for beta in tried)], rows),
+    )
 
 
 def images(job: common.Job) -> None:

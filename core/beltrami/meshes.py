@@ -68,6 +68,12 @@ def beltrami_vertex_signal(
         If signal or mask do not fit the mesh, or hold NaN or infinity.
     Cancelled
         If `progress` returned False.
+
+    Notes
+    -----
+    Paper C, equations 20 to 22, of which only the components of the signal are filtered
+    (equation 7). Lengths are in mean edge lengths; differs from the paper in weighing vertices by
+    the area around them, which it leaves open.
     """
     given = checked_type(signal)
     values = checked_signal(given, mesh.vertex_count)
@@ -109,6 +115,10 @@ def beltrami_corner_signal(
     ------
     InvalidSignal, Cancelled
         As in `beltrami_vertex_signal`.
+
+    Notes
+    -----
+    Paper C, as in `beltrami_vertex_signal`, on the surface that is cut open at the jumps.
     """
     given = checked_type(signal)
     own = to_own_corners(mesh, given)
