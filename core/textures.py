@@ -147,6 +147,11 @@ def dilate_texture(
     ------
     InvalidUV, InvalidSignal, Cancelled
         As in `sharpen_texture`.
+
+    Notes
+    -----
+    Texels and charts are those of paper B, section 3; the paper leaves the gutter open. Values are
+    taken as they are: tangent-space normals do not turn.
     """
     given = _checked_texture(image)
     settings = settings or DilateSettings()
