@@ -49,7 +49,7 @@ if _TYPE_CHECKING:
     from .images import sharpen_image
     from .mesh import TriangleMesh, weld, weld_borders
     from .pde import osher_rudin_image
-    from .shock import sharpen_geometry, sharpen_normals
+    from .shock import geometry_flow, sharpen_geometry, sharpen_normals
     from .signals import sharpen_corner_signal, sharpen_vertex_signal
     from .textures import dilate_texture, sharpen_texture
 
@@ -59,6 +59,7 @@ _LAZY = {
     "weld_borders": "mesh",
     "flow_field": "flow",
     "fit_to_normals": "fit",
+    "geometry_flow": "shock",
     "sharpen_normals": "shock",
     "sharpen_geometry": "shock",
     "sharpen_vertex_signal": "signals",
@@ -106,6 +107,7 @@ __all__ = [
     "dilate_texture",
     "fit_to_normals",
     "flow_field",
+    "geometry_flow",
     "osher_rudin_image",
     "sharpen_corner_signal",
     "sharpen_geometry",

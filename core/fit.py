@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from .calculus import checked_mask, checked_signal, cotangents, lumped_mass
 from .errors import InvalidSignal
+from .kept import kept
 from .mesh import Floats, TriangleMesh
 from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import FitSettings
@@ -103,27 +104,34 @@ def displacement(
     progress: Progress,
 ) -> tuple[Floats, SolveReport]:
     """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went."""
+    eps = screening(mesh, settings)
     step = progress.part(0.0, 0.2, "Preparing the refit")
-    screen = screening(mesh, settings) * lumped_mass(mesh)
-    if mask is not None:
-        free = mask > LEAST_WEIGHT
-        np.divide(screen, mask, out=screen, where=free)
-        screen[~free] = 0.0
-    matrix = screened_stiffness(mesh, screen, step)
+    matrix = kept(mesh, "refit", (eps, mask), lambda: _refit_matrix(mesh, eps, mask, step))
     right = np.zeros((mesh.vertex_count, 3))
     run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
-        mesh.normals, normals, screen, right)  # fmt: skip
+        mesh.normals, normals, matrix.screen, right)  # fmt: skip
     solution, report = solve(
         matrix,
         right,
         TOLERANCE,
-        multigrid=screening(mesh, settings) < 0.999 * MULTIGRID_RADIUS**-2,
+        multigrid=eps < 0.999 * MULTIGRID_RADIUS**-2,
         progress=progress.part(0.2, 1.0, "Fitting the surface"),
     )
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
              " with multigrid" if report.multigrid else "", report.residual)  # fmt: skip
     run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, solution)
     return solution, report
+
+
+def _refit_matrix(
+    mesh: TriangleMesh, eps: float, mask: Floats | None, progress: Progress
+) -> ScreenedLaplacian:
+    screen = eps * lumped_mass(mesh)
+    if mask is not None:
+        free = mask > LEAST_WEIGHT
+        np.divide(screen, mask, out=screen, where=free)
+        screen[~free] = 0.0
+    return screened_stiffness(mesh, screen, progress)
 
 
 def screening(mesh: TriangleMesh, settings: FitSettings) -> float:

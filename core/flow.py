@@ -54,7 +54,12 @@ def flow_field(
     values = checked_signal(signal, mesh.vertex_count)
     passes = (settings or ShockSettings()).smoothing_passes
     potential = flow_potential(mesh, values, passes, Progress.of(progress))
-    return potential, 0.5 * gradient(mesh, potential)[:, 0]
+    return potential, flow_from_potential(mesh, potential)
+
+
+def flow_from_potential(mesh: TriangleMesh, potential: Floats) -> Floats:
+    """Compute the flow u, half the potential's gradient: (n,) -> (m, 3)."""
+    return 0.5 * gradient(mesh, potential)[:, 0]
 
 
 def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress) -> Floats:

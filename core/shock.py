@@ -9,7 +9,8 @@ import numpy.typing as npt
 from .advect import advect_faces
 from .calculus import average_to_faces, average_to_vertices, checked_mask, smooth_vertices
 from .fit import displacement, moved_vertices
-from .flow import above_surroundings, flow_potential
+from .flow import above_surroundings, flow_from_potential, flow_potential
+from .kept import kept
 from .mesh import Floats, TriangleMesh
 from .order import is_scattered, sorted_along_curve
 from .parallel import Progress, ProgressCallback
@@ -46,7 +47,7 @@ def sharpen_normals(
     settings = settings or GeometrySettings()
     phases = Progress.of(progress)
     if is_scattered(mesh):
-        ordered, _, face_order = sorted_along_curve(mesh, phases)
+        ordered, _, face_order = _ordered(mesh, phases)
         sharpened = _sharpened(ordered, settings, phases)
         sharpened[ordered.flipped] *= -1
         normals = np.empty_like(sharpened)
@@ -102,7 +103,7 @@ def sharpen_geometry(
     if settings.time == 0 and settings.mollify_passes == 0:
         return mesh.vertices.copy()
     if is_scattered(mesh):
-        ordered, order, _ = sorted_along_curve(mesh, phases)
+        ordered, order, _ = _ordered(mesh, phases)
         moved = np.empty_like(mesh.vertices)
         ordered_weights = None if weights is None else weights[order]
         moved[order] = _displaced(ordered, settings, ordered_weights, phases)
@@ -110,6 +111,52 @@ def sharpen_geometry(
         moved = _displaced(mesh, settings, weights, phases)
     phases.update(1.0)
     return moved_vertices(mesh, moved)
+
+
+def geometry_flow(
+    mesh: TriangleMesh,
+    settings: GeometrySettings | None = None,
+    progress: ProgressCallback | None = None,
+) -> tuple[Floats, Floats]:
+    """Compute where `sharpen_geometry` will pull the normals of a mesh.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    settings : GeometrySettings, optional
+        Of these, `smoothing_passes`, `mollify_passes`, `feature_threshold` and `time` count: the
+        longer the time, the wider the surroundings that the threshold compares with.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    potential : (n,) float64
+        At the vertices: how much the surface bends, in squared radians per squared mean edge
+        length; with a feature threshold, what stands out from the surroundings of it.
+    flow : (m, 3) float64
+        At the faces: half the potential's gradient, a tangent vector in mean edge lengths per
+        unit of time. Normals move along it, towards the creases.
+
+    Raises
+    ------
+    Cancelled
+        If `progress` returned False.
+
+    See Also
+    --------
+    flow_field : The same for colors and other signals.
+    """
+    phases = Progress.of(progress)
+    _, _, potential = _signal_and_potential(mesh, settings or GeometrySettings(), phases)
+    phases.update(1.0)
+    return potential, flow_from_potential(mesh, potential)
+
+
+def _ordered(
+    mesh: TriangleMesh, progress: Progress
+) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
+    return kept(mesh, "order", (), lambda: sorted_along_curve(mesh, progress))
 
 
 def _displaced(
@@ -133,23 +180,9 @@ def _displaced(
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progress) -> Floats:
-    normals = mesh.normals
-    if settings.mollify_passes:
-        smooth = smooth_vertices(
-            mesh,
-            average_to_vertices(mesh, normals),
-            settings.mollify_passes,
-            progress.part(0.0, 0.1, "Mollifying"),
-        )
-        normals = _unit(smooth[mesh.faces].mean(axis=1), normals)
-    signal = average_to_vertices(mesh, normals)
-    potential = flow_potential(
-        mesh, signal, settings.smoothing_passes, progress.part(0.1, 0.4, "Computing the flow")
+    normals, signal, potential = _signal_and_potential(
+        mesh, settings, progress.part(0.0, 0.5, "Computing the flow")
     )
-    if settings.feature_threshold > 0:
-        potential = above_surroundings(
-            mesh, potential, settings.feature_threshold, settings.time, progress.part(
-                0.4, 0.5, "Finding features"))  # fmt: skip
     return advect_faces(
         mesh,
         normals,
@@ -159,6 +192,30 @@ def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progres
         settings.sampling,
         progress.part(0.5, 1.0, "Tracing flow-lines"),
     )
+
+
+def _signal_and_potential(
+    mesh: TriangleMesh, settings: GeometrySettings, progress: Progress
+) -> tuple[Floats, Floats, Floats]:
+    # Normals of the faces, mollified if asked for; their averages at the vertices; P there.
+    normals = mesh.normals
+    if settings.mollify_passes:
+        smooth = smooth_vertices(
+            mesh,
+            average_to_vertices(mesh, normals),
+            settings.mollify_passes,
+            progress.part(0.0, 0.2, "Mollifying"),
+        )
+        normals = _unit(smooth[mesh.faces].mean(axis=1), normals)
+    signal = average_to_vertices(mesh, normals)
+    potential = flow_potential(
+        mesh, signal, settings.smoothing_passes, progress.part(0.2, 0.8, "Computing the flow")
+    )
+    if settings.feature_threshold > 0:
+        potential = above_surroundings(
+            mesh, potential, settings.feature_threshold, settings.time, progress.part(
+                0.8, 1.0, "Finding features"))  # fmt: skip
+    return normals, signal, potential
 
 
 def _unit(vectors: Floats, fallback: Floats) -> Floats:

@@ -10,6 +10,7 @@ and one V-cycle of smoothed-aggregation multigrid, in double precision, where it
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,8 @@ from .parallel import Progress, chunk_size, kernel, run, sum_kernel
 class ScreenedLaplacian:
     """The matrix: row i of A x is screen_i x_i + sum over j of weight_ij (x_i - x_j).
 
-    Kept as differences, so that rounded weights still leave constants alone.
+    Kept as differences, so that rounded weights still leave constants alone. What `solve` derives
+    from the matrix stays with it, so that further right sides cost less.
 
     Attributes
     ----------
@@ -53,6 +55,33 @@ class ScreenedLaplacian:
         matrix = (off + scipy.sparse.diags(np.where(fixed, 1.0, self.diagonal))).tocsr()
         matrix.eliminate_zeros()
         return matrix
+
+    @cached_property
+    def roots(self) -> Floats:
+        """One by the root of the diagonal, 0 at fixed unknowns: (n,).
+
+        With unknowns and equations scaled by it, the diagonal is 1 and needs no reading.
+        """
+        free = self.screen > 0
+        return np.where(free, 1.0 / np.sqrt(np.where(free, self.diagonal, 1.0)), 0.0)
+
+    @cached_property
+    def single(self) -> Csr:
+        """The scaled matrix without its diagonal, in single precision."""
+        return _scaled(self, np.float32)
+
+    @cached_property
+    def double(self) -> Csr:
+        """The same in double precision."""
+        return _scaled(self, np.float64)
+
+    def hierarchy(self, progress: Progress) -> Multigrid:
+        """The multilevel preconditioner of the scaled matrix, made when first asked for."""
+        made = self.__dict__.get("_hierarchy")
+        if made is None:
+            made = Multigrid(self.double, self.roots, progress)
+            self.__dict__["_hierarchy"] = made
+        return made
 
 
 PATIENCE = 400
@@ -117,11 +146,9 @@ def solve(
         `limit` iterations.
     """
     progress = progress or Progress(None)
-    # With unknowns and equations scaled by D^(-1/2), the diagonal is 1 and needs no reading.
-    free = matrix.screen > 0
-    roots = np.where(free, 1.0 / np.sqrt(np.where(free, matrix.diagonal, 1.0)), 0.0)
+    roots = matrix.roots
     right = right * roots[:, None]
-    scale = float(np.linalg.norm(right))
+    scale = _norm(right)
     y = np.zeros_like(right)
     if scale == 0:
         return y, SolveReport(0, 0.0, multigrid)
@@ -129,13 +156,12 @@ def solve(
         raise SolverError("The right side of the linear system is not finite; check the mesh.")
     rest = right.copy()
     hierarchy = None
-    scaled = _scaled(matrix, roots, np.float32)
     iterations, relative, patience = 0, 1.0, PATIENCE
     while patience > 0:
         if multigrid and hierarchy is None:
-            scaled = _scaled(matrix, roots, np.float64)
-            hierarchy = Multigrid(scaled, roots, progress.part(0.0, 0.3, "Coarsening"))
+            hierarchy = matrix.hierarchy(progress.part(0.0, 0.3, "Coarsening"))
             patience = limit
+        scaled = matrix.double if multigrid else matrix.single
         descent = progress.part(0.3 if multigrid else 0.0, 1.0, "Fitting the surface")
         wanted = max(0.9 * tolerance / relative, 1e-4)  # single precision has few digits
         step, count, sound = _conjugate_gradients(
@@ -147,7 +173,7 @@ def solve(
             y += step
             run(_true_residual, len(y), matrix.start, matrix.columns, matrix.weights,
                 matrix.screen, roots, y, right, rest)  # fmt: skip
-        before, relative = relative, float(np.linalg.norm(rest)) / scale
+        before, relative = relative, _norm(rest) / scale
         if relative <= tolerance:
             y *= roots[:, None]
             return y, SolveReport(iterations, relative, multigrid)
@@ -162,9 +188,15 @@ def solve(
     )
 
 
-def _scaled(matrix: ScreenedLaplacian, roots: Floats, precision: type) -> Csr:
+def _norm(values: Floats) -> float:
+    # Not numpy's, whose threads get into the way of ours.
+    return float(np.sqrt(np.square(values).sum()))
+
+
+def _scaled(matrix: ScreenedLaplacian, precision: type) -> Csr:
     values: npt.NDArray[np.floating] = np.empty(len(matrix.weights), dtype=precision)
-    run(_scale_weights, len(roots), matrix.start, matrix.columns, matrix.weights, roots, values)
+    run(_scale_weights, len(matrix.screen), matrix.start, matrix.columns, matrix.weights,
+        matrix.roots, values)  # fmt: skip
     return matrix.start, matrix.columns.view(np.uint32), values
 
 

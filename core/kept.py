@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Results that stay with the mesh they were computed from, for the next run on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from .mesh import TriangleMesh
+
+Result = TypeVar("Result")
+
+
+def kept(mesh: TriangleMesh, name: str, key: tuple[Any, ...], make: Callable[[], Result]) -> Result:
+    """Return what `make` returned for this mesh and key, calling it if it was not kept.
+
+    The last result of each name is kept as long as the mesh lives. Nobody may change it.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Whose vertices and faces do not change from now on.
+    name : str
+        What is kept.
+    key : tuple
+        What the result depends on besides the mesh; arrays count by their values.
+    make : callable
+        Makes the result. Threads that ask at the same time may each call it.
+    """
+    results: dict[str, tuple[tuple[Any, ...], Any]] = mesh.__dict__.setdefault("_kept", {})
+    old = results.get(name)
+    if old is not None and equal(old[0], key):
+        return old[1]
+    result = make()
+    results[name] = tuple(_own(part) for part in key), result
+    return result
+
+
+def equal(first: tuple[Any, ...], second: tuple[Any, ...]) -> bool:
+    """Compare two keys: arrays by type, shape and values, all else by equality."""
+    return len(first) == len(second) and all(map(_same, first, second))
+
+
+def _same(first: Any, second: Any) -> bool:
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        return first.dtype == second.dtype and np.array_equal(first, second)
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
+        return False
+    return bool(first == second)
+
+
+def _own(part: Any) -> Any:
+    # Arrays of others may change later.
+    return part.copy() if isinstance(part, np.ndarray) else part
