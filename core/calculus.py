@@ -14,13 +14,23 @@ from .errors import InvalidSignal
 from .mesh import Floats, TriangleMesh
 from .parallel import Progress, kernel, run
 
+LARGEST = 1e30
+"""Largest values of signals: flows are made of squares of squares of them."""
 
-def checked_signal(signal: npt.ArrayLike, count: int, what: str = "signal") -> Floats:
-    """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
+
+def as_array(values: npt.ArrayLike, what: str) -> npt.NDArray:
+    """Return `values` as an array, or raise `InvalidSignal` if rows differ in length."""
     try:
-        given = np.asarray(signal)
-    except ValueError as error:  # rows of different lengths
+        return np.asarray(values)
+    except ValueError as error:
         raise InvalidSignal(f"The {what} is not made of numbers; give floats.") from error
+
+
+def checked_signal(
+    signal: npt.ArrayLike, count: int, what: str = "signal", largest: float = LARGEST
+) -> Floats:
+    """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
+    given = as_array(signal, what)
     if given.dtype.kind not in "fiub":
         raise InvalidSignal(f"The {what} is of type {given.dtype}, not numbers; give floats.")
     array = np.ascontiguousarray(given, dtype=np.float64)
@@ -32,6 +42,8 @@ def checked_signal(signal: npt.ArrayLike, count: int, what: str = "signal") -> F
         )
     if not np.isfinite(array).all():
         raise InvalidSignal(f"The {what} holds NaN or infinity; replace these values first.")
+    if max(array.max(), -array.min()) > largest:
+        raise InvalidSignal(f"The {what} holds values beyond {largest:g}; scale or clip them.")
     return array
 
 
@@ -67,7 +79,7 @@ def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
     InvalidSignal
         If the signal does not fit the mesh or is not finite.
     """
-    values = checked_signal(signal, mesh.vertex_count)
+    values = checked_signal(signal, mesh.vertex_count, largest=np.inf)
     out = np.zeros((mesh.face_count, values.shape[1], 3))
     run(_gradient, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals, mesh.areas,
         values, out)  # fmt: skip

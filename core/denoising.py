@@ -20,7 +20,7 @@ from .calculus import checked_mask, checked_signal
 from .fit import moved_vertices
 from .images import sharpen_image
 from .mesh import Floats, TriangleMesh, split_at_jumps
-from .parallel import ProgressCallback
+from .parallel import Progress, ProgressCallback
 from .settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
@@ -64,7 +64,10 @@ def denoise_geometry(
     positions = beltrami_mesh(mesh, settings, mask, first)
     if sharpen_time is None:
         return positions
-    return _sharpened(_moved(mesh, positions), sharpen_time, mask, second)
+    moved = _moved(mesh, positions)
+    if _has_shrunk(moved, mesh):
+        return positions
+    return _sharpened(moved, sharpen_time, mask, second)
 
 
 def denoise_vertex_signal(
@@ -128,8 +131,8 @@ def denoise_jointly(
     values = checked_signal(to_own_corners(mesh, given), 3 * mesh.face_count)
     weights = checked_mask(mask, mesh.vertex_count)
     first, second = _parts(progress, sharpen_time)
-    cut, cut_values = split_at_jumps(mesh, values)
-    corners = cut.faces.reshape(-1)
+    cut, cut_values = split_at_jumps(mesh, values, Progress.of(first))
+    corners = cut.own_corners(cut.faces).reshape(-1)
     vertex = np.empty(cut.vertex_count, dtype=np.intp)
     vertex[corners] = mesh.faces.reshape(-1)
     points, filtered = beltrami_joint(
@@ -137,11 +140,13 @@ def denoise_jointly(
     )
     moved = _means(vertex, points - cut.vertices, mesh.vertex_count)
     positions = moved_vertices(mesh, moved)
-    result = from_own_corners(mesh, filtered[corners].astype(given.dtype), given)
-    if sharpen_time is None:
+    after = np.where(filtered[corners] == values, values, filtered[corners])  # the sign of 0 too
+    result = from_own_corners(mesh, after.astype(given.dtype), given)
+    moved_mesh = _moved(mesh, positions)
+    if sharpen_time is None or _has_shrunk(moved_mesh, mesh):
         return positions, result
     geometry, painted = _parts(second, sharpen_time)
-    positions = _sharpened(_moved(mesh, positions), sharpen_time, mask, geometry)
+    positions = _sharpened(moved_mesh, sharpen_time, mask, geometry)
     sharpening = ShockSettings(time=sharpen_time)
     return positions, sharpen_corner_signal(
         _moved(mesh, positions), result, sharpening, mask, painted
@@ -168,6 +173,11 @@ def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh:
     moved = mesh.displaced(positions - mesh.vertices)
     moved.vertices = positions  # the sum differs in the last bits, and in the sign of 0
     return moved
+
+
+def _has_shrunk(moved: TriangleMesh, mesh: TriangleMesh) -> bool:
+    # A long time draws all vertices to one point, where nothing is left to sharpen.
+    return moved.mean_edge_length < 1e-9 * mesh.mean_edge_length
 
 
 def _sharpened(

@@ -74,6 +74,7 @@ def sharpen_image(
     else:
         widened = target
     groups = channel_groups(pixels.shape[2], settings)
+    pixels = _opacity_in_range(pixels, groups[0].alpha)
     for number, channels in enumerate(groups):
         part = phases.part(number / len(groups), (number + 1) / len(groups), "Sharpening")
         _flow_channels(pixels, channels, settings, widened, part)
@@ -83,6 +84,18 @@ def sharpen_image(
         mix(given.reshape(target.shape), weights, target)
     phases.update(1.0)
     return result
+
+
+def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
+    # Floats may leave [0, 1]; opacity is a weight, and must not.
+    if alpha < 0 or pixels.dtype.kind == "u":
+        return pixels
+    opacity = pixels[..., alpha]
+    if opacity.min() >= 0 and opacity.max() <= 1:
+        return pixels
+    pixels = pixels.copy()
+    np.clip(opacity, 0.0, 1.0, out=pixels[..., alpha])
+    return pixels
 
 
 def _flow_channels(

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import InvalidMesh
-from .parallel import kernel, run
+from .parallel import LARGEST_CHUNK, Progress, ProgressCallback, kernel, run
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
@@ -32,6 +32,8 @@ class TriangleMesh:
         Positions in any unit of length. Never modified.
     faces : (m, 3) array of int
         Vertex indices of each triangle. Never modified.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels. Only the constructor asks it.
 
     Attributes
     ----------
@@ -47,11 +49,20 @@ class TriangleMesh:
     InvalidMesh
         If the arrays have the wrong shape or type, are empty, hold NaN or infinity, or indices
         outside the vertices, or if all faces have zero area.
+    Cancelled
+        If `progress` returned False.
     """
 
-    def __init__(self, vertices: npt.ArrayLike, faces: npt.ArrayLike) -> None:
+    def __init__(
+        self,
+        vertices: npt.ArrayLike,
+        faces: npt.ArrayLike,
+        progress: Progress | ProgressCallback | None = None,
+    ) -> None:
+        phase = Progress.of(progress).part(0.0, 0.0, "Preparing the mesh")
         self.vertices = _checked_vertices(vertices)
         self.faces = _checked_faces(faces, len(self.vertices))
+        phase.update(0.0)
         self.flipped = np.zeros(len(self.faces), dtype=bool)
         low, high = self.box
         if not (high - low).max() < _LARGEST or 0 < (high - low).max() < 1 / _LARGEST:
@@ -59,8 +70,10 @@ class TriangleMesh:
                 f"The mesh is {(high - low).max():.1g} units large; scale it to a size between"
                 f" {1 / _LARGEST:g} and {_LARGEST:g}."
             )
-        if self._match_twins():
-            self._unify_winding()
+        phase.update(0.0)
+        if self._match_twins(phase):
+            self._unify_winding(phase)
+        phase.update(0.0)
         if not self.mean_edge_length > 0 or not self.areas.any():
             raise InvalidMesh("All faces have zero area; give a mesh with a surface.")
 
@@ -82,18 +95,20 @@ class TriangleMesh:
         count_sort(self.faces.reshape(-1), start, corners)
         return start, corners
 
-    def _match_twins(self) -> bool:
+    def _match_twins(self, progress: Progress) -> bool:
         """Pair half-edges; True if some pairs run in the same direction (bad winding)."""
         self.twins: Ints = np.full((self.face_count, 3), -1, dtype=np.int32)
         same = np.zeros(1, dtype=np.int64)
-        run(_pair, self.vertex_count, self.faces, *self.corners, self.twins.reshape(-1), same)
+        run(_pair, self.vertex_count, self.faces, *self.corners, self.twins.reshape(-1), same,
+            progress=progress)  # fmt: skip
         return bool(same[0])
 
-    def _unify_winding(self) -> None:
+    def _unify_winding(self, progress: Progress) -> None:
         # Pairs of equal direction are marked in twins as -2 - twin.
         _turn_faces(self.faces, self.twins.reshape(-1), self.flipped)
+        progress.update(0.0)
         del self.corners
-        self._match_twins()
+        self._match_twins(progress)
         self.twins[self.twins < -1] = -1  # what stays is not orientable: a border
 
     @cached_property
@@ -162,8 +177,10 @@ class TriangleMesh:
 
     def own_corners(self, corners: npt.NDArray) -> npt.NDArray:
         """Exchange second and third corners (m, 3, ...) of turned faces, to `faces` or back."""
-        order = np.where(self.flipped[:, None], [0, 2, 1], [0, 1, 2])
-        return np.take_along_axis(corners, order.reshape(-1, 3, *(1,) * (corners.ndim - 2)), axis=1)
+        own = corners.copy()
+        own[self.flipped, 1] = corners[self.flipped, 2]
+        own[self.flipped, 2] = corners[self.flipped, 1]
+        return own
 
     def displaced(self, displacement: Floats) -> TriangleMesh:
         """Return the mesh with its vertices moved by `displacement` (n, 3)."""
@@ -175,7 +192,9 @@ class TriangleMesh:
         return moved
 
 
-def split_at_jumps(mesh: TriangleMesh, signal: Floats) -> tuple[TriangleMesh, Floats]:
+def split_at_jumps(
+    mesh: TriangleMesh, signal: Floats, progress: Progress | None = None
+) -> tuple[TriangleMesh, Floats]:
     """Cut a mesh open where the values of a corner signal jump.
 
     Corners at one vertex that share a value stay one vertex; others become vertices of their
@@ -186,6 +205,7 @@ def split_at_jumps(mesh: TriangleMesh, signal: Floats) -> tuple[TriangleMesh, Fl
     mesh : TriangleMesh
     signal : (3 m, d) float64
         Values of the corners in the order of ``mesh.faces``.
+    progress : Progress, optional
 
     Returns
     -------
@@ -194,14 +214,21 @@ def split_at_jumps(mesh: TriangleMesh, signal: Floats) -> tuple[TriangleMesh, Fl
     values : (n', d) float64
         The values at its vertices.
     """
+    phase = (progress or Progress(None)).part(0.0, 0.0, "Finding jumps")
     leaders = np.empty(3 * mesh.face_count, dtype=np.int32)
-    run(_lead_corners, mesh.vertex_count, *mesh.corners, signal, leaders)
-    first, index = np.unique(leaders, return_inverse=True)
+    run(_lead_corners, mesh.vertex_count, *mesh.corners, signal, leaders, progress=phase)
+    leads = leaders == np.arange(len(leaders), dtype=np.int32)
+    first = np.flatnonzero(leads)
+    phase.update(0.0)
+    index = (np.cumsum(leads, dtype=np.int32) - 1)[leaders]
     vertices = mesh.vertices[mesh.faces.reshape(-1)[first]]
-    return TriangleMesh(vertices, index.reshape(-1, 3)), signal[first]
+    phase.update(0.0)
+    return TriangleMesh(vertices, index.reshape(-1, 3), phase), signal[first]
 
 
-def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def weld(
+    vertices: npt.ArrayLike, progress: Progress | ProgressCallback | None = None
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Find vertices at exactly the same place.
 
     Files split vertices along UV seams; filtering such a mesh would open cracks. Filter
@@ -210,6 +237,8 @@ def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.
     Parameters
     ----------
     vertices : (n, 3) array of float
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
@@ -222,24 +251,28 @@ def weld(vertices: npt.ArrayLike) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.
     ------
     InvalidMesh
         If `vertices` is not an (n, 3) array of finite numbers.
+    Cancelled
+        If `progress` returned False.
     """
+    phase = Progress.of(progress).part(0.0, 0.0, "Finding vertices at the same place")
     points = _checked_vertices(vertices) + 0.0  # -0.0 and 0.0 are the same place
-    # Sorting one mixed number a point is several times faster than sorting points; should two
-    # places share a number, the points are sorted after all.
     bits = points.view(np.uint64)
-    mixed = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
-    for axis in (1, 2):
-        mixed = (mixed ^ (mixed >> np.uint64(29)) ^ bits[:, axis]) * np.uint64(0xBF58476D1CE4E5B9)
-    _, first, index = np.unique(mixed, return_index=True, return_inverse=True)
-    if not np.array_equal(points[first][index.reshape(-1)], points):
-        _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return first[order], rank[index.reshape(-1)]
+    count, places = len(points), 0
+    table = np.full(1 << (2 * count - 1).bit_length(), -1, dtype=np.int64)
+    first = np.empty(count, dtype=np.intp)
+    index = np.empty(count, dtype=np.intp)
+    for start in range(0, count, LARGEST_CHUNK):  # in order, since each looks up all before
+        stop = min(start + LARGEST_CHUNK, count)
+        places = _number_places(start, stop, bits, table, places, first, index)
+        phase.update(0.0)
+    return first[:places].copy(), index
 
 
-def weld_borders(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Ints:
+def weld_borders(
+    vertices: npt.ArrayLike,
+    faces: npt.ArrayLike,
+    progress: Progress | ProgressCallback | None = None,
+) -> Ints:
     """Join a surface that was split along seams, and only there.
 
     Vertices at exactly the same place become one if they lie on borders of the surface. Where
@@ -249,6 +282,8 @@ def weld_borders(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Ints:
     ----------
     vertices : (n, 3) array of float
     faces : (m, 3) array of int
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
@@ -257,10 +292,11 @@ def weld_borders(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Ints:
 
     Raises
     ------
-    InvalidMesh
+    InvalidMesh, Cancelled
         See `TriangleMesh`.
     """
-    mesh = TriangleMesh(vertices, faces)
+    phase = Progress.of(progress)
+    mesh = TriangleMesh(vertices, faces, phase)
     borders = mesh.twins < 0
     on_border = np.zeros(mesh.vertex_count, dtype=bool)
     on_border[mesh.faces[borders]] = True
@@ -268,7 +304,7 @@ def weld_borders(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Ints:
     places = np.flatnonzero(on_border)
     index = np.arange(mesh.vertex_count, dtype=np.int32)
     if len(places):
-        representatives, welded = weld(mesh.vertices[places])
+        representatives, welded = weld(mesh.vertices[places], phase)
         index[places] = places[representatives[welded]]
     return index[np.asarray(faces)]
 
@@ -316,6 +352,34 @@ def _checked_faces(faces: npt.ArrayLike, vertex_count: int) -> Ints:
 _LARGEST = 1e100  # beyond, products of lengths leave the range of floats
 _MOST_FACES = (2**31 - 1) // 3
 _SUM_CHUNK = 1 << 15
+
+
+@kernel
+def _number_places(start, stop, bits, table, places, first, index):
+    # The table holds the number of each place, at the first free slot from its hash on.
+    last = np.uint64(table.shape[0] - 1)
+    for v in range(start, stop):
+        mixed = np.uint64(0)
+        for axis in range(4):
+            if axis < 3:
+                mixed ^= bits[v, axis]
+            mixed *= np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(32)
+        slot = mixed & last
+        while True:
+            place = table[slot]
+            if place < 0:
+                place = places
+                table[slot] = place
+                first[place] = v
+                places += 1
+                break
+            w = first[place]
+            if bits[w, 0] == bits[v, 0] and bits[w, 1] == bits[v, 1] and bits[w, 2] == bits[v, 2]:
+                break
+            slot = (slot + np.uint64(1)) & last
+        index[v] = place
+    return places
 
 
 @kernel

@@ -18,17 +18,23 @@ from typing import Any
 from numba import njit
 
 from .errors import Cancelled
+from .kernel_cache import keep_on_disk
 
 LARGEST_CHUNK = 1 << 15
 """Most indices that a kernel gets at once: few enough that cancelling acts within milliseconds."""
 
-kernel = njit(nogil=True, cache=True, error_model="numpy")
-"""Decorator for kernels: releases the GIL, keeps compiled code on disk, divides like numpy."""
-
-sum_kernel = njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
-"""Decorator for kernels that add up long arrays: the order of the additions is left open."""
-
 ProgressCallback = Callable[[float, str], bool]
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a kernel: releases the GIL, keeps compiled code on disk, divides like numpy."""
+    return keep_on_disk(njit(nogil=True, error_model="numpy")(function))
+
+
+def sum_kernel(function: Callable[..., Any]) -> Any:
+    """Compile a kernel that adds up long arrays: the order of the additions is left open."""
+    compiled = njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+    return keep_on_disk(compiled(function))
 
 
 class Progress:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from .calculus import as_array
 from .errors import InvalidSettings, InvalidSignal
 from .parallel import Progress, ProgressCallback, kernel, run
 
@@ -16,6 +17,7 @@ DETECTORS = {
 }
 
 _ROWS = 16
+_LARGEST = 1e9  # its cube is far from the end of float32
 
 
 def osher_rudin_image(
@@ -53,17 +55,20 @@ def osher_rudin_image(
     Raises
     ------
     InvalidSignal
-        If the image is not of floats, is smaller than 2 x 2, or holds NaN or infinity.
+        If the image is not of floats, is smaller than 2 x 2, or holds NaN, infinity or huge
+        values.
     InvalidSettings
         If steps, time_step or edge_detector are out of range.
     Cancelled
         If `progress` returned False.
     """
-    array = np.asarray(image)
+    array = as_array(image, "image")
     if array.dtype not in (np.float32, np.float64) or array.ndim not in (2, 3):
         raise InvalidSignal("Give an image of float32 or float64 of shape (h, w) or (h, w, c).")
     if min(array.shape) < 1 or min(array.shape[:2]) < 2 or not np.isfinite(array).all():
         raise InvalidSignal("Give an image of at least 2 x 2 pixels without NaN and infinity.")
+    if max(array.max(), -array.min()) > _LARGEST:
+        raise InvalidSignal(f"The image holds values beyond {_LARGEST:g}; scale them to [0, 1].")
     if edge_detector not in DETECTORS:
         raise InvalidSettings(
             f"edge_detector is {edge_detector!r}; choose: {', '.join(DETECTORS)}."

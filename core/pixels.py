@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from .calculus import as_array
 from .errors import InvalidSignal
 from .grid import Channels
 from .settings import ImageSettings, TextureSettings
@@ -19,7 +20,7 @@ _BAND = 256
 
 def checked_image(image: npt.ArrayLike) -> npt.NDArray:
     """Return the image as a contiguous array; raises `InvalidSignal` if it cannot be filtered."""
-    array = np.asarray(image)
+    array = as_array(image, "image")
     if array.dtype.name not in SCALES:
         raise InvalidSignal(
             f"The image is of type {array.dtype}; give uint8, uint16, float32 or float64."
@@ -52,7 +53,7 @@ def checked_weights(mask: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArr
     """Return the mask as float64; raises `InvalidSignal` if it does not fit the image."""
     if mask is None:
         return None
-    weights = np.asarray(mask)
+    weights = as_array(mask, "mask")
     if weights.shape != given.shape[:2]:
         raise InvalidSignal(f"The mask has the shape {weights.shape}; give {given.shape[:2]}.")
     if weights.dtype.kind not in "bfiu" or not np.isfinite(weights).all():
@@ -90,4 +91,5 @@ def mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray) -> None:
         mixed = old + weight * (target[band] - old)
         if target.dtype.kind == "u":
             mixed = np.rint(mixed)
-        target[band] = np.where(weight == 0, pixels[band], mixed)
+        same = (weight == 0) | (target[band] == pixels[band])  # to the last bit, the sign of 0 too
+        target[band] = np.where(same, pixels[band], mixed)

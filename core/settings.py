@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, get_type_hints
 
 from .errors import InvalidSettings
@@ -39,6 +40,9 @@ class Setting:
         For text fields: the allowed words, each with its description.
     advanced : bool
         True for fields that belong into a closed sub-panel.
+    label : str
+        Words on screen where those of the field's name are too long or too technical; at most
+        14 letters, which is what Blender's sidebar shows.
     """
 
     description: str
@@ -49,6 +53,7 @@ class Setting:
     soft_maximum: float = INF
     choices: dict[str, str] = dataclasses.field(default_factory=dict)
     advanced: bool = False
+    label: str = ""
 
 
 def _setting(default: Any, description: str, **about: Any) -> Any:
@@ -59,11 +64,16 @@ def _setting(default: Any, description: str, **about: Any) -> Any:
 
 def describe(settings: type) -> dict[str, tuple[type, Any, Setting]]:
     """List a settings class's fields as ``{name: (type, default, Setting)}``, in order."""
-    types = get_type_hints(settings)
+    types = _types(settings)
     return {
         f.name: (types[f.name], f.default, f.metadata["setting"])
         for f in dataclasses.fields(settings)
     }
+
+
+@cache  # panels ask at each redraw
+def _types(settings: type) -> dict[str, Any]:
+    return get_type_hints(settings)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,12 +124,13 @@ class _FlowSettings(_Settings):
     )
     smoothing_passes: int = _setting(
         1,
-        "Smoothing passes on the flow, not on the result. 0 follows every wrinkle; more passes"
-        " ignore noise and pull from farther away",
+        "Smoothing passes on the flow, not on the result. 0 follows every wrinkle; 16 ignores"
+        " noise, pulls from farther away and sees only broad edges",
         unit="passes",
         minimum=0,
         maximum=1000,
         soft_maximum=16,
+        label="Smoothing",
     )
 
 
@@ -212,7 +223,8 @@ class DilateSettings(_Settings):
     gutter: int = _setting(
         16,
         "How far around the charts texels are filled, with what lies across the seam. 0 fills"
-        " only what linear sampling reads, one texel; smaller sizes of the texture read more",
+        " only what linear sampling reads, one texel; 64 is enough for six smaller sizes of the"
+        " texture, each half the last",
         unit="texels",
         minimum=0,
         maximum=1024,
@@ -262,19 +274,20 @@ class FitSettings(_Settings):
 
     screening_radius: float = _setting(
         5.0,
-        "How far the refit may move the surface as a whole. Small values keep positions and"
-        " turn faces less; above 10 there is little to gain",
+        "How far the refit may move the surface as a whole. 0.5 keeps positions and turns faces"
+        " less; 30 lets the surface drift, and above 10 there is little to gain",
         unit="mean edge lengths",
         minimum=1e-3,
         maximum=1e6,
         soft_minimum=0.5,
         soft_maximum=30.0,
         advanced=True,
+        label="Fit Radius",
     )
     fidelity: float = _setting(
         0.0,
         "The paper's epsilon: weight of the old positions on the surface scaled to unit area."
-        " 0 uses the screening radius instead",
+        " 0 uses the screening radius instead; 1000000 keeps nearly every position",
         unit="per unit area",
         minimum=0.0,
         maximum=1e12,
@@ -298,21 +311,24 @@ class GeometrySettings(FitSettings, _FlowSettings):
     mollify_passes: int = _setting(
         0,
         "Smoothing passes on the normals before anything else, for noisy scans. 0 keeps the"
-        " normals as they are; 2 cleans light noise",
+        " normals as they are; 2 cleans light noise, 16 rounds fine relief away, too",
         unit="passes",
         minimum=0,
         maximum=1000,
         soft_maximum=16,
+        advanced=True,
+        label="Pre-Smoothing",
     )
     feature_threshold: float = _setting(
         1.1,
         "How many times more the surface must bend than around it to be sharpened there. 0"
-        " sharpens everything, gently curved regions get facets; 1.5 and more keeps all but"
-        " the sharpest creases",
+        " sharpens everything, and gently curved regions get facets; 2 leaves all but the"
+        " sharpest creases as they are",
         unit="times the surroundings",
         minimum=0.0,
         maximum=100.0,
         soft_maximum=2.0,
+        label="Threshold",
     )
     sampling: str = _setting(
         "detail",
@@ -328,7 +344,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
     )
     repeat: int = _setting(
         1,
-        "Apply the whole filter again on its own result. 1 is once",
+        "Apply the whole filter again on its own result. 1 is once; 10 takes ten times as long",
         unit="times",
         minimum=1,
         maximum=100,
@@ -337,12 +353,14 @@ class GeometrySettings(FitSettings, _FlowSettings):
     )
     max_displacement: float = _setting(
         0.0,
-        "No vertex moves farther than this. 0 sets no limit",
+        "No vertex moves farther than this. 0 sets no limit; 0.1 keeps every vertex near its"
+        " place, 5 stops only spikes",
         unit="mean edge lengths",
         minimum=0.0,
         maximum=1e6,
         soft_maximum=5.0,
         advanced=True,
+        label="Move Limit",
     )
 
 
@@ -353,7 +371,7 @@ class _KernelSettings(_Settings):
     time: float = _setting(
         1.0,
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time",
+        " is a Gaussian of variance 2 * time; 10 averages over 14 mean edge lengths around, slowly",
         unit="squared mean edge lengths",
         minimum=0.0,
         maximum=1e6,
@@ -362,16 +380,17 @@ class _KernelSettings(_Settings):
     beta: float = _setting(
         3.0,
         "How much values count against lengths: a step from 0 to 1 is as far as this many mean"
-        " edge lengths. 0 blurs across edges; more keeps fainter ones",
+        " edge lengths. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
         unit="mean edge lengths a unit of value",
         minimum=0.0,
         maximum=1e6,
         soft_maximum=30.0,
+        label="Keep Edges",
     )
     iterations: int = _setting(
         1,
         "How often the kernel is applied, each time measured on the last result. Several short"
-        " times keep edges better than one long time",
+        " times keep edges better than one long time; 10 flattens what lies between edges",
         unit="times",
         minimum=1,
         maximum=1000,
@@ -390,13 +409,14 @@ class _KernelSettings(_Settings):
     threshold: float = _setting(
         0.01,
         "Weights below this part of the largest one count as nothing, which bounds how far the"
-        " kernel reaches. Smaller is slower and more exact",
+        " kernel reaches. 0.001 is slow and nearly exact; 0.1 is fast and cuts it off early",
         unit="of the largest weight",
         minimum=1e-9,
         maximum=0.9,
         soft_minimum=0.001,
         soft_maximum=0.1,
         advanced=True,
+        label="Cutoff",
     )
 
 
@@ -407,7 +427,7 @@ class BeltramiSettings(_KernelSettings):
     time: float = _setting(
         1.0,
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time",
+        " is a Gaussian of variance 2 * time; 10 averages over 14 pixels around, slowly",
         unit="squared pixels",
         minimum=0.0,
         maximum=100.0,
@@ -416,16 +436,17 @@ class BeltramiSettings(_KernelSettings):
     beta: float = _setting(
         7.0,
         "How much values count against lengths: a step from 0 to 1 is as far as this many"
-        " pixels. 0 blurs across edges; more keeps fainter ones",
+        " pixels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
         unit="pixels a unit of value",
         minimum=0.0,
         maximum=1e6,
         soft_maximum=30.0,
+        label="Keep Edges",
     )
     iterations: int = _setting(
         2,
         "How often the kernel is applied, each time measured on the last result. Several short"
-        " times keep edges better than one long time",
+        " times keep edges better than one long time; 10 flattens what lies between edges",
         unit="times",
         minimum=1,
         maximum=1000,
@@ -444,7 +465,7 @@ class BeltramiSettings(_KernelSettings):
     window: int = _setting(
         0,
         "Width of the square of pixels that a kernel may reach, an odd number. 0 goes as far"
-        " as the threshold",
+        " as the threshold; 21 goes ten pixels each way",
         unit="pixels",
         minimum=0,
         maximum=9999,
@@ -473,7 +494,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     time: float = _setting(
         0.5,
         "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
-        " variance 2 * time. More removes coarser noise, and fine relief",
+        " variance 2 * time. 10 removes coarse noise, and fine relief with it",
         unit="squared mean edge lengths",
         minimum=0.0,
         maximum=1e6,
@@ -483,16 +504,17 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         0.9,
         "How much the directions of faces count against lengths. At 1, neighbours whose"
         " directions differ by the noise are one mean edge length farther apart; creases are"
-        " many. 0 blurs across creases; more keeps fainter ones, and noise",
+        " many. 0 blurs across creases; 5 keeps even faint ones, and noise with them",
         unit="mean edge lengths for the noise",
         minimum=0.0,
         maximum=1e6,
         soft_maximum=5.0,
+        label="Keep Edges",
     )
     iterations: int = _setting(
         3,
-        "How often the kernel is applied, each time measured on the last result. Strong noise"
-        " needs several",
+        "How often the kernel is applied, each time measured on the last result. 1 is for"
+        " light noise; 10 is for strong noise, and flattens fine relief",
         unit="times",
         minimum=1,
         maximum=1000,
@@ -507,20 +529,23 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
             " a little. Only times, iterations, distance and threshold matter then",
         },
         advanced=True,
+        label="Filter",
     )
     mollify_passes: int = _setting(
         1,
         "Smoothing passes on the normals that distances are measured with; those that are"
-        " averaged stay as they are. 0 is for clean surfaces, 1 for noisy ones",
+        " averaged stay as they are. 0 is for clean surfaces, 1 for noisy ones; 4 blurs"
+        " fine creases",
         unit="passes",
         minimum=0,
         maximum=1000,
         soft_maximum=4,
         advanced=True,
+        label="Pre-Smoothing",
     )
     repeat: int = _setting(
         3,
-        "Apply the whole filter again on its own result. 1 is once",
+        "Apply the whole filter again on its own result. 1 is once; 10 takes ten times as long",
         unit="times",
         minimum=1,
         maximum=100,

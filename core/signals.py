@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .advect import average_corners, read_points
-from .calculus import checked_mask, checked_signal
+from .calculus import as_array, checked_mask, checked_signal
 from .errors import InvalidSignal
 from .flow import flow_potential
+from .kept import kept
 from .mesh import Floats, TriangleMesh, split_at_jumps
 from .parallel import Progress, ProgressCallback
 from .settings import ShockSettings
@@ -112,15 +113,17 @@ def sharpen_corner_signal(
     settings = settings or ShockSettings()
     if settings.time == 0:
         return given.copy()
-    cut, cut_values = split_at_jumps(mesh, values)
+    phases = Progress.of(progress)
+    cut, cut_values = kept(mesh, "cut", (values,), lambda: split_at_jumps(mesh, values, phases))
 
     def average(corner_values: Floats, old: Floats) -> Floats:
         return average_corners(cut, corner_values, old)
 
     def keep(corner_values: Floats, old: Floats) -> Floats:
-        return corner_values
+        rows = corner_values.reshape(mesh.face_count, 3, -1)
+        return cut.own_corners(rows).reshape(corner_values.shape)
 
-    result = _sharpened(cut, cut_values, settings, average, keep, Progress.of(progress))
+    result = _sharpened(cut, cut_values, settings, average, keep, phases)
     corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
     return from_own_corners(mesh, like(own, values, result, corner_weights), given)
 
@@ -211,7 +214,7 @@ def from_own_corners(mesh: TriangleMesh, own: npt.NDArray, given: npt.NDArray) -
 
 def checked_type(signal: npt.ArrayLike) -> npt.NDArray:
     """Return a signal as an array, or raise `InvalidSignal` unless it is of float type."""
-    array = np.asarray(signal)
+    array = as_array(signal, "signal")
     if array.dtype not in (np.float32, np.float64):
         raise InvalidSignal(
             f"The signal is of type {array.dtype}; give float32 or float64, colors in [0, 1]."

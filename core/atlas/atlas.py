@@ -142,12 +142,16 @@ class TextureAtlas:
         self.mesh = mesh
         self.height, self.width = int(height), int(width)
         phases = Progress.of(progress)
-        self.charts = find_charts(mesh, uv, self.height, self.width)
+        self.charts = find_charts(mesh, uv, self.height, self.width, phases.part(
+            0.0, 0.2, "Finding charts"))  # fmt: skip
         phases.update(0.2)
         self.sheet = lay_out(self.charts, self.height, self.width, phases.part(
             0.2, 0.8, "Finding texels"))  # fmt: skip
+        phases.update(0.8)
         self.surface = measure_surface(mesh, self.charts, self.sheet.points)
+        phases.update(0.85)
         self.sources = find_sources(self.sheet, self.surface)
+        phases.update(0.95)
         self.owners = np.full((self.height, self.width), NOTHING, dtype=np.int32)
         overlapping = self.sheet.overlapping.copy()
         place = self.sheet.nodes, self.charts.labels, self.sheet.shifts

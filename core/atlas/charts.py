@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ..errors import InvalidUV
 from ..mesh import Floats, Ints, TriangleMesh
-from ..parallel import kernel, run
+from ..parallel import Progress, kernel, run
 
 MOST_REPEATS = 16.0
 """Largest area of all faces in the texture, in areas of the image."""
@@ -57,7 +57,13 @@ class Charts:
         return len(self.boxes)
 
 
-def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) -> Charts:
+def find_charts(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    height: int,
+    width: int,
+    progress: Progress | None = None,
+) -> Charts:
     """Cut the faces of a mesh into charts.
 
     Neighbouring faces are in one chart if their corners meet in the texture and none is folded
@@ -74,6 +80,8 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     high = coordinates.max(axis=1)
     slack = 1e-6
     outside = (low < -slack).any(axis=1) | (high > 1 + slack).any(axis=1)
+    phase = progress or Progress(None)
+    phase.update(0.3)
     points = np.empty_like(coordinates)
     points[..., 0] = coordinates[..., 1] * height - 0.5
     points[..., 1] = coordinates[..., 0] * width - 0.5
@@ -86,10 +94,12 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
             f"The faces cover the image {repeats:.0f} times, at most {MOST_REPEATS:.0f} are"
             " possible; unwrap the mesh into a texture that is not tiled."
         )
+    phase.update(0.5)
     labels = np.full(mesh.face_count, -1, dtype=np.int32)
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
     run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
     count = _label(mesh.twins, seams, labels)
+    phase.update(0.8)
     boxes = np.empty((count, 2, 2))
     boxes[:, 0] = np.inf
     boxes[:, 1] = -np.inf
@@ -124,8 +134,8 @@ def _checked_uv(uv: npt.ArrayLike, face_count: int) -> Floats:
     finite = np.isfinite(array).all(axis=(1, 2))
     if not finite.all():
         raise InvalidUV(
-            f"{np.count_nonzero(~finite)} faces have texture coordinates that are NaN or"
-            f" infinite, the first is face {int(np.argmin(finite))}; unwrap them again."
+            f"Texture coordinates are NaN or infinite at {np.count_nonzero(~finite)} of"
+            f" {face_count} faces, the first is face {int(np.argmin(finite))}; unwrap them again."
         )
     if np.abs(array).max() > 1e6:
         raise InvalidUV("Texture coordinates reach beyond 1e6; unwrap the mesh again.")

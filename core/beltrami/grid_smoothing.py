@@ -14,6 +14,7 @@ from .grid_distance import chord, march, open_band
 
 _ROWS = 16  # most rows that are smoothed at once
 _REACHED = 2_000_000  # about how many pixels their kernels reach: tenths of a second
+_FASTEST = 1e38  # near the end of float32
 
 Coordinates = npt.NDArray[np.float32]
 
@@ -49,7 +50,7 @@ def smooth_grid(
     limit = -4.0 * settings.time * math.log(settings.threshold)
     rows = _reachable_rows(guide, flat, math.sqrt(limit), settings.window)
     smooth_rows = _smooth_rows if settings.distance == "geodesic" else _bilateral_rows
-    rate = np.float32(0.25 / settings.time)
+    rate = np.float32(min(0.25 / settings.time, _FASTEST))
     half_window = settings.window // 2 if settings.window else -1
     around = math.pi * limit + 1.0
     if settings.window:

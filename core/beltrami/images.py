@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ..calculus import as_array
 from ..errors import InvalidSettings, InvalidSignal
 from ..parallel import Progress, ProgressCallback
 from ..pixels import SCALES, checked_image, checked_weights, mix, opacity_channel
@@ -128,7 +129,7 @@ def beltrami_manifold(
 
 
 def _checked_embedding(embedding: npt.ArrayLike, given: npt.NDArray) -> npt.NDArray:
-    points = np.asarray(embedding)
+    points = as_array(embedding, "embedding")
     if points.dtype not in (np.float32, np.float64):
         raise InvalidSignal(f"The embedding is of type {points.dtype}; give float32 or float64.")
     if points.shape != (*given.shape[:2], 3):
@@ -156,7 +157,7 @@ def _smoothed(
     count = pixels.shape[2] if alpha < 0 else alpha
     colors = np.multiply(pixels[..., :count], scale, dtype=floats)
     opacity = np.multiply(pixels[..., count:], scale, dtype=floats)  # without any: (h, w, 0)
-    np.maximum(opacity, 0.0, out=opacity)
+    np.clip(opacity, 0.0, 1.0, out=opacity)
     for i in range(settings.iterations):
         part = progress.part(i / settings.iterations, (i + 1) / settings.iterations, "Smoothing")
         new_colors, new_points = _step(colors, opacity, points, settings, part)

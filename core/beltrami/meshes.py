@@ -127,9 +127,10 @@ def beltrami_corner_signal(
     settings = settings or BeltramiMeshSettings()
     if settings.time == 0:
         return given.copy()
-    cut, cut_values = split_at_jumps(mesh, values)
-    filtered = _painted(cut, cut_values, settings, Progress.of(progress))
-    result = filtered[cut.faces.reshape(-1)]
+    phases = Progress.of(progress)
+    cut, cut_values = split_at_jumps(mesh, values, phases)
+    filtered = _painted(cut, cut_values, settings, phases)
+    result = filtered[cut.own_corners(cut.faces).reshape(-1)]
     corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
     return from_own_corners(mesh, like(own, values, result, corner_weights), given)
 

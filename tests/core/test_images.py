@@ -151,6 +151,20 @@ def test_opacity_stays_and_transparent_pixels_lend_no_color():
     assert bled[~hidden, 1].max() > 0.1
 
 
+@pytest.mark.parametrize("scheme", ["fixed", "naive", "composed"])
+def test_opacity_beyond_its_range_counts_as_its_nearest_bound(scheme):
+    rng = np.random.default_rng(1)
+    image = rng.random((20, 20, 4))
+    image[..., 3] = rng.uniform(-0.5, 1.5, (20, 20))
+    clipped = image.copy()
+    clipped[..., 3] = np.clip(image[..., 3], 0, 1)
+    result = sharpen(image, time=3.0, scheme=scheme)
+    expected = sharpen(clipped, time=3.0, scheme=scheme)
+    np.testing.assert_array_equal(result[..., :3], expected[..., :3])
+    np.testing.assert_array_equal(result[..., 3], image[..., 3])
+    assert (result != image).any()
+
+
 def test_values_beyond_one_are_kept():
     image = photo().astype(np.float32) * 40
     out = sharpen(image, time=1.0)

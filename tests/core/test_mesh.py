@@ -3,7 +3,9 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, shuffled
 from shock_filter import core
+from shock_filter.core.mesh import split_at_jumps
 from shock_filter.core.order import is_scattered, sorted_along_curve
+from shock_filter.core.parallel import Progress
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 
@@ -211,3 +213,54 @@ def test_a_surface_split_along_a_seam_is_joined():
     cut = np.concatenate([fan[:2], [(6, 3, 7), (3, 5, 7)]])
     np.testing.assert_array_equal(core.weld_borders(split, cut), fan)
     assert (core.TriangleMesh(split, cut).twins < 0).sum() == 8
+
+
+def cancel_after(count):
+    """A callback that allows `count` questions, and keeps what it was told."""
+    messages = []
+
+    def progress(fraction, message):
+        messages.append(message)
+        assert fraction == 0.0
+        return len(messages) <= count
+
+    return progress, messages
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+@pytest.mark.parametrize("make", [core.TriangleMesh, core.weld_borders])
+def test_building_a_mesh_can_be_cancelled(make, count):
+    vertices, faces = icosphere(3)
+    progress, messages = cancel_after(count)
+    with pytest.raises(core.Cancelled):
+        make(vertices, faces, progress)
+    assert messages == ["Preparing the mesh"] * (count + 1)
+
+
+def test_welding_can_be_cancelled_between_chunks():
+    points = np.random.default_rng(0).random((100_000, 3))
+    progress, messages = cancel_after(2)
+    with pytest.raises(core.Cancelled):
+        core.weld(points, progress)
+    assert messages == ["Finding vertices at the same place"] * 3
+
+
+def test_welding_numbers_places_in_the_order_of_the_input():
+    rng = np.random.default_rng(2)
+    places = np.concatenate([rng.random((500, 3)), np.mgrid[:8, :8, :8].reshape(3, -1).T - 4.0])
+    points = places[rng.integers(0, len(places), 40_000)]
+    points *= np.where(points == 0, rng.choice([-1.0, 1.0], points.shape), 1.0)  # -0.0, too
+    representatives, index = core.weld(points)
+    _, first = np.unique(points + 0.0, axis=0, return_index=True)
+    np.testing.assert_array_equal(representatives, np.sort(first))
+    np.testing.assert_array_equal(points[representatives][index], points)
+
+
+def test_cutting_at_jumps_can_be_cancelled():
+    vertices, faces = icosphere(2)
+    mesh = core.TriangleMesh(vertices, faces)
+    signal = np.repeat(np.arange(len(faces), dtype=float), 3)[:, None]
+    progress, messages = cancel_after(1)
+    with pytest.raises(core.Cancelled):
+        split_at_jumps(mesh, signal, Progress.of(progress))
+    assert messages == ["Finding jumps"] * 2

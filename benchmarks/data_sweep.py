@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run all filters over every mesh and image of a folder: each must work or say why it does not.
+
+A table in Markdown goes to the screen; the exit status is 1 if anything was neither filtered nor
+refused with one of Shock Filter's own sentences.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import common
+import numpy as np
+from report import table
+from shock_filter import core
+from shock_filter.core.atlas import TextureAtlas
+from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
+from shock_filter.core.files import IN_PLACE, read_document
+from shock_filter.core.format_pillow import read_pillow
+from shock_filter.core.format_trimesh import KEEPS, SceneFile
+from shock_filter.core.texture_files import read_textured_mesh
+
+MESHES = tuple(KEEPS)
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
+TEXTURE_SIZE = 512
+
+Run = tuple[str, Callable[[], Any]]
+
+
+def mesh_runs(path: Path) -> tuple[str, Iterator[Run]]:
+    """Return a mesh file's size in words, and the filters with their names."""
+    document = read_document(path, IN_PLACE.get(path.suffix.lower(), SceneFile))
+    representatives, index = core.weld(document.vertices)
+    mesh = core.TriangleMesh(document.vertices[representatives], index[document.faces])
+
+    def runs() -> Iterator[Run]:
+        settings = core.BeltramiGeometrySettings()
+        low, high = mesh.box
+        colors = (mesh.vertices - low) / (high - low).max()  # something smooth, and steps
+        colors[:, 2] = colors[:, 2] > np.median(colors[:, 2])
+        corners = colors[mesh.faces]
+        yield "geometry", lambda: core.sharpen_geometry(mesh)
+        yield "steady", lambda: core.sharpen_geometry(mesh, core.GeometrySettings(time=np.inf))
+        yield "denoise", lambda: denoise_geometry(mesh, settings, 64.0)
+        yield "colors", lambda: core.sharpen_vertex_signal(mesh, colors)
+        yield "corners", lambda: core.sharpen_corner_signal(mesh, corners)
+        yield "both", lambda: denoise_jointly(mesh, corners, core.BeltramiMeshSettings(), 64.0)
+        yield "texture", lambda: textured(path)
+
+    return f"{mesh.vertex_count:,} vertices", runs()
+
+
+def textured(path: Path) -> np.ndarray:
+    """Sharpen a texture of stripes on the mesh of a file, and fill its gutter."""
+    surface = read_textured_mesh(path)
+    rows, columns = np.mgrid[:TEXTURE_SIZE, :TEXTURE_SIZE]
+    image = (0.5 + 0.5 * np.sin((rows + 2 * columns) / 9)).astype(np.float32)
+    atlas = TextureAtlas(surface.mesh, surface.uv, *image.shape)
+    sharp = core.sharpen_texture(surface.mesh, surface.uv, image, atlas=atlas)
+    return core.dilate_texture(surface.mesh, surface.uv, sharp, atlas=atlas)
+
+
+def image_runs(path: Path) -> tuple[str, Iterator[Run]]:
+    """Return an image's size in words, and the filters with their names."""
+    pixels = np.asarray(read_pillow(path).pixels)
+    height, width = pixels.shape[:2]
+
+    def runs() -> Iterator[Run]:
+        yield "image", lambda: core.sharpen_image(pixels)
+        yield "steady", lambda: core.sharpen_image(pixels, core.ImageSettings(time=np.inf))
+        yield "denoise", lambda: denoise_image(pixels, core.BeltramiSettings(), 16.0)
+
+    return f"{width} x {height} pixels", runs()
+
+
+def sweep(path: Path) -> tuple[list[str], bool]:
+    """Run everything on one file; return its row of the table, and whether all is well."""
+    reader = mesh_runs if path.suffix.lower() in MESHES else image_runs
+    size, seconds, results, well = "", [], [], True
+    try:
+        size, runs = reader(path)
+        for name, run in runs:
+            start = time.perf_counter()
+            try:
+                check(name, run())
+            except core.ShockError as error:
+                results.append(f"{name}: {error}".replace(str(path), path.name))
+            else:
+                seconds.append(f"{name} {time.perf_counter() - start:.2f}")
+    except core.ShockError as error:
+        results.append(str(error).replace(str(path), path.name))
+    except Exception:  # whatever goes wrong with one file belongs into the table
+        results.append(f"**failed**: {traceback.format_exc(limit=-1).strip().splitlines()[-1]}")
+        traceback.print_exc()
+        well = False
+    memory = f"{common.peak_memory() / 1024**2:.0f} MB"
+    return [path.name, size, ", ".join(seconds), memory, "; ".join(results) or "all fine"], well
+
+
+def check(name: str, result: Any) -> None:
+    """Raise `ValueError` if a result holds NaN or infinity."""
+    for array in result if isinstance(result, tuple) else (result,):
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} returned {np.count_nonzero(~np.isfinite(array))} NaN")
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument(
+        "--data", type=Path, required=True, help="folder, looked through as a whole"
+    )
+    parser.add_argument("--only", default="", help="part of the names of the files to take")
+    arguments = parser.parse_args()
+    files = sorted(
+        path
+        for path in arguments.data.rglob("*")
+        if path.suffix.lower() in (*MESHES, *IMAGES) and arguments.only in path.name
+    )
+    if not files:
+        parser.error(f"{arguments.data} holds no mesh or image of that name")
+    rows, all_well = [], True
+    for path in files:
+        row, well = common.in_own_process(sweep, path)
+        rows.append(row)
+        all_well &= well
+        print(f"{len(rows)}/{len(files)} {' | '.join(row)}", flush=True)
+    print(f"\n{common.machine()}\n")
+    print(table(["file", "size", "seconds", "peak memory", "result"], rows, words=5))
+    raise SystemExit(not all_well)
+
+
+if __name__ == "__main__":
+    main()

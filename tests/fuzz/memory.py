@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much memory this process holds, and whether it grows."""
+
+import gc
+from pathlib import Path
+
+import pytest
+from strategies import LONG
+
+RUNS = 200 if LONG else 40
+MOST_GROWTH = 8 * 1024**2
+"""Above what allocators keep for themselves, in bytes."""
+
+
+def resident():
+    """Return the memory of this process in bytes (Linux)."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return 4096 * pages
+
+
+def assert_flat(run):
+    """Call ``run()`` many times; after the first ones, memory must not grow."""
+    for _ in range(RUNS // 4):
+        run()
+    before = resident()
+    for _ in range(RUNS):
+        run()
+    grown = resident() - before
+    if grown > MOST_GROWTH:
+        pytest.fail(f"{RUNS} runs left {grown / 1024**2:.1f} MB behind")

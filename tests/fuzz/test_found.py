@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What random input has found, in the smallest form."""
+
+import numpy as np
+import pytest
+from shock_filter import core
+from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
+
+
+@pytest.fixture
+def wings():
+    """Three faces at an edge and their colors, of which the third differs there."""
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0.5, 0, 1]]
+    mesh = core.TriangleMesh(np.array(vertices, float), [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    colors = np.arange(5.0)[mesh.faces]
+    colors[2, :2] = 7.0
+    return mesh, colors
+
+
+@pytest.mark.parametrize(
+    "filtered",
+    [
+        lambda mesh, colors: core.sharpen_corner_signal(
+            mesh, colors, core.ShockSettings(time=1e-9)
+        ),
+        lambda mesh, colors: core.beltrami_corner_signal(
+            mesh, colors, core.BeltramiMeshSettings(time=1e-9)
+        ),
+        lambda mesh, colors: denoise_jointly(mesh, colors, core.BeltramiMeshSettings(time=1e-9))[1],
+    ],
+)
+def test_corners_keep_their_places_where_cutting_turns_a_face(wings, filtered):
+    mesh, colors = wings
+    assert not mesh.flipped.any()  # all at an edge of three faces, which is a border
+    assert np.allclose(filtered(mesh, colors), colors, atol=0.01)  # read near the corners
+
+
+def test_a_joint_time_of_zero_keeps_the_sign_of_zero(wings):
+    mesh, colors = wings
+    colors[0, 0] = -0.0
+    _, result = denoise_jointly(mesh, colors, core.BeltramiMeshSettings(time=0.0))
+    assert result.tobytes() == colors.tobytes()
+
+
+def test_values_whose_squares_overflow_are_refused(wings):
+    mesh, _ = wings
+    for function in (core.sharpen_vertex_signal, core.beltrami_vertex_signal, core.flow_field):
+        with pytest.raises(core.InvalidSignal, match="beyond 1e\\+30"):
+            function(mesh, np.full(5, -1e31))
+
+
+def test_ragged_lists_are_refused(wings):
+    mesh, _ = wings
+    ragged = [[1.0], [1.0, 2.0]]
+    image = np.zeros((2, 2))
+    for function in (
+        lambda: core.sharpen_vertex_signal(mesh, ragged),
+        lambda: core.sharpen_image(ragged),
+        lambda: core.sharpen_image(image, mask=ragged),
+        lambda: core.beltrami_manifold(image, ragged),
+        lambda: core.osher_rudin_image(ragged, 1),
+    ):
+        with pytest.raises(core.InvalidSignal, match="not made of numbers"):
+            function()
+
+
+def test_opacity_beyond_one_does_not_overflow():
+    image = np.full((4, 4, 4), 1e38, np.float32)
+    result = denoise_image(image, core.BeltramiSettings())
+    assert (result == image).all()
+
+
+def test_a_tiny_time_changes_nothing():
+    image = np.random.default_rng(0).random((5, 5, 3))
+    result = core.beltrami_image(image, core.BeltramiSettings(time=1e-300))
+    assert np.allclose(result, image)
+
+
+@pytest.mark.parametrize("function", [core.sharpen_image, core.beltrami_image])
+def test_a_mask_keeps_the_sign_of_zero(function):
+    image = np.full((3, 3, 2), -0.0)
+    result = function(image, mask=np.full((3, 3), 0.5))
+    assert result.tobytes() == image.tobytes()
+
+
+def test_a_mesh_that_denoising_draws_to_a_point_is_not_sharpened(wings):
+    mesh, colors = wings
+    long = {"time": 1e6, "iterations": 9}
+    settings = core.BeltramiGeometrySettings(filtered="positions", **long)
+    positions = denoise_geometry(mesh, settings, 16.0)
+    assert np.ptp(positions, axis=0).max() < 1e-6
+    joint = core.BeltramiMeshSettings(beta=0.0, **long)
+    positions, result = denoise_jointly(mesh, np.full_like(colors, 0.5), joint, 16.0)
+    assert np.ptp(positions, axis=0).max() < 1e-6
+    assert (result == 0.5).all()
