@@ -3,51 +3,93 @@
 
 from __future__ import annotations
 
+import atexit
+import sys
+
 import bpy
+from bpy.app.handlers import persistent
 
 from . import (
     colors_operator,
     command_line,
     denoise_operator,
+    flow_operator,
+    flow_overlay,
     geometry_operator,
     image_data,
     image_operator,
     jobs,
     kernels,
+    manual,
     menus,
     panels,
     presets,
+    preview,
     properties,
+    statistics,
+    surface,
     texture_operator,
+    translations,
 )
 
 _CLASSES = (
+    *jobs.CLASSES,
     *denoise_operator.CLASSES,
     *geometry_operator.CLASSES,
     *colors_operator.CLASSES,
     *image_operator.CLASSES,
     *texture_operator.CLASSES,
+    *flow_operator.CLASSES,
+    *preview.CLASSES,
     *presets.CLASSES,
     *panels.CLASSES,
+    *menus.CLASSES,
+    *manual.CLASSES,
 )
 
 
+@persistent
+def _forget_surfaces(*_: object) -> None:
+    surface.forget()
+
+
+def _unregister_at_exit() -> None:
+    # Blender disables its add-ons itself. A script that registers the package and forgets the
+    # rest would crash: the bpy module cannot end with classes registered.
+    package = sys.modules[__package__.rpartition(".")[0]]
+    if not getattr(package, "__addon_enabled__", False):
+        unregister()
+
+
 def register() -> None:
-    """Add everything to Blender."""
+    """Add everything to Blender, until its process ends at the latest."""
+    atexit.register(_unregister_at_exit)
+    translations.register()
     properties.register()
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     menus.register()
+    manual.register()
     command_line.register()
+    preview.register()
+    bpy.app.handlers.load_pre.append(_forget_surfaces)
 
 
 def unregister() -> None:
     """Stop what is running and remove everything again, in reverse order."""
+    atexit.unregister(_unregister_at_exit)
+    preview.unregister()
     jobs.stop_all()
+    flow_overlay.hide()
+    bpy.app.handlers.load_pre.remove(_forget_surfaces)
     command_line.unregister()
+    manual.unregister()
     menus.unregister()
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
     properties.unregister()
+    translations.unregister()
+    statistics.forget()
+    surface.forget()
     image_data.forget()
     kernels.forget()

@@ -79,17 +79,21 @@ def sharpen_colors(
     def at_corners(mesh: core.TriangleMesh, values: Colors, mask: npt.NDArray | None) -> Colors:
         return core.sharpen_corner_signal(mesh, values, settings, mask, progress)
 
-    return filter_colors(surface, at_vertices, at_corners, weld)
+    return filter_colors(surface, at_vertices, at_corners, weld, progress)
 
 
 def filter_colors(
-    surface: ColoredSurface, at_vertices: ColorFilter, at_corners: ColorFilter, weld: bool
+    surface: ColoredSurface,
+    at_vertices: ColorFilter,
+    at_corners: ColorFilter,
+    weld: bool,
+    progress: Callable[[float, str], bool] | None,
 ) -> Recolored:
     """Filter the colors of a surface; see `sharpen_colors`.
 
     Parameters
     ----------
-    surface, weld
+    surface, weld, progress
         As there.
     at_vertices, at_corners : callable
         ``function(mesh, colors, mask)`` for colors of vertices, and of the corners of triangles.
@@ -97,13 +101,13 @@ def filter_colors(
     check_colors(surface)
     new = surface.colors.copy()
     if surface.corners is None:
-        part = welded(surface, weld, surface.colors)
+        part = welded(surface, weld, progress, surface.colors)
         values = surface.colors[part.used][part.representatives]
         new[part.used] = at_vertices(part.mesh, values, part.mask)[part.index]
-        return _repainted(surface, new)
-    part = welded(surface, weld)
+        return _repainted(surface, new, progress)
+    part = welded(surface, weld, progress)
     result = at_corners(part.mesh, surface.colors[surface.corners], part.mask)
-    return repainted_corners(surface, surface.corners, result)
+    return repainted_corners(surface, surface.corners, result, progress)
 
 
 def check_colors(surface: ColoredSurface) -> None:
@@ -113,25 +117,40 @@ def check_colors(surface: ColoredSurface) -> None:
 
 
 def repainted_corners(
-    surface: ColoredSurface, corners: npt.NDArray[np.int32], values: Colors
+    surface: ColoredSurface,
+    corners: npt.NDArray[np.int32],
+    values: Colors,
+    progress: Callable[[float, str], bool] | None,
 ) -> Recolored:
     """Bring new colors of the corners of triangles back; `corners` says which color each has."""
     new = surface.colors.copy()
-    _gather(corners, values, new)
-    return _repainted(surface, new)
+    _gather(corners, values, new, progress)
+    return _repainted(surface, new, progress)
 
 
-def _repainted(surface: ColoredSurface, new: Colors) -> Recolored:
-    if surface.free is not None:
-        new[~surface.free] = surface.colors[~surface.free]
-    return recolored(surface.colors, new, surface.levels)
+def _gather(
+    corners: npt.NDArray[np.int32],
+    values: Colors,
+    new: Colors,
+    progress: Callable[[float, str], bool] | None = None,
+) -> None:
+    from ..core.parallel import Progress
 
-
-def _gather(corners: npt.NDArray[np.int32], values: Colors, new: Colors) -> None:
+    phase = Progress.of(progress).part(1.0, 1.0, "Placing colors")
     flat = corners.reshape(-1)
     count = np.bincount(flat, minlength=len(new))
     inside = count > 0
     for channel in range(new.shape[1]):
+        phase.update(1.0)
         weights = values[..., channel].reshape(-1)
         total = np.bincount(flat, weights, minlength=len(new))
         new[inside, channel] = total[inside] / count[inside]
+    phase.update(1.0)
+
+
+def _repainted(
+    surface: ColoredSurface, new: Colors, progress: Callable[[float, str], bool] | None
+) -> Recolored:
+    if surface.free is not None:
+        new[~surface.free] = surface.colors[~surface.free]
+    return recolored(surface.colors, new, surface.levels, progress)

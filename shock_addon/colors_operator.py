@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import ShockSettings
 from .color_data import read_colors, write_colors
@@ -28,9 +29,10 @@ class SHOCK_FILTER_OT_sharpen_colors(MeshOperator, ColorProperties, bpy.types.Op
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes and colors."""
-        return (
-            f"Sharpened the colors of {counted(len(written), 'mesh', 'meshes')}:"
-            f" {describe([result for _, result in written], 'colors')}, {seconds:.1f} s."
+        return pgettext_rpt("Sharpened the colors of {meshes}: {changes}, {seconds:.1f} s.").format(
+            meshes=counted(len(written), "1 mesh", "{:,} meshes"),
+            changes=describe([result for _, result in written], "colors"),
+            seconds=seconds,
         )
 
 

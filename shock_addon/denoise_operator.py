@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
 from .color_data import check_unchanged, read_colors, write_colors
@@ -21,10 +22,9 @@ from .denoising import (
     denoise_picture,
     denoise_shape,
 )
-from .geometry_data import read_geometry, write_geometry
+from .geometry_data import Place, read_geometry, write_geometry
 from .geometry_operator import describe_moves, notes
 from .image_operator import ImageOperator
-from .masks import color_mask
 from .mesh_data import Target, find
 from .operators import Filter, MeshOperator, counted
 from .properties import (
@@ -36,25 +36,24 @@ from .properties import (
 )
 from .recolored import Recolored, describe
 
-_ADVICE = "for more noise raise Time or lower Beta"
+_ADVICE = "for more noise raise Time or lower Keep Edges"
 
 
 def read_both(
     obj: bpy.types.Object, mode: str, parameters: Any
-) -> tuple[tuple[str, str], PaintedSurface]:
+) -> tuple[tuple[Place, str], PaintedSurface]:
     """Read shape and colors; parameters are those of `read_geometry` and `read_colors`."""
-    output, shape = read_geometry(obj, mode, parameters)
+    place, shape = read_geometry(obj, mode, parameters)
     attribute, paint = read_colors(obj, mode, parameters)
-    mask, _ = color_mask(obj, mode, "POINT", parameters)
-    return (output, attribute), PaintedSurface(replace(shape, mask=mask), paint)
+    return (place, attribute), PaintedSurface(shape, paint)
 
 
 def write_both(target: Target, result: Both) -> bpy.types.Object:
     """Write shape and colors, or raise `Skipped` before either is written."""
-    output, attribute = target.place
+    place, attribute = target.place
     paint = replace(target, place=attribute, surface=target.surface.paint)
     check_unchanged(find(target), paint)
-    _write_shape(replace(target, place=output, surface=target.surface.shape), result.shape)
+    _write_shape(replace(target, place=place, surface=target.surface.shape), result.shape)
     return write_colors(paint, result.paint)
 
 
@@ -62,7 +61,7 @@ _write_shape = partial(write_geometry, key_name="Denoised")
 
 
 @dataclass(frozen=True)
-class _Work:
+class Work:
     """What differs between the targets; `settings` have names that begin with `prefix`."""
 
     settings: type
@@ -72,10 +71,10 @@ class _Work:
     write: Callable[[Target, Any], bpy.types.Object]
 
 
-_WORK = {
-    "geometry": _Work(BeltramiGeometrySettings, "", read_geometry, denoise_shape, _write_shape),
-    "colors": _Work(BeltramiMeshSettings, COLOR_PREFIX, read_colors, denoise_colors, write_colors),
-    "both": _Work(BeltramiMeshSettings, COLOR_PREFIX, read_both, denoise_both, write_both),
+WORK = {
+    "geometry": Work(BeltramiGeometrySettings, "", read_geometry, denoise_shape, _write_shape),
+    "colors": Work(BeltramiMeshSettings, COLOR_PREFIX, read_colors, denoise_colors, write_colors),
+    "both": Work(BeltramiMeshSettings, COLOR_PREFIX, read_both, denoise_both, write_both),
 }
 
 
@@ -91,22 +90,21 @@ class SHOCK_FILTER_OT_denoise(MeshOperator, DenoiseProperties, bpy.types.Operato
     @property
     def read_object(self) -> Callable[[bpy.types.Object, str, Any], tuple]:
         """Read what the target asks for."""
-        return _WORK[self.target].read
+        return WORK[self.target].read
 
     @property
     def filter_surface(self) -> Callable[..., Any]:
         """Denoise what the target asks for."""
-        return _WORK[self.target].filter
+        return WORK[self.target].filter
 
     @property
     def write_object(self) -> Callable[[Target, Any], bpy.types.Object]:
         """Write what the target asks for."""
-        return _WORK[self.target].write
+        return WORK[self.target].write
 
     def read_settings(self) -> Denoising:
         """Read those of the target."""
-        work = _WORK[self.target]
-        return _denoising(settings_from(work.settings, self, work.prefix), self)
+        return denoise_settings(self)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the target's parameters after the run."""
@@ -118,20 +116,23 @@ class SHOCK_FILTER_OT_denoise(MeshOperator, DenoiseProperties, bpy.types.Operato
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes, and what has changed of them."""
         results = [result for _, result in written]
-        meshes, things = counted(len(written), "mesh", "meshes"), "colors"
+        meshes = counted(len(written), "1 mesh", "{:,} meshes")
         if self.target == "geometry":
             changes = describe_moves(results)
         elif self.target == "colors":
-            meshes, changes = f"the colors of {meshes}", describe(results, things, _ADVICE)
+            meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
+            changes = describe(results, "colors", _ADVICE)
         else:
-            meshes = f"{meshes} and {'its' if len(written) == 1 else 'their'} colors"
-            paints = describe([result.paint for result in results], things, _ADVICE)
+            meshes = counted(len(written), "1 mesh and its colors", "{:,} meshes and their colors")
+            paints = describe([result.paint for result in results], "colors", _ADVICE)
             changes = f"{describe_moves([result.shape for result in results])}; {paints}"
-        return f"{_done(self)} {meshes}: {changes}, {seconds:.1f} s."
+        return pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s.").format(
+            done=_done(self), meshes=meshes, changes=changes, seconds=seconds
+        )
 
     def notes(self, written: list[tuple]) -> str:
-        """Name modifiers and custom normals, where vertices have moved."""
-        return "" if self.target == "colors" else notes([obj for obj, _ in written])
+        """Say what shapes what is seen beside the vertices, where these have moved."""
+        return "" if self.target == "colors" else notes([obj for obj, _ in written], self)
 
 
 class SHOCK_FILTER_OT_denoise_image(ImageOperator, DenoiseImageProperties, bpy.types.Operator):
@@ -164,12 +165,18 @@ class SHOCK_FILTER_OT_denoise_image(ImageOperator, DenoiseImageProperties, bpy.t
         return describe([result], "pixels", _ADVICE)
 
 
+def denoise_settings(parameters: Any) -> Denoising:
+    """Read the target's settings from the properties of the operator or of the panel."""
+    work = WORK[parameters.target]
+    return _denoising(settings_from(work.settings, parameters, work.prefix), parameters)
+
+
 def _denoising(kernel: Any, operator: bpy.types.Operator) -> Denoising:
     return Denoising(kernel, operator.sharpen_time if operator.then_sharpen else None)
 
 
 def _done(operator: bpy.types.Operator) -> str:
-    return "Denoised and sharpened" if operator.then_sharpen else "Denoised"
+    return pgettext_rpt("Denoised and sharpened" if operator.then_sharpen else "Denoised")
 
 
 CLASSES = (SHOCK_FILTER_OT_denoise, SHOCK_FILTER_OT_denoise_image)

@@ -51,11 +51,11 @@ def denoise_shape(
     """Denoise a surface; parameters are those of `sharpen`."""
     from ..core.denoising import denoise_geometry
 
-    part = welded(surface, weld)
+    part = welded(surface, weld, progress)
     positions = denoise_geometry(
         part.mesh, denoising.kernel, denoising.sharpen_time, part.mask, progress
     )
-    return placed(surface, part, positions)
+    return placed(surface, part, positions, progress)
 
 
 def denoise_colors(
@@ -74,6 +74,7 @@ def denoise_colors(
             mesh, values, kernel, time, mask, progress
         ),
         weld,
+        progress,
     )
 
 
@@ -89,13 +90,14 @@ def denoise_both(
 
     shape, paint = surface.shape, surface.paint
     check_colors(paint)
-    part = welded(shape, weld)
+    part = welded(shape, weld, progress)
     corners = shape.triangles if paint.corners is None else paint.corners
     positions, colors = denoise_jointly(
         part.mesh, paint.colors[corners], denoising.kernel, denoising.sharpen_time, part.mask,
         progress,
     )  # fmt: skip
-    return Both(placed(shape, part, positions), repainted_corners(paint, corners, colors))
+    moved = placed(shape, part, positions, progress)
+    return Both(moved, repainted_corners(paint, corners, colors, progress))
 
 
 def denoise_picture(picture: Picture, denoising: Denoising, progress: Progress | None) -> Recolored:
@@ -106,4 +108,4 @@ def denoise_picture(picture: Picture, denoising: Denoising, progress: Progress |
         kernel = replace(denoising.kernel, alpha=alpha)
         return denoise_image(pixels, kernel, denoising.sharpen_time, progress=progress)
 
-    return filter_picture(picture, denoising.kernel.alpha, denoise)
+    return filter_picture(picture, denoising.kernel.alpha, denoise, progress)

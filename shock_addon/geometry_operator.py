@@ -3,7 +3,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
+import numpy as np
+from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import GeometrySettings
 from .geometry_data import read_geometry, write_geometry
@@ -30,35 +34,73 @@ class SHOCK_FILTER_OT_sharpen_geometry(MeshOperator, GeometryProperties, bpy.typ
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes and vertices."""
         results = [result for _, result in written]
-        text = (
-            f"Sharpened {counted(len(written), 'mesh', 'meshes')}: {describe_moves(results)},"
-            f" {seconds:.1f} s."
+        text = pgettext_rpt("Sharpened {meshes}: {changes}, {seconds:.1f} s.").format(
+            meshes=counted(len(written), "1 mesh", "{:,} meshes"),
+            changes=describe_moves(results),
+            seconds=seconds,
         )
         if max(result.largest_move for result in results) < _HARDLY_SEEN:
-            text += " For wide or gentle creases raise Time or lower Feature Threshold."
+            advice = pgettext_rpt("For wide or gentle creases raise Time or lower Threshold.")
+            text = f"{text} {advice}"
         return text
 
     def notes(self, written: list[tuple]) -> str:
-        """Name modifiers and custom normals."""
-        return notes([obj for obj, _ in written])
+        """Say what shapes what is seen beside the vertices."""
+        return notes([obj for obj, _ in written], self)
 
 
 def describe_moves(results: list[Sharpened]) -> str:
     """Count vertices, and say how many moved and how far."""
-    vertices = sum(len(result.positions) for result in results)
-    moved = sum(result.moved for result in results)
-    largest = max(result.largest_move for result in results)
-    return f"{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
+    return pgettext_rpt(
+        "{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
+    ).format(
+        vertices=sum(len(result.positions) for result in results),
+        moved=sum(result.moved for result in results),
+        largest=max(result.largest_move for result in results),
+    )
 
 
-def notes(objects: list[bpy.types.Object]) -> str:
-    """Say what was left as it is although it shapes what is seen."""
+def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
+    """Say what was left as it is although it shapes what is seen.
+
+    Parameters
+    ----------
+    objects : list of bpy.types.Object
+    parameters : object
+        Has `output`, `custom_normals` and `mark_sharp`.
+    """
     found = []
     if any(obj.modifiers for obj in objects):
-        found.append("Modifiers were left in place and act on the new shape.")
-    if any(obj.data.has_custom_normals for obj in objects):
-        found.append("Custom normals were kept; clear them if the shading looks wrong.")
+        found.append(pgettext_rpt("Modifiers were left in place and act on the new shape."))
+    if parameters.custom_normals == "KEEP" and any(obj.data.has_custom_normals for obj in objects):
+        found.append(
+            pgettext_rpt(
+                "Custom normals were kept; choose Recompute or Clear if the shading looks wrong."
+            )
+        )
+    if parameters.mark_sharp and any(_is_flat(obj.data) for obj in objects):
+        found.append(pgettext_rpt("Sharp marks show on smooth faces only; use Shade Smooth."))
+    for obj in objects if parameters.output == "MESH" else []:
+        key = obj.active_shape_key
+        if key is not None and key.value == 0.0 and not _shows_key(obj, key):
+            text = pgettext_rpt(
+                "The value of the shape key {name} is 0; raise it to see the change."
+            )
+            found.append(text.format(name=key.name))
     return " ".join(found)
+
+
+def _is_flat(mesh: bpy.types.Mesh) -> bool:
+    flags = np.empty(len(mesh.polygons), dtype=bool)
+    mesh.polygons.foreach_get("use_smooth", flags)
+    return not flags.any()
+
+
+def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:
+    """Whether an object shows its active shape key whatever its value is."""
+    keys = obj.data.shape_keys
+    alone = obj.show_only_shape_key or obj.mode == "EDIT"
+    return key == keys.reference_key or not keys.use_relative or alone
 
 
 CLASSES = (SHOCK_FILTER_OT_sharpen_geometry,)

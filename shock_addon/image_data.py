@@ -54,6 +54,12 @@ _overwritten: _Overwritten | None = None
 """The image that was replaced last, as it was before: Blender's undo does not bring it back."""
 
 
+def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
+    """Return the image that the Image Editor shows, if the context is one."""
+    space = context.space_data
+    return space.image if space is not None and space.type == "IMAGE_EDITOR" else None
+
+
 def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
     """Say why an image cannot be sharpened; empty if it can. UDIM tiles can be allowed."""
     if image.library is not None or image.override_library is not None:
@@ -184,8 +190,17 @@ def is_like(image: bpy.types.Image, other: bpy.types.Image) -> bool:
 
 
 def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
-    """Write new parts and keep the old ones for `restore`."""
+    """Write new parts and keep the old ones for `restore`.
+
+    Raises
+    ------
+    Skipped
+        If the image does not hold the old parts any more.
+    """
     global _overwritten
+    now = read_parts(image)
+    if not all(np.array_equal(now[number], pixels) for number, pixels in old.items()):
+        raise Skipped("it was changed meanwhile; run again")
     _overwritten = _Overwritten(image.session_uid, old)
     write_parts(image, new, image.packed_file is not None)
 

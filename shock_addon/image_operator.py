@@ -6,14 +6,16 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import ImageSettings
-from . import image_data
-from .operators import Filter, SharpenOperator, is_free, write_results
+from . import image_data, obstacles
+from .image_data import edited_image
+from .operators import Filter, SharpenOperator, can_run, write_results
 from .picture import sharpen_picture
 from .properties import ImageProperties
 from .recolored import Recolored, describe
-from .skipped import Skipped
+from .skipped import Skipped, sentences
 
 
 class ImageOperator(SharpenOperator):
@@ -50,12 +52,7 @@ class ImageOperator(SharpenOperator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Want an image and no other run."""
-        if not is_free(cls):
-            return False
-        if edited_image(context) is None and not bpy.data.images:
-            cls.poll_message_set("Open an image.")
-            return False
-        return True
+        return can_run(cls, obstacles.of_images(context))
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the named image, or the one in the Image Editor."""
@@ -69,7 +66,7 @@ class ImageOperator(SharpenOperator):
         try:
             target = image_data.read_image(image)
         except Skipped as reason:
-            return [], [f"Skipped {image.name}: {reason}."]
+            return [], sentences([(image.name, str(reason))])
         self.image = image.name  # redo must not take the result, which the editor shows by then
         return [target], []
 
@@ -94,9 +91,18 @@ class ImageOperator(SharpenOperator):
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the image and count pixels."""
         ((image, result),) = written
-        into = "" if image.name == self.image else f" into {image.name}"
-        changes = self.changes(result)
-        return f"{self.done()} the image {self.image}{into}: {changes}, {seconds:.1f} s."
+        text = pgettext_rpt(
+            "{done} the image {old}: {changes}, {seconds:.1f} s."
+            if image.name == self.image
+            else "{done} the image {old} into {new}: {changes}, {seconds:.1f} s."
+        )
+        return text.format(
+            done=self.done(),
+            old=self.image,
+            new=image.name,
+            changes=self.changes(result),
+            seconds=seconds,
+        )
 
 
 class SHOCK_FILTER_OT_sharpen_image(ImageOperator, ImageProperties, bpy.types.Operator):
@@ -118,17 +124,11 @@ class SHOCK_FILTER_OT_sharpen_image(ImageOperator, ImageProperties, bpy.types.Op
 
     def done(self) -> str:
         """Say what was done."""
-        return "Sharpened"
+        return pgettext_rpt("Sharpened")
 
     def changes(self, result: Recolored) -> str:
         """Say how much has changed."""
         return describe([result], "pixels")
-
-
-def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
-    """Return the image that the Image Editor shows, if the context is one."""
-    space = context.space_data
-    return space.image if space is not None and space.type == "IMAGE_EDITOR" else None
 
 
 CLASSES = (SHOCK_FILTER_OT_sharpen_image,)

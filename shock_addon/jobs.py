@@ -9,27 +9,27 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 Work = Callable[[Callable[[float, str], bool]], Any]
 
 _INTERVAL = 0.1
-_PASSED_ON = {
-    "TIMER",
-    "MOUSEMOVE",
-    "INBETWEEN_MOUSEMOVE",
-    "MIDDLEMOUSE",
-    "WHEELUPMOUSE",
-    "WHEELDOWNMOUSE",
-    "TRACKPADPAN",
-    "TRACKPADZOOM",
-    "WINDOW_DEACTIVATE",
-}
+_SETTLED = 0.3
+"""Seconds after which each window has had an event, since a timer sends some."""
+
+_PASSED_ON = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
+"""Looking around is free while a job runs; other keys and clicks outside sidebars do nothing."""
+
+_READ_BY_OTHERS = ("RENDER", "OBJECT_BAKE")
+"""Blender's own jobs that read the scene on their threads: nothing is written meanwhile."""
 
 _running: set[Job] = set()
 _modal: list[ModalJob] = []
+_unsettled: dict[int, bpy.types.Timer] = {}
 
 
 class Job:
@@ -63,6 +63,11 @@ class Job:
         """Whether the work has ended, in whatever way."""
         return self._future.done()
 
+    @property
+    def cancelled(self) -> bool:
+        """Whether the work was asked to stop."""
+        return self._cancelled.is_set()
+
     def cancel(self) -> None:
         """Ask the work to stop; returns at once."""
         self._cancelled.set()
@@ -85,27 +90,34 @@ class ModalJob:
 
     def start(self, context: bpy.types.Context, work: Work) -> set[str]:
         """Begin the work and wait for it as a modal operator."""
+        if is_settling():
+            self.report({"WARNING"}, "The last run is still being put away; run again.")
+            return {"CANCELLED"}
         manager = context.window_manager
         self._job = Job(work)
         self._status = ""
+        self._told: set[int] = set()
         self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
-        manager.progress_begin(0.0, 1.0)
         manager.modal_handler_add(self)
         _modal.append(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Show progress; end when the work has, or on Esc."""
+        if self not in _modal:
+            return {"CANCELLED"}
         if event.type == "ESC" and event.value == "PRESS":
+            self._job.cancel()
+        if self._job.cancelled:
             self.cancel(context)
             self.report({"INFO"}, "Cancelled; nothing was changed.")
             return {"CANCELLED"}
         if event.type == "TIMER":
-            if self._job.done:
+            if self._job.done and not is_scene_read():
                 self._close(context)
                 return self.finish(context, self._job.result)
             self._show(context)
-        return {"PASS_THROUGH"} if event.type in _PASSED_ON else {"RUNNING_MODAL"}
+        return {"RUNNING_MODAL"} if _is_held_back(context, event) else {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Drop the work; Blender calls this too, when a window closes or a file is loaded."""
@@ -114,22 +126,48 @@ class ModalJob:
 
     def _show(self, context: bpy.types.Context) -> None:
         job = self._job
-        status = f"{job.message}: {job.fraction:.0%} (Esc cancels)"
-        if status == self._status:  # drawing can be slow
+        status = iface_("{message}: {fraction:.0%} (Esc cancels)").format(
+            message=iface_(job.message), fraction=job.fraction
+        )
+        if job.done:
+            status = iface_("Waiting for the render to end (Esc cancels)")
+        windows = context.window_manager.windows
+        seen = {window.workspace.session_uid for window in windows}
+        if status == self._status and seen <= self._told:  # drawing can be slow
             return
         self._status = status
-        context.window_manager.progress_update(job.fraction)
-        context.workspace.status_text_set(status)
+        self._told |= seen
+        for window in windows:
+            _set_status(window, window.workspace, status)
         _redraw_sidebars(context)
 
     def _close(self, context: bpy.types.Context) -> None:
+        if self not in _modal:
+            return
         _modal.remove(self)
-        manager = context.window_manager
-        manager.event_timer_remove(self._timer)
-        manager.progress_end()
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
+        context.window_manager.event_timer_remove(self._timer)
+        if context.window in list(context.window_manager.windows):
+            _clear_status(self._told)
+        else:  # a window that closes; Blender crashes if the context is overridden meanwhile
+            bpy.app.timers.register(partial(_clear_status, self._told), persistent=True)
         _redraw_sidebars(context)
+
+
+class SHOCK_FILTER_OT_cancel(bpy.types.Operator):
+    """Cancel the run that is under way; nothing is changed"""
+
+    bl_idname = "shock_filter.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a run."""
+        return current() is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Ask it to stop; its operator ends at the next tick."""
+        current().cancel()
+        return {"FINISHED"}
 
 
 def current() -> Job | None:
@@ -138,7 +176,9 @@ def current() -> Job | None:
 
 
 def stop_all() -> None:
-    """Cancel all jobs and wait for their threads."""
+    """Cancel all jobs and wait for their threads, before operators are unregistered."""
+    if _modal:
+        settle(bpy.context.window_manager)
     for operator in list(_modal):
         operator.cancel(bpy.context)
     for job in list(_running):
@@ -146,10 +186,75 @@ def stop_all() -> None:
         job.wait()
 
 
+def is_settling() -> bool:
+    """Whether no modal operator may start yet."""
+    return bool(_unsettled)
+
+
+def settle(manager: bpy.types.WindowManager) -> None:
+    """Refuse to start until each window has had an event.
+
+    When a modal operator is unregistered, Blender keeps an empty handler until then, and crashes
+    if another modal operator is added meanwhile.
+    """
+    for window in manager.windows:
+        timer = manager.event_timer_add(0.1 * _SETTLED, window=window)
+        _unsettled[window.as_pointer()] = timer
+    bpy.app.timers.register(_settled, first_interval=_SETTLED, persistent=True)
+
+
+def _settled() -> None:
+    manager = bpy.context.window_manager
+    for window in manager.windows:
+        if window.as_pointer() in _unsettled:  # the timer of a window that was closed is gone
+            manager.event_timer_remove(_unsettled[window.as_pointer()])
+    _unsettled.clear()
+
+
+def _clear_status(told: set[int]) -> None:
+    """Take the text away from the workspaces whose numbers are given."""
+    for window in bpy.context.window_manager.windows:
+        for workspace in bpy.data.workspaces:
+            if workspace.session_uid in told:
+                _set_status(window, workspace, None)
+
+
+def _set_status(window: bpy.types.Window, workspace: bpy.types.WorkSpace, text: str | None) -> None:
+    # Blender sets the text of the context's workspace, and redraws the context's window.
+    with bpy.context.temp_override(window=window, workspace=workspace):
+        workspace.status_text_set(text)
+
+
+def is_scene_read() -> bool:
+    """Whether Blender renders or bakes, so that nothing may be written."""
+    return any(bpy.app.is_job_running(kind) for kind in _READ_BY_OTHERS)
+
+
+def _is_held_back(context: bpy.types.Context, event: bpy.types.Event) -> bool:
+    if event.value == "NOTHING" or event.type in _PASSED_ON:
+        return False
+    in_sidebar = any(
+        region.x <= event.mouse_x < region.x + region.width
+        and region.y <= event.mouse_y < region.y + region.height
+        for region in _sidebars(context.window)
+    )
+    return not (event.type == "LEFTMOUSE" and in_sidebar)
+
+
 def _redraw_sidebars(context: bpy.types.Context) -> None:
     for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
+        for region in _sidebars(window):
+            region.tag_redraw()
+
+
+def _sidebars(window: bpy.types.Window) -> list[bpy.types.Region]:
+    return [
+        region
+        for area in window.screen.areas
+        if area.type in {"VIEW_3D", "IMAGE_EDITOR"}
+        for region in area.regions
+        if region.type == "UI"
+    ]
+
+
+CLASSES = (SHOCK_FILTER_OT_cancel,)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib.util
+import logging
 import os
 import tempfile
 import threading
@@ -20,6 +21,15 @@ _REMEDY = (
     " Blender version and platform"
 )
 
+log = logging.getLogger(__name__)
+
+_LIBRARIES = ("llvmlite", "numba", "scipy")
+
+_UNUSABLE = (
+    ImportError, OSError, AttributeError, TypeError, ValueError, RuntimeError, SystemError,
+)  # fmt: skip
+"""What the import of a broken library, or of versions that do not fit together, can raise."""
+
 _loading = threading.Lock()
 _import_error = ""
 
@@ -33,15 +43,19 @@ def problem() -> str:
     missing = _missing()
     if missing:
         return f"{missing} cannot be found: {_REMEDY}."
-    if _import_error:
-        return f"{_import_error}: {_REMEDY}."
-    return ""
+    return _import_error
 
 
 @cache
 def _missing() -> str:
-    names = ("llvmlite", "numba", "scipy")
-    return ", ".join(name for name in names if importlib.util.find_spec(name) is None)
+    return ", ".join(name for name in _LIBRARIES if importlib.util.find_spec(name) is None)
+
+
+def _places() -> str:
+    specs = {name: importlib.util.find_spec(name) for name in _LIBRARIES}
+    return ", ".join(
+        f"{name} in {os.path.dirname(spec.origin or '')}" for name, spec in specs.items() if spec
+    )
 
 
 def cache_folder() -> str | None:
@@ -86,9 +100,13 @@ def load(folder: str | None) -> None:
                 from ..core import denoising, images, shock, signals, textures  # noqa: F401
             finally:
                 numba.config.CACHE_DIR = chosen_by_user
-        except (ImportError, OSError) as error:
-            _import_error = f"The compiled kernels cannot be loaded ({error})"
-            raise KernelsUnavailable(problem()) from error
+        except _UNUSABLE as error:
+            log.exception("The compiled kernels cannot be loaded.")
+            _import_error = (
+                f"The compiled kernels cannot be loaded ({error}): {_REMEDY}, and remove other"
+                f" copies. Found: {_places()}."
+            )
+            raise KernelsUnavailable(_import_error) from error
 
 
 def forget() -> None:

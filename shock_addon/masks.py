@@ -11,12 +11,16 @@ import numpy.typing as npt
 
 from .mesh_data import read_corner_vertices
 from .skipped import Skipped
+from .vertex_groups import group_weights
+
+_PAINTING = {"PAINT_VERTEX", "PAINT_TEXTURE", "PAINT_WEIGHT"}
+"""Modes where a paint mask of selected faces can be turned on."""
 
 
 def vertex_mask(
     obj: bpy.types.Object, mode: str, parameters: Any
 ) -> npt.NDArray[np.float64] | None:
-    """Multiply all masks that apply to an object.
+    """Multiply all masks that apply to an object's vertices; those of a free face are free.
 
     Parameters
     ----------
@@ -37,26 +41,19 @@ def vertex_mask(
     Skipped
         If the vertex group is missing or no vertex may change.
     """
-    mesh = obj.data
-    masks = []
-    if parameters.vertex_group:
-        weights = group_weights(obj, parameters.vertex_group)
-        masks.append(1.0 - weights if parameters.invert_mask else weights)
-    if mode in {"EDIT_MESH", "SCULPT"}:
-        masks.append(~_flags(mesh.vertices, "hide"))
-    if mode == "EDIT_MESH" and parameters.selected_only:
-        masks.append(_flags(mesh.vertices, "select"))
-    if mode == "PAINT_VERTEX" and mesh.use_paint_mask_vertex:
-        masks.append(_flags(mesh.vertices, "select"))
-    if mode == "SCULPT" and ".sculpt_mask" in mesh.attributes:
-        masks.append(1.0 - _sculpt_mask(mesh))
+    masks = _vertex_masks(obj, mode, parameters)
+    free = _free_corners(obj.data, mode, parameters)
+    if free is not None:
+        reached = np.zeros(len(obj.data.vertices), dtype=bool)
+        reached[read_corner_vertices(obj.data)[free]] = True
+        masks.append(reached)
     return _product(masks)
 
 
 def color_mask(
     obj: bpy.types.Object, mode: str, domain: str, parameters: Any
 ) -> tuple[npt.NDArray[np.float64] | None, npt.NDArray[np.bool_] | None]:
-    """Find out which colors may change: as `vertex_mask`, and the selection of faces counts.
+    """Find out which colors may change.
 
     Parameters
     ----------
@@ -70,34 +67,53 @@ def color_mask(
     mask : (n,) float64 or None
         Of the vertices.
     free : (number of face corners,) bool or None
-        False for corners in protected faces. None on vertices: those of a free face are free.
+        False for corners in protected faces; None on vertices.
 
     Raises
     ------
     Skipped
         As in `vertex_mask`.
     """
+    whole = vertex_mask(obj, mode, parameters)  # also says if nothing is left
+    if domain == "POINT":
+        return whole, None
+    free = _free_corners(obj.data, mode, parameters)
+    return (whole if free is None else _product(_vertex_masks(obj, mode, parameters))), free
+
+
+def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt.NDArray]:
     mesh = obj.data
-    mask = vertex_mask(obj, mode, parameters)
+    masks: list[npt.NDArray] = []
+    if parameters.vertex_group:
+        weights = group_weights(obj, parameters.vertex_group)
+        masks.append(1.0 - weights if parameters.invert_mask else weights)
+    if mode in {"EDIT_MESH", "SCULPT"}:
+        masks.append(~_flags(mesh.vertices, "hide"))
+    if mode == "EDIT_MESH" and parameters.selected_only:
+        masks.append(_flags(mesh.vertices, "select"))
+    if mode in {"PAINT_VERTEX", "PAINT_WEIGHT"} and mesh.use_paint_mask_vertex:
+        masks.append(_flags(mesh.vertices, "select"))
+    if mode == "SCULPT" and ".sculpt_mask" in mesh.attributes:
+        masks.append(1.0 - _sculpt_mask(mesh))
+    return masks
+
+
+def _free_corners(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
     faces = _free_faces(mesh, mode, parameters)
     if faces is None:
-        return mask, None
+        return None
     counts = np.empty(len(mesh.polygons), dtype=np.int32)
     mesh.polygons.foreach_get("loop_total", counts)
-    free = np.repeat(faces, counts)
-    reached = np.zeros(len(mesh.vertices), dtype=bool)
-    reached[read_corner_vertices(mesh)[free]] = True
-    both = _product([reached] if mask is None else [mask, reached])
-    return (mask, free) if domain == "CORNER" else (both, None)
+    return np.repeat(faces, counts)
 
 
 def _free_faces(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
     flags = []
-    if mode in {"EDIT_MESH", "SCULPT", "PAINT_VERTEX", "PAINT_TEXTURE"}:
+    if mode in {"EDIT_MESH", "SCULPT", *_PAINTING}:
         flags.append(~_flags(mesh.polygons, "hide"))
     by_face = tuple(bpy.context.tool_settings.mesh_select_mode) == (False, False, True)
     if (mode == "EDIT_MESH" and parameters.selected_only and by_face) or (
-        mode in {"PAINT_VERTEX", "PAINT_TEXTURE"} and mesh.use_paint_mask
+        mode in _PAINTING and mesh.use_paint_mask
     ):
         flags.append(_flags(mesh.polygons, "select"))
     free = np.logical_and.reduce(flags) if flags else np.True_
@@ -111,26 +127,6 @@ def _product(masks: list[npt.NDArray]) -> npt.NDArray[np.float64] | None:
     if not mask.any():
         raise Skipped("its mask or selection leaves nothing to change; select or unmask some")
     return None if (mask == 1.0).all() else mask
-
-
-def group_weights(obj: bpy.types.Object, name: str) -> npt.NDArray[np.float64]:
-    """Read a vertex group's weights, 0 for vertices outside it: (n,).
-
-    Raises
-    ------
-    Skipped
-        If the object has no such group.
-    """
-    group = obj.vertex_groups.get(name)
-    if group is None:
-        raise Skipped(f"it has no vertex group named {name!r}; add it, or leave the field empty")
-    number = group.index
-    vertices = obj.data.vertices
-    weights = (
-        next((element.weight for element in vertex.groups if element.group == number), 0.0)
-        for vertex in vertices
-    )
-    return np.fromiter(weights, dtype=np.float64, count=len(vertices))
 
 
 def _flags(elements: Any, name: str) -> npt.NDArray[np.bool_]:

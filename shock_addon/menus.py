@@ -42,8 +42,28 @@ def _entries(
     return draw_entries
 
 
+class SHOCK_FILTER_MT_texture_paint(bpy.types.Menu):
+    """The filters of textures: Texture Paint Mode has no menu that they could be added to"""
+
+    bl_label = "Shock Filter"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw buttons with the panel's settings."""
+        self.layout.operator_context = "INVOKE_DEFAULT"
+        draw_sharpen(self.layout, context, "texture")
+        draw_dilate(self.layout, context)
+
+
+def _draw_in_header(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    if context.mode == "PAINT_TEXTURE":
+        self.layout.menu(SHOCK_FILTER_MT_texture_paint.__name__)
+
+
 ENTRIES = {menu: _entries(menu, modes) for menu, modes in _MODES.items()}
+ENTRIES["VIEW3D_MT_editor_menus"] = _draw_in_header
 """What is drawn at the end of each menu: buttons with the panel's settings."""
+
+CLASSES = (SHOCK_FILTER_MT_texture_paint,)
 
 
 def register() -> None:

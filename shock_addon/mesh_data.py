@@ -12,11 +12,12 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from .skipped import Skipped
+from .skipped import Skipped, sentences
 from .surface import Surface
 
 _SINGULAR = 1e-6
 _UNIFORM = 1e-5
+_CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,8 @@ class Target:
 
     Attributes
     ----------
-    place : str
-        Where the result goes: for geometry the output, for colors the attribute's name.
+    place : object
+        Where the result goes: for geometry a `Place`, for colors the attribute's name.
     surface : Surface
         What is handed to the filter.
     """
@@ -34,7 +35,7 @@ class Target:
     name: str
     object_uid: int
     mesh_uid: int
-    place: str
+    place: Any
     surface: Surface
 
 
@@ -66,7 +67,7 @@ def object_mode(context: bpy.types.Context) -> Iterator[None]:
 
 def read_targets(
     context: bpy.types.Context,
-    read: Callable[[bpy.types.Object, str, Any], tuple[str, Surface]],
+    read: Callable[[bpy.types.Object, str, Any], tuple[Any, Surface]],
     parameters: Any,
 ) -> tuple[list[Target], list[str]]:
     """Read all objects that the operator acts on, each mesh once.
@@ -87,10 +88,15 @@ def read_targets(
         A sentence for each object that was left alone.
     """
     mode = context.mode
+    left = [(obj.name, reason) for obj, reason in _no_meshes(context)]
     users: dict[int, bpy.types.Object] = {}
     for obj in mesh_objects(context):
         users.setdefault(obj.data.session_uid, obj)
-    targets, skipped = [], []
+    try:
+        check_sculpting(context)
+    except Skipped as reason:
+        return [], sentences([(context.object.name, str(reason))])
+    targets = []
     with object_mode(context):
         for uid, obj in users.items():
             try:
@@ -98,8 +104,25 @@ def read_targets(
                 check_readable(obj)
                 targets.append(Target(obj.name, obj.session_uid, uid, *read(obj, mode, parameters)))
             except Skipped as reason:
-                skipped.append(f"Skipped {obj.name}: {reason}.")
-    return targets, skipped
+                left.append((obj.name, str(reason)))
+    return targets, sentences(left)
+
+
+def _no_meshes(context: bpy.types.Context) -> list[tuple[bpy.types.Object, str]]:
+    """List selected objects that show a surface but are no meshes, and what makes them such."""
+    found = []
+    for obj in context.selected_objects if context.mode == "OBJECT" else []:
+        if obj.type in _CONVERTIBLE:
+            found.append((obj, "it is no mesh; convert it first (Object > Convert > Mesh)"))
+        elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
+            found.append(
+                (
+                    obj,
+                    "it shows instances of a collection; make them real (Object > Apply > Make"
+                    " Instances Real), or select the objects in the collection",
+                )
+            )
+    return found
 
 
 def find(target: Target) -> bpy.types.Object:
@@ -108,11 +131,13 @@ def find(target: Target) -> bpy.types.Object:
     Raises
     ------
     Skipped
-        If it was removed or has another mesh.
+        If it was removed, has another mesh, or is being edited where the context does not see it.
     """
     obj = next((o for o in bpy.data.objects if o.session_uid == target.object_uid), None)
     if obj is None or obj.data is None or obj.data.session_uid != target.mesh_uid:
         raise Skipped("it was removed meanwhile")
+    if obj.data.is_editmode:
+        raise Skipped("it is in Edit Mode in another scene or window; leave that and run again")
     return obj
 
 
@@ -178,12 +203,17 @@ def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
 
 
 def _check_writable(obj: bpy.types.Object) -> None:
-    mesh = obj.data
-    if mesh.library is not None or mesh.override_library is not None:
-        raise Skipped(
-            "its mesh is linked from another file; make it local first"
-            " (Object > Relations > Make Local)"
-        )
+    how = "make it local first (Object > Relations > Make Local > Selected Objects and Data)"
+    if obj.data.library is not None:
+        raise Skipped(f"its mesh is linked from another file; {how}")
+    if obj.data.override_library is not None:
+        raise Skipped(f"its mesh is a library override, which Blender keeps as it is; {how}")
+
+
+def check_sculpting(context: bpy.types.Context) -> None:
+    """Raise `Skipped` if leaving Sculpt Mode would turn dynamic topology off."""
+    if context.mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
+        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
 
 
 def check_readable(obj: bpy.types.Object) -> None:
@@ -191,5 +221,7 @@ def check_readable(obj: bpy.types.Object) -> None:
     if obj.mode != "OBJECT":
         mode = f"{obj.mode.replace('_', ' ').title()} Mode"  # the words on screen
         raise Skipped(f"it is in {mode}; switch it to Object Mode first")
+    if obj.data.is_editmode:
+        raise Skipped("another object with its mesh is in Edit Mode; switch that to Object Mode")
     if not obj.data.polygons:
         raise Skipped("it has no faces; add some, or select another object")

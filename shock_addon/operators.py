@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt
 
 from ..core.errors import (
     Cancelled,
@@ -18,11 +20,13 @@ from ..core.errors import (
     ShockError,
     SolverError,
 )
-from . import kernels
+from . import kernels, obstacles, statistics
 from .jobs import ModalJob, Work, current
-from .mesh_data import mesh_objects, object_mode, read_targets
+from .mesh_data import object_mode, read_targets
 from .properties import settings_from
-from .skipped import Skipped
+from .skipped import Skipped, sentences
+
+log = logging.getLogger(__name__)
 
 Progress = Callable[[float, str], bool]
 Filter = Callable[[Any, Progress], Any]
@@ -118,16 +122,25 @@ class SharpenOperator(ModalJob):
         except ShockError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        except Exception as error:  # a bug or no memory: the job ends, and says so
+            log.exception("%s failed.", self.bl_label)
+            reason = str(error) or type(error).__name__
+            self.report(
+                {"ERROR"}, f"{self.bl_label} failed: {reason}; the console has the details."
+            )
+            return {"CANCELLED"}
         written, skipped = self.write(context, results)
         skipped = self._skipped + skipped
         if not written:
             self.report({"ERROR"}, " ".join(skipped))
             return {"CANCELLED"}
-        for reason in skipped:
-            self.report({"WARNING"}, reason)
-        text = self.summary(written, time.perf_counter() - self._began)
+        seconds = time.perf_counter() - self._began
+        statistics.learn(self, seconds)
+        text = self.summary(written, seconds)
         summaries[self.mode] = text
-        self.report({"INFO"}, f"{text} {self.notes(written)}".strip())
+        # In one line: Blender's status bar shows only the last report.
+        line = " ".join(filter(None, [text, self.notes(written), *skipped]))
+        self.report({"WARNING"} if skipped else {"INFO"}, line)
         return {"FINISHED"}
 
 
@@ -152,12 +165,7 @@ class MeshOperator(SharpenOperator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Want a mesh object and no other run."""
-        if not is_free(cls):
-            return False
-        if not mesh_objects(context):
-            cls.poll_message_set("Select a mesh object.")
-            return False
-        return True
+        return can_run(cls, obstacles.of_meshes(context))
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current mode."""
@@ -174,12 +182,13 @@ class MeshOperator(SharpenOperator):
             return write_results(self.targets, results, self.write_object)
 
 
-def is_free(operator: type) -> bool:
-    """Whether no other run is under way; else the operator's button says so."""
-    if current() is None:
-        return True
-    operator.poll_message_set("A run is under way; wait for it, or press Esc to cancel it.")
-    return False
+def can_run(operator: type, obstacle: str) -> bool:
+    """Whether there is no obstacle and no other run; else the operator's button says what is."""
+    if current() is not None:
+        obstacle = "A run is under way; wait for it, or press Esc to cancel it."
+    if obstacle:
+        operator.poll_message_set(pgettext_rpt(obstacle))
+    return not obstacle
 
 
 def filter_targets(
@@ -220,18 +229,18 @@ def write_results(
     written, skipped = [], []
     for target, result in zip(targets, results, strict=True):
         if isinstance(result, ShockError):
-            skipped.append(f"Skipped {target.name}: {result}")
+            skipped += sentences([(target.name, str(result).removesuffix("."))])
             continue
         try:
             written.append((write(target, result), result))
         except Skipped as reason:
-            skipped.append(f"Skipped {target.name}: {reason}.")
+            skipped += sentences([(target.name, str(reason))])
     return written, skipped
 
 
 def counted(number: int, one: str, many: str) -> str:
-    """Write a number with its noun."""
-    return f"1 {one}" if number == 1 else f"{number:,} {many}"
+    """Write a number with its noun, such as ``counted(2, "1 mesh", "{:,} meshes")``."""
+    return pgettext_rpt(one) if number == 1 else pgettext_rpt(many).format(number)
 
 
 def _shown_by(manager: bpy.types.WindowManager) -> Progress:

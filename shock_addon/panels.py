@@ -4,41 +4,27 @@
 from __future__ import annotations
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
-from ..core.settings import (
-    BeltramiGeometrySettings,
-    BeltramiMeshSettings,
-    BeltramiSettings,
-    GeometrySettings,
-    ImageSettings,
-    Setting,
-    ShockSettings,
-    TextureSettings,
-    describe,
-)
-from . import image_data, jobs, kernels, operators
-from .image_operator import edited_image
+from ..core.settings import Setting
+from . import flow_overlay, jobs, kernels, obstacles, operators, statistics
+from .fields import fields_of
+from .image_data import edited_image
 from .mesh_data import mesh_objects
 from .presets import PANELS as PRESETS
-from .properties import COLOR_PREFIX, DILATE_NAMES, NAMES, STEADY_STATE, denoise_names
+from .properties import DILATE_NAMES, NAMES, STEADY_STATE
 from .skipped import Skipped
 from .texture_data import shown_image
-from .wrapping import draw_text
+from .wrapping import draw_text, fit
 
-_ABOUT = {
-    "denoise": {
-        **describe(BeltramiGeometrySettings),
-        **{COLOR_PREFIX + name: about for name, about in describe(BeltramiMeshSettings).items()},
-    },
-    "denoise_image": describe(BeltramiSettings),
-    "geometry": describe(GeometrySettings),
-    "colors": describe(ShockSettings),
-    "image": describe(ImageSettings),
-    "texture": describe(TextureSettings),
+_DENOISE = {
+    "denoise": ("Denoise", "Denoise, then Sharpen"),
+    "denoise_image": ("Denoise Image", "Denoise Image, then Sharpen"),
 }
+"""The words on the buttons that denoise, and on those that sharpen, too."""
 
-_DENOISE = {"denoise": "Denoise", "denoise_image": "Denoise Image"}
-"""The words on the buttons that denoise."""
+_PREVIEWED = {"denoise", "geometry", "colors"}
+_WITH_FLOW = {"geometry", "colors"}
 
 
 class _Panel:
@@ -73,32 +59,36 @@ class _MainPanel(_Panel):
         PRESETS[self.mode(context)].draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the main settings, the button, and what was last done."""
+        """Draw the main settings, the buttons, and what was last done."""
         layout = self.layout
         mode = self.mode(context)
+        settings = self.settings(context)
         self.draw_choice(context)
-        _draw_main_settings(layout, self.settings(context), mode)
+        _draw_main_settings(layout, settings, mode)
         problem = kernels.problem()
         if problem:
             draw_text(layout, context, problem, icon="ERROR")
-        column = layout.column()
-        column.scale_y = 1.5
-        draw_sharpen(column, context, mode)
-        if mode == "texture":
-            draw_dilate(layout, context)
-        _draw_state(layout, context, mode)
+        if jobs.current() is not None:
+            _draw_progress(layout)
+            return
+        obstacle = obstacles.of_mode(context, mode, settings)
+        _draw_buttons(layout, context, mode, enabled=not obstacle)
+        if obstacle:
+            draw_text(layout, context, obstacle, icon="INFO")
+        elif mode in operators.summaries:
+            draw_text(layout, context, operators.summaries[mode])
 
 
 class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
-    """Mode, main settings, the button, and what was last done."""
+    """Mode, main settings, the buttons, and what was last done."""
 
     def draw_choice(self, context: bpy.types.Context) -> None:
         """Draw the modes, and for colors the attribute, for textures the image."""
         scene_settings = context.scene.shock_filter
-        self.layout.row().prop(scene_settings, "mode", expand=True)
+        _draw_choices(self.layout, context, scene_settings, "mode")
         if scene_settings.mode == "DENOISE":
             settings = scene_settings.denoise
-            self.layout.row().prop(settings, "target", expand=True)
+            _draw_choices(self.layout, context, settings, "target")
             if settings.target != "geometry":
                 column = _split(self.layout)
                 _draw_search(column, context, settings, "attribute", "color_attributes")
@@ -112,16 +102,11 @@ class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
 
 
 class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
-    """Main settings, the button, and what was last done."""
+    """Mode, main settings, the buttons, and what was last done."""
 
     def draw_choice(self, context: bpy.types.Context) -> None:
-        """Draw the modes, and say why the image cannot be sharpened, if so."""
-        self.layout.row().prop(context.scene.shock_filter, "image_mode", expand=True)
-        image = edited_image(context)
-        tiles = self.mode(context) == "texture"
-        reason = "" if image is None else image_data.refusal(image, tiles)
-        if reason:
-            draw_text(self.layout, context, f"{image.name}: {reason}.", icon="ERROR")
+        """Draw the modes."""
+        _draw_choices(self.layout, context, context.scene.shock_filter, "image_mode")
 
 
 class _SubPanel:
@@ -155,7 +140,7 @@ class _MaskPanel(_SubPanel):
             column.prop(settings, "selected_only")
         if context.mode == "SCULPT":
             draw_text(column, context, "The sculpt mask protects, too.", icon="INFO")
-        if context.mode in {"PAINT_VERTEX", "PAINT_TEXTURE"}:
+        if context.mode in {"PAINT_VERTEX", "PAINT_TEXTURE", "PAINT_WEIGHT"}:
             draw_text(column, context, "The paint mask protects, too.", icon="INFO")
 
 
@@ -178,11 +163,15 @@ class _OutputPanel(_SubPanel):
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the choice."""
         column = _split(self.layout)
+        mode = self.mode(context)
         column.prop(settings, "output", expand=True)
-        if self.mode(context) == "texture":
+        if mode == "texture":
             row = column.row()
             row.active = settings.output == "NEW"
             row.prop(settings, "assign")
+        if "mark_sharp" in NAMES[mode]:
+            _draw_switched(column, settings, "mark_sharp", "sharp_angle")
+            column.prop(settings, "custom_normals", text="Normals")
 
 
 class SHOCK_FILTER_PT_output(_OutputPanel, _Panel, bpy.types.Panel):
@@ -211,7 +200,7 @@ class _AdvancedPanel(_SubPanel):
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the settings in the order of their description."""
         column = _split(self.layout)
-        for name, about in _about(settings, self.mode(context)).items():
+        for name, about in _fields(settings, self.mode(context)).items():
             if about.advanced:
                 column.prop(settings, name)
         if "weld" in NAMES[self.mode(context)]:
@@ -228,13 +217,53 @@ class SHOCK_FILTER_PT_image_advanced(_AdvancedPanel, _ImagePanel, bpy.types.Pane
     bl_parent_id = "SHOCK_FILTER_PT_image_main"
 
 
+class _StatisticsPanel(_SubPanel):
+    bl_label = "Statistics"
+
+    def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
+        """Draw what a run would work on and take, and how long the last one took."""
+        mode = self.mode(context)
+        column = self.layout.column(align=True)
+        counts = statistics.count(context, mode, settings)
+        for text, number in (
+            ("Meshes", counts.meshes),
+            ("Vertices", counts.vertices),
+            ("Faces", counts.faces),
+            ("Pixels", counts.pixels),
+        ):
+            if number:
+                _draw_value(column, text, f"{number:,}")
+        if not counts.size:
+            column.label(text="Nothing to work on.")
+        guess = statistics.expected(mode, settings, counts.size)
+        if guess is not None:
+            column.separator()
+            seconds = statistics.corrected(mode, guess.seconds)
+            _draw_value(column, "Time", iface_("about {}").format(_clock(seconds)))
+            _draw_value(column, "Memory", iface_("about {}").format(_megabytes(guess.memory)))
+        seconds = statistics.last_seconds(mode)
+        if seconds is not None:
+            column.separator()
+            _draw_value(column, "Last Run", _clock(seconds))
+
+
+class SHOCK_FILTER_PT_statistics(_StatisticsPanel, _Panel, bpy.types.Panel):
+    """What a run would work on and take."""
+
+
+class SHOCK_FILTER_PT_image_statistics(_StatisticsPanel, _ImagePanel, bpy.types.Panel):
+    """What a run would work on and take."""
+
+    bl_parent_id = "SHOCK_FILTER_PT_image_main"
+
+
 def draw_sharpen(
     layout: bpy.types.UILayout, context: bpy.types.Context, mode: str
 ) -> bpy.types.OperatorProperties:
     """Draw a mode's button, which copies the scene's settings into the operator."""
     settings = getattr(context.scene.shock_filter, mode)
     if mode in _DENOISE:
-        text = _DENOISE[mode] + (", then Sharpen" if settings.then_sharpen else "")
+        text = _DENOISE[mode][settings.then_sharpen]
         operator = layout.operator(f"shock_filter.{mode}", text=text, icon="SMOOTHCURVE")
     else:
         operator = layout.operator(f"shock_filter.sharpen_{mode}", icon="SHARPCURVE")
@@ -262,13 +291,32 @@ def _name_edited_image(operator: bpy.types.OperatorProperties, context: bpy.type
 
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Say which image will be sharpened, or why there is none."""
+    """Say which image will be sharpened."""
     if not mesh_objects(context):
         return
     try:
-        layout.label(text=shown_image(context).name, icon="IMAGE_DATA")
-    except Skipped as reason:
-        draw_text(layout, context, f"{mesh_objects(context)[0].name}: {reason}.", icon="ERROR")
+        name = shown_image(context).name
+    except Skipped:  # the line below the button says why
+        return
+    layout.label(text=name, icon="IMAGE_DATA", translate=False)
+
+
+def _draw_choices(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    settings: bpy.types.PropertyGroup,
+    name: str,
+) -> None:
+    """Draw all choices in one row, or two in each row where their words need more room."""
+    items = list(settings.bl_rna.properties[name].enum_items)
+    if fit(context, [iface_(item.name) for item in items]):
+        layout.row().prop(settings, name, expand=True)
+        return
+    column = layout.column(align=True)
+    for first in range(0, len(items), 2):
+        row = column.row(align=True)
+        for item in items[first : first + 2]:
+            row.prop_enum(settings, name, item.identifier)
 
 
 def _split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
@@ -298,7 +346,7 @@ def _draw_main_settings(
     layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, mode: str
 ) -> None:
     column = _split(layout)
-    for name, about in _about(settings, mode).items():
+    for name, about in _fields(settings, mode).items():
         if about.advanced:
             continue
         row = column.row()
@@ -307,24 +355,69 @@ def _draw_main_settings(
             row.active = not settings.steady_state
             column.prop(settings, STEADY_STATE)
     if "then_sharpen" in NAMES[mode]:
-        column.prop(settings, "then_sharpen")
-        row = column.row()
-        row.active = settings.then_sharpen
-        row.prop(settings, "sharpen_time")
+        _draw_switched(column, settings, "then_sharpen", "sharpen_time")
 
 
-def _about(settings: bpy.types.PropertyGroup, mode: str) -> dict[str, Setting]:
-    """Describe the settings that matter now."""
-    names = denoise_names(settings.target) if mode == "denoise" else _ABOUT[mode]
-    return {name: about for name, (_, _, about) in _ABOUT[mode].items() if name in names}
+def _draw_switched(
+    column: bpy.types.UILayout, settings: bpy.types.PropertyGroup, switch: str, value: str
+) -> None:
+    """Draw a checkbox and beside it the value that it switches on, on one line."""
+    row = column.row(heading=settings.bl_rna.properties[switch].name)
+    row.prop(settings, switch, text="")
+    field = row.row()
+    field.active = getattr(settings, switch)
+    field.prop(settings, value, text="")
 
 
-def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context, mode: str) -> None:
+def _draw_buttons(
+    layout: bpy.types.UILayout, context: bpy.types.Context, mode: str, enabled: bool
+) -> None:
+    column = layout.column()
+    column.enabled = enabled
+    main = column.column()
+    main.scale_y = 1.5
+    draw_sharpen(main, context, mode)
+    if mode == "texture":
+        draw_dilate(column, context)
+    row = column.row(align=True)
+    if mode in _PREVIEWED and context.mode == "OBJECT":
+        row.operator("shock_filter.preview").mode = mode
+    if mode in _WITH_FLOW:
+        obj = context.object
+        is_shown = obj is not None and flow_overlay.shown_object() == obj.name
+        text = "Hide Flow" if is_shown else "Show Flow"
+        row.operator("shock_filter.show_flow", text=text, depress=is_shown).mode = mode
+
+
+def _draw_progress(layout: bpy.types.UILayout) -> None:
     job = jobs.current()
-    if job is not None:
-        layout.progress(factor=job.fraction, text=job.message)
-    elif mode in operators.summaries:
-        draw_text(layout, context, operators.summaries[mode])
+    row = layout.row(align=True)
+    row.scale_y = 1.5
+    row.progress(factor=job.fraction, text=job.message)
+    row.operator("shock_filter.cancel", text="", icon="X")
+
+
+def _draw_value(column: bpy.types.UILayout, text: str, value: str) -> None:
+    """Draw a line of numbers like one of settings: the name on the left, aligned to the right."""
+    split = column.split(factor=0.4)
+    name = split.row()
+    name.alignment = "RIGHT"
+    name.label(text=text)
+    split.label(text=value, translate=False)
+
+
+def _clock(seconds: float) -> str:
+    if seconds < 60.0:
+        return f"{max(seconds, 0.1):.{1 if seconds < 10.0 else 0}f} s"
+    return f"{seconds / 60.0:.0f} min"
+
+
+def _megabytes(number: float) -> str:
+    return f"{max(number / 1e6, 1.0):.0f} MB" if number < 1e9 else f"{number / 1e9:.1f} GB"
+
+
+def _fields(settings: bpy.types.PropertyGroup, mode: str) -> dict[str, Setting]:
+    return fields_of(mode, getattr(settings, "target", ""))
 
 
 CLASSES = (
@@ -332,8 +425,10 @@ CLASSES = (
     SHOCK_FILTER_PT_mask,
     SHOCK_FILTER_PT_output,
     SHOCK_FILTER_PT_advanced,
+    SHOCK_FILTER_PT_statistics,
     SHOCK_FILTER_PT_image_main,
     SHOCK_FILTER_PT_image_mask,
     SHOCK_FILTER_PT_image_output,
     SHOCK_FILTER_PT_image_advanced,
+    SHOCK_FILTER_PT_image_statistics,
 )

@@ -72,11 +72,14 @@ def sharpen_picture(
     def sharpen(pixels: Pixels, alpha: str) -> Pixels:
         return core.sharpen_image(pixels, replace(settings, alpha=alpha), progress=progress)
 
-    return filter_picture(picture, settings.alpha, sharpen)
+    return filter_picture(picture, settings.alpha, sharpen, progress)
 
 
 def filter_picture(
-    picture: Picture, alpha: str, function: Callable[[Pixels, str], Pixels]
+    picture: Picture,
+    alpha: str,
+    function: Callable[[Pixels, str], Pixels],
+    progress: Callable[[float, str], bool] | None,
 ) -> Recolored:
     """Filter an image, with colors that are not multiplied by opacity.
 
@@ -88,6 +91,8 @@ def filter_picture(
     function : callable
         ``function(pixels, alpha)`` returns new pixels; `alpha` says whether the fourth channel,
         if there is one, is opacity.
+    progress : callable or None
+        ``progress(fraction, message) -> bool``; False cancels.
     """
     old = picture.pixels
     if alpha == "none" or picture.opacity == "CHANNEL_PACKED":
@@ -99,7 +104,7 @@ def filter_picture(
         new = _filter_multiplied(old, function)
     else:
         new = function(old, "auto")
-    return recolored(old, new, picture.levels)
+    return recolored(old, new, picture.levels, progress)
 
 
 def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]) -> Pixels:

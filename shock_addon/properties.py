@@ -81,7 +81,7 @@ def _shortest(value: float) -> float:
 
 
 def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
-    text = {"name": label(name), "description": about.description}
+    text = {"name": about.label or label(name), "description": about.description}
     if about.unit:
         text["description"] += f".\nUnit: {about.unit}"
     if kind is str:
@@ -129,6 +129,39 @@ def _weld(description: str) -> Any:
     return bpy.props.BoolProperty(name="Weld", description=description, default=True)
 
 
+_SHADING = {
+    "custom_normals": bpy.props.EnumProperty(
+        name="Custom Normals",
+        description="What happens to custom normals, on meshes that have them",
+        items=[
+            ("KEEP", "Keep", "Keep them; they turn along with the surface"),
+            (
+                "RECOMPUTE",
+                "Recompute",
+                "Set them anew from the new surface and its sharp edges, where vertices may change",
+            ),
+            ("CLEAR", "Clear", "Remove them from the whole mesh"),
+        ],
+        default="KEEP",
+    ),
+    "mark_sharp": bpy.props.BoolProperty(
+        name="Mark Sharp",
+        description="Afterwards mark edges as sharp where faces meet at more than the angle and"
+        " vertices may change, so that smooth shading breaks there. Marks that are there stay",
+        default=False,
+    ),
+    "sharp_angle": bpy.props.FloatProperty(
+        name="Sharp Angle",
+        description="Edges whose faces meet at more than this angle are marked. 0 marks all that"
+        " are not flat, 180 none",
+        subtype="ANGLE",
+        default=math.radians(30.0),
+        min=0.0,
+        max=math.pi,
+    ),
+}
+
+
 class GeometryProperties:
     """All parameters of the operator Sharpen Geometry; the panel keeps the same ones."""
 
@@ -152,6 +185,7 @@ class GeometryProperties:
             "Vertices at exactly the same place move together, so that meshes that are split"
             " along UV seams do not crack open. Nothing is merged"
         ),
+        **_SHADING,
     }
 
 
@@ -240,7 +274,11 @@ COLOR_PREFIX = "color_"
 
 def _then_sharpen(settings: type) -> dict[str, Any]:
     kind, default, about = describe(settings)["time"]
-    about = replace(about, description="How long the result is sharpened. 0 changes nothing")
+    about = replace(
+        about,
+        description="How long the result is sharpened. 0 changes nothing;"
+        " 4096 pulls wide edges together",
+    )
     return {
         "then_sharpen": bpy.props.BoolProperty(
             name="Then Sharpen",
@@ -275,6 +313,7 @@ class DenoiseProperties:
             "Vertices at exactly the same place count as one, so that meshes that are split along"
             " UV seams do not crack open; as to colors, where these agree. Nothing is merged"
         ),
+        **_SHADING,
     }  # fmt: skip
 
 
@@ -368,7 +407,11 @@ def denoise_names(target: str) -> list[str]:
 
 _GEOMETRY = set(describe(BeltramiGeometrySettings))
 _COLORS = {COLOR_PREFIX + name for name in describe(BeltramiMeshSettings)} | {"attribute"}
-_WITHOUT = {"geometry": _COLORS, "colors": _GEOMETRY | {"output"}, "both": _GEOMETRY}
+_WITHOUT = {
+    "geometry": _COLORS,
+    "colors": _GEOMETRY | {"output", *_SHADING},
+    "both": _GEOMETRY,
+}
 
 
 DILATE_NAMES = tuple(DilateProperties.__annotations__)

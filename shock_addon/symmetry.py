@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keep a mirror-symmetric surface symmetric. Needs no bpy."""
+"""Keep a mirror-symmetric surface symmetric, and its halves closed. Needs no bpy."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +39,9 @@ def mirror_pairs(
     tolerance = _TOLERANCE * np.linalg.norm(edges, axis=1).mean()
     mirrored = points.copy()
     mirrored[:, axis] *= -1
-    distance, partner = cKDTree(points).query(mirrored, workers=-1)
+    tree = cKDTree(points, compact_nodes=False)
+    distance, partner = tree.query(mirrored, workers=-1, distance_upper_bound=2.0 * tolerance)
+    partner[partner == len(points)] = 0  # none is near
     mutual = partner[partner] == np.arange(len(points))
     paired = mutual & (distance <= tolerance)
     if mask is not None:
@@ -62,3 +66,30 @@ def symmetrise(moves: Floats, partner: npt.NDArray[np.intp], axis: int) -> Float
     reflected = moves[partner]
     reflected[:, axis] *= -1
     return np.where((partner >= 0)[:, None], 0.5 * (moves + reflected), moves)
+
+
+@dataclass(frozen=True)
+class MirrorPlane:
+    """A plane at which a modifier joins a surface with its mirror image.
+
+    Attributes
+    ----------
+    normal : (3,) float64
+        Points in the plane have ``points @ normal + offset == 0``.
+    offset : float
+    reach : float
+        Points up to this value on either side belong to the plane.
+    """
+
+    normal: Floats
+    offset: float
+    reach: float
+
+    def hold(self, moves: Floats, points: Floats) -> Floats:
+        """Let the points that belong to the plane move along it only: (n, 3)."""
+        inside = np.abs(points @ self.normal + self.offset) <= self.reach
+        along = self.normal / (self.normal @ self.normal)
+        held = moves[inside] - np.outer(moves[inside] @ self.normal, along)
+        result = moves.copy()
+        result[inside] = held
+        return result

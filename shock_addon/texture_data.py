@@ -15,6 +15,7 @@ from . import image_data
 from .masks import color_mask
 from .mesh_data import (
     check_readable,
+    check_sculpting,
     matrix_in_world,
     mesh_objects,
     object_mode,
@@ -23,7 +24,7 @@ from .mesh_data import (
     read_triangle_corners,
 )
 from .mosaic import Mosaic
-from .skipped import Skipped
+from .skipped import Skipped, sentences
 from .texturing import TexturedFaces, TexturedSurface
 from .tiles import Tiles
 
@@ -158,16 +159,18 @@ def read_faces(
     Skipped
         If none could be read.
     """
+    check_sculpting(context)
     mode = context.mode
     read: list[TexturedFaces] = []
-    names, skipped = [], []
+    names, left = [], []
     with object_mode(context):
         for obj in objects:
             try:
                 read.append(_read_faces(obj, mode, image, parameters))
                 names.append(obj.name)
             except Skipped as reason:
-                skipped.append(f"Skipped {obj.name}: {reason}.")
+                left.append((obj.name, str(reason)))
+    skipped = sentences(left)
     if not read:
         raise Skipped("no object could be read. " + " ".join(skipped).removesuffix("."))
     return _joined(read), names, skipped

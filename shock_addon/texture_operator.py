@@ -7,15 +7,16 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
+from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import DilateSettings, TextureSettings
-from . import image_data
-from .image_operator import edited_image
+from . import image_data, obstacles
+from .image_data import edited_image
 from .mesh_data import mesh_objects
-from .operators import Filter, SharpenOperator, counted, is_free, write_results
+from .operators import Filter, SharpenOperator, can_run, counted, write_results
 from .properties import DilateProperties, TextureProperties, texture_image
 from .recolored import Recolored, describe, recolored
-from .skipped import Skipped
+from .skipped import Skipped, sentences
 from .texture_data import EVERYWHERE, TextureTarget, assign, read_texture, shown_image
 from .texturing import Retextured, dilate_texture, sharpen_texture
 
@@ -47,19 +48,7 @@ class _TextureOperator(SharpenOperator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Want meshes with UV maps, an image, and no other run."""
-        if not is_free(cls):
-            return False
-        objects = mesh_objects(context)
-        if not objects:
-            cls.poll_message_set("Select a mesh object.")
-            return False
-        if not any(obj.data.uv_layers for obj in objects):
-            cls.poll_message_set("Unwrap the mesh in Edit Mode (UV > Unwrap): it has no UV map.")
-            return False
-        if not bpy.data.images:
-            cls.poll_message_set("Add an Image Texture node with an image to the material.")
-            return False
-        return True
+        return can_run(cls, obstacles.of_textures(context))
 
     def where(self) -> Any:
         """Return what masks are read from."""
@@ -81,7 +70,7 @@ class _TextureOperator(SharpenOperator):
         try:
             target, skipped = read_texture(context, image, self.where(), self.gutter + 1)
         except Skipped as reason:
-            return [], [f"Skipped {image.name}: {reason}."]
+            return [], sentences([(image.name, str(reason))])
         self.image = image.name  # redo must not take the result, which is shown by then
         return [target], skipped
 
@@ -118,10 +107,19 @@ class _TextureOperator(SharpenOperator):
         """Name the image and count objects and pixels."""
         ((image, _),) = written
         (target,) = self.targets
-        into = "" if image.name == self.image else f" into {image.name}"
-        on = counted(len(target.objects), "object", "objects")
-        changes = self.changes(list(self._parts.values()))
-        return f"{self.done} the texture {self.image} on {on}{into}: {changes}, {seconds:.1f} s."
+        text = pgettext_rpt(
+            "{done} the texture {old} on {objects}: {changes}, {seconds:.1f} s."
+            if image.name == self.image
+            else "{done} the texture {old} on {objects} into {new}: {changes}, {seconds:.1f} s."
+        )
+        return text.format(
+            done=pgettext_rpt(self.done),
+            old=self.image,
+            objects=counted(len(target.objects), "1 object", "{:,} objects"),
+            new=image.name,
+            changes=self.changes(list(self._parts.values())),
+            seconds=seconds,
+        )
 
     def changes(self, parts: list[Recolored]) -> str:
         """Say how much has changed."""
@@ -176,8 +174,10 @@ class SHOCK_FILTER_OT_dilate_texture(_TextureOperator, DilateProperties, bpy.typ
 
     def changes(self, parts: list[Recolored]) -> str:
         """Say how much was filled."""
-        total = sum(part.colors[..., 0].size for part in parts)
-        return f"filled {sum(part.changed for part in parts):,} of {total:,} pixels"
+        return pgettext_rpt("filled {filled:,} of {total:,} pixels").format(
+            filled=sum(part.changed for part in parts),
+            total=sum(part.colors[..., 0].size for part in parts),
+        )
 
 
 CLASSES = (SHOCK_FILTER_OT_sharpen_texture, SHOCK_FILTER_OT_dilate_texture)

@@ -99,7 +99,7 @@ def sharpen_texture(
             atlas.mesh, surface.faces.uv, pixels, chosen, mask, rest, atlas=atlas
         )
 
-    changed = filter_picture(surface.picture, settings.alpha, sharpen)
+    changed = filter_picture(surface.picture, settings.alpha, sharpen, progress)
     return Retextured(changed, tuple(atlas.report.sentences()))
 
 
@@ -115,7 +115,7 @@ def dilate_texture(
             atlas.mesh, surface.faces.uv, pixels, settings, rest, atlas=atlas
         )
 
-    changed = filter_picture(surface.picture, "auto", dilate)
+    changed = filter_picture(surface.picture, "auto", dilate, progress)
     return Retextured(changed, tuple(atlas.report.sentences()))
 
 
@@ -124,8 +124,8 @@ _ANALYSIS = 0.3  # of the time that a run takes
 
 def analyse(faces: TexturedFaces, size: tuple[int, int], progress: Progress) -> core.TextureAtlas:
     """Find charts and texels of an image of this height and width."""
-    triangles = core.weld_borders(faces.positions, faces.triangles)
-    mesh = core.TriangleMesh(faces.positions, triangles)
+    triangles = core.weld_borders(faces.positions, faces.triangles, progress)
+    mesh = core.TriangleMesh(faces.positions, triangles, progress)
     return core.TextureAtlas(mesh, faces.uv, *size, progress)
 
 

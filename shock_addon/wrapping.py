@@ -3,21 +3,60 @@
 
 from __future__ import annotations
 
-import textwrap
+import re
+import unicodedata
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
-_PIXELS_PER_LETTER = 7.0
+_PIXELS_PER_LETTER = 6.4
+_WIDE_LETTER = 1.6  # letters
+_SIDES = 45.0  # pixels of a sidebar beside what is drawn
+_EDGES = 6.0  # pixels of a button beside its words
+_ICON = 40.0  # pixels, with some to spare for wide letters
+
+# Chinese and Japanese may break after each letter, but not before closing marks.
+_WIDE = "\u2e80-\u9fff\uf900-\ufaff\uff00-\uffef"
+_CLOSING = "\u3001\u3002\u300d\u201d\uff09\uff0c\uff1a\uff1b"
+_UNIT = re.compile(rf"(?:[{_WIDE}]|[^\s{_WIDE}]+)[{_CLOSING}]*\s*")
 
 
 def draw_text(
     layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE"
 ) -> None:
-    """Draw a text over as many lines as the region's width needs; the icon is on the first."""
-    scale = context.preferences.system.ui_scale
-    letters = int(context.region.width / (scale * _PIXELS_PER_LETTER)) - 4
+    """Draw a text, in the interface's language, over as many lines as the region's width needs.
+
+    The icon is on the first line.
+    """
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, max(letters, 16))):
+    room = _room(context) - (0.0 if icon == "NONE" else _ICON)
+    letters = int(room / _PIXELS_PER_LETTER)
+    for number, line in enumerate(wrap(pgettext_iface(text), max(letters, 16))):
         blank = "NONE" if icon == "NONE" else "BLANK1"
-        column.label(text=line, icon=icon if number == 0 else blank)
+        column.label(text=line, icon=icon if number == 0 else blank, translate=False)
+
+
+def fit(context: bpy.types.Context, words: list[str]) -> bool:
+    """Whether words fit into equal buttons, one beside the other."""
+    button = _room(context) / len(words) - _EDGES
+    return max(map(_width, words)) * _PIXELS_PER_LETTER <= button
+
+
+def wrap(text: str, letters: int) -> list[str]:
+    """Break a text into lines; Chinese and Japanese letters are wider."""
+    lines = [""]
+    for unit in _UNIT.findall(text):
+        if lines[-1] and _width(lines[-1] + unit.rstrip()) > letters:
+            lines.append("")
+        lines[-1] += unit
+    return [line.rstrip() for line in lines]
+
+
+def _room(context: bpy.types.Context) -> float:
+    return context.region.width / context.preferences.system.ui_scale - _SIDES
+
+
+def _width(text: str) -> float:
+    wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
+    return len(text) + (_WIDE_LETTER - 1.0) * wide

@@ -3,6 +3,7 @@
 
 import copy
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -151,6 +152,20 @@ def test_files_get_the_same_as_outside_blender(folder, ending):
     assert np.median(nearest(new, wanted)) < 1e-4
     assert nearest(old, wanted).max() > 0.01
     assert sorted(path.name for path in folder.iterdir() if path.name.startswith(".")) == []
+
+
+@pytest.mark.parametrize("ending", ["blend", "obj"])
+def test_names_may_hold_spaces_and_letters_beyond_ascii(scene, old, folder, ending):
+    inside = folder / "Für Änne & 三角"
+    inside.mkdir()
+    source, target = inside / f"größe 1 (копия).{ending}", inside / f"größe 2.{ending}"
+    if ending == "blend":
+        shutil.copy(scene, source)
+    else:
+        rounded_box().export(source)
+    run = blender("sharpen-geometry", source, target, "--time", "64")
+    assert run.code == 0, run.err
+    assert target.stat().st_size > 0
 
 
 def nearest(points, others):

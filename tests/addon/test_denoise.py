@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shock_filter.shock_addon import denoise_operator, menus, operators, panels, properties
 from shock_filter.shock_addon.denoising import Denoising, denoise_both
+from shock_filter.shock_addon.fields import fields_of
 from shock_filter.shock_addon.mesh_data import (
     read_corner_vertices,
     read_positions,
@@ -198,9 +199,10 @@ def test_several_objects_at_once_and_a_shared_mesh_once(noisy_cube, select):
 
 
 def test_modifiers_are_named_when_vertices_move():
-    obj = SimpleNamespace(modifiers=["Mirror"], data=SimpleNamespace(has_custom_normals=False))
+    obj = SimpleNamespace(modifiers=["Mirror"], data=None)
     operator = denoise_operator.SHOCK_FILTER_OT_denoise
-    geometry, colors = (SimpleNamespace(target=target) for target in ("geometry", "colors"))
+    quiet = {"custom_normals": "CLEAR", "mark_sharp": False, "output": "SHAPE_KEY"}
+    geometry, colors = (SimpleNamespace(target=t, **quiet) for t in ("geometry", "colors"))
     assert operator.notes(geometry, [(obj, None)]).startswith("Modifiers were left in place")
     assert operator.notes(colors, [(obj, None)]) == ""
 
@@ -412,12 +414,18 @@ def test_nothing_is_written_when_one_of_both_was_changed_meanwhile(noisy_cube):
 
 def parameters():
     return SimpleNamespace(
-        vertex_group="", invert_mask=False, selected_only=True, output="MESH", attribute=""
+        vertex_group="",
+        invert_mask=False,
+        selected_only=True,
+        output="MESH",
+        custom_normals="KEEP",
+        mark_sharp=False,
+        attribute="",
     )
 
 
 def properties_of(target):
-    work = denoise_operator._WORK[target]
+    work = denoise_operator.WORK[target]
     owner = bpy.context.scene.shock_filter.denoise
     return properties.settings_from(work.settings, owner, work.prefix)
 
@@ -474,7 +482,7 @@ def test_only_the_targets_settings_are_asked_for():
     settings = bpy.context.scene.shock_filter.denoise
     for target, prefix in (("geometry", ""), ("colors", "color_"), ("both", "color_")):
         settings.target = target
-        names = list(panels._about(settings, "denoise"))
+        names = list(fields_of("denoise", target))
         assert names[:3] == [prefix + name for name in ("time", "beta", "iterations")]
         assert all(name.startswith("color_") == bool(prefix) for name in names)
         every = properties.denoise_names(target)

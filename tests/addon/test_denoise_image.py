@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon import image_data, operators, panels
+from shock_filter.shock_addon.fields import fields_of
 
 denoise = bpy.ops.shock_filter.denoise_image
 
@@ -114,7 +115,7 @@ def test_the_image_editor_has_the_mode():
     main = panels.SHOCK_FILTER_PT_image_main
     assert main.mode(context) == "denoise_image"
     assert main.settings(context) == scene.shock_filter.denoise_image
-    shown = list(panels._about(scene.shock_filter.denoise_image, "denoise_image"))
+    shown = list(fields_of("denoise_image", ""))
     assert shown[:3] == ["time", "beta", "iterations"]
     assert panels.SHOCK_FILTER_PT_image_output.poll(context)
     assert not panels.SHOCK_FILTER_PT_image_mask.poll(context)

@@ -3,34 +3,70 @@
 
 import threading
 import time
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
+from shock_filter import core
 from shock_filter.core import Cancelled, GeometrySettings
 from shock_filter.shock_addon import jobs, operators
 from shock_filter.shock_addon.geometry_data import read_geometry, write_geometry
 from shock_filter.shock_addon.mesh_data import read_positions, read_targets, write_positions
 from shock_filter.shock_addon.sharpening import sharpen
 
-ESC = SimpleNamespace(type="ESC", value="PRESS")
-TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
-CLICK = SimpleNamespace(type="LEFTMOUSE", value="PRESS")
-PARAMETERS = SimpleNamespace(vertex_group="", invert_mask=False, selected_only=True, output="MESH")
+ESC = SimpleNamespace(type="ESC", value="PRESS", mouse_x=0, mouse_y=0)
+TIMER = SimpleNamespace(type="TIMER", value="NOTHING", mouse_x=0, mouse_y=0)
+PARAMETERS = SimpleNamespace(vertex_group="", invert_mask=False, selected_only=True, output="MESH",
+                             custom_normals="KEEP", mark_sharp=False)  # fmt: skip
+
+
+def press(kind, x=0, y=0):
+    return SimpleNamespace(type=kind, value="PRESS", mouse_x=x, mouse_y=y)
+
+
+class Workspace:
+    """Keeps what its status bar says; as Blender's, it sets that of the context's workspace."""
+
+    def __init__(self, uid, context):
+        self.session_uid, self._context = uid, context
+        self.status = None
+
+    def status_text_set(self, text):
+        self._context.workspace.status = text
+
+
+class Window:
+    """A window with a sidebar at its right."""
+
+    def __init__(self, uid, workspace):
+        self.uid, self.workspace = uid, workspace
+        self.redraws = 0
+        sidebar = SimpleNamespace(
+            type="UI", x=800, y=0, width=200, height=500, tag_redraw=self._redraw
+        )
+        area = SimpleNamespace(type="VIEW_3D", regions=[sidebar])
+        self.screen = SimpleNamespace(areas=[area])
+
+    def _redraw(self):
+        self.redraws += 1
+
+    def as_pointer(self):
+        return self.uid
 
 
 class Manager:
     """A window manager that counts what it is asked for."""
 
-    def __init__(self):
-        self.windows = []
+    def __init__(self, windows):
+        self.windows = windows
         self.timers, self.handlers = [], []
-        self.progress = None
 
     def event_timer_add(self, interval, window):
-        self.timers.append(interval)
-        return interval
+        assert window in self.windows
+        self.timers.append((interval, window))
+        return self.timers[-1]
 
     def event_timer_remove(self, timer):
         self.timers.remove(timer)
@@ -38,27 +74,49 @@ class Manager:
     def modal_handler_add(self, operator):
         self.handlers.append(operator)
 
-    def progress_begin(self, low, high):
-        self.progress = low
-
-    def progress_update(self, value):
-        self.progress = value
-
-    def progress_end(self):
-        self.progress = None
-
 
 class Context(SimpleNamespace):
-    """A window's context, as far as a modal run looks at it."""
+    """A window's context, as far as a modal run looks at it; two windows are open."""
 
     def __init__(self):
-        self.status = []
+        self.workspaces = [Workspace(uid, self) for uid in range(3)]
+        windows = [Window(uid, self.workspaces[uid]) for uid in range(2)]
         super().__init__(
-            window=None,
-            window_manager=Manager(),
-            workspace=SimpleNamespace(status_text_set=self.status.append),
-            object=bpy.context.object,
+            window=windows[0], window_manager=Manager(windows), object=bpy.context.object
         )
+
+    @contextmanager
+    def temp_override(self, window, workspace):
+        self.workspace = workspace
+        yield
+        self.workspace = self.window.workspace
+
+    def is_clean(self):
+        return not self.window_manager.timers and not any(w.status for w in self.workspaces)
+
+
+class Blender(SimpleNamespace):
+    """What a modal run asks of the bpy module."""
+
+    def __init__(self, context):
+        self.jobs, self.timers = set(), []
+        app = SimpleNamespace(
+            is_job_running=lambda kind: kind in self.jobs,
+            timers=SimpleNamespace(register=lambda function, **_: self.timers.append(function)),
+        )
+        data = SimpleNamespace(workspaces=context.workspaces)
+        super().__init__(app=app, context=context, data=data)
+
+
+@pytest.fixture
+def context(monkeypatch):
+    """A window; nothing may be left behind in it."""
+    context = Context()
+    context.blender = Blender(context)
+    monkeypatch.setattr(jobs, "bpy", context.blender)
+    yield context
+    assert context.is_clean()
+    assert jobs.current() is None
 
 
 class Operator(jobs.ModalJob):
@@ -91,8 +149,8 @@ def run_to_the_end(operator, context):
     raise AssertionError("The run did not end.")
 
 
-def test_a_run_ends_with_its_result_on_the_calling_thread():
-    operator, context = Operator(), Context()
+def test_a_run_ends_with_its_result_on_the_calling_thread(context):
+    operator = Operator()
     threads = []
 
     def work(progress):
@@ -101,44 +159,105 @@ def test_a_run_ends_with_its_result_on_the_calling_thread():
         return 42
 
     assert operator.start(context, work) == {"RUNNING_MODAL"}
+    assert context.window_manager.handlers == [operator]
     assert jobs.current() is not None
     assert run_to_the_end(operator, context) == {"FINISHED"}
     assert operator.outcome == 42
     assert threads[0] is not threading.current_thread()
-    assert jobs.current() is None
-    assert context.window_manager.timers == []
-    assert context.window_manager.progress is None
 
 
-def test_progress_is_shown_and_clicks_are_held_back():
-    operator, context = Operator(), Context()
+def wait_for(condition):
+    for _ in range(1000):
+        if condition():
+            return
+        time.sleep(0.005)
+    raise AssertionError("It did not come.")
+
+
+def test_progress_is_shown_in_all_windows(context):
+    operator = Operator()
     operator.start(context, waiting_work)
-    time.sleep(0.05)
+    wait_for(lambda: jobs.current().fraction > 0)
     assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
-    assert operator.modal(context, CLICK) == {"RUNNING_MODAL"}
-    assert context.window_manager.progress == 0.25
-    assert context.status[-1] == "Waiting: 25% (Esc cancels)"
+    shown = [workspace.status for workspace in context.workspaces]
+    assert shown == ["Waiting: 25% (Esc cancels)"] * 2 + [None]
+    redraws = [window.redraws for window in context.window_manager.windows]
+    operator.modal(context, TIMER)
+    assert [window.redraws for window in context.window_manager.windows] == redraws
+    assert min(redraws) > 0
     assert operator.modal(context, ESC) == {"CANCELLED"}
-    assert context.status[-1] is None
 
 
-def test_esc_answers_at_once_and_stops_the_thread():
-    operator, context = Operator(), Context()
+def test_keys_and_clicks_are_held_back_but_not_in_the_sidebar(context):
+    operator = Operator()
+    operator.start(context, waiting_work)
+    for held in (press("Z"), press("LEFTMOUSE"), press("RIGHTMOUSE", 900, 100), press("F3")):
+        assert operator.modal(context, held) == {"RUNNING_MODAL"}
+    for passed in (press("LEFTMOUSE", 900, 100), press("MIDDLEMOUSE"), press("WHEELUPMOUSE")):
+        assert operator.modal(context, passed) == {"PASS_THROUGH"}
+    playback = SimpleNamespace(type="TIMER0", value="NOTHING", mouse_x=0, mouse_y=0)
+    assert operator.modal(context, playback) == {"PASS_THROUGH"}
+    operator.modal(context, ESC)
+
+
+def test_esc_answers_at_once_and_stops_the_thread(context):
+    operator = Operator()
     operator.start(context, waiting_work)
     job = operator._job
     began = time.perf_counter()
     assert operator.modal(context, ESC) == {"CANCELLED"}
-    assert time.perf_counter() - began < 0.05
+    assert time.perf_counter() - began < 0.5
     assert operator.reports == [({"INFO"}, "Cancelled; nothing was changed.")]
-    assert context.window_manager.timers == []
+    assert context.is_clean()
     job.wait()
     with pytest.raises(Cancelled):
         job.result()
     assert operator.outcome is None
 
 
-def test_what_the_work_raises_reaches_finish():
-    operator, context = Operator(), Context()
+def test_the_cancel_operator_ends_the_run_at_the_next_tick(context):
+    assert not bpy.ops.shock_filter.cancel.poll()
+    operator = Operator()
+    operator.start(context, waiting_work)
+    assert bpy.ops.shock_filter.cancel() == {"FINISHED"}
+    assert operator.modal(context, TIMER) == {"CANCELLED"}
+    assert operator.outcome is None
+    assert not bpy.ops.shock_filter.cancel.poll()
+
+
+def test_a_cancelled_run_is_dropped_even_if_its_work_has_ended(context):
+    operator = Operator()
+    operator.start(context, lambda progress: 42)
+    jobs.current().wait()
+    jobs.current().cancel()
+    assert operator.modal(context, TIMER) == {"CANCELLED"}
+    assert operator.outcome is None
+
+
+def test_the_status_bar_is_cleared_in_a_workspace_that_was_left(context):
+    operator = Operator()
+    operator.start(context, waiting_work)
+    operator.modal(context, TIMER)
+    context.window.workspace = context.workspaces[2]
+    wait_for(lambda: jobs.current().fraction > 0)
+    operator.modal(context, TIMER)
+    assert context.workspaces[2].status
+    operator.modal(context, ESC)
+    assert context.is_clean()
+
+
+def test_a_window_that_closes_ends_its_run(context):
+    operator = Operator()
+    operator.start(context, waiting_work)
+    job = operator._job
+    operator.cancel(context)  # so does Blender, then and before a file is loaded
+    operator.cancel(context)
+    job.wait()
+    assert context.is_clean()
+
+
+def test_what_the_work_raises_reaches_finish(context):
+    operator = Operator()
 
     def work(progress):
         raise ZeroDivisionError("a bug")
@@ -147,27 +266,81 @@ def test_what_the_work_raises_reaches_finish():
     with pytest.raises(ZeroDivisionError):
         run_to_the_end(operator, context)
     assert jobs.current() is None
-    assert context.window_manager.timers == []
 
 
-def test_stop_all_waits_for_the_threads(monkeypatch):
-    operator, context = Operator(), Context()
-    monkeypatch.setattr(jobs, "bpy", SimpleNamespace(context=context))
+@pytest.mark.parametrize("kind", ["RENDER", "OBJECT_BAKE"])
+def test_nothing_is_written_while_a_render_reads_the_scene(context, kind):
+    operator = Operator()
+    operator.start(context, lambda progress: 42)
+    jobs.current().wait()
+    context.blender.jobs.add(kind)
+    assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
+    assert operator.outcome is None
+    assert "render" in context.window.workspace.status
+    context.blender.jobs.clear()
+    assert operator.modal(context, TIMER) == {"FINISHED"}
+
+
+def test_blender_knows_the_jobs_that_are_asked_for():
+    assert not any(bpy.app.is_job_running(kind) for kind in jobs._READ_BY_OTHERS)
+
+
+def test_stop_all_ends_runs_and_their_threads(context):
+    operator = Operator()
     operator.start(context, waiting_work)
     job = operator._job
     jobs.stop_all()
     assert job.done
+    assert operator.modal(context, TIMER) == {"CANCELLED"}
     assert jobs.current() is None
-    assert context.window_manager.timers == []
+
+    # Blender's handler is gone only after the next event.
+    again = Operator()
+    assert len(context.window_manager.timers) == 2  # each window gets events
+    assert again.start(context, waiting_work) == {"CANCELLED"}
+    assert again.reports == [({"WARNING"}, "The last run is still being put away; run again.")]
+    context.window_manager.windows.pop()  # with its timers
+    context.window_manager.timers.pop()
+    for function in context.blender.timers:
+        assert function() is None
+    assert context.is_clean()
+    assert again.start(context, waiting_work) == {"RUNNING_MODAL"}
+    again.modal(context, ESC)
 
 
-def test_a_second_run_is_refused_meanwhile(rounded_box):
+def test_stop_all_leaves_no_timer_behind_without_a_run(context):
+    jobs.stop_all()
+    assert context.blender.timers == []
+
+
+def test_a_second_run_is_refused_meanwhile(rounded_box, context):
     rounded_box()
-    operator, context = Operator(), Context()
+    operator = Operator()
     operator.start(context, waiting_work)
     assert not bpy.ops.shock_filter.sharpen_geometry.poll()
     operator.modal(context, ESC)
     assert bpy.ops.shock_filter.sharpen_geometry.poll()
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "reason"),
+    [(ZeroDivisionError, ["a bug"], "a bug"), (MemoryError, [], "MemoryError")],
+)
+def test_an_unexpected_error_ends_the_run_with_a_sentence(
+    rounded_box, monkeypatch, caplog, kind, words, reason
+):
+    box = rounded_box()
+    before = read_positions(box.data)
+
+    def broken(*arguments):
+        raise kind(*words)
+
+    monkeypatch.setattr(core, "sharpen_geometry", broken)
+    with pytest.raises(RuntimeError, match=f"Sharpen Geometry failed: {reason}; the console has"):
+        bpy.ops.shock_filter.sharpen_geometry()
+    np.testing.assert_array_equal(read_positions(box.data), before)
+    (record,) = caplog.records
+    assert record.exc_info[0] is kind
 
 
 @pytest.fixture

@@ -8,7 +8,16 @@ import bpy
 import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
-from shock_filter.shock_addon import jobs, kernels, menus, operators, panels
+from shock_filter.shock_addon import (
+    flow_overlay,
+    jobs,
+    kernels,
+    menus,
+    operators,
+    panels,
+    properties,
+    statistics,
+)
 
 ABOUT = describe(GeometrySettings)
 MODES = {
@@ -18,6 +27,8 @@ MODES = {
     "texture": TextureSettings,
 }
 CHOICES = {"mode", "image_mode", "selected_only"}
+WIDEST = 14
+"""Letters that Blender's sidebar shows of a name at its default width."""
 FUNCTIONS = bpy.types.UILayout.bl_rna.functions
 ICONS = FUNCTIONS["label"].parameters["icon"].enum_items.keys()
 
@@ -25,11 +36,14 @@ ICONS = FUNCTIONS["label"].parameters["icon"].enum_items.keys()
 class Layout:
     """Records what is drawn; refuses what Blender's layout would refuse."""
 
-    def __init__(self, drawn=None):
+    def __init__(self, drawn=None, enabled=None):
         super().__setattr__("drawn", [] if drawn is None else drawn)
+        super().__setattr__("enabled", [] if enabled is None else enabled)
 
     def __setattr__(self, name, value):
         assert name in bpy.types.UILayout.bl_rna.properties, name
+        if name == "enabled":
+            self.enabled.append(value)
 
     def __getattr__(self, function):
         known = FUNCTIONS[function].parameters.keys()
@@ -39,6 +53,8 @@ class Layout:
             assert options.get("icon", "NONE") in ICONS
             if function in {"prop", "prop_search"}:
                 assert arguments[1] in arguments[0].bl_rna.properties
+                self.drawn.append((function, arguments[1]))
+                return Layout(self.drawn, self.enabled)
             text = options.get("text", arguments[1] if len(arguments) > 1 else arguments[:1])
             text = options.get("panel", text)
             self.drawn.append((function, text))
@@ -46,13 +62,13 @@ class Layout:
                 operator = SimpleNamespace()
                 self.drawn.append(("set", operator))
                 return operator
-            return Layout(self.drawn)
+            return Layout(self.drawn, self.enabled)
 
         return call
 
 
-def draw(panel, image=None):
-    layout = Layout()
+def draw(panel, image=None, layout=None):
+    layout = Layout() if layout is None else layout
     context = SimpleNamespace(
         space_data=SimpleNamespace(type=panel.bl_space_type, image=image),
         scene=bpy.context.scene,
@@ -82,7 +98,11 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
     assert words(drawn, "prop") == ["mode", main[0], "steady_state", *main[1:]]
-    assert words(drawn, "operator") == [("shock_filter.sharpen_geometry",)]
+    assert words(drawn, "operator") == [
+        ("shock_filter.sharpen_geometry",),
+        ("shock_filter.preview",),
+        "Show Flow",
+    ]
 
 
 def test_the_closed_panels_show_the_rest(rounded_box):
@@ -96,7 +116,9 @@ def test_the_closed_panels_show_the_rest(rounded_box):
         drawn = draw(panel)
         shown += words(drawn, "prop") + words(drawn, "prop_search")
     advanced = [name for name, (_, _, about) in ABOUT.items() if about.advanced]
-    assert sorted(shown) == sorted(["vertex_group", "invert_mask", "output", "weld", *advanced])
+    where = ["vertex_group", "invert_mask", "output", "weld"]
+    where += ["custom_normals", "mark_sharp", "sharp_angle"]
+    assert sorted(shown) == sorted([*where, *advanced])
     rounded_box()
     assert "vertex_group" in words(draw(panels.SHOCK_FILTER_PT_mask), "prop_search")
     bpy.ops.object.mode_set(mode="EDIT")
@@ -110,8 +132,8 @@ def test_the_button_carries_the_panels_settings():
     settings = bpy.context.scene.shock_filter.geometry
     settings.repeat = 7
     settings.output = "SHAPE_KEY"
-    for drawn in (draw(panels.SHOCK_FILTER_PT_main), entry()):
-        *_, carried = words(drawn, "set")
+    for menu, drawn in enumerate((draw(panels.SHOCK_FILTER_PT_main), entry())):
+        carried = words(drawn, "set")[-1 if menu else 0]
         assert carried.repeat == 7
         assert carried.output == "SHAPE_KEY"
         assert carried.time == pytest.approx(ABOUT["time"][1])
@@ -130,6 +152,8 @@ def test_each_mode_draws_its_settings_and_its_button(mode, rounded_box):
     drawn = draw(main)
     operators = [(f"shock_filter.sharpen_{mode}",)]
     operators += [("shock_filter.dilate_texture",)] * (mode == "texture")
+    if mode in ("geometry", "colors"):
+        operators += [("shock_filter.preview",), "Show Flow"]
     assert words(drawn, "operator") == operators
     for panel in others:
         drawn += draw(panel)
@@ -148,7 +172,7 @@ def test_denoising_has_its_settings_and_its_button(mode, rounded_box):
     below = {"window", "alpha", "measure"} if mode == "denoise_image" else {"vertex_group", "weld"}
     drawn = draw(main)
     assert words(drawn, "operator")[0].endswith(", then Sharpen")
-    *_, carried = words(drawn, "set")
+    carried, *_ = words(drawn, "set")
     assert (carried.then_sharpen, carried.iterations) == (True, 5)
     first = words(drawn, "prop")
     assert first[-5:] == ["time", "beta", "iterations", "then_sharpen", "sharpen_time"]
@@ -224,7 +248,8 @@ def test_each_menu_has_its_entries(menu, modes):
     assert drawn == wanted + [("shock_filter.dilate_texture",)] * ("texture" in modes)
 
 
-def test_the_panel_says_what_is_wrong(monkeypatch):
+def test_the_panel_says_what_is_wrong(monkeypatch, rounded_box):
+    rounded_box()
     monkeypatch.setattr(kernels, "problem", lambda: "numba cannot be found: mend it thus.")
     monkeypatch.setattr(operators, "summaries", {})
     text = " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
@@ -241,10 +266,104 @@ def test_the_panel_says_what_was_done(rounded_box):
 def test_the_panel_shows_the_progress(monkeypatch):
     job = SimpleNamespace(fraction=0.5, message="Tracing flow-lines")
     monkeypatch.setattr(jobs, "current", lambda: job)
-    assert words(draw(panels.SHOCK_FILTER_PT_main), "progress") == ["Tracing flow-lines"]
+    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    assert words(drawn, "progress") == ["Tracing flow-lines"]
+    assert drawn[-2][0] == "operator"
+    assert len(words(drawn, "operator")) == 1  # Cancel
 
 
-def test_long_sentences_are_wrapped(monkeypatch):
+def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):
+    box = rounded_box()
+    monkeypatch.setattr(flow_overlay, "shown_object", lambda: box.name)
+    assert "Hide Flow" in words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+
+
+def test_preview_is_offered_in_object_mode_only(rounded_box):
+    rounded_box()
+    bpy.ops.object.mode_set(mode="SCULPT")
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+    assert ("shock_filter.preview",) not in shown
+    assert "Show Flow" in shown
+
+
+def test_no_name_is_wider_than_the_sidebar():
+    for mode, names in properties.NAMES.items():
+        group = getattr(bpy.context.scene.shock_filter, mode)
+        for name in names:
+            assert len(group.bl_rna.properties[name].name) <= WIDEST, name
+
+
+def reason(panel=panels.SHOCK_FILTER_PT_main, image=None):
+    """Draw the panel; return what it says, and whether its buttons can be pressed."""
+    layout = Layout()
+    drawn = draw(panel, image, layout)
+    return " ".join(map(str, words(drawn, "label"))), layout.enabled[-1]
+
+
+def test_the_panel_says_why_nothing_can_be_run(rounded_box, monkeypatch):
+    monkeypatch.setattr(operators, "summaries", {})
+    scene = bpy.context.scene.shock_filter
+    assert reason() == ("Select a mesh object.", False)
+    bpy.ops.curve.primitive_bezier_circle_add()
+    said, can_run = reason()
+    assert ("Object > Convert > Mesh" in said, can_run) == (True, False)
+    box = rounded_box()
+    assert reason() == ("", True)
+    scene.mode = "COLORS"
+    assert reason() == ("The mesh has no colors; paint some in Vertex Paint Mode.", False)
+    scene.mode = "DENOISE"
+    assert reason() == ("", True)
+    scene.denoise.target = "both"
+    assert reason()[1] is False
+    box.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    assert reason() == ("", True)
+    scene.mode = "GEOMETRY"
+    box.data.clear_geometry()
+    assert reason() == ("The mesh has no faces; add some, or select another object.", False)
+
+
+def test_the_image_editor_says_why_nothing_can_be_run(monkeypatch):
+    monkeypatch.setattr(operators, "summaries", {})
+    main = panels.SHOCK_FILTER_PT_image_main
+    assert reason(main) == ("Open an image in the Image Editor.", False)
+    image = bpy.data.images.new("Plain", 4, 4)
+    assert reason(main, image) == ("", True)
+    image.source = "FILE"
+    image.filepath = "//missing.png"
+    assert reason(main, image) == (
+        "Plain: it has no pixels; check that its file exists.",
+        False,
+    )
+
+
+def test_statistics_count_and_estimate(rounded_box):
+    statistics.forget()
+    rounded_box()
+    drawn = words(draw(panels.SHOCK_FILTER_PT_statistics), "label")
+    assert drawn[:6] == ["Meshes", "1", "Vertices", "866", "Faces", "864"]
+    assert drawn[6:] == ["Time", "about 0.1 s", "Memory", "about 1 MB"]
+    bpy.ops.shock_filter.sharpen_geometry()
+    drawn = words(draw(panels.SHOCK_FILTER_PT_statistics), "label")
+    assert drawn[-2] == "Last Run"
+    assert drawn[-1].endswith((" s", " min"))
+
+
+def test_texture_paint_mode_has_a_menu_in_its_header(rounded_box):
+    rounded_box()
+    bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+    assert words(entry("VIEW3D_MT_editor_menus"), "menu") == [("SHOCK_FILTER_MT_texture_paint",)]
+    layout = Layout()
+    menus.SHOCK_FILTER_MT_texture_paint.draw(SimpleNamespace(layout=layout), bpy.context)
+    assert words(layout.drawn, "operator") == [
+        ("shock_filter.sharpen_texture",),
+        ("shock_filter.dilate_texture",),
+    ]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert entry("VIEW3D_MT_editor_menus") == []
+
+
+def test_long_sentences_are_wrapped(monkeypatch, rounded_box):
+    rounded_box()
     sentence = "One sentence that is much longer than a narrow sidebar can show on a line."
     monkeypatch.setattr(kernels, "problem", lambda: sentence)
     monkeypatch.setattr(operators, "summaries", {})
@@ -295,6 +414,9 @@ def test_the_image_editor_takes_tiles_on_the_surface_only():
 def test_the_texture_panel_says_which_image_or_why_none(rounded_box):
     box = rounded_box()
     main, _ = texture_panels(editor=False)
+    text = " ".join(map(str, words(draw(main), "label")))
+    assert "Add an Image Texture node with an image to the material." in text
+    bpy.data.images.new("Of nobody", 4, 4)
     text = " ".join(map(str, words(draw(main), "label")))
     assert "it has no material; add one with an Image Texture node" in text
     material = bpy.data.materials.new("Paint")

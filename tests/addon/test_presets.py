@@ -1,10 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Presets in the panel's header."""
 
+import os
 import pathlib
+from types import SimpleNamespace
 
 import bpy
 import pytest
+from shock_filter.shock_addon import presets
+from shock_filter.shock_addon.fields import filter_names
+from shock_filter.shock_addon.properties import NAMES
+from shock_filter.shock_addon.shipped_presets import SHIPPED
+
+
+@pytest.fixture(autouse=True)
+def labels(monkeypatch):
+    """Bring back the labels, which Blender replaces by the name of the last preset."""
+    for panel in presets.PANELS.values():
+        monkeypatch.setattr(panel, "bl_label", panel.bl_label)
 
 
 def test_a_preset_of_denoising_brings_the_settings_back():
@@ -53,3 +66,52 @@ def test_a_preset_brings_the_settings_back(mode, of_one_object):
 
     add(name="Seven", remove_name=True)
     assert not pathlib.Path(folder, "Seven.py").exists()
+
+
+CHOICES = [(mode, preset) for mode, presets in SHIPPED.items() for preset in presets]
+
+
+def test_each_mode_has_shipped_presets():
+    assert SHIPPED.keys() == NAMES.keys()
+    for shipped in SHIPPED.values():
+        assert len({preset.name for preset in shipped}) == len(shipped) >= 2
+        for preset in shipped:
+            assert preset.reason.startswith("For ")
+            assert not preset.reason.endswith(".")
+
+
+@pytest.mark.parametrize(("mode", "preset"), CHOICES, ids=lambda part: getattr(part, "name", part))
+def test_a_shipped_preset_sets_the_filter_and_nothing_else(mode, preset):
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    everything = filter_names(mode)
+    assert preset.values.keys() <= set(everything)
+    others = {name: getattr(settings, name) for name in everything}
+    settings.time = 77.0
+    kept = {"vertex_group": "Kept", "output": "SHAPE_KEY" if "weld" in NAMES[mode] else "REPLACE"}
+    kept = {name: value for name, value in kept.items() if name in NAMES[mode]}
+    for name, value in kept.items():
+        setattr(settings, name, value)
+
+    assert bpy.ops.shock_filter.use_preset(mode=mode, name=preset.name) == {"FINISHED"}
+
+    found = {name: getattr(settings, name) for name in everything}
+    assert found != others
+    assert found == pytest.approx({**others, **preset.values})
+    assert {name: getattr(settings, name) for name in kept} == kept
+
+
+def test_a_preset_that_is_not_there_is_named():
+    with pytest.raises(RuntimeError, match=r"no preset 'Nine'; choose one of: Subtle, Crisp"):
+        bpy.ops.shock_filter.use_preset(mode="geometry", name="Nine")
+
+
+def test_the_tooltip_says_the_reason():
+    properties = SimpleNamespace(mode="colors", name="Subtle")
+    found = presets.SHOCK_FILTER_OT_use_preset.description(bpy.context, properties)
+    assert found == SHIPPED["colors"][0].reason
+
+
+def test_nothing_is_written_into_the_persons_folder():
+    written = list(pathlib.Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("*.py"))
+    names = {preset.name.replace(" ", "_") for _, preset in CHOICES}
+    assert not names & {path.stem for path in written}

@@ -65,10 +65,10 @@ print(json.dumps(states))
     assert before["operators"] == []
     assert before["types"] == []
     assert enabled["operators"] == [
-        "colors_preset_add", "denoise", "denoise_image", "denoise_image_preset_add",
+        "cancel", "colors_preset_add", "denoise", "denoise_image", "denoise_image_preset_add",
         "denoise_preset_add", "dilate_texture", "geometry_preset_add", "image_preset_add",
-        "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture",
-        "texture_preset_add",
+        "preview", "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture",
+        "show_flow", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
     assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}
@@ -144,3 +144,18 @@ print(json.dumps(job.done))
 """
     )
     assert stopped is True
+
+
+@pytest.mark.parametrize(
+    "enable", ["shock_filter.register()", "__import__('addon_utils').enable('shock_filter')"]
+)
+def test_a_process_that_forgets_to_unregister_ends_well(tmp_path, enable):
+    done = subprocess.run(
+        [sys.executable, "-c", f"import bpy, shock_filter; {enable}; raise SystemExit(3)"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path)},
+    )
+    assert done.returncode == 3
+    assert "Exception" not in done.stderr

@@ -66,7 +66,7 @@ def test_a_new_key_holds_the_result_and_the_mesh_stays(rounded_box, sharpened):
 
 def test_a_new_key_sharpens_what_is_seen(keyed, sharpened):
     keyed.data.shape_keys.key_blocks["Lifted"].value = 0.5
-    before, shown = keys_of(keyed), shape_keys.visible_shape(keyed)
+    before, shown = keys_of(keyed), shape_keys.visible_shape(keyed, "OBJECT")
     sharpen(output="SHAPE_KEY")
     after = keys_of(keyed)
     for name in before:
@@ -86,7 +86,7 @@ def test_the_mix_is_the_one_that_blender_shows(keyed):
     muted = keyed.shape_key_add(name="Muted", from_mix=False)
     shape_keys.write(muted, 0 * shape_keys.read(muted))
     muted.value, muted.mute = 1.0, True
-    np.testing.assert_allclose(shape_keys.visible_shape(keyed), seen(keyed), atol=1e-6)
+    np.testing.assert_allclose(shape_keys.visible_shape(keyed, "OBJECT"), seen(keyed), atol=1e-6)
 
 
 def test_the_active_key_is_sharpened(keyed, sharpened):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operator Sharpen Geometry in Object Mode."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -235,7 +237,7 @@ def test_modifiers_and_custom_normals_stay_and_are_noted(rounded_box):
     assert sharpen() == {"FINISHED"}
     assert [modifier.name for modifier in box.modifiers] == ["Solid"]
     assert box.data.has_custom_normals
-    text = notes([box])
+    text = notes([box], SimpleNamespace(custom_normals="KEEP", mark_sharp=False, output="MESH"))
     assert "Modifiers were left in place" in text
     assert "Custom normals were kept" in text
 

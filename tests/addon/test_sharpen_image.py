@@ -376,6 +376,24 @@ def test_an_image_of_another_size_is_skipped():
         image_data.find(target)
 
 
+def test_an_image_that_was_painted_on_meanwhile_is_not_replaced():
+    photo = add()
+    target = image_data.read_image(photo)
+    painted = np.zeros_like(target.surface.pixels)
+    image_data.write_pixels(photo, painted, pack=False)
+    new = {image_data.UNTILED: target.surface.pixels * 0.5}
+    with pytest.raises(image_operator.Skipped, match="it was changed meanwhile"):
+        image_data.overwrite(photo, target.parts, new)
+    np.testing.assert_array_equal(image_data.read_pixels(photo), painted)
+
+
+def test_an_image_that_was_renamed_meanwhile_is_found():
+    photo = add()
+    target = image_data.read_image(photo)
+    photo.name = "Another"
+    assert image_data.find(target) == photo
+
+
 def test_only_the_image_editor_has_an_edited_image():
     photo = add()
     editor = SimpleNamespace(type="IMAGE_EDITOR", image=photo)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Why nothing can be filtered now, in sentences that name the remedy: for buttons and panels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.app.translations import pgettext_rpt
+
+from .image_data import edited_image, refusal
+from .mesh_data import mesh_objects
+from .skipped import Skipped
+from .texture_data import shown_image
+
+_CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
+
+
+def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:
+    """Look more closely than the operators' own polls, which do not know the settings.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    mode : str
+        A key of `properties.NAMES`.
+    settings : bpy.types.PropertyGroup
+        The mode's settings.
+
+    Returns
+    -------
+    str
+        Empty if there is no obstacle.
+    """
+    if mode in {"image", "denoise_image"}:
+        return of_images(context) or _of_image(edited_image(context), tiles=False)
+    if mode == "texture":
+        return of_textures(context) or _of_texture(context, settings)
+    obstacle = of_meshes(context) or _of_faces(context)
+    if not obstacle and (mode == "colors" or (mode == "denoise" and settings.target != "geometry")):
+        obstacle = _of_colors(context)
+    return obstacle
+
+
+def of_meshes(context: bpy.types.Context) -> str:
+    """Say what to select."""
+    if mesh_objects(context):
+        return ""
+    obj = context.object
+    if obj is not None and obj.type in _CONVERTIBLE:
+        return "Convert the object to a mesh first (Object > Convert > Mesh)."
+    return "Select a mesh object."
+
+
+def of_images(context: bpy.types.Context) -> str:
+    """Say what to open."""
+    space = context.space_data
+    if space is not None and space.type == "IMAGE_EDITOR" and space.image is None:
+        return "Open an image in the Image Editor."
+    return "" if bpy.data.images else "Open an image."
+
+
+def of_textures(context: bpy.types.Context) -> str:
+    """Say what a texture's surface lacks."""
+    obstacle = of_meshes(context)
+    if obstacle:
+        return obstacle
+    if not any(obj.data.uv_layers for obj in mesh_objects(context)):
+        return "Unwrap the mesh in Edit Mode (UV > Unwrap): it has no UV map."
+    if not bpy.data.images:
+        return "Add an Image Texture node with an image to the material."
+    return ""
+
+
+def _of_faces(context: bpy.types.Context) -> str:
+    # Blender counts what is edited only when Edit Mode is left.
+    if context.mode == "EDIT_MESH" or any(obj.data.polygons for obj in mesh_objects(context)):
+        return ""
+    return "The mesh has no faces; add some, or select another object."
+
+
+def _of_colors(context: bpy.types.Context) -> str:
+    if any(obj.data.color_attributes for obj in mesh_objects(context)):
+        return ""
+    return "The mesh has no colors; paint some in Vertex Paint Mode."
+
+
+def _of_texture(context: bpy.types.Context, settings: Any) -> str:
+    image = edited_image(context)
+    if image is None and settings.image:
+        image = bpy.data.images.get(settings.image)
+    if image is None:
+        try:
+            image = shown_image(context)
+        except Skipped as reason:
+            return f"{mesh_objects(context)[0].name}: {pgettext_rpt(str(reason))}."
+    return _of_image(image, tiles=True)
+
+
+def _of_image(image: bpy.types.Image, tiles: bool) -> str:
+    reason = refusal(image, tiles)
+    return f"{image.name}: {pgettext_rpt(reason)}." if reason else ""

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a run would work on, how long it would take, and how long the last one took.
+
+All of this is asked for at each redraw, so it only counts: nothing is read from meshes or images.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+
+from ..core.errors import InvalidSettings
+from ..core.estimate import Estimate, estimate, wall_seconds
+from ..core.settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+    TextureSettings,
+)
+from .image_data import edited_image
+from .mesh_data import mesh_objects
+from .properties import COLOR_PREFIX, settings_from
+from .skipped import Skipped
+from .texture_data import shown_image
+
+_MODES = {
+    "SHOCK_FILTER_OT_denoise": "denoise",
+    "SHOCK_FILTER_OT_denoise_image": "denoise_image",
+    "SHOCK_FILTER_OT_sharpen_colors": "colors",
+    "SHOCK_FILTER_OT_sharpen_geometry": "geometry",
+    "SHOCK_FILTER_OT_sharpen_image": "image",
+    "SHOCK_FILTER_OT_sharpen_texture": "texture",
+}
+"""The operators whose time is estimated."""
+
+_SHORTEST = 0.2
+"""Seconds below which a run says nothing about the machine's speed."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What would be filtered; a mesh with several users counts once."""
+
+    meshes: int = 0
+    vertices: int = 0
+    faces: int = 0
+    pixels: int = 0
+
+    @property
+    def size(self) -> int:
+        """What the time depends on."""
+        return self.pixels or self.vertices
+
+
+@dataclass
+class _History:
+    """The runs of one mode in this session."""
+
+    seconds: float
+    slowness: float | None = None  # how many times longer than estimated
+
+
+_history: dict[str, _History] = {}
+
+
+def count(context: bpy.types.Context, mode: str, settings: Any) -> Counts:
+    """Count what a run in this mode would work on.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    mode : str
+        A key of `properties.NAMES`.
+    settings : bpy.types.PropertyGroup or bpy.types.Operator
+        The mode's settings.
+    """
+    if mode in {"image", "denoise_image"}:
+        return Counts(pixels=_pixels(edited_image(context)))
+    meshes = {obj.data.session_uid: obj.data for obj in mesh_objects(context)}.values()
+    counts = Counts(
+        meshes=len(meshes),
+        vertices=sum(len(mesh.vertices) for mesh in meshes),
+        faces=sum(len(mesh.polygons) for mesh in meshes),
+    )
+    if mode == "texture" and meshes:
+        pixels = _pixels(_texture(context, settings))
+        return replace(counts, pixels=pixels) if pixels else Counts()
+    return counts
+
+
+def expected(mode: str, settings: Any, size: int) -> Estimate | None:
+    """Estimate a run on this machine; None if there is nothing to do or the settings clash.
+
+    Parameters
+    ----------
+    mode, settings
+        As for `count`.
+    size : int
+        Number of pixels or vertices, as `Counts.size` says.
+    """
+    if not size:
+        return None
+    try:
+        parts = [estimate(part, size) for part in _parts(mode, settings)]
+    except InvalidSettings:
+        return None
+    seconds = wall_seconds(sum(part.seconds for part in parts), os.cpu_count() or 1)
+    return Estimate(seconds, max(part.memory for part in parts))
+
+
+def corrected(mode: str, seconds: float) -> float:
+    """Correct an estimate by the mode's last run in this session."""
+    known = _history.get(mode)
+    return seconds * known.slowness if known and known.slowness else seconds
+
+
+def last_seconds(mode: str) -> float | None:
+    """Return how long the mode's last run in this session took, if there was one."""
+    return _history[mode].seconds if mode in _history else None
+
+
+def learn(operator: bpy.types.Operator, seconds: float) -> None:
+    """Remember how long an operator's run took, beside what was expected.
+
+    The first run of a mode corrects nothing: it may have compiled the kernels.
+    """
+    mode = _MODES.get(operator.bl_idname)
+    if mode is None:
+        return
+    known = _history.get(mode)
+    if known is None:
+        _history[mode] = _History(seconds)
+        return
+    known.seconds = seconds
+    guess = expected(mode, operator, sum(target.surface.size for target in operator.targets))
+    if guess is not None and seconds > _SHORTEST:
+        known.slowness = seconds / guess.seconds
+
+
+def forget() -> None:
+    """Forget all runs."""
+    _history.clear()
+
+
+def _parts(mode: str, settings: Any) -> list[Any]:
+    if mode == "geometry":
+        return [settings_from(GeometrySettings, settings)]
+    if mode == "colors":
+        return [settings_from(ShockSettings, settings)]
+    if mode == "texture":
+        return [settings_from(TextureSettings, settings)]
+    if mode == "image":
+        return [settings_from(ImageSettings, settings)]
+    parts: list[Any]
+    if mode == "denoise_image":
+        parts, sharpening = [settings_from(BeltramiSettings, settings)], [ImageSettings]
+    elif settings.target == "geometry":
+        parts, sharpening = [settings_from(BeltramiGeometrySettings, settings)], [GeometrySettings]
+    else:
+        parts = [settings_from(BeltramiMeshSettings, settings, COLOR_PREFIX)]
+        sharpening = [ShockSettings] + [GeometrySettings] * (settings.target == "both")
+    if settings.then_sharpen:
+        parts += [sharpen(time=settings.sharpen_time) for sharpen in sharpening]
+    return parts
+
+
+def _texture(context: bpy.types.Context, settings: Any) -> bpy.types.Image | None:
+    image = edited_image(context)
+    if image is None and settings.image:
+        return bpy.data.images.get(settings.image)
+    try:
+        return image or shown_image(context)
+    except Skipped:
+        return None
+
+
+def _pixels(image: bpy.types.Image | None) -> int:
+    if image is None:
+        return 0
+    if image.source == "TILED":
+        return sum(math.prod(tile.size) for tile in image.tiles)
+    return math.prod(image.size)

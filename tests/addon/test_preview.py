@@ -1,0 +1,529 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The preview: dials, patches, what is shown, and bringing everything back bit for bit."""
+
+import math
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter.core import GeometrySettings, InvalidMesh
+from shock_filter.core.settings import describe
+from shock_filter.shock_addon import preview, previewing
+from shock_filter.shock_addon.active_object import read_active
+from shock_filter.shock_addon.mesh_data import read_positions, write_positions
+from shock_filter.shock_addon.preview_dials import TimeDial, turned
+from shock_filter.shock_addon.preview_patch import patch_around, seen_vertex, whole_surface
+
+ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
+
+
+def begun(mode, size=None):
+    """Begin a preview of the active object, on a patch if a size is given."""
+    parameters = previewing.parameters_of(bpy.context, mode)
+    kind = previewing.kind_of(mode, parameters)
+    (target,), _ = read_active(bpy.context, kind.read, parameters)
+    patch = whole_surface(target.surface)
+    if size is not None:
+        patch = patch_around(target.surface, 0, size)
+    return previewing.Preview(kind, parameters, target, patch)
+
+
+def settle(running):
+    """Tick until the newest settings are shown."""
+    for _ in range(6000):
+        running.tick()
+        if running._job is None:
+            return
+        time.sleep(0.01)
+    raise AssertionError("The preview did not settle.")
+
+
+def stored(obj):
+    """All that a preview may touch, as bytes."""
+    mesh = obj.data
+    found = [read_positions(mesh).tobytes()]
+    for key in mesh.shape_keys.key_blocks if mesh.shape_keys else []:
+        flat = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+        key.points.foreach_get("co", flat)
+        found.append((key.name, key.value, flat.tobytes()))
+    for attribute in mesh.color_attributes:
+        flat = np.empty(4 * len(attribute.data), dtype=np.float32)
+        attribute.data.foreach_get("color_srgb", flat)
+        found.append(flat.tobytes())
+    found.append(sorted(attribute.name for attribute in mesh.attributes))
+    return found
+
+
+def seen(obj):
+    """Where the vertices are seen, with shape keys and modifiers."""
+    bpy.context.view_layer.update()
+    return read_positions(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
+
+
+def test_what_is_shown_is_what_the_operator_makes(rounded_box):
+    box = rounded_box()
+    before = stored(box)
+    running = begun("geometry")
+    running.drag(50)
+    running.roll(2)
+    settle(running)
+    shown = read_positions(box.data)
+    assert running.parameters.time == 512.0
+    assert running.parameters.feature_threshold == pytest.approx(1.3)
+    running.end()
+    assert stored(box) == before
+    bpy.ops.shock_filter.sharpen_geometry(time=512.0, feature_threshold=1.3)
+    np.testing.assert_array_equal(read_positions(box.data), shown)
+    assert shown.tobytes() != before[0]
+
+
+def test_the_panel_is_left_alone_meanwhile(rounded_box):
+    rounded_box()
+    running = begun("geometry")
+    running.drag(1000)
+    running.roll(3)
+    settings = bpy.context.scene.shock_filter.geometry
+    assert settings.time == 256.0
+    assert settings.feature_threshold == pytest.approx(1.1)
+    running.end()
+
+
+def test_negative_zeros_come_back(rounded_box):
+    box = rounded_box()
+    positions = read_positions(box.data)
+    positions[:5] = -0.0
+    write_positions(box.data, positions)
+    running = begun("geometry")
+    settle(running)
+    assert running.updates == 1
+    running.end()
+    assert read_positions(box.data).tobytes() == positions.tobytes()
+
+
+@pytest.mark.parametrize("kind", ["FLOAT_COLOR", "BYTE_COLOR"])
+@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
+@pytest.mark.parametrize("size", [None, 200])
+def test_colors(painted_sheet, kind, domain, size):
+    sheet = painted_sheet(kind, domain)
+    before = stored(sheet)
+    running = begun("colors", size)
+    settle(running)
+    shown = stored(sheet)
+    assert shown[1] != before[1]
+    assert shown[0] == before[0]
+    running.end()
+    assert stored(sheet) == before
+    if size is None:
+        bpy.ops.shock_filter.sharpen_colors()
+        assert stored(sheet) == shown
+
+
+@pytest.mark.parametrize("target", ["geometry", "colors", "both"])
+@pytest.mark.parametrize("size", [None, 300])
+def test_denoising(painted_sheet, target, size):
+    sheet = painted_sheet()
+    noise = np.random.default_rng(0).normal(scale=0.01, size=(len(sheet.data.vertices), 3))
+    write_positions(sheet.data, read_positions(sheet.data) + noise.astype(np.float32))
+    before = stored(sheet)
+    bpy.context.scene.shock_filter.denoise.target = target
+    running = begun("denoise", size)
+    running.drag(10)
+    running.roll(1)
+    settle(running)
+    shown = stored(sheet)
+    assert (shown[0] != before[0]) == (target != "colors")
+    assert (shown[1] != before[1]) == (target != "geometry")
+    values = vars(running.parameters)
+    running.end()
+    assert stored(sheet) == before
+    if size is None:
+        bpy.ops.shock_filter.denoise(**values)
+        assert stored(sheet) == shown
+
+
+@pytest.fixture
+def keyed(rounded_box):
+    """A box with shape keys that are mixed."""
+    box = rounded_box()
+    box.shape_key_add(name="Basis")
+    for name, value in (("Wide", 0.5), ("Tall", 0.25)):
+        key = box.shape_key_add(name=name)
+        key.value = value
+        points = read_positions(box.data)
+        points[:, 0 if name == "Wide" else 2] *= 1.5
+        key.points.foreach_set("co", points.reshape(-1))
+    box.data.shape_keys.key_blocks["Tall"].relative_key = box.data.shape_keys.key_blocks["Wide"]
+    return box
+
+
+@pytest.mark.parametrize("output", ["MESH", "SHAPE_KEY"])
+@pytest.mark.parametrize("active", [0, 1])
+def test_shape_keys(keyed, output, active):
+    keyed.active_shape_key_index = active
+    before, names = stored(keyed), list(keyed.data.shape_keys.key_blocks.keys())
+    bpy.context.scene.shock_filter.geometry.output = output
+    running = begun("geometry")
+    settle(running)
+    shown = seen(keyed)
+    assert list(keyed.data.shape_keys.key_blocks.keys()) == names
+    running.end()
+    assert stored(keyed) == before
+    assert keyed.active_shape_key_index == active
+    bpy.ops.shock_filter.sharpen_geometry(output=output)
+    np.testing.assert_allclose(seen(keyed), shown, atol=1e-6)
+
+
+def test_a_new_shape_key_is_not_made_meanwhile(rounded_box):
+    box = rounded_box()
+    before = stored(box)
+    bpy.context.scene.shock_filter.geometry.output = "SHAPE_KEY"
+    running = begun("geometry")
+    settle(running)
+    shown = seen(box)
+    assert shown.tobytes() != before[0]
+    assert box.data.shape_keys is None
+    running.end()
+    assert stored(box) == before
+    bpy.ops.shock_filter.sharpen_geometry(output="SHAPE_KEY")
+    np.testing.assert_allclose(seen(box), shown, atol=1e-6)
+
+
+def test_a_mask_holds(rounded_box):
+    box = rounded_box()
+    box.vertex_groups.new(name="Some").add(range(200), 1.0, "REPLACE")
+    bpy.context.scene.shock_filter.geometry.vertex_group = "Some"
+    before = read_positions(box.data)
+    running = begun("geometry")
+    settle(running)
+    after = read_positions(box.data)
+    running.end()
+    np.testing.assert_array_equal(after[200:], before[200:])
+    assert (after[:200] != before[:200]).any()
+
+
+def test_a_patch_moves_alone_and_its_border_stays(rounded_box):
+    box = rounded_box(cuts=20)
+    before = read_positions(box.data)
+    running = begun("geometry", 400)
+    settle(running)
+    moved = (read_positions(box.data) != before).any(axis=1)
+    assert "patch of" in running.text()
+    running.end()
+    near = np.linalg.norm(before - before[0], axis=1)
+    assert 50 < moved.sum() < 400
+    assert near[moved].max() < np.sort(near)[400]
+    for edge in box.data.edges:  # at the border of what moves, neighbours stay
+        first, second = edge.vertices
+        if moved[first] != moved[second]:
+            assert near[[first, second]].max() <= np.sort(near)[400]
+
+
+def test_the_strength_on_a_patch_is_that_on_the_whole(rounded_box):
+    box = rounded_box(cuts=20)
+    positions = read_positions(box.data)
+    positions *= 1.0 + 0.5 * (positions[:, :1] > 0)  # edges of several lengths
+    write_positions(box.data, positions)
+    near = np.argsort(np.linalg.norm(positions - positions[0], axis=1))[:150]
+
+    def moves(running):
+        settle(running)
+        moved = (read_positions(box.data) - positions)[near]
+        running.end()
+        return moved
+
+    full = moves(begun("geometry"))
+    part = begun("geometry", 600)
+    assert part._patch.lengths > 1.05
+    error = np.abs(moves(part) - full).max()
+    assert error < 0.3 * np.abs(full).max()
+    careless = begun("geometry", 600)
+    careless._patch = replace(careless._patch, lengths=1.0)
+    assert error < 0.9 * np.abs(moves(careless) - full).max()
+
+
+def test_loose_vertices_make_no_patch(rounded_box):
+    box = rounded_box()
+    box.data.vertices.add(1)
+    box.data.vertices[len(box.data.vertices) - 1].co = (100, 0, 0)
+    (target,), _ = read_active(
+        bpy.context, previewing.read_geometry, previewing.parameters_of(bpy.context, "geometry")
+    )
+    patch = patch_around(target.surface, len(box.data.vertices) - 1, 200)
+    assert patch.surface.size > 100
+    with pytest.raises(InvalidMesh, match="no faces to preview here"):
+        patch_around(target.surface, len(box.data.vertices) - 1, 1)
+
+
+def test_the_vertex_under_the_mouse_is_the_foremost_one():
+    points = np.array([[0, 0, 0], [0, 0, -5], [0.9, 0, 0], [0, 0, 9]], dtype=np.float32)
+    perspective = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2], [0, 0, -1, 5.0]])
+    assert seen_vertex(points, perspective, (1000, 1000), (500, 500)) in {0, 1}
+    foremost = seen_vertex(points, perspective, (1000, 1000), (500, 500))
+    depth = (points[:, 2] + 2) / (5 - points[:, 2])
+    assert depth[foremost] == min(depth[:2])
+    assert seen_vertex(points, perspective, (1000, 1000), (590, 500)) == 2
+    assert seen_vertex(points[3:], perspective, (1000, 1000), (500, 500)) == 0
+
+
+def test_the_newest_settings_win(rounded_box):
+    box = rounded_box(cuts=15)
+    running = begun("geometry")
+    settle(running)
+    for pixels in (40, 40, -200, 30):
+        running.drag(pixels)
+        running.tick()
+    settle(running)
+    shown = read_positions(box.data)
+    final = running.parameters.time
+    running.end()
+    bpy.ops.shock_filter.sharpen_geometry(time=final)
+    np.testing.assert_array_equal(read_positions(box.data), shown)
+
+
+def test_old_news_is_cancelled_when_it_takes_long(rounded_box, monkeypatch):
+    rounded_box()
+    running = begun("geometry")
+    running.tick()
+    first = running._job
+    running.drag(30)
+    monkeypatch.setattr(previewing, "_PATIENCE", -1.0)
+    running.tick()
+    first.wait()
+    settle(running)
+    assert running._computing == running.parameters
+    running.end()
+
+
+def test_an_error_is_said_and_the_preview_goes_on(rounded_box):
+    box = rounded_box()
+    before = stored(box)
+    running = begun("geometry")
+    running.parameters.fidelity = 1.0
+    running.parameters.screening_radius = 3.0
+    settle(running)
+    assert "give only one" in running.text()
+    assert stored(box) == before
+    running.parameters.fidelity = 0.0
+    settle(running)
+    assert "give only one" not in running.text()
+    assert running.updates == 1
+    running.end()
+
+
+def test_a_removed_object_and_a_changed_mesh_end_it(rounded_box):
+    box = rounded_box()
+    mesh = box.data
+    before = read_positions(mesh)
+    running = begun("geometry")
+    settle(running)
+    assert running.alive()
+    bpy.data.objects.remove(box)
+    assert not running.alive()
+    running.end()
+    assert read_positions(mesh).tobytes() == before.tobytes()
+    bpy.data.meshes.remove(mesh)
+    running.end()
+
+    other = rounded_box()
+    running = begun("geometry")
+    settle(running)
+    other.data.vertices.add(1)
+    running.end()
+    assert len(other.data.vertices) == len(before) + 1
+
+
+def test_leaving_object_mode_ends_it_with_the_old_shape(rounded_box):
+    box = rounded_box()
+    before = stored(box)
+    running = begun("geometry")
+    settle(running)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert not running.alive()
+    running.end()
+    assert box.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert stored(box)[0] == before[0]
+
+
+class _Events:
+    """The operator without Blender around it."""
+
+    def __init__(self, running, monkeypatch):
+        cls = preview.SHOCK_FILTER_OT_preview
+        self.reports, self.status, self.ran = [], [], []
+        self.mode, self._kind = "geometry", previewing.kind_of("geometry", None)
+        self._preview, self._ended, self._text, self._timer = running, False, "", "timer"
+        for name in ("modal", "end", "cancel", "_turn", "_tick", "_dropped", "_apply"):
+            setattr(self, name, getattr(cls, name).__get__(self))
+        self._show_text = cls._show_text.__get__(self)
+        self.report = lambda kind, text: self.reports.append(text)
+        workspace = SimpleNamespace(status_text_set=self.status.append)
+        window = SimpleNamespace(workspace=workspace, screen=SimpleNamespace(areas=[]))
+        manager = SimpleNamespace(windows=[window], event_timer_remove=lambda timer: None)
+        self.context = SimpleNamespace(
+            window_manager=manager, workspace=workspace, area=None, scene=bpy.context.scene
+        )
+        run = SimpleNamespace(
+            sharpen_geometry=lambda *given, **settings: self.ran.append((given, settings))
+        )
+        fake = SimpleNamespace(
+            context=self.context, ops=SimpleNamespace(shock_filter=run), types=bpy.types
+        )
+        monkeypatch.setattr(preview, "bpy", fake)
+        preview._running.append(self)
+
+    def send(self, kind, value="PRESS", shift=False, x=0):
+        event = SimpleNamespace(
+            type=kind, value=value, shift=shift, mouse_x=x, mouse_prev_x=0, mouse_y=0
+        )
+        return self.modal(self.context, event)
+
+
+@pytest.fixture
+def events(rounded_box, monkeypatch):
+    rounded_box()
+    running = _Events(begun("geometry"), monkeypatch)
+    yield running
+    preview.stop()
+
+
+def shown_by(events):
+    while events._preview.updates == 0:
+        assert events.send("TIMER") == {"RUNNING_MODAL"}
+        time.sleep(0.01)
+
+
+def test_mouse_and_wheel_turn_the_dials(events):
+    events.send("MOUSEMOVE", x=100)
+    assert events._preview.parameters.time == 1020.0
+    events.send("MOUSEMOVE", x=-100, shift=True)
+    assert events._preview.parameters.time == pytest.approx(1024 / 2**0.2, rel=0.01)
+    events.send("WHEELUPMOUSE")
+    events.send("WHEELDOWNMOUSE", shift=True)
+    assert events._preview.parameters.feature_threshold == pytest.approx(1.19)
+    assert "Threshold 1.19 (wheel)" in events.status[-1]
+    assert "Esc or Right Click: cancel" in events.status[-1]
+
+
+@pytest.mark.parametrize("key", ["ESC", "RIGHTMOUSE"])
+def test_cancelling_changes_nothing(events, key):
+    box = bpy.context.object
+    before = stored(box)
+    events.send("MOUSEMOVE", x=100)
+    shown_by(events)
+    assert stored(box) != before
+    assert events.send(key) == {"CANCELLED"}
+    assert stored(box) == before
+    assert events.status[-1] is None
+    assert events.ran == []
+    assert bpy.context.scene.shock_filter.geometry.time == 256.0
+
+
+@pytest.mark.parametrize("key", ["RET", "LEFTMOUSE"])
+def test_applying_runs_the_operator_on_the_old_shape(events, key):
+    box = bpy.context.object
+    before = stored(box)
+    events.send("MOUSEMOVE", x=50)
+    shown_by(events)
+    events.send("WHEELUPMOUSE")
+    assert events.send(key) == {"FINISHED"}
+    assert stored(box) == before
+    ((given, settings),) = events.ran
+    assert given == ("INVOKE_DEFAULT",)
+    assert settings["time"] == 512.0
+    assert settings["feature_threshold"] == pytest.approx(1.2)
+    assert bpy.context.scene.shock_filter.geometry.time == 512.0
+    assert preview._running == []
+
+
+def test_undo_and_clicks_are_held_back_and_the_view_can_be_turned(events):
+    assert events.send("Z") == {"RUNNING_MODAL"}
+    assert events.send("TAB") == {"RUNNING_MODAL"}
+    assert events.send("LEFTMOUSE", "RELEASE") == {"RUNNING_MODAL"}
+    assert events.send("MIDDLEMOUSE") == {"PASS_THROUGH"}
+
+
+def test_blenders_handlers_end_it_first(events):
+    box = bpy.context.object
+    before = stored(box)
+    shown_by(events)
+    handlers = bpy.app.handlers
+    for before_it in (handlers.undo_pre, handlers.redo_pre, handlers.save_pre, handlers.load_pre):
+        assert preview._stop in before_it
+    preview._stop()
+    assert stored(box) == before
+    assert preview._running == []
+    assert events.send("TIMER") == {"CANCELLED"}
+
+
+def test_a_removed_object_ends_the_operator(events):
+    shown_by(events)
+    bpy.data.objects.remove(bpy.context.object)
+    assert events.send("TIMER") == {"CANCELLED"}
+    assert "the object was removed" in events.reports[-1]
+
+
+def test_a_bug_leaves_the_old_shape(events, monkeypatch):
+    box = bpy.context.object
+    before = stored(box)
+    shown_by(events)
+    monkeypatch.setattr(events._preview, "_take", lambda job: 1 / 0)
+    events.send("MOUSEMOVE", x=50)
+    with pytest.raises(ZeroDivisionError):
+        for _ in range(1000):
+            events.send("TIMER")
+            time.sleep(0.01)
+    assert stored(box) == before
+    assert preview._running == []
+
+
+def test_the_button_says_what_is_missing(rounded_box):
+    poll = bpy.ops.shock_filter.preview.poll
+    assert not poll()
+    box = rounded_box()
+    assert poll()
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert not poll()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    box.select_set(False)
+    rounded_box(location=(4, 0, 0))
+    bpy.context.view_layer.objects.active = box
+    box.select_set(False)
+    assert not poll()
+
+
+def test_without_a_window_it_names_the_filter(rounded_box):
+    rounded_box()
+    with pytest.raises(RuntimeError, match="run the filter itself"):
+        bpy.ops.shock_filter.preview("INVOKE_DEFAULT", mode="geometry")
+    assert preview._running == []
+
+
+def test_the_time_dial_reaches_from_zero_to_the_steady_state():
+    dial = TimeDial(256.0, ABOUT["time"])
+    assert dial.time == 256.0
+    dial.drag(50)
+    assert dial.time == 512.0
+    dial.drag(-1e6)
+    assert dial.time == 0.0
+    dial.drag(1e6)
+    assert dial.time == math.inf
+    assert TimeDial(math.inf, ABOUT["time"]).time == math.inf
+    assert TimeDial(0.0, ABOUT["time"]).time == 0.0
+    bounded = TimeDial(1.0, ABOUT["max_displacement"])
+    bounded.drag(1e6)
+    assert bounded.time == pytest.approx(80.0)
+
+
+def test_the_wheel_stays_in_range():
+    threshold, passes = ABOUT["feature_threshold"], ABOUT["smoothing_passes"]
+    assert turned(1.1, float, threshold, 1.0) == 1.2
+    assert turned(1.1, float, threshold, -0.1) == 1.09
+    assert turned(0.05, float, threshold, -1.0) == 0.0
+    assert turned(2.0, float, threshold, 1.0) == 2.0
+    assert turned(1, int, passes, 0.1) == 2
+    assert turned(0, int, passes, -1.0) == 0
+    assert turned(16, int, passes, 1.0) == 16

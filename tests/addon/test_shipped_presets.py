@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The presets that come with the extension do what their reasons say, on shapes made by code."""
+
+import bpy
+import numpy as np
+import pytest
+import shapes
+from scipy.ndimage import gaussian_filter
+from shock_filter import core
+from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_vertex_signal
+from shock_filter.core.settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
+)
+from shock_filter.shock_addon.properties import NAMES, settings_from
+
+DEFAULT = None
+
+
+def use(mode, name):
+    """Choose a preset, or the defaults, and return the scene's settings of the mode."""
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    for known in NAMES[mode]:
+        settings.property_unset(known)
+    if name is not DEFAULT:
+        assert bpy.ops.shock_filter.use_preset(mode=mode, name=name) == {"FINISHED"}
+    return settings
+
+
+def noisy(points, amount, seed=0):
+    return points + np.random.default_rng(seed).normal(scale=amount, size=points.shape)
+
+
+def smoothed(vertices, faces, passes):
+    """Move vertices half-way to the mean of their neighbors, some times."""
+    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges = np.concatenate([edges, edges[:, ::-1]])
+    degree = np.bincount(edges[:, 0])[:, None]
+    for _ in range(passes):
+        total = np.zeros_like(vertices)
+        np.add.at(total, edges[:, 0], vertices[edges[:, 1]])
+        vertices = 0.5 * (vertices + total / degree)
+    return vertices
+
+
+def normals(vertices, faces):
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    found = np.cross(b - a, c - a)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def error(vertices, faces, true):
+    """Return the mean angle to the true normals, in degrees."""
+    cosines = (normals(vertices, faces) * normals(true, faces)).sum(axis=1)
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean()
+
+
+def sharpened(name, vertices, faces):
+    settings = settings_from(core.GeometrySettings, use("geometry", name))
+    return core.sharpen_geometry(core.TriangleMesh(vertices, faces), settings)
+
+
+def denoised(name, vertices, faces):
+    settings = use("denoise", name)
+    time = settings.sharpen_time if settings.then_sharpen else None
+    kernel = settings_from(BeltramiGeometrySettings, settings)
+    return denoise_geometry(core.TriangleMesh(vertices, faces), kernel, time, None, None)
+
+
+def test_subtle_geometry_moves_less_than_half_as_far():
+    box, faces = shapes.cube(20)
+    rounded = smoothed(box, faces, 6)
+    moves = [abs(sharpened(name, rounded, faces) - rounded).mean() for name in ("Subtle", DEFAULT)]
+    assert 0 < moves[0] < 0.5 * moves[1]
+
+
+def test_crisp_cad_edges_brings_wide_roundings_closer_to_the_creases():
+    box, faces = shapes.cube(20)
+    rounded = smoothed(box, faces, 12)
+    crisp, default = (
+        error(sharpened(name, rounded, faces), faces, box) for name in ("Crisp CAD Edges", DEFAULT)
+    )
+    assert crisp < 0.8 * default
+    assert crisp < 0.6 * error(rounded, faces, box)
+
+
+def test_scan_cleanup_lowers_the_noise():
+    box, faces = shapes.cube(20)
+    scan = noisy(box, 0.1)
+    clean, default = (
+        error(sharpened(name, scan, faces), faces, box) for name in ("Scan Cleanup", DEFAULT)
+    )
+    assert clean < 0.5 * error(scan, faces, box)
+    assert clean < default
+
+
+def test_carved_facets_flattens_a_sphere_into_facets():
+    ball, faces = shapes.icosphere(4)
+    ball = noisy(ball, 0.002)
+
+    def flat(points):
+        """Return which part of the edges bends by less than a quarter of the mean."""
+        around = normals(points, faces)
+        twins = core.TriangleMesh(points, faces).twins.reshape(-1) // 3
+        cosines = (around.repeat(3, axis=0) * around[twins]).sum(axis=1)
+        bends = np.arccos(np.clip(cosines, -1, 1))
+        return (bends < bends.mean() / 4).mean()
+
+    assert flat(sharpened("Carved Facets", ball, faces)) > 2 * flat(sharpened(DEFAULT, ball, faces))
+
+
+def test_light_scan_noise_keeps_relief():
+    sheet, faces = shapes.grid(40, 40)
+    x, y = 2 * np.pi * sheet[:, :2].T / 12
+    sheet[:, 2] = np.sin(x) * np.sin(y)
+    scan = noisy(sheet, 0.06)
+    light, default = (
+        error(denoised(name, scan, faces), faces, sheet) for name in ("Light Scan Noise", DEFAULT)
+    )
+    assert light < 0.8 * default
+    assert light < 0.8 * error(scan, faces, sheet)
+
+
+@pytest.mark.parametrize(("name", "noise"), [("Strong Scan Noise", 0.25), ("Noisy CAD Part", 0.15)])
+def test_noisy_boxes_come_out_cleaner(name, noise):
+    box, faces = shapes.cube(20)
+    scan = noisy(box, noise)
+    chosen, default = (error(denoised(n, scan, faces), faces, box) for n in (name, DEFAULT))
+    assert chosen < 0.9 * default
+
+
+def test_noisy_vertex_colors_leaves_half_the_noise():
+    sheet, faces = shapes.grid(40, 40)
+    clean = np.where(sheet[:, :1] < 20, [0.2, 0.4, 0.6], [0.8, 0.3, 0.1])
+    mesh = core.TriangleMesh(sheet, faces)
+
+    def left(name):
+        settings = settings_from(BeltramiMeshSettings, use("denoise", name), "color_")
+        found = denoise_vertex_signal(mesh, noisy(clean, 0.05), settings, None, None, None)
+        return abs(found - clean).mean()
+
+    assert bpy.context.scene.shock_filter.denoise.target == "geometry"
+    assert left("Noisy Vertex Colors") < 0.7 * left(DEFAULT)
+    use("denoise", "Noisy Vertex Colors")
+    assert bpy.context.scene.shock_filter.denoise.target == "colors"
+
+
+def picture():
+    """A cartoon: areas of one color each."""
+    y, x = np.mgrid[:96, :96]
+    areas = (x // 24 + 2 * (np.hypot(x - 48, y - 48) < 30) + (y // 40)) % 5
+    return np.random.default_rng(3).uniform(size=(5, 3))[areas]
+
+
+def distance(a, b):
+    return abs(a - b).mean()
+
+
+def flat(values):
+    """Return which part of the neighbors look alike."""
+    return (abs(np.diff(values, axis=0)).max(axis=-1) < 1 / 255).mean()
+
+
+def filtered(name, image):
+    return core.sharpen_image(image, settings_from(core.ImageSettings, use("image", name)))
+
+
+def test_subtle_images_change_less():
+    image = gaussian_filter(picture(), (1, 1, 0))
+    assert (
+        0 < distance(filtered("Subtle", image), image) < distance(filtered(DEFAULT, image), image)
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "than", "width"),
+    [("Blurred Photo", DEFAULT, 1.5), ("Very Blurred Photo", "Blurred Photo", 3.0)],
+)
+def test_blurred_images_come_closer_to_what_they_were(name, than, width):
+    image = gaussian_filter(picture(), (width, width, 0))
+    chosen, other = (distance(filtered(n, image), picture()) for n in (name, than))
+    assert chosen < 0.9 * other
+
+
+def test_painterly_images_are_flat():
+    y, x = np.mgrid[:96, :96]
+    image = np.stack([0.5 + 0.4 * np.sin(x / 7 + k) * np.cos(y / 9) for k in range(3)], axis=-1)
+    assert flat(filtered("Painterly Steady State", image)) > 2 * flat(filtered(DEFAULT, image))
+
+
+def denoised_image(name, image):
+    settings = use("denoise_image", name)
+    time = settings.sharpen_time if settings.then_sharpen else None
+    return denoise_image(image, settings_from(BeltramiSettings, settings), time)
+
+
+@pytest.mark.parametrize(("name", "noise"), [("Light Noise", 0.02), ("Strong Noise", 0.15)])
+def test_noisy_images_come_closer_to_what_they_were(name, noise):
+    y, x = np.mgrid[:64, :64]
+    detail = 0.08 * np.sin(2 * x + y)[..., None] * (noise < 0.1)
+    clean = 0.7 * picture()[:64, :64] + 0.15 + detail
+    image = noisy(clean, noise)
+    chosen, default = (distance(denoised_image(n, image), clean) for n in (name, DEFAULT))
+    assert chosen < 0.9 * default
+
+
+def test_flat_colors_are_flat():
+    slope = 0.1 * np.sin(np.arange(64) / 9)[:, None, None]
+    image = noisy(picture()[:64, :64] + slope, 0.02)
+    assert flat(denoised_image("Flat Colors", image)) > 2 * flat(denoised_image(DEFAULT, image))
+
+
+def colored(name, width):
+    """Sharpen a border of this width between two colors; return the input and the result."""
+    sheet, faces = shapes.grid(40, 40)
+    step = 0.5 + 0.5 * np.tanh((sheet[:, :1] - 20) / width)
+    values = step * [0.8, 0.3, 0.1] + (1 - step) * [0.2, 0.4, 0.6]
+    settings = settings_from(core.ShockSettings, use("colors", name))
+    return values, core.sharpen_vertex_signal(core.TriangleMesh(sheet, faces), values, settings)
+
+
+def blended(values):
+    """Return which part of the colors is neither the one nor the other."""
+    part = (values[:, 0] - 0.2) / 0.6
+    return ((part > 0.1) & (part < 0.9)).mean()
+
+
+def test_subtle_colors_change_less():
+    subtle, default = (distance(*colored(name, 2.0)) for name in ("Subtle", DEFAULT))
+    assert 0 < subtle < 0.5 * default
+
+
+@pytest.mark.parametrize("name", ["Crisp Borders", "Painterly Steady State"])
+def test_wide_borders_become_crisp(name):
+    chosen, default = (blended(colored(n, 4.0)[1]) for n in (name, DEFAULT))
+    assert chosen < 0.7 * default
+
+
+def test_normal_maps_stay_unit_length():
+    sheet, faces = shapes.grid(8, 8)
+    uv = (sheet[:, :2] / 8)[faces]
+    y, x = np.mgrid[:64, :64] / 64
+    directions = np.stack([np.sin(20 * x) / 2, np.cos(15 * y) / 2, np.ones_like(x)], axis=-1)
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    settings = settings_from(core.TextureSettings, use("texture", "Normal Map"))
+    result = core.sharpen_texture(
+        core.TriangleMesh(sheet, faces), uv, 0.5 + 0.5 * directions, settings
+    )
+    lengths = np.linalg.norm(2 * result - 1, axis=-1)
+    np.testing.assert_allclose(lengths[4:-4, 4:-4], 1.0, atol=1e-6)
+    assert settings.alpha == "none"

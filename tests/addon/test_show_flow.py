@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator Show Flow, and what the overlay draws."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+from shock_filter import core
+from shock_filter.shock_addon import flow_overlay, operators
+from shock_filter.shock_addon.flow_data import read_flow
+from shock_filter.shock_addon.flow_drawing import MOST_STROKES, potential_colors, strokes
+from shock_filter.shock_addon.mesh_data import (
+    read_corner_vertices,
+    read_positions,
+    read_triangle_corners,
+)
+
+show_flow = bpy.ops.shock_filter.show_flow
+
+
+def centers(mesh):
+    return np.array([polygon.center for polygon in mesh.polygons])
+
+
+def test_the_flow_of_a_rounded_box_points_to_its_edges(rounded_box):
+    box = rounded_box(cuts=15)
+    before = read_positions(box.data)
+    assert show_flow(mode="geometry") == {"FINISHED"}
+    potential, flow = read_flow(box.data)
+    assert (potential >= 0).all()
+    height = np.sort(np.abs(read_positions(box.data)), axis=1)
+    middle = height[:, 1] < 0.3  # of a side of the box
+    assert potential[middle].max() < 0.01 * potential.max()
+    # Towards an edge two coordinates are large: along the flow the second largest grows.
+    place = centers(box.data)
+    speed = np.linalg.norm(flow, axis=1)
+    strong = speed > 0.2 * speed.max()
+    ahead = place[strong] + 0.02 * flow[strong] / speed[strong, None]
+    second = np.sort(np.abs(place[strong]), axis=1)[:, 1]
+    assert (np.sort(np.abs(ahead), axis=1)[:, 1] > second).mean() > 0.9
+    np.testing.assert_array_equal(read_positions(box.data), before)
+    assert operators.summaries["geometry"].startswith("Wrote shock_potential and shock_flow to")
+
+
+def test_the_flow_is_that_of_the_core_with_the_panels_settings(rounded_box):
+    box = rounded_box()
+    settings = bpy.context.scene.shock_filter.geometry
+    settings.feature_threshold = 0.5
+    show_flow()
+    mesh = box.data
+    triangles = read_corner_vertices(mesh)[read_triangle_corners(mesh)]
+    surface = core.TriangleMesh(read_positions(mesh), triangles)
+    expected, vectors = core.geometry_flow(surface, core.GeometrySettings(feature_threshold=0.5))
+    potential, flow = read_flow(mesh)
+    np.testing.assert_allclose(potential, expected, rtol=1e-5)
+    pairs = vectors.reshape(-1, 2, 3).mean(axis=1) * surface.mean_edge_length
+    np.testing.assert_allclose(flow, pairs, atol=1e-6)
+
+
+@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
+@pytest.mark.parametrize("channels", ["coupled", "luminance"])
+def test_the_flow_of_colors_points_to_the_edge(painted_sheet, domain, channels):
+    sheet = painted_sheet(domain=domain)
+    bpy.context.scene.shock_filter.colors.channels = channels
+    assert show_flow(mode="colors") == {"FINISHED"}
+    potential, flow = read_flow(sheet.data)
+    x = read_positions(sheet.data)[:, 0]
+    peak = x[potential.argmax()]
+    assert abs(peak) < 0.15
+    place = centers(sheet.data)[:, 0] - peak
+    beside = (np.abs(place) > 0.1) & (np.abs(place) < 0.3)
+    assert (np.sign(flow[beside, 0]) == -np.sign(place[beside])).all()
+
+
+def test_the_flow_is_in_the_objects_own_space(rounded_box):
+    box = rounded_box()
+    box.matrix_world = Matrix.Diagonal((1.0, 4.0, 1.0, 1.0))
+    bpy.context.view_layer.update()
+    show_flow()
+    scaled = read_flow(box.data)
+    box.data.transform(box.matrix_world)
+    box.matrix_world = Matrix.Identity(4)
+    bpy.context.view_layer.update()
+    show_flow()
+    applied = read_flow(box.data)
+    np.testing.assert_allclose(scaled[0], applied[0], rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(scaled[1] * [1, 4, 1], applied[1], atol=1e-4)
+
+
+def test_only_the_active_object_and_any_mode(rounded_box, select):
+    first, second = rounded_box(), rounded_box(location=(4, 0, 0))
+    select(first, second)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert show_flow() == {"FINISHED"}
+    assert bpy.context.mode == "EDIT_MESH"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert read_flow(first.data) is not None
+    assert read_flow(second.data) is None
+
+
+def test_an_attribute_of_another_kind_gives_way(rounded_box):
+    box = rounded_box()
+    box.data.attributes.new("shock_potential", "INT", "FACE")
+    show_flow()
+    assert box.data.attributes["shock_potential"].data_type == "FLOAT"
+    first = read_flow(box.data)
+    show_flow()
+    np.testing.assert_array_equal(read_flow(box.data)[0], first[0])
+    assert "shock_potential.001" not in box.data.attributes
+
+
+def test_without_a_window_nothing_is_drawn(rounded_box):
+    rounded_box()
+    show_flow()
+    assert flow_overlay.shown_object() is None
+
+
+class _Shown:
+    """Pretends that there is a window, and counts what is registered."""
+
+    def __init__(self, monkeypatch):
+        self.handlers = []
+        self.view = self
+        app = type("App", (), {"background": False, "handlers": bpy.app.handlers})
+        types = type("Types", (), {"SpaceView3D": self})
+        fake = type("Bpy", (), {"app": app, "types": types, "data": bpy.data})
+        fake.context = bpy.context
+        monkeypatch.setattr(flow_overlay, "bpy", fake)
+
+    def draw_handler_add(self, function, arguments, region, event):
+        self.handlers.append(event)
+        return event
+
+    def draw_handler_remove(self, handler, region):
+        self.handlers.remove(handler)
+
+
+@pytest.fixture
+def window(monkeypatch):
+    shown = _Shown(monkeypatch)
+    yield shown
+    flow_overlay.hide()
+
+
+def registered():
+    handlers = bpy.app.handlers
+    return [
+        function
+        for group in (handlers.depsgraph_update_post, handlers.undo_post, handlers.load_pre)
+        for function in group
+        if function.__module__ == flow_overlay.__name__
+    ]
+
+
+def test_pressing_again_hides_the_flow_and_keeps_the_attributes(rounded_box, window):
+    box = rounded_box()
+    assert show_flow() == {"FINISHED"}
+    assert flow_overlay.shown_object() == box.name
+    assert window.handlers == ["POST_VIEW", "POST_PIXEL"]
+    assert len(registered()) == 3
+    assert show_flow() == {"CANCELLED"}
+    assert flow_overlay.shown_object() is None
+    assert window.handlers == []
+    assert registered() == []
+    assert read_flow(box.data) is not None
+
+
+def test_another_object_takes_over(rounded_box, select, window):
+    first, second = rounded_box(), rounded_box(location=(4, 0, 0))
+    select(first)
+    show_flow()
+    select(second)
+    assert show_flow() == {"FINISHED"}
+    assert flow_overlay.shown_object() == second.name
+    assert len(window.handlers) == 2
+
+
+def test_the_overlay_follows_a_new_name_and_ends_with_the_object(rounded_box, window):
+    box = rounded_box()
+    show_flow()
+    box.name = "Renamed"
+    bpy.context.view_layer.update()
+    assert flow_overlay._shown.object() == box
+    assert flow_overlay.shown_object() == "Renamed"
+    bpy.data.objects.remove(box)
+    bpy.context.view_layer.update()
+    assert flow_overlay.shown_object() is None
+    assert window.handlers == []
+
+
+def test_the_overlay_ends_when_its_attributes_or_the_file_go(rounded_box, window):
+    box = rounded_box()
+    show_flow()
+    box.data.attributes.remove(box.data.attributes["shock_flow"])
+    box.data.update()
+    bpy.context.view_layer.update()
+    assert flow_overlay.shown_object() is None
+    show_flow()
+    assert flow_overlay.shown_object() == box.name
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert flow_overlay.shown_object() is None
+    assert window.handlers == []
+    assert registered() == []
+
+
+def test_edits_are_drawn_anew(rounded_box, window):
+    box = rounded_box()
+    show_flow()
+    flow_overlay._shown.batches = ["drawn"]
+    box.location.x += 1
+    bpy.context.view_layer.update()
+    assert flow_overlay._shown.batches == ["drawn"]
+    box.data.vertices[0].co.x += 1
+    box.data.update()
+    bpy.context.view_layer.update()
+    assert flow_overlay._shown.batches is None
+
+
+def test_colors_rise_with_the_potential():
+    colors = potential_colors(np.array([0.0, 0.1, 0.5, 1.0, 100.0], dtype=np.float32) ** 2)
+    lightness = colors[:, :3] @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(lightness) >= 0).all()
+    assert (np.diff(colors[:, 3]) >= 0).all()
+    assert colors[0, 2] > colors[0, 0]  # blue
+    assert colors[-1, 0] > colors[-1, 2]  # yellow
+    flat = potential_colors(np.zeros(3, dtype=np.float32))
+    np.testing.assert_array_equal(flat, np.broadcast_to(flat[0], (3, 4)))
+
+
+def test_strokes_point_along_the_flow_and_are_not_too_many():
+    count = MOST_STROKES + 5000
+    x = np.arange(count, dtype=np.float32) % 160
+    y = np.arange(count, dtype=np.float32) // 160
+    middle = np.stack([x, y, 0 * x], axis=1)
+    up = np.broadcast_to(np.float32([0, 0, 1]), (count, 3))
+    flow = np.broadcast_to(np.float32([0, 2, 0]), (count, 3)).copy()
+    flow[::2] = 0.0
+    corners, colors = strokes(middle, up, np.full_like(x, 9.0), flow)
+    assert len(corners) == 3 * np.count_nonzero(flow.any(axis=1))
+    tips, left, right = corners[0::3], corners[1::3], corners[2::3]
+    assert (tips[:, 1] - y[1::2] > 0).all()
+    assert (left[:, 1] - y[1::2] < 0).all()
+    np.testing.assert_allclose(left[:, 0] + right[:, 0], 2 * tips[:, 0], rtol=1e-6)
+    assert (colors[0::3, 3] > colors[1::3, 3]).all()
+    flow[:] = flow[1]
+    assert len(strokes(middle, up, np.full_like(x, 9.0), flow)[0]) == 3 * MOST_STROKES
+    # Those closer than a 60th of the object are too short to be seen.
+    assert len(strokes(middle, up, np.full_like(x, 0.01), flow)[0]) < 3 * 1000
+    assert len(strokes(middle, up, np.ones_like(x), 0 * flow)[0]) == 0

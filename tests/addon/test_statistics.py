@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the statistics count, and what they expect of a run."""
+
+import time
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from shock_filter.core.estimate import Estimate, estimate, wall_seconds
+from shock_filter.core.settings import (
+    BeltramiGeometrySettings,
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+)
+from shock_filter.shock_addon import statistics
+from shock_filter.shock_addon.properties import NAMES
+from shock_filter.shock_addon.statistics import Counts
+
+
+@pytest.fixture(autouse=True)
+def nothing_learned():
+    """Start without a history."""
+    statistics.forget()
+    yield
+    statistics.forget()
+
+
+def settings_of(mode):
+    return getattr(bpy.context.scene.shock_filter, mode)
+
+
+def count(mode, context=None):
+    return statistics.count(context or bpy.context, mode, settings_of(mode))
+
+
+def test_a_mesh_with_several_users_counts_once(rounded_box, select):
+    box = rounded_box(cuts=3)
+    other = box.copy()
+    bpy.context.collection.objects.link(other)
+    third = rounded_box(cuts=1)
+    assert count("geometry") == Counts(meshes=1, vertices=26, faces=24)
+    select(box, other, third)
+    assert count("geometry") == Counts(meshes=2, vertices=98 + 26, faces=96 + 24)
+
+
+def test_images_count_their_pixels():
+    image = bpy.data.images.new("Photo", 30, 20)
+    editor = SimpleNamespace(type="IMAGE_EDITOR", image=image)
+    assert count("image", SimpleNamespace(space_data=editor)) == Counts(pixels=600)
+
+
+def test_textures_count_the_pixels_of_what_is_shown(rounded_box):
+    rounded_box(cuts=1)
+    assert count("texture").size == 0
+    bpy.data.images.new("Paint", 30, 20)
+    settings_of("texture").image = "Paint"
+    assert count("texture") == Counts(meshes=1, vertices=26, faces=24, pixels=600)
+
+
+def test_nothing_is_expected_of_nothing():
+    assert count("geometry") == Counts()
+    assert statistics.expected("geometry", settings_of("geometry"), 0) is None
+
+
+def test_settings_that_clash_give_no_estimate():
+    settings = settings_of("geometry")
+    settings.fidelity, settings.screening_radius = 5.0, 7.0
+    assert statistics.expected("geometry", settings, 1000) is None
+
+
+@pytest.mark.parametrize("mode", NAMES)
+def test_each_mode_has_an_estimate_that_grows_with_the_size(mode):
+    small, large = (
+        statistics.expected(mode, settings_of(mode), size) for size in (10_000, 1_000_000)
+    )
+    assert large.seconds == pytest.approx(100 * small.seconds)
+    assert large.memory == pytest.approx(100 * small.memory)
+    assert 0.02 < large.seconds < 600
+    assert 10e6 < large.memory < 5e9
+
+
+@pytest.mark.parametrize("target", ["geometry", "colors", "both"])
+def test_sharpening_after_denoising_takes_longer(target):
+    settings = settings_of("denoise")
+    settings.target = target
+    once = statistics.expected("denoise", settings, 100_000)
+    settings.then_sharpen = True
+    assert statistics.expected("denoise", settings, 100_000).seconds > once.seconds
+
+
+def test_more_work_takes_longer():
+    def seconds(settings):
+        return estimate(settings, 100_000).seconds
+
+    once = seconds(GeometrySettings())
+    assert seconds(GeometrySettings(repeat=3)) == pytest.approx(3 * once)
+    assert seconds(GeometrySettings(time=float("inf"))) > once
+    assert seconds(GeometrySettings(time=0.0)) < once
+    assert seconds(ShockSettings(scheme="composed")) > 10 * seconds(ShockSettings())
+    assert seconds(ImageSettings(smoothing_passes=9)) > seconds(ImageSettings())
+    reach = seconds(BeltramiGeometrySettings(threshold=0.001))
+    assert reach > seconds(BeltramiGeometrySettings())
+
+
+def test_cores_help_up_to_eight():
+    assert wall_seconds(8.0, 2) == 4.0
+    assert wall_seconds(8.0, 64) == wall_seconds(8.0, 8) == 1.0
+
+
+def run(seconds, size=1_000_000):
+    """Pretend that Sharpen Geometry has taken this long."""
+    operator = SimpleNamespace(
+        bl_idname="SHOCK_FILTER_OT_sharpen_geometry",
+        targets=[SimpleNamespace(surface=SimpleNamespace(size=size))],
+        **{name: getattr(settings_of("geometry"), name) for name in NAMES["geometry"]},
+    )
+    statistics.learn(operator, seconds)
+
+
+def test_the_second_run_corrects_the_estimate():
+    guess = statistics.expected("geometry", settings_of("geometry"), 1_000_000).seconds
+    assert statistics.corrected("geometry", 1.0) == 1.0
+    run(40.0)  # compiles
+    assert statistics.corrected("geometry", 1.0) == 1.0
+    assert statistics.last_seconds("geometry") == 40.0
+    run(3.0 * guess)
+    assert statistics.corrected("geometry", 1.0) == pytest.approx(3.0)
+    assert statistics.corrected("geometry", 0.5) == pytest.approx(1.5)
+    run(0.01, size=10)  # says nothing
+    assert statistics.corrected("geometry", 1.0) == pytest.approx(3.0)
+    assert statistics.last_seconds("colors") is None
+
+
+def test_operators_report_how_long_they_took(rounded_box):
+    rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    assert statistics.last_seconds("geometry") > 0
+    assert statistics.last_seconds("denoise") is None
+    bpy.ops.shock_filter.denoise()
+    assert statistics.last_seconds("denoise") > 0
+
+
+def test_other_operators_teach_nothing():
+    statistics.learn(SimpleNamespace(bl_idname="SHOCK_FILTER_OT_dilate_texture", targets=[]), 5.0)
+    assert statistics.last_seconds("texture") is None
+
+
+def test_counting_does_not_read_the_mesh():
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=1000, y_subdivisions=1000)
+    settings = settings_of("geometry")
+    began = time.perf_counter()
+    for _ in range(20):
+        counts = count("geometry")
+        guess = statistics.expected("geometry", settings, counts.size)
+    assert counts.vertices > 1_000_000
+    assert isinstance(guess, Estimate)
+    assert (time.perf_counter() - began) / 20 < 0.05  # reading a million vertices takes longer
