@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The project's chores: ``nox --list`` names them, ``nox -s test`` runs the one named test."""
 
+import argparse
 import ctypes
 import os
+import secrets
 import shutil
 import sys
+import time
 from pathlib import Path
 
 import nox
@@ -20,6 +23,8 @@ for folder in sorted(PYENV.glob("versions/3.1[13].*/bin")):
 
 PYTHON = "3.11"
 
+FUZZ_TESTS = ["tests/fuzz", "tests/addon/test_fuzz_operators.py", "tests/addon/test_memory.py"]
+
 # Blender as a Python package, with the numpy that each version brings along.
 BARE_BLENDER = {
     "4.2": ["bpy==4.2.23", "numpy==1.24.3"],
@@ -27,6 +32,9 @@ BARE_BLENDER = {
     "5.0": ["bpy==5.0.1", "numpy<2"],
     "5.2": ["bpy==5.2.3", "numpy>=2.2,<2.4"],
 }
+
+# For the manual, which the extension's zips carry.
+DOCS = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
 
 # What bpy links to, also when it runs without a window; Debian's packages.
 SYSTEM_LIBRARIES = {
@@ -71,12 +79,13 @@ def provide_system_libraries(session: nox.Session) -> None:
 
 
 def provide_bare_blender(session: nox.Session, version: str) -> str:
-    """Make an environment with bpy and numpy only; return its Python."""
+    """Make an environment with bpy, numpy and what builds the zips; return its Python."""
     folder = Path(session.virtualenv.location) / f"bare-{version}"
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
     session.install("virtualenv")
     session.run_install("virtualenv", "--quiet", str(folder))
-    session.run_install(str(python), "-m", "pip", "install", *BARE_BLENDER[version], external=True)
+    packages = [*BARE_BLENDER[version], *DOCS]
+    session.run_install(str(python), "-m", "pip", "install", *packages, external=True)
     return str(python)
 
 
@@ -92,7 +101,7 @@ def demo(session: nox.Session) -> None:
 def test(session: nox.Session) -> None:
     """Run all tests on one Blender."""
     provide_system_libraries(session)
-    session.install("-e", ".[blender,files,test]")
+    session.install("-e", ".[blender,files,test,docs]")
     bare = provide_bare_blender(session, "4.5")
     session.run("pytest", *session.posargs, env={"SHOCK_FILTER_BARE_PYTHON": bare})
 
@@ -106,8 +115,41 @@ def test(session: nox.Session) -> None:
 def test_blender(session: nox.Session, blender: str) -> None:
     """Install the extension's zip into each supported Blender and run it there."""
     provide_system_libraries(session)
-    session.install(*BARE_BLENDER[blender], "pytest>=8", "pytest-timeout>=2.3")
+    session.install(*BARE_BLENDER[blender], *DOCS, "pytest>=8", "pytest-timeout>=2.3")
     session.run("pytest", "tests/extension", *session.posargs)
+
+
+@nox.session(python=PYTHON)
+@nox.parametrize("debian", [None, "trixie", "sid"], ids=["path", "4.3", "5.2"])
+def test_window(session: nox.Session, debian: str | None) -> None:
+    """Use the extension in Blender's window: the one on the PATH, or Debian's 4.3 and 5.2."""
+    provide_system_libraries(session)
+    session.install(*BARE_BLENDER["4.5"], "pytest>=8", "pytest-timeout>=2.3", "pillow>=11")
+    choice = [f"--debian={debian}"] if debian else []
+    session.run("pytest", "tests/gui", *choice, *session.posargs)
+
+
+@nox.session(python=PYTHON)
+def fuzz(session: nox.Session) -> None:
+    """Look for failures with random input: ``nox -s fuzz -- --minutes 10``."""
+    parser = argparse.ArgumentParser(prog="nox -s fuzz --")
+    parser.add_argument("--minutes", type=float, default=10.0, help="begin no round after that")
+    parser.add_argument("--seed", type=int, default=secrets.randbelow(2**32), help="of a round")
+    parser.add_argument("--bounds", action="store_true", help="check all indices in kernels")
+    options = parser.parse_args(session.posargs)
+    provide_system_libraries(session)
+    session.install("-e", ".[blender,files,test]")
+    env = {"SHOCK_FILTER_FUZZ": "long"}
+    if options.bounds:
+        env |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": session.create_tmp()}
+    end = time.monotonic() + 60 * options.minutes
+    while True:
+        again = f"--seed {options.seed}{' --bounds' if options.bounds else ''}"
+        session.log(f"This round again: nox -s fuzz -- --minutes 0 {again}")
+        session.run("pytest", *FUZZ_TESTS, f"--hypothesis-seed={options.seed}", env=env)
+        options.seed += 1
+        if time.monotonic() > end:
+            break
 
 
 @nox.session(python=PYTHON)
@@ -126,8 +168,15 @@ def lint(session: nox.Session) -> None:
 @nox.session(python=PYTHON)
 def build(session: nox.Session) -> None:
     """Build the extension's zips for all platforms."""
-    session.install(*BARE_BLENDER["4.5"])  # for its blender_ext.py
+    session.install(*BARE_BLENDER["4.5"], *DOCS)  # bpy for its blender_ext.py
     session.run("python", "tools/build_extension.py", *session.posargs)
+
+
+@nox.session(python=PYTHON)
+def docs(session: nox.Session) -> None:
+    """Build the documentation as a site and as the extension's manual; broken links fail."""
+    session.install(*DOCS)
+    session.run("python", "tools/build_docs.py", *session.posargs)
 
 
 @nox.session(python=PYTHON)
@@ -138,3 +187,13 @@ def bench(session: nox.Session) -> None:
     session.run("python", "benchmarks/paper.py", *session.posargs)
     session.run("python", "benchmarks/textures.py", *session.posargs)
     session.run("python", "benchmarks/denoise.py", *session.posargs)
+    session.run("python", "benchmarks/rates.py")
+
+
+@nox.session(python=PYTHON)
+def bench_blender(session: nox.Session) -> None:
+    """Measure Adjust Last Operation and canceling in Blender."""
+    provide_system_libraries(session)
+    session.install("-e", ".[blender]")
+    session.run("python", "benchmarks/redo.py", *session.posargs)
+    session.run("python", "benchmarks/jobs.py")

@@ -41,19 +41,29 @@ class View:
     light: tuple[float, float, float]
 
 
-def render(path: Path, view: View, columns: list[tuple[str, bpy.types.Mesh]], pixels: int) -> None:
+def render(
+    path: Path,
+    view: View,
+    columns: list[tuple[str, bpy.types.Mesh]],
+    pixels: int,
+    textures: list[bpy.types.Image] | None = None,
+) -> None:
     """Render labelled meshes side by side, flat-shaded, each `pixels` wide.
 
-    Flat shading shows each face as it is: smooth shading would hide facets and blur creases. A
-    color attribute named `PAINT` is shown as it is, without light.
+    Flat shading shows each face as it is: smooth shading would hide facets and blur creases. The
+    texture of a column, or else a color attribute named `PAINT`, is shown as it is, without light.
     """
     scene = bpy.data.scenes.new("Picture")
-    painted = PAINT in columns[0][1].attributes
-    clay, ink = _paint() if painted else _clay(view.light), _glowing("Ink")
+    if textures:
+        materials = [_paint(image) for image in textures]
+    else:
+        clay, paint = _clay(view.light), _paint()
+        materials = [paint if PAINT in mesh.attributes else clay for _, mesh in columns]
+    ink = _glowing("Ink")
     label_height = 0.07 * view.size
-    for index, (label, mesh) in enumerate(columns):
+    for index, ((label, mesh), material) in enumerate(zip(columns, materials, strict=True)):
         left = (index - 0.5 * (len(columns) - 1)) * view.size
-        _add_mesh(scene, mesh, view, left, clay)
+        _add_mesh(scene, mesh, view, left, material)
         _add_label(scene, label, (left, -0.5 * view.size), label_height, ink)
     _add_camera(scene, view.size, len(columns), label_height)
     scene.render.resolution_x = pixels * len(columns)
@@ -113,12 +123,16 @@ def _clay(light: tuple[float, float, float]) -> bpy.types.Material:
     return material
 
 
-def _paint() -> bpy.types.Material:
-    """The color attribute, darker where the surface turns away."""
+def _paint(image: bpy.types.Image | None = None) -> bpy.types.Material:
+    """The image or the color attribute, darker where the surface turns away."""
     material = _glowing(PAINT)
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    color = nodes.new("ShaderNodeVertexColor")
-    color.layer_name = PAINT
+    if image is None:
+        color = nodes.new("ShaderNodeVertexColor")
+        color.layer_name = PAINT
+    else:
+        color = nodes.new("ShaderNodeTexImage")
+        color.image = image
     facing = nodes.new("ShaderNodeLayerWeight")
     shade = nodes.new("ShaderNodeMapRange")
     shade.inputs["To Min"].default_value = 1.0

@@ -25,7 +25,7 @@ PAPER = {"time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
 COLORS = {"time": 4096.0}
 PHOTO = {"time": 1024.0}
 
-FACE = View(rotation=(0, 0, -25), centre=(0.12, 0.0), size=2.5, light=(-0.9, -0.6, 0.9))
+FACE = View(rotation=(0, 0, -25), centre=(0.13, 0.0), size=2.65, light=(-0.9, -0.6, 0.9))
 GEAR = View(rotation=(50, 0, 20), centre=(0.0, 0.2), size=2.2, light=(-0.9, -0.3, 0.7))
 
 

@@ -28,6 +28,15 @@ def suzanne(subdivisions: int) -> bpy.types.Object:
     return obj
 
 
+def ball(subdivisions: int) -> bpy.types.Object:
+    """A cube with six charts, subdivided until it is round."""
+    bpy.ops.mesh.primitive_cube_add()
+    obj = bpy.context.object
+    obj.modifiers.new("Subdivision", "SUBSURF").levels = subdivisions
+    bpy.ops.object.modifier_apply(modifier="Subdivision")
+    return obj
+
+
 def gear(spacing: float) -> bpy.types.Object:
     """A gear with a raised hub and a bore, of triangles with edges about `spacing` long.
 

@@ -23,6 +23,7 @@ WHEELS = ROOT / ".wheels"
 DIST = ROOT / "dist"
 MANIFEST = "blender_manifest.toml"
 CONTENT = ["__init__.py", "LICENSE", "README.md", "core", "shock_addon"]
+MANUAL = "manual"
 MEGABYTE = 1_000_000
 SIZE_LIMIT = 110 * MEGABYTE
 
@@ -63,7 +64,7 @@ def run(command: list[str]) -> None:
         raise SystemExit(f"No zip was built: exit status {code} of `{' '.join(command)}`.")
 
 
-def download_wheels(platform: str, python: str) -> list[Path]:
+def download_wheels(platform: str, python: str, requirements: list[str]) -> list[Path]:
     """Return the pinned wheels, fetched by pip unless they are in ``.wheels/`` already."""
     folder = WHEELS / f"{platform}-python{python}"
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
@@ -71,7 +72,7 @@ def download_wheels(platform: str, python: str) -> list[Path]:
     command += ["--implementation=cp", f"--python-version={python}"]
     command += [f"--platform={tag}" for tag in PLATFORMS[platform]]
     wheels = []
-    for requirement in REQUIREMENTS_ON.get(platform, REQUIREMENTS):
+    for requirement in requirements:
         pattern = requirement.replace("==", "-") + "-*.whl"
         if not list(folder.glob(pattern)):
             run([*command, requirement])
@@ -79,9 +80,19 @@ def download_wheels(platform: str, python: str) -> list[Path]:
     return wheels
 
 
+def build_manual() -> None:
+    """Build the manual, or say that the zips keep the last one or have none."""
+    if importlib.util.find_spec("mkdocs"):
+        run([sys.executable, str(ROOT / "tools" / "build_docs.py"), "--manual"])
+    else:
+        has = "an old manual" if (ROOT / MANUAL).is_dir() else "no manual"
+        print(f"mkdocs is missing, so the zips have {has}; `python3 -m nox -s build` installs it.")
+
+
 def copy_content(stage: Path) -> None:
     """Copy what Blender needs of the repository into `stage`."""
-    for name in CONTENT:
+    manual = [MANUAL] if (ROOT / MANUAL).is_dir() else []
+    for name in CONTENT + manual:
         if (ROOT / name).is_dir():
             shutil.copytree(
                 ROOT / name, stage / name, ignore=shutil.ignore_patterns("__pycache__", ".*")
@@ -120,13 +131,16 @@ def blender_ext(*arguments: str) -> None:
     run([sys.executable, str(found[-1]), *arguments])
 
 
-def build(platform: str, name: str) -> Path:
-    """Build and validate the zip for one platform and one Blender series."""
-    series = SERIES[name]
+def zip_path(platform: str, name: str) -> Path:
+    """Return where the zip for one platform and one Blender series goes."""
     version = tomllib.loads((ROOT / MANIFEST).read_text(encoding="utf-8"))["version"]
     label = f"{platform.replace('-', '_')}-blender{name.replace('.', '')}"
-    target = DIST / f"shock_filter-{version}-{label}.zip"
-    wheels = download_wheels(platform, series.python)
+    return DIST / f"shock_filter-{version}-{label}.zip"
+
+
+def build(platform: str, series: Series, requirements: list[str], target: Path) -> Path:
+    """Build and validate the zip for one platform and one Blender series."""
+    wheels = download_wheels(platform, series.python, requirements)
     with tempfile.TemporaryDirectory() as folder:
         stage = Path(folder)
         copy_content(stage)
@@ -151,7 +165,12 @@ def main() -> None:
     parser.add_argument("--series", nargs="+", choices=SERIES, default=list(SERIES))
     arguments = parser.parse_args()
     DIST.mkdir(exist_ok=True)
-    zips = [build(p, s) for p in arguments.platform for s in arguments.series]
+    build_manual()
+    zips = [
+        build(p, SERIES[s], REQUIREMENTS_ON.get(p, REQUIREMENTS), zip_path(p, s))
+        for p in arguments.platform
+        for s in arguments.series
+    ]
     for path in zips:
         print(f"{path.stat().st_size / MEGABYTE:6.1f} MB  {path.name}")
 

@@ -12,6 +12,8 @@ import os
 import sys
 import time
 from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
 
 RESOURCES, REPORT, *ZIP = sys.argv[1:]
 os.environ["BLENDER_USER_RESOURCES"] = RESOURCES  # bpy reads it when it is imported
@@ -164,6 +166,14 @@ def denoise_image() -> dict[str, object]:
     return {"result": sorted(result), "noises": noises}
 
 
+def manual_pages() -> dict[str, str]:
+    """Return what a right click opens on a button and on a setting."""
+    from bl_operators.wm import WM_OT_doc_view_manual
+
+    names = ("bpy.ops.shock_filter.denoise", "bpy.types.SHOCK_FILTER_PG_geometry.time")
+    return {name: WM_OT_doc_view_manual._lookup_rna_url(name, verbose=False) for name in names}
+
+
 def is_registered() -> bool:
     """Tell whether Blender knows the operator."""
     return hasattr(bpy.types, "SHOCK_FILTER_OT_sharpen_geometry")
@@ -192,6 +202,10 @@ report["image"] = sharpen_image()
 report["texture"] = sharpen_texture()
 report["denoise"] = denoise()
 report["denoise_image"] = denoise_image()
+report["manual"] = manual_pages()
+report["manual_is_there"] = all(
+    Path(url2pathname(urlparse(url).path)).is_file() for url in report["manual"].values()
+)
 report["extension_after"] = files_below(installed_extension())
 report["places"] = {name: importlib.util.find_spec(name).origin for name in HEAVY}
 user_folder = Path(bpy.utils.extension_path_user(MODULE))

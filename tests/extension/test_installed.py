@@ -1,52 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The zip, installed into a Blender that has neither scipy nor numba.
-
-``SHOCK_FILTER_BARE_PYTHON`` names the Python to use, one with bpy and numpy only; without it the
-Python that runs pytest is used. The sessions of noxfile.py provide both.
-"""
+"""The zip, installed into a Blender that has neither scipy nor numba."""
 
 import json
-import os
-import subprocess
-import sys
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-PYTHON = os.environ.get("SHOCK_FILTER_BARE_PYTHON", sys.executable)
 HEAVY = {"numba", "llvmlite", "scipy"}
-
-
-def run(*command: str | Path) -> str:
-    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
-    done = subprocess.run(
-        [PYTHON, *map(str, command)],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, f"exit status {done.returncode}:\n{done.stdout[-5000:]}"
-    return done.stdout
+MANUAL = "manual"
 
 
 @pytest.fixture(scope="module")
-def extension_zip(root: Path) -> Path:
-    """Build the zip for the Blender at hand from the present source."""
-    version = run("-c", "import bpy; print(*bpy.app.version[:2], sep='.')").split()[-1]
-    series = "4.2" if tuple(map(int, version.split("."))) < (5, 1) else "5.1"
-    output = run(
-        root / "tools" / "build_extension.py", "--platform", "linux-x64", "--series", series
-    )
-    return root / "dist" / output.split()[-1]
-
-
-@pytest.fixture(scope="module")
-def processes(extension_zip: Path):
+def processes(extension_zip: Path, run: Callable[..., str]):
     """Reports of two Blender processes: the first installs the zip, the second finds it there."""
     script = Path(__file__).with_name("blender_process.py")
     with tempfile.TemporaryDirectory() as folder:
@@ -78,6 +46,7 @@ def test_zip_holds_the_extension_and_nothing_else(extension_zip):
         "__init__.py",
         "blender_manifest.toml",
         "core",
+        "manual",
         "shock_addon",
         "wheels",
     }
@@ -125,6 +94,14 @@ def test_libraries_come_from_the_extensions_own_wheels(first):
     assert first["places"].keys() == HEAVY
     for place in first["places"].values():
         assert "/extensions/.local/lib/" in place
+
+
+def test_right_click_leads_into_the_extensions_own_manual(first, second):
+    for process in (first, second):
+        for url in process["manual"].values():
+            assert url.isascii() and url.startswith("file:///")
+            assert f"/{MANUAL}/" in url
+    assert all(process["manual_is_there"] for process in (first, second))
 
 
 def test_disabling_leaves_nothing_registered(first):
