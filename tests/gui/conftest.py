@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender under a virtual screen, with the extension's zip installed in it.
+
+``pytest tests/gui`` takes the Blender on the PATH; ``--debian trixie`` (or ``sid``) makes one from
+Debian's packages, in ``--folder``. Where neither can be had, one line says so and nothing fails.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMIT = 420.0
+
+# What differs from the released zips, where Blender's Python is not the one of its series. There
+# are no earlier wheels for Python 3.14, and no earlier numba takes Debian's numpy 2.4.
+REQUIREMENTS = {"3.14": ["scipy==1.16.3", "numba==0.64.0", "llvmlite==0.46.0"]}
+
+
+def tool(name: str) -> ModuleType:
+    """Import one of the scripts in ``tools/``."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+window_blender = tool("window_blender")
+build_extension = tool("build_extension")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the choice of Blender, and where pictures go."""
+    parser.addoption("--debian", choices=window_blender.SUITES, help="a Debian suite's Blender")
+    parser.addoption("--folder", type=Path, help="where that Blender is, or is put")
+    parser.addoption("--pictures", type=Path, help="where to put pictures of all modes")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave time for making a Blender; each of its processes has a limit of its own."""
+    for item in items:
+        item.add_marker(pytest.mark.timeout(window_blender.MAKING_LIMIT + LIMIT))
+
+
+@pytest.fixture(scope="session")
+def blender(request: pytest.FixtureRequest):
+    """Return the Blender to test in, or end the run with the reason why there is none."""
+    suite = request.config.getoption("--debian", None)
+    folder = request.config.getoption("--folder", None) or ROOT / ".nox" / f"blender-{suite}"
+    try:
+        return window_blender.provide(suite, folder) if suite else window_blender.installed()
+    except window_blender.Unavailable as reason:
+        what = f"Debian {suite}'s Blender" if suite else "the Blender on the PATH"
+        pytest.exit(f"The window tests were not run with {what}: {reason}.", returncode=0)
+
+
+@pytest.fixture(scope="session")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder for all that Blender reads and writes, with the scenarios in it."""
+    folder = tmp_path_factory.mktemp("blender")
+    (folder / "resources").mkdir()
+    shutil.copytree(Path(__file__).parent / "inside", folder / "inside")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def versions(blender, work: Path) -> dict[str, str]:
+    """Return the versions of Blender and of its Python."""
+    code = "import bpy,sys; print('VERSIONS', bpy.app.version_string, *sys.version_info[:2])"
+    done = blender.run(work, "blender", "-b", "--factory-startup", "--python-expr", code)
+    line = next(line for line in done.stdout.splitlines() if line.startswith("VERSIONS"))
+    *words, major, minor = line.split()[1:]
+    return {"blender": words[0], "python": f"{major}.{minor}"}
+
+
+@pytest.fixture(scope="session")
+def installed(blender, work: Path, versions: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """Install and enable the extension's zip from the command line, as users do."""
+    python = versions["python"]
+    known = {*REQUIREMENTS, *(series.python for series in build_extension.SERIES.values())}
+    if python not in known:
+        pytest.exit(
+            f"The window tests were not run with Blender {versions['blender']}: its Python"
+            f" {python} has no entry in tests/gui/conftest.py's REQUIREMENTS.",
+            returncode=0,
+        )
+    build_extension.build(
+        "linux-x64",
+        build_extension.Series(first="4.2.0", end=None, python=python),
+        REQUIREMENTS.get(python, build_extension.REQUIREMENTS),
+        work / "extension.zip",
+    )
+    zip_seen = str(blender.seen(work) / "extension.zip")
+    install = ["blender", "--command", "extension", "install-file", "-r", "user_default"]
+    return blender.run(work, *install, "--enable", zip_seen, limit=240.0)
+
+
+@pytest.fixture(scope="session")
+def play(blender, work: Path, installed, versions, request) -> Callable[[str], dict]:
+    """Return a function that runs a scenario in Blender, once, and returns its report."""
+    reports: dict[str, dict] = {}
+    assert installed.returncode == 0, installed.stdout
+
+    def play_once(name: str) -> dict:
+        if name not in reports:
+            reports[name] = _play(blender, work, name)
+            target = request.config.getoption("--pictures", None)
+            if target:
+                _keep_pictures(work / name, target, ".".join(versions["blender"].split(".")[:2]))
+        return reports[name]
+
+    return play_once
+
+
+def _play(blender, work: Path, name: str) -> dict:
+    (work / name).mkdir()
+    seen = blender.seen(work)
+    window = ["--window-geometry", "0", "0", "1600", "900"]
+    script = ["--python-exit-code", "1", "--python", str(seen / "inside" / "play.py")]
+    targets = [name, str(seen / name / "report.json"), str(seen / name)]
+    done = blender.run(work, "blender", *window, *script, "--", *targets, screen=True, limit=LIMIT)
+    path = work / name / "report.json"
+    report = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    report.update(code=done.returncode, output=done.stdout)
+    return report
+
+
+def _keep_pictures(source: Path, target: Path, version: str) -> None:
+    import numpy as np
+    from PIL import Image
+
+    target.mkdir(parents=True, exist_ok=True)
+    for path in sorted(source.glob("*.npy")):
+        image = Image.fromarray(np.load(path)).quantize(48, dither=Image.Dither.NONE)
+        image.save(target / f"{version}-{path.stem}.png", optimize=True)

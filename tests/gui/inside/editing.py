@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Changing a setting after the run, other modes of the 3D view, menus and search."""
+
+import bpy
+import scene
+from harness import (
+    DRAWN,
+    Steps,
+    area,
+    button,
+    click,
+    colors,
+    drag,
+    finished,
+    last_operator,
+    mark,
+    marked,
+    open_tab,
+    over,
+    park,
+    picture,
+    positions,
+    press,
+    region,
+    report,
+    run,
+    type_text,
+    whole_window,
+)
+
+
+def scenario() -> Steps:
+    """Go through them, always with the same object and undoing each."""
+    scene.clear()
+    scene.add_monkey("Monkey", 2)
+    scene.look()
+    yield from open_tab()
+    yield from park()
+    bpy.ops.ed.undo_push(message="Start")
+    report["start"] = state()
+    yield from drag_in_last_operators_panel()
+    yield from search()
+    for mode, operator, settings in (
+        ("EDIT", "sharpen_geometry", {}),
+        ("SCULPT", "denoise", {"target": "geometry"}),
+        ("VERTEX_PAINT", "sharpen_colors", {}),
+    ):
+        report[mode] = {}
+        yield from in_mode(mode, operator, settings, report[mode])
+    yield from from_menu()
+    yield from from_preset()
+
+
+def drag_in_last_operators_panel() -> Steps:
+    """Run, open what F9 opens, drag the number on top (the time), and undo."""
+    seen = report["redo_panel"] = {}
+    run("sharpen_geometry", time=16.0)
+    yield from finished()
+    seen["first"] = state()
+    yield from mark("num", True)
+    before = marked(whole_window())
+    yield from park()
+    with over():
+        bpy.ops.screen.redo_last("INVOKE_DEFAULT")
+    yield DRAWN
+    for _ in range(10):
+        new = [place for place in marked(whole_window()) if place not in before]
+        if new:
+            break
+        yield DRAWN
+    seen["numbers"] = len(new)
+    yield from drag(new[0], 60)
+    seen["time"] = bpy.context.window_manager.operators[-1].properties.time
+    seen["dragged"] = state()
+    # Leaving it closes it up to 4.3, a click outside in 5.2; the header is empty there.
+    yield from park()
+    yield DRAWN
+    header = region("VIEW_3D", "HEADER")
+    x, y = header.x + 0.33 * header.width, header.y + header.height // 2
+    yield from click((x, y, x, y))
+    yield DRAWN
+    yield from mark("num", False)
+    yield from park()
+    yield from press("ctrl+z")
+    seen["undone"] = state()
+
+
+def search() -> Steps:
+    """Find the operator by its name in what F3 opens, and run it."""
+    seen = report["search"] = {}
+    with over():
+        bpy.ops.wm.search_menu("INVOKE_DEFAULT")
+    yield DRAWN
+    yield from type_text("Sharpen Geometry")
+    yield from press("Return")
+    yield from finished()
+    seen["last"] = last_operator()
+    seen["done"] = state()
+    yield from press("ctrl+z")
+    seen["undone"] = state()
+
+
+def in_mode(mode: str, operator: str, settings: dict, seen: dict) -> Steps:
+    """Run in another mode than Object Mode; undo returns to that mode as it was."""
+    with over():
+        bpy.ops.object.mode_set(mode=mode)
+        if mode == "EDIT":
+            bpy.ops.mesh.select_all(action="SELECT")
+        bpy.ops.ed.undo_push(message="Mode")
+    yield DRAWN
+    yield from park()
+    seen["start"] = state()
+    seen["started"] = run(operator, **settings)
+    yield from finished()
+    seen["done"] = state()
+    yield from press("ctrl+z")
+    seen["undone"] = state()
+    yield from press("ctrl+shift+z")
+    seen["redone"] = state()
+    yield from press("ctrl+z")
+    with over():
+        bpy.ops.object.mode_set(mode="OBJECT")
+    yield DRAWN
+
+
+def from_preset() -> Steps:
+    """Click on the entry of the list of presets that Blender puts under the mouse."""
+    seen = report["preset"] = {}
+    settings = bpy.context.scene.shock_filter.geometry
+    with over():
+        bpy.ops.object.mode_set(mode="OBJECT")
+    yield from park()
+    with over():
+        bpy.ops.wm.call_panel(name="SHOCK_FILTER_PT_geometry_presets", keep_open=False)
+    yield DRAWN
+    picture("presets", area("VIEW_3D"))
+    seen["start"] = values(settings)
+    button("click")
+    yield 2 * DRAWN
+    seen["chosen"] = values(settings)
+
+
+def values(settings: bpy.types.PropertyGroup) -> dict:
+    """Return the values of all settings."""
+    names = [p.identifier for p in settings.bl_rna.properties if not p.is_readonly]
+    return {name: getattr(settings, name) for name in names}
+
+
+def from_menu() -> Steps:
+    """Run what stands last in the menu of Vertex Paint."""
+    seen = report["menu"] = {}
+    with over():
+        bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+        bpy.ops.ed.undo_push(message="Mode")
+    yield DRAWN
+    seen["start"] = state()
+    yield from park()
+    with over():
+        bpy.ops.wm.call_menu(name="VIEW3D_MT_paint_vertex")
+    yield DRAWN
+    yield from press("End", "Return")
+    yield from finished()
+    seen["last"] = last_operator()
+    seen["done"] = state()
+
+
+def state() -> dict[str, str]:
+    """Return the mode and what may change in it."""
+    mode = bpy.data.objects["Monkey"].mode
+    return {"mode": mode, "positions": positions("Monkey"), "colors": colors("Monkey")}

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What shows before a run what it will do: Show Flow and Preview."""
+
+import bpy
+import numpy as np
+import scene
+from harness import (
+    DRAWN,
+    Steps,
+    addon,
+    area,
+    button,
+    buttons,
+    click,
+    colors,
+    crop,
+    different,
+    finished,
+    last_operator,
+    move,
+    open_tab,
+    park,
+    picture,
+    positions,
+    press,
+    region,
+    report,
+    run,
+)
+
+PREVIEW, FLOW = 1, 2
+"""Numbers of buttons in the tab, from the top; 0 is the main one."""
+
+
+def scenario() -> Steps:
+    """Show and hide the flow; preview each mode, drop it, and apply it."""
+    scene.clear()
+    scene.add_monkey("Monkey", 3)
+    scene.look()
+    yield from open_tab()
+    yield from park()
+    bpy.ops.ed.undo_push(message="Start")
+    yield DRAWN
+    report["start"] = state()
+    for mode in ("geometry", "colors"):
+        bpy.context.scene.shock_filter.mode = mode.upper()
+        report[f"flow_{mode}"] = {}
+        yield from flow(mode, report[f"flow_{mode}"])
+    for mode in ("geometry", "colors", "denoise"):
+        area("VIEW_3D").spaces.active.shading.color_type = (
+            "VERTEX" if mode == "colors" else "MATERIAL"
+        )
+        bpy.context.scene.shock_filter.mode = mode.upper()
+        report[f"preview_{mode}"] = {}
+        yield from preview(mode, report[f"preview_{mode}"])
+    yield from new_file_during_both()
+
+
+def flow(mode: str, seen: dict) -> Steps:
+    """Show the flow, and hide it again, by clicks."""
+    yield DRAWN
+    before = object_seen()
+    places = yield from buttons()
+    seen["buttons"] = len(places)
+    for _ in range(3):
+        yield from click(places[FLOW])
+        yield from park()
+        yield from finished()
+        yield from park()
+        names = bpy.data.objects["Monkey"].data.attributes.keys()
+        seen.setdefault("shown", []).append(addon("flow_overlay").shown_object())
+        seen["attributes"] = sorted(name for name in names if "shock_" in name)
+        seen.setdefault("pixels", []).append(different(before, object_seen()))
+    picture(f"flow-{mode}", area("VIEW_3D"))
+    run("show_flow", mode=mode)
+    yield from finished()
+
+
+def preview(mode: str, seen: dict) -> Steps:
+    """Drag and press Esc; then drag, turn the wheel and press Enter, and undo."""
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    places = yield from buttons()
+    yield from click(places[PREVIEW])
+    yield from drag(places[PREVIEW][0], places[PREVIEW][1])
+    seen["dragged"] = state()
+    picture(f"preview-{mode}", area("VIEW_3D"), width=1200)
+    yield from press("Escape")
+    yield DRAWN
+    seen["dropped"] = state()
+    before = settings.time
+    yield from park()
+    seen["started"] = run("preview", mode=mode)
+    yield from drag(*middle())
+    for _ in range(2):
+        button("click", 4)
+        yield 0.3
+    yield from press("Return")
+    yield from finished()
+    seen["applied"] = state()
+    seen["times"] = [before, settings.time]
+    seen["last"] = last_operator()
+    yield from park()
+    yield from press("ctrl+z")
+    seen["undone"] = state()
+
+
+def drag(x: float, y: float) -> Steps:
+    """Move the mouse to the right, and wait for what the preview shows then."""
+    before = state()
+    for step in range(11):
+        move(x + 12 * step, y)
+        yield 0.2
+    for _ in range(240):  # seconds: the first result may need kernels to be compiled
+        if state() != before:
+            break
+        yield DRAWN
+    yield 3 * DRAWN
+
+
+def middle() -> tuple[float, float]:
+    """Return a place in the 3D view."""
+    place = region("VIEW_3D")
+    return place.x + place.width * 0.4, place.y + place.height * 0.5
+
+
+def new_file_during_both() -> Steps:
+    """Start a new file while the flow is shown and a preview is under way."""
+    run("show_flow", mode="geometry")
+    yield from finished()
+    run("preview", mode="geometry")
+    yield from drag(*middle())
+    bpy.ops.wm.read_homefile(app_template="")
+    yield DRAWN
+    report["new_file"] = {
+        "shown": addon("flow_overlay").shown_object(),
+        "objects": sorted(bpy.data.objects.keys()),
+    }
+
+
+def object_seen() -> np.ndarray:
+    """Return the picture of the 3D view without the sidebar."""
+    whole = region("VIEW_3D")
+    return crop(whole)[:, : int(0.7 * whole.width)]
+
+
+def state() -> dict[str, str]:
+    """Return what a preview changes."""
+    return {"positions": positions("Monkey"), "colors": colors("Monkey")}

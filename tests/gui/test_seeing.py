@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Show Flow and Preview show something, and leave nothing behind."""
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def report(play):
+    return play("seeing")
+
+
+def test_scenario_ran_to_its_end(report):
+    assert report["code"] == 0, report["output"]
+    assert report.get("ended"), report.get("traceback")
+    assert "Traceback" not in report["output"]
+
+
+@pytest.mark.parametrize("mode", ["geometry", "colors"])
+def test_flow_is_drawn_and_hidden_again(report, mode):
+    seen = report[f"flow_{mode}"]
+    assert seen["buttons"] == 3
+    assert seen["attributes"] == ["shock_flow", "shock_potential"]
+    assert seen["shown"] == ["Monkey", None, "Monkey"]
+    shown, hidden, shown_again = seen["pixels"]
+    assert shown > 5000
+    assert hidden < 500
+    assert shown_again == pytest.approx(shown, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("mode", "changed"), [("geometry", "positions"), ("colors", "colors"), ("denoise", "positions")]
+)
+def test_preview_changes_what_is_seen_and_escape_restores_it_exactly(report, mode, changed):
+    seen = report[f"preview_{mode}"]
+    assert seen["dragged"][changed] != report["start"][changed]
+    assert seen["dropped"] == report["start"]
+
+
+@pytest.mark.parametrize(
+    ("mode", "changed"), [("geometry", "positions"), ("colors", "colors"), ("denoise", "positions")]
+)
+def test_preview_is_applied_as_one_run_of_the_operator(report, mode, changed):
+    seen = report[f"preview_{mode}"]
+    assert seen["started"] == ["RUNNING_MODAL"]
+    before, after = seen["times"]
+    assert after > before
+    assert seen["last"].startswith("SHOCK_FILTER_OT_")
+    assert seen["applied"][changed] != report["start"][changed]
+    assert seen["undone"] == report["start"]
+
+
+def test_new_file_ends_both(report):
+    assert report["new_file"]["shown"] is None
+    assert "Monkey" not in report["new_file"]["objects"]
