@@ -24,6 +24,9 @@ TOLERANCE = 3e-3
 LEAST_MOVE = 1e-6
 """Moves below this many mean edge lengths are left out: the solver's rounding is of that size."""
 
+ROUNDING = 4e-16
+"""Sums below this part of their terms count as 0."""
+
 LEAST_WEIGHT = 1e-6
 """Mask weights up to this one count as 0."""
 
@@ -217,9 +220,12 @@ def _turning(start, stop, vertices, faces, corner_start, corners, normals, targe
             ey = vertices[b, 1] - vertices[a, 1]
             ez = vertices[b, 2] - vertices[a, 2]
             tx, ty, tz = targets[f, 0], targets[f, 1], targets[f, 2]
-            along = 0.5 * (
-                tx * (ny * ez - nz * ey) + ty * (nz * ex - nx * ez) + tz * (nx * ey - ny * ex)
-            )
+            x1, x2, y1, y2, z1, z2 = ny * ez, nz * ey, nz * ex, nx * ez, nx * ey, ny * ex
+            along = 0.5 * (tx * (x1 - x2) + ty * (y1 - y2) + tz * (z1 - z2))
+            terms = abs(tx) * (abs(x1) + abs(x2)) + abs(ty) * (abs(y1) + abs(y2))
+            terms += abs(tz) * (abs(z1) + abs(z2))
+            if abs(along) <= ROUNDING * terms:
+                continue  # the face's own normal, up to rounding
             right[v, 0] -= along * tx
             right[v, 1] -= along * ty
             right[v, 2] -= along * tz

@@ -58,6 +58,8 @@ class _ModePresets(PresetPanel):
     """The list that the header's button opens."""
 
     mode: str
+    preset_subdir: str
+    preset_add_operator: str
     preset_operator = "script.execute_preset"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -69,7 +71,19 @@ class _ModePresets(PresetPanel):
             operator = column.operator("shock_filter.use_preset", text=preset.name)
             operator.mode, operator.name = self.mode, preset.name
         layout.separator()
-        super().draw(context)
+        if bpy.utils.preset_paths(self.preset_subdir):
+            super().draw(context)
+        else:  # Blender would name the folder as missing
+            _draw_new(layout, context, self.preset_add_operator)
+
+
+def _draw_new(layout: bpy.types.UILayout, context: bpy.types.Context, add_operator: str) -> None:
+    """Draw a field for a name, and the button that adds a preset of that name."""
+    row = layout.row()
+    field = row.row()
+    field.emboss = "NORMAL"
+    field.prop(context.window_manager, "preset_name", text="")
+    row.operator(add_operator, text="", icon="ADD").name = context.window_manager.preset_name
 
 
 def _panel(mode: str) -> type:

@@ -10,7 +10,7 @@ import bpy
 from bpy.app.translations import pgettext_iface
 
 _PIXELS_PER_LETTER = 6.4
-_WIDE_LETTER = 1.6  # letters
+_WIDE_LETTER = 1.8  # letters
 _SIDES = 45.0  # pixels of a sidebar beside what is drawn
 _EDGES = 6.0  # pixels of a button beside its words
 _ICON = 40.0  # pixels, with some to spare for wide letters

@@ -93,3 +93,13 @@ def test_a_mesh_that_denoising_draws_to_a_point_is_not_sharpened(wings):
     positions, result = denoise_jointly(mesh, np.full_like(colors, 0.5), joint, 16.0)
     assert np.ptp(positions, axis=0).max() < 1e-6
     assert (result == 0.5).all()
+
+
+@pytest.mark.parametrize("radius", [5.0, 1e6])
+def test_own_normals_leave_needles_in_place(radius):
+    random = np.random.default_rng(0)
+    vertices = random.normal(size=(30, 3)) * [1e-5, 1.0, 1e5]
+    mesh = core.TriangleMesh(vertices, random.integers(0, 30, size=(40, 3)))
+    own = np.where(mesh.flipped[:, None], -mesh.normals, mesh.normals)
+    fitted = core.fit_to_normals(mesh, own, core.FitSettings(screening_radius=radius))
+    np.testing.assert_array_equal(fitted, mesh.vertices)
