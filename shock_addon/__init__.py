@@ -13,24 +13,19 @@ from . import (
     colors_operator,
     command_line,
     denoise_operator,
-    flow_operator,
-    flow_overlay,
     geometry_operator,
-    image_data,
     image_operator,
     jobs,
     kernels,
-    manual,
-    menus,
-    panels,
-    presets,
-    preview,
     properties,
     statistics,
-    surface,
     texture_operator,
-    translations,
 )
+from .data import image_data
+from .filters import surface
+from .flow import flow_operator, flow_overlay
+from .panel import manual, menus, panels, presets, translations
+from .preview import preview_operator
 
 _CLASSES = (
     *jobs.CLASSES,
@@ -40,7 +35,7 @@ _CLASSES = (
     *image_operator.CLASSES,
     *texture_operator.CLASSES,
     *flow_operator.CLASSES,
-    *preview.CLASSES,
+    *preview_operator.CLASSES,
     *presets.CLASSES,
     *panels.CLASSES,
     *menus.CLASSES,
@@ -71,14 +66,14 @@ def register() -> None:
     menus.register()
     manual.register()
     command_line.register()
-    preview.register()
+    preview_operator.register()
     bpy.app.handlers.load_pre.append(_forget_surfaces)
 
 
 def unregister() -> None:
     """Stop what is running and remove everything again, in reverse order."""
     atexit.unregister(_unregister_at_exit)
-    preview.unregister()
+    preview_operator.unregister()
     jobs.stop_all()
     flow_overlay.hide()
     bpy.app.handlers.load_pre.remove(_forget_surfaces)

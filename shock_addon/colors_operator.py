@@ -7,11 +7,11 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import ShockSettings
-from .color_data import read_colors, write_colors
-from .coloring import sharpen_colors
+from .data.color_data import read_colors, write_colors
+from .filters.coloring import sharpen_colors
+from .filters.recolored import describe
 from .operators import MeshOperator, counted
 from .properties import ColorProperties
-from .recolored import describe
 
 
 class SHOCK_FILTER_OT_sharpen_colors(MeshOperator, ColorProperties, bpy.types.Operator):

@@ -281,8 +281,8 @@ def _draw_mask(
     import numpy as np
 
     from ..core.texture_files import mask_outcome, mask_pixels
-    from .texture_data import EVERYWHERE, read_faces
-    from .texturing import analyse
+    from .data.texture_data import EVERYWHERE, read_faces
+    from .filters.texturing import analyse
 
     try:
         faces, _, skipped = read_faces(bpy.context, objects, None, EVERYWHERE)

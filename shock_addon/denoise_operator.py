@@ -12,8 +12,10 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
-from .color_data import check_unchanged, read_colors, write_colors
-from .denoising import (
+from .data.color_data import check_unchanged, read_colors, write_colors
+from .data.geometry_data import Place, read_geometry, write_geometry
+from .data.mesh_data import Target, find
+from .filters.denoising import (
     Both,
     Denoising,
     PaintedSurface,
@@ -22,10 +24,9 @@ from .denoising import (
     denoise_picture,
     denoise_shape,
 )
-from .geometry_data import Place, read_geometry, write_geometry
+from .filters.recolored import Recolored, describe
 from .geometry_operator import describe_moves, notes
 from .image_operator import ImageOperator
-from .mesh_data import Target, find
 from .operators import Filter, MeshOperator, counted
 from .properties import (
     COLOR_PREFIX,
@@ -34,7 +35,6 @@ from .properties import (
     denoise_names,
     settings_from,
 )
-from .recolored import Recolored, describe
 
 _ADVICE = "for more noise raise Time or lower Keep Edges"
 

@@ -10,10 +10,10 @@ import numpy as np
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import GeometrySettings
-from .geometry_data import read_geometry, write_geometry
+from .data.geometry_data import read_geometry, write_geometry
+from .filters.sharpening import Sharpened, sharpen
 from .operators import MeshOperator, counted
 from .properties import GeometryProperties
-from .sharpening import Sharpened, sharpen
 
 _HARDLY_SEEN = 0.02  # mean edge lengths
 

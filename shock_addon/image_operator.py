@@ -9,12 +9,13 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import ImageSettings
-from . import image_data, obstacles
-from .image_data import edited_image
+from . import obstacles
+from .data import image_data
+from .data.image_data import edited_image
+from .filters.picture import sharpen_picture
+from .filters.recolored import Recolored, describe
 from .operators import Filter, SharpenOperator, can_run, write_results
-from .picture import sharpen_picture
 from .properties import ImageProperties
-from .recolored import Recolored, describe
 from .skipped import Skipped, sentences
 
 

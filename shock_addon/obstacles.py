@@ -8,10 +8,10 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from .image_data import edited_image, refusal
-from .mesh_data import mesh_objects
+from .data.image_data import edited_image, refusal
+from .data.mesh_data import mesh_objects
+from .data.texture_data import shown_image
 from .skipped import Skipped
-from .texture_data import shown_image
 
 _CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 

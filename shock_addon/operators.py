@@ -21,8 +21,8 @@ from ..core.errors import (
     SolverError,
 )
 from . import kernels, obstacles, statistics
+from .data.mesh_data import object_mode, read_targets
 from .jobs import ModalJob, Work, current
-from .mesh_data import object_mode, read_targets
 from .properties import settings_from
 from .skipped import Skipped, sentences
 

@@ -24,11 +24,11 @@ from ..core.settings import (
     ShockSettings,
     TextureSettings,
 )
-from .image_data import edited_image
-from .mesh_data import mesh_objects
+from .data.image_data import edited_image
+from .data.mesh_data import mesh_objects
+from .data.texture_data import shown_image
 from .properties import COLOR_PREFIX, settings_from
 from .skipped import Skipped
-from .texture_data import shown_image
 
 _MODES = {
     "SHOCK_FILTER_OT_denoise": "denoise",

@@ -10,15 +10,16 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import DilateSettings, TextureSettings
-from . import image_data, obstacles
-from .image_data import edited_image
-from .mesh_data import mesh_objects
+from . import obstacles
+from .data import image_data
+from .data.image_data import edited_image
+from .data.mesh_data import mesh_objects
+from .data.texture_data import EVERYWHERE, TextureTarget, assign, read_texture, shown_image
+from .filters.recolored import Recolored, describe, recolored
+from .filters.texturing import Retextured, dilate_texture, sharpen_texture
 from .operators import Filter, SharpenOperator, can_run, counted, write_results
 from .properties import DilateProperties, TextureProperties, texture_image
-from .recolored import Recolored, describe, recolored
 from .skipped import Skipped, sentences
-from .texture_data import EVERYWHERE, TextureTarget, assign, read_texture, shown_image
-from .texturing import Retextured, dilate_texture, sharpen_texture
 
 _OF_ONE_RUN = {
     "image": texture_image({"SKIP_SAVE"}),

@@ -6,15 +6,16 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon import denoise_operator, menus, operators, panels, properties
-from shock_filter.shock_addon.denoising import Denoising, denoise_both
-from shock_filter.shock_addon.fields import fields_of
-from shock_filter.shock_addon.mesh_data import (
+from shock_filter.shock_addon import denoise_operator, operators, properties
+from shock_filter.shock_addon.data.mesh_data import (
     read_corner_vertices,
     read_positions,
     read_targets,
     write_positions,
 )
+from shock_filter.shock_addon.fields import fields_of
+from shock_filter.shock_addon.filters.denoising import Denoising, denoise_both
+from shock_filter.shock_addon.panel import menus, panels
 
 denoise = bpy.ops.shock_filter.denoise
 

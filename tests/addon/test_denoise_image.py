@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon import image_data, operators, panels
+from shock_filter.shock_addon import operators
+from shock_filter.shock_addon.data import image_data
 from shock_filter.shock_addon.fields import fields_of
+from shock_filter.shock_addon.panel import panels
 
 denoise = bpy.ops.shock_filter.denoise_image
 

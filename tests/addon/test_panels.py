@@ -8,16 +8,9 @@ import bpy
 import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
-from shock_filter.shock_addon import (
-    flow_overlay,
-    jobs,
-    kernels,
-    menus,
-    operators,
-    panels,
-    properties,
-    statistics,
-)
+from shock_filter.shock_addon import jobs, kernels, operators, properties, statistics
+from shock_filter.shock_addon.flow import flow_overlay
+from shock_filter.shock_addon.panel import menus, panels
 
 ABOUT = describe(GeometrySettings)
 MODES = {

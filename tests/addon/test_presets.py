@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.shock_addon import presets
 from shock_filter.shock_addon.fields import filter_names
+from shock_filter.shock_addon.panel import presets
+from shock_filter.shock_addon.panel.shipped_presets import SHIPPED
 from shock_filter.shock_addon.properties import NAMES
-from shock_filter.shock_addon.shipped_presets import SHIPPED
 
 
 @pytest.fixture(autouse=True)

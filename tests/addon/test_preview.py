@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
 from shock_filter.core.settings import describe
-from shock_filter.shock_addon import preview, previewing
-from shock_filter.shock_addon.active_object import read_active
-from shock_filter.shock_addon.mesh_data import read_positions, write_positions
-from shock_filter.shock_addon.preview_dials import TimeDial, turned
-from shock_filter.shock_addon.preview_patch import patch_around, seen_vertex, whole_surface
+from shock_filter.shock_addon.data.active_object import read_active
+from shock_filter.shock_addon.data.mesh_data import read_positions, write_positions
+from shock_filter.shock_addon.preview import preview_operator, previewing
+from shock_filter.shock_addon.preview.preview_dials import TimeDial, turned
+from shock_filter.shock_addon.preview.preview_patch import patch_around, seen_vertex, whole_surface
 
 ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
 
@@ -352,7 +352,7 @@ class _Events:
     """The operator without Blender around it."""
 
     def __init__(self, running, monkeypatch):
-        cls = preview.SHOCK_FILTER_OT_preview
+        cls = preview_operator.SHOCK_FILTER_OT_preview
         self.reports, self.status, self.ran = [], [], []
         self.mode, self._kind = "geometry", previewing.kind_of("geometry", None)
         self._preview, self._ended, self._text, self._timer = running, False, "", "timer"
@@ -372,8 +372,8 @@ class _Events:
         fake = SimpleNamespace(
             context=self.context, ops=SimpleNamespace(shock_filter=run), types=bpy.types
         )
-        monkeypatch.setattr(preview, "bpy", fake)
-        preview._running.append(self)
+        monkeypatch.setattr(preview_operator, "bpy", fake)
+        preview_operator._running.append(self)
 
     def send(self, kind, value="PRESS", shift=False, x=0):
         event = SimpleNamespace(
@@ -387,7 +387,7 @@ def events(rounded_box, monkeypatch):
     rounded_box()
     running = _Events(begun("geometry"), monkeypatch)
     yield running
-    preview.stop()
+    preview_operator.stop()
 
 
 def shown_by(events):
@@ -436,7 +436,7 @@ def test_applying_runs_the_operator_on_the_old_shape(events, key):
     assert settings["time"] == 512.0
     assert settings["feature_threshold"] == pytest.approx(1.2)
     assert bpy.context.scene.shock_filter.geometry.time == 512.0
-    assert preview._running == []
+    assert preview_operator._running == []
 
 
 def test_undo_and_clicks_are_held_back_and_the_view_can_be_turned(events):
@@ -452,10 +452,10 @@ def test_blenders_handlers_end_it_first(events):
     shown_by(events)
     handlers = bpy.app.handlers
     for before_it in (handlers.undo_pre, handlers.redo_pre, handlers.save_pre, handlers.load_pre):
-        assert preview._stop in before_it
-    preview._stop()
+        assert preview_operator._stop in before_it
+    preview_operator._stop()
     assert stored(box) == before
-    assert preview._running == []
+    assert preview_operator._running == []
     assert events.send("TIMER") == {"CANCELLED"}
 
 
@@ -477,7 +477,7 @@ def test_a_bug_leaves_the_old_shape(events, monkeypatch):
             events.send("TIMER")
             time.sleep(0.01)
     assert stored(box) == before
-    assert preview._running == []
+    assert preview_operator._running == []
 
 
 def test_the_button_says_what_is_missing(rounded_box):
@@ -499,7 +499,7 @@ def test_without_a_window_it_names_the_filter(rounded_box):
     rounded_box()
     with pytest.raises(RuntimeError, match="run the filter itself"):
         bpy.ops.shock_filter.preview("INVOKE_DEFAULT", mode="geometry")
-    assert preview._running == []
+    assert preview_operator._running == []
 
 
 def test_the_time_dial_reaches_from_zero_to_the_steady_state():

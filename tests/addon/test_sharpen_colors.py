@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon import operators
-from shock_filter.shock_addon.mesh_data import read_corner_vertices, read_positions
+from shock_filter.shock_addon.data.mesh_data import read_corner_vertices, read_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_colors
 
@@ -164,7 +164,7 @@ def test_n_gons_go_through(painted_sheet, kind, domain):
 
 
 def test_a_corner_of_an_n_gon_gets_the_mean_over_its_triangles():
-    from shock_filter.shock_addon.coloring import _gather
+    from shock_filter.shock_addon.filters.coloring import _gather
 
     corners = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     values = np.arange(18, dtype=np.float32).reshape(2, 3, 3)

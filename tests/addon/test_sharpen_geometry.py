@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter.shock_addon import operators
+from shock_filter.shock_addon.data.mesh_data import read_positions, write_positions
 from shock_filter.shock_addon.geometry_operator import notes
-from shock_filter.shock_addon.mesh_data import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

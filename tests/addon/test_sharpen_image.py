@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon import image_data, image_operator, operators
+from shock_filter.shock_addon import image_operator, operators
+from shock_filter.shock_addon.data import image_data
 
 sharpen = bpy.ops.shock_filter.sharpen_image
 

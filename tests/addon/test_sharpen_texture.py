@@ -7,9 +7,10 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import Cancelled, TextureSettings
-from shock_filter.shock_addon import image_data, operators, texture_data, texture_operator, tiles
-from shock_filter.shock_addon.mosaic import Mosaic
-from shock_filter.shock_addon.texturing import sharpen_texture
+from shock_filter.shock_addon import operators, texture_operator
+from shock_filter.shock_addon.data import image_data, texture_data, tiles
+from shock_filter.shock_addon.filters.mosaic import Mosaic
+from shock_filter.shock_addon.filters.texturing import sharpen_texture
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
 dilate = bpy.ops.shock_filter.dilate_texture

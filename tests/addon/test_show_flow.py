@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter import core
-from shock_filter.shock_addon import flow_overlay, operators
-from shock_filter.shock_addon.flow_data import read_flow
-from shock_filter.shock_addon.flow_drawing import MOST_STROKES, potential_colors, strokes
-from shock_filter.shock_addon.mesh_data import (
+from shock_filter.shock_addon import operators
+from shock_filter.shock_addon.data.mesh_data import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,
 )
+from shock_filter.shock_addon.flow import flow_overlay
+from shock_filter.shock_addon.flow.flow_data import read_flow
+from shock_filter.shock_addon.flow.flow_drawing import MOST_STROKES, potential_colors, strokes
 
 show_flow = bpy.ops.shock_filter.show_flow
 

@@ -9,9 +9,14 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from shock_filter.shock_addon import operators, shape_keys
-from shock_filter.shock_addon.mesh_data import read_corner_vertices, read_positions, write_positions
-from shock_filter.shock_addon.symmetry import MirrorPlane
+from shock_filter.shock_addon import operators
+from shock_filter.shock_addon.data import shape_keys
+from shock_filter.shock_addon.data.mesh_data import (
+    read_corner_vertices,
+    read_positions,
+    write_positions,
+)
+from shock_filter.shock_addon.filters.symmetry import MirrorPlane
 
 ROOT = Path(__file__).parents[2]
 

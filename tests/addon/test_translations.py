@@ -16,11 +16,11 @@ from pathlib import Path
 import bpy
 import pytest
 import shock_filter
-from shock_filter.shock_addon import translations
-from shock_filter.shock_addon.shipped_presets import SHIPPED
+from shock_filter.shock_addon.panel import translations
+from shock_filter.shock_addon.panel.shipped_presets import SHIPPED
 
 ROOT = Path(shock_filter.__file__).parent
-FILES = sorted((ROOT / "shock_addon" / "locale").glob("*.json"))
+FILES = sorted((ROOT / "shock_addon" / "panel" / "locale").glob("*.json"))
 WIDEST_NAME = 14
 WORDS_OF_BLENDER = {"Vertex Group", "Sampling", "Mark Sharp"}
 """Names that Blender shows in its own words, however wide these are."""

@@ -62,8 +62,10 @@ def save() -> None:
 
 
 def addon(name: str) -> ModuleType:
-    """Return one of the extension's modules."""
-    return sys.modules[f"{MODULE}.shock_addon.{name}"]
+    """Return one of the extension's modules, whatever folder it lies in."""
+    inside = f"{MODULE}.shock_addon."
+    found = [n for n in sys.modules if n.startswith(inside) and n.endswith(f".{name}")]
+    return sys.modules[found[0]]
 
 
 def area(kind: str) -> bpy.types.Area:

@@ -5,7 +5,7 @@ import bpy
 import scene
 from harness import DRAWN, Steps, crop, different, open_tab, park, picture, region, report
 
-LANGUAGES = ("de", "ja", "zh_HANS")
+LANGUAGES = {"de": "german", "ja": "japanese", "zh_HANS": "chinese"}
 
 
 def scenario() -> Steps:
@@ -19,12 +19,12 @@ def scenario() -> Steps:
     english = crop(region("VIEW_3D", "UI"))
     view = bpy.context.preferences.view
     view.use_translate_interface = True
-    for language in LANGUAGES:
+    for language, name in LANGUAGES.items():
         view.language = next(
             code for code in bpy.app.translations.locales if code.startswith(language)
         )
         yield 2 * DRAWN
-        picture(f"language-{language}", region("VIEW_3D", "UI"))
+        picture(f"in-{name}", region("VIEW_3D", "UI"))
         report[language] = {
             "label": bpy.app.translations.pgettext_iface("Sharpen Geometry", "Operator"),
             "changed_pixels": different(english, crop(region("VIEW_3D", "UI"))),

@@ -10,7 +10,7 @@ WORDS = "Sharpen Geometry"
 
 def scenario() -> Steps:
     """Look all texts up, then disable and enable the extension twice."""
-    tables = addon("translations").tables()
+    tables = addon("panel.translations").tables()
     view = bpy.context.preferences.view
     view.use_translate_interface = view.use_translate_tooltips = True
     report["unknown"] = sorted(set(tables) - set(bpy.app.translations.locales))

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between a mesh's color attributes and arrays.
+
+Byte colors are read and written as the sRGB values that are stored, float colors as the linear
+ones: a value that does not change is stored as the same bits.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..filters.coloring import ColoredSurface
+from ..filters.recolored import Colors, Recolored
+from ..skipped import Skipped
+from .masks import color_mask
+from .mesh_data import (
+    Target,
+    find,
+    lengths_in_world,
+    read_corner_vertices,
+    read_positions,
+    read_triangle_corners,
+)
+
+
+def read_colors(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str, ColoredSurface]:
+    """Read what is sharpened; parameters are those of `color_mask` and `attribute`.
+
+    Raises
+    ------
+    Skipped
+        If there is no such attribute, or nothing of it may change.
+    """
+    mesh = obj.data
+    attribute = _attribute(mesh, parameters.attribute)
+    mask, free = color_mask(obj, mode, attribute.domain, parameters)
+    triangles = read_triangle_corners(mesh)
+    surface = ColoredSurface(
+        positions=read_positions(mesh),
+        triangles=read_corner_vertices(mesh)[triangles],
+        mask=mask,
+        to_world=lengths_in_world(obj),
+        colors=_read(attribute)[:, :3].copy(),
+        corners=triangles if attribute.domain == "CORNER" else None,
+        free=free,
+        levels=255 if attribute.data_type == "BYTE_COLOR" else 0,
+    )
+    return attribute.name, surface
+
+
+def write_colors(target: Target, result: Recolored) -> bpy.types.Object:
+    """Write new colors, in Object Mode; opacity stays. Returns the object.
+
+    Raises
+    ------
+    Skipped
+        If the object was removed or its colors have changed since they were read.
+    """
+    obj = find(target)
+    check_unchanged(obj, target)
+    attribute = obj.data.color_attributes[target.place]
+    values = _read(attribute)
+    values[:, :3] = result.colors
+    attribute.data.foreach_set(_stored(attribute), values.reshape(-1))
+    obj.data.update()
+    return obj
+
+
+def check_unchanged(obj: bpy.types.Object, target: Target) -> None:
+    """Raise `Skipped` if the colors have changed since they were read."""
+    attribute = obj.data.color_attributes.get(target.place)
+    if attribute is None or not np.array_equal(_read(attribute)[:, :3], target.surface.colors):
+        raise Skipped("its colors were changed meanwhile; run again")
+
+
+def _attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:
+    attributes = mesh.color_attributes
+    attribute = attributes.get(name) if name else attributes.active_color
+    if attribute is not None:
+        return attribute
+    if not attributes:
+        raise Skipped(
+            "it has no color attribute; add one (Object Data > Color Attributes), or paint in"
+            " Vertex Paint Mode"
+        )
+    wanted = f"no color attribute named {name!r}" if name else "no active color attribute"
+    raise Skipped(f"it has {wanted}; choose one of: {', '.join(attributes.keys())}")
+
+
+def _stored(attribute: bpy.types.Attribute) -> str:
+    return "color_srgb" if attribute.data_type == "BYTE_COLOR" else "color"
+
+
+def _read(attribute: bpy.types.Attribute) -> Colors:
+    flat = np.empty(4 * len(attribute.data), dtype=np.float32)
+    attribute.data.foreach_get(_stored(attribute), flat)
+    return flat.reshape(-1, 4)

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between a mesh object's shape and arrays: the mesh itself or its shape keys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ..filters.sharpening import MirroredSurface, Sharpened
+from ..filters.symmetry import MirrorPlane
+from ..skipped import Skipped
+from . import custom_normals, shape_keys
+from .edge_marks import mark_sharp
+from .masks import vertex_mask
+from .mesh_data import (
+    Target,
+    find,
+    lengths_in_world,
+    read_corner_vertices,
+    read_positions,
+    read_triangle_corners,
+    write_positions,
+)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a new shape goes, and what is set anew after it.
+
+    Attributes
+    ----------
+    output : str
+        "MESH" or "SHAPE_KEY".
+    mode : str
+        The mode that the person works in.
+    custom_normals : str
+        "KEEP", "RECOMPUTE" or "CLEAR".
+    sharp_angle : float or None
+        Edges whose faces meet at more than this become sharp; None marks none.
+    """
+
+    output: str
+    mode: str
+    custom_normals: str
+    sharp_angle: float | None
+
+
+def read_geometry(
+    obj: bpy.types.Object, mode: str, parameters: Any
+) -> tuple[Place, MirroredSurface]:
+    """Read what is sharpened.
+
+    Parameters
+    ----------
+    obj, mode
+        As in `vertex_mask`.
+    parameters : object
+        As there, and has `output`, `custom_normals`, `mark_sharp` and `sharp_angle`.
+
+    Raises
+    ------
+    Skipped
+        If the shape cannot be changed, or nothing of it may change.
+    """
+    mesh = obj.data
+    _check_multires(obj, mode)
+    place = Place(
+        output=parameters.output,
+        mode=mode,
+        custom_normals=parameters.custom_normals,
+        sharp_angle=parameters.sharp_angle if parameters.mark_sharp else None,
+    )
+    surface = MirroredSurface(
+        positions=_source(obj, place),
+        triangles=read_corner_vertices(mesh)[read_triangle_corners(mesh)],
+        mask=vertex_mask(obj, mode, parameters),
+        to_world=lengths_in_world(obj),
+        mirror=(mesh.use_mirror_x, mesh.use_mirror_y, mesh.use_mirror_z),
+        planes=tuple(_mirror_planes(obj)),
+    )
+    return place, surface
+
+
+def write_geometry(
+    target: Target, result: Sharpened, key_name: str = "Sharpened"
+) -> bpy.types.Object:
+    """Write new positions, in Object Mode; returns the object.
+
+    Parameters
+    ----------
+    target : Target
+    result : Sharpened
+    key_name : str
+        What a new shape key is called.
+
+    Raises
+    ------
+    Skipped
+        If the object was removed or its shape has changed since it was read.
+    """
+    obj = find(target)
+    place, old, mask = target.place, target.surface.positions, target.surface.mask
+    if not np.array_equal(_source(obj, place), old):
+        raise Skipped("it was changed meanwhile; run again")
+    if place.output == "SHAPE_KEY":
+        shape_keys.add(obj, key_name, old, result.positions, place.mode)
+    elif obj.data.shape_keys is None:
+        write_positions(obj.data, result.positions)
+    else:
+        shape_keys.write_active(obj, result.positions)
+        write_positions(obj.data, shape_keys.read(obj.data.shape_keys.reference_key))
+    if place.sharp_angle is not None:
+        mark_sharp(obj.data, result.positions, mask, place.sharp_angle)
+    obj.data.update()
+    if obj.data.has_custom_normals and place.custom_normals == "RECOMPUTE":
+        custom_normals.recompute(obj, mask)
+    elif obj.data.has_custom_normals and place.custom_normals == "CLEAR":
+        custom_normals.clear(obj)
+    return obj
+
+
+def _source(obj: bpy.types.Object, place: Place) -> npt.NDArray[np.float32]:
+    if obj.data.shape_keys is None:
+        return read_positions(obj.data)
+    if place.output == "SHAPE_KEY":
+        return shape_keys.visible_shape(obj, place.mode)
+    return shape_keys.read(shape_keys.active_key(obj))
+
+
+def _check_multires(obj: bpy.types.Object, mode: str) -> None:
+    sculpted = any(each.type == "MULTIRES" and each.sculpt_levels for each in obj.modifiers)
+    if mode == "SCULPT" and sculpted:
+        raise Skipped(
+            "the details of its Multiresolution modifier cannot be filtered; apply the modifier,"
+            " or go to Object Mode to filter the mesh below it"
+        )
+
+
+def _mirror_planes(obj: bpy.types.Object) -> list[MirrorPlane]:
+    """List the planes at which Mirror modifiers join the mesh with its image."""
+    planes = []
+    for modifier in obj.modifiers:
+        if modifier.type != "MIRROR" or not (modifier.show_viewport and modifier.use_mirror_merge):
+            continue
+        matrix = np.identity(4)
+        if modifier.mirror_object is not None:
+            to_mirror = modifier.mirror_object.matrix_world.inverted_safe()
+            matrix = np.array(to_mirror @ obj.matrix_world)
+        for axis in np.flatnonzero(modifier.use_axis):
+            across = np.linalg.norm(np.linalg.inv(matrix[:3, :3])[:, axis])
+            planes.append(
+                MirrorPlane(
+                    normal=matrix[axis, :3],
+                    offset=float(matrix[axis, 3]),
+                    reach=0.5 * modifier.merge_threshold / float(across),
+                )
+            )
+    return planes

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What may change: vertex group, selection, sculpt mask, paint mask, hidden parts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ..skipped import Skipped
+from .mesh_data import read_corner_vertices
+from .vertex_groups import group_weights
+
+_PAINTING = {"PAINT_VERTEX", "PAINT_TEXTURE", "PAINT_WEIGHT"}
+"""Modes where a paint mask of selected faces can be turned on."""
+
+
+def vertex_mask(
+    obj: bpy.types.Object, mode: str, parameters: Any
+) -> npt.NDArray[np.float64] | None:
+    """Multiply all masks that apply to an object's vertices; those of a free face are free.
+
+    Parameters
+    ----------
+    obj : bpy.types.Object
+        A mesh object in Object Mode.
+    mode : str
+        The mode that the person works in, as in ``bpy.context.mode``.
+    parameters : object
+        Has `vertex_group`, `invert_mask` and `selected_only`.
+
+    Returns
+    -------
+    (n,) float64 or None
+        1 changes fully, 0 stays; None if nothing is masked.
+
+    Raises
+    ------
+    Skipped
+        If the vertex group is missing or no vertex may change.
+    """
+    masks = _vertex_masks(obj, mode, parameters)
+    free = _free_corners(obj.data, mode, parameters)
+    if free is not None:
+        reached = np.zeros(len(obj.data.vertices), dtype=bool)
+        reached[read_corner_vertices(obj.data)[free]] = True
+        masks.append(reached)
+    return _product(masks)
+
+
+def color_mask(
+    obj: bpy.types.Object, mode: str, domain: str, parameters: Any
+) -> tuple[npt.NDArray[np.float64] | None, npt.NDArray[np.bool_] | None]:
+    """Find out which colors may change.
+
+    Parameters
+    ----------
+    obj, mode, parameters
+        As in `vertex_mask`.
+    domain : str
+        "POINT" or "CORNER".
+
+    Returns
+    -------
+    mask : (n,) float64 or None
+        Of the vertices.
+    free : (number of face corners,) bool or None
+        False for corners in protected faces; None on vertices.
+
+    Raises
+    ------
+    Skipped
+        As in `vertex_mask`.
+    """
+    whole = vertex_mask(obj, mode, parameters)  # also says if nothing is left
+    if domain == "POINT":
+        return whole, None
+    free = _free_corners(obj.data, mode, parameters)
+    return (whole if free is None else _product(_vertex_masks(obj, mode, parameters))), free
+
+
+def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt.NDArray]:
+    mesh = obj.data
+    masks: list[npt.NDArray] = []
+    if parameters.vertex_group:
+        weights = group_weights(obj, parameters.vertex_group)
+        masks.append(1.0 - weights if parameters.invert_mask else weights)
+    if mode in {"EDIT_MESH", "SCULPT"}:
+        masks.append(~_flags(mesh.vertices, "hide"))
+    if mode == "EDIT_MESH" and parameters.selected_only:
+        masks.append(_flags(mesh.vertices, "select"))
+    if mode in {"PAINT_VERTEX", "PAINT_WEIGHT"} and mesh.use_paint_mask_vertex:
+        masks.append(_flags(mesh.vertices, "select"))
+    if mode == "SCULPT" and ".sculpt_mask" in mesh.attributes:
+        masks.append(1.0 - _sculpt_mask(mesh))
+    return masks
+
+
+def _free_corners(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
+    faces = _free_faces(mesh, mode, parameters)
+    if faces is None:
+        return None
+    counts = np.empty(len(mesh.polygons), dtype=np.int32)
+    mesh.polygons.foreach_get("loop_total", counts)
+    return np.repeat(faces, counts)
+
+
+def _free_faces(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
+    flags = []
+    if mode in {"EDIT_MESH", "SCULPT", *_PAINTING}:
+        flags.append(~_flags(mesh.polygons, "hide"))
+    by_face = tuple(bpy.context.tool_settings.mesh_select_mode) == (False, False, True)
+    if (mode == "EDIT_MESH" and parameters.selected_only and by_face) or (
+        mode in _PAINTING and mesh.use_paint_mask
+    ):
+        flags.append(_flags(mesh.polygons, "select"))
+    free = np.logical_and.reduce(flags) if flags else np.True_
+    return None if free.all() else free
+
+
+def _product(masks: list[npt.NDArray]) -> npt.NDArray[np.float64] | None:
+    if not masks:
+        return None
+    mask = np.clip(np.prod(masks, axis=0, dtype=np.float64), 0.0, 1.0)
+    if not mask.any():
+        raise Skipped("its mask or selection leaves nothing to change; select or unmask some")
+    return None if (mask == 1.0).all() else mask
+
+
+def _flags(elements: Any, name: str) -> npt.NDArray[np.bool_]:
+    flags = np.empty(len(elements), dtype=bool)
+    elements.foreach_get(name, flags)
+    return flags
+
+
+def _sculpt_mask(mesh: bpy.types.Mesh) -> npt.NDArray[np.float32]:
+    values = np.empty(len(mesh.vertices), dtype=np.float32)
+    mesh.attributes[".sculpt_mask"].data.foreach_get("value", values)
+    return values

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between Blender's mesh objects and arrays: what to sharpen, and finding it again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ..filters.surface import Surface
+from ..skipped import Skipped, sentences
+
+_SINGULAR = 1e-6
+_UNIFORM = 1e-5
+_CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
+
+
+@dataclass(frozen=True)
+class Target:
+    """A mesh object as it was read, to find it again when the result is there.
+
+    Attributes
+    ----------
+    place : object
+        Where the result goes: for geometry a `Place`, for colors the attribute's name.
+    surface : Surface
+        What is handed to the filter.
+    """
+
+    name: str
+    object_uid: int
+    mesh_uid: int
+    place: Any
+    surface: Surface
+
+
+def mesh_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """List the mesh objects that an operator acts on; the active one comes first."""
+    if context.mode == "OBJECT":
+        objects = list(context.selected_objects)
+    elif context.mode == "EDIT_MESH":
+        objects = list(context.objects_in_mode)
+    else:
+        objects = [context.object]
+    meshes = [obj for obj in objects if obj is not None and obj.type == "MESH"]
+    return sorted(meshes, key=lambda obj: obj != context.object)
+
+
+@contextmanager
+def object_mode(context: bpy.types.Context) -> Iterator[None]:
+    """Leave the current mode, since mesh data is complete in Object Mode only; then re-enter it."""
+    mode = context.object.mode if context.object is not None else "OBJECT"
+    if mode == "OBJECT":
+        yield
+        return
+    bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield
+    finally:
+        bpy.ops.object.mode_set(mode=mode)
+
+
+def read_targets(
+    context: bpy.types.Context,
+    read: Callable[[bpy.types.Object, str, Any], tuple[Any, Surface]],
+    parameters: Any,
+) -> tuple[list[Target], list[str]]:
+    """Read all objects that the operator acts on, each mesh once.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    read : callable
+        ``read(obj, mode, parameters)`` gives the place and the surface of a `Target`; `mode` is
+        the one that the person works in, while the object is in Object Mode.
+    parameters : object
+        What `read` looks at.
+
+    Returns
+    -------
+    targets : list of Target
+    skipped : list of str
+        A sentence for each object that was left alone.
+    """
+    mode = context.mode
+    left = [(obj.name, reason) for obj, reason in _no_meshes(context)]
+    users: dict[int, bpy.types.Object] = {}
+    for obj in mesh_objects(context):
+        users.setdefault(obj.data.session_uid, obj)
+    try:
+        check_sculpting(context)
+    except Skipped as reason:
+        return [], sentences([(context.object.name, str(reason))])
+    targets = []
+    with object_mode(context):
+        for uid, obj in users.items():
+            try:
+                _check_writable(obj)
+                check_readable(obj)
+                targets.append(Target(obj.name, obj.session_uid, uid, *read(obj, mode, parameters)))
+            except Skipped as reason:
+                left.append((obj.name, str(reason)))
+    return targets, sentences(left)
+
+
+def _no_meshes(context: bpy.types.Context) -> list[tuple[bpy.types.Object, str]]:
+    """List selected objects that show a surface but are no meshes, and what makes them such."""
+    found = []
+    for obj in context.selected_objects if context.mode == "OBJECT" else []:
+        if obj.type in _CONVERTIBLE:
+            found.append((obj, "it is no mesh; convert it first (Object > Convert > Mesh)"))
+        elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
+            found.append(
+                (
+                    obj,
+                    "it shows instances of a collection; make them real (Object > Apply > Make"
+                    " Instances Real), or select the objects in the collection",
+                )
+            )
+    return found
+
+
+def find(target: Target) -> bpy.types.Object:
+    """Return the object that was read.
+
+    Raises
+    ------
+    Skipped
+        If it was removed, has another mesh, or is being edited where the context does not see it.
+    """
+    obj = next((o for o in bpy.data.objects if o.session_uid == target.object_uid), None)
+    if obj is None or obj.data is None or obj.data.session_uid != target.mesh_uid:
+        raise Skipped("it was removed meanwhile")
+    if obj.data.is_editmode:
+        raise Skipped("it is in Edit Mode in another scene or window; leave that and run again")
+    return obj
+
+
+def read_positions(mesh: bpy.types.Mesh) -> npt.NDArray[np.float32]:
+    """Read vertex positions: (n, 3)."""
+    flat = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", flat)
+    return flat.reshape(-1, 3)
+
+
+def write_positions(mesh: bpy.types.Mesh, positions: npt.NDArray[np.float32]) -> None:
+    """Write vertex positions; call ``mesh.update()`` afterwards."""
+    flat = np.ascontiguousarray(positions, dtype=np.float32).reshape(-1)
+    mesh.attributes["position"].data.foreach_set("vector", flat)
+
+
+def read_corner_vertices(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
+    """Read the vertex of each face corner: (number of corners,)."""
+    vertices = np.empty(len(mesh.loops), dtype=np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
+    return vertices
+
+
+def read_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
+    """Read the triangles that Blender cuts the faces into, as face corners: (m, 3)."""
+    mesh.calc_loop_triangles()
+    if len(mesh.loop_triangles) == len(mesh.polygons):  # triangles already: 100 times faster
+        return np.arange(len(mesh.loops), dtype=np.int32).reshape(-1, 3)
+    corners = np.empty(3 * len(mesh.loop_triangles), dtype=np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    return corners.reshape(-1, 3)
+
+
+def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
+    """Return the object's scale and shear, after which lengths are measured: (3, 3).
+
+    Raises
+    ------
+    Skipped
+        If the scale is zero along an axis.
+    """
+    # Rotation and uniform scale change nothing, so they are left out: no rounding.
+    matrix = matrix_in_world(obj)[:3, :3]
+    stretches = np.linalg.svd(matrix, compute_uv=False)
+    if stretches[0] <= (1.0 + _UNIFORM) * stretches[-1]:
+        return np.identity(3)
+    return matrix / stretches[0]
+
+
+def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
+    """Return the matrix that brings the object's points into the world: (4, 4).
+
+    Raises
+    ------
+    Skipped
+        If the scale is zero along an axis.
+    """
+    matrix = np.array(obj.matrix_world, dtype=np.float64)
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if not stretches[-1] > _SINGULAR * stretches[0]:
+        raise Skipped("its scale is zero along an axis; set a scale that is not zero")
+    return matrix
+
+
+def _check_writable(obj: bpy.types.Object) -> None:
+    how = "make it local first (Object > Relations > Make Local > Selected Objects and Data)"
+    if obj.data.library is not None:
+        raise Skipped(f"its mesh is linked from another file; {how}")
+    if obj.data.override_library is not None:
+        raise Skipped(f"its mesh is a library override, which Blender keeps as it is; {how}")
+
+
+def check_sculpting(context: bpy.types.Context) -> None:
+    """Raise `Skipped` if leaving Sculpt Mode would turn dynamic topology off."""
+    if context.mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
+        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
+
+
+def check_readable(obj: bpy.types.Object) -> None:
+    """Raise `Skipped` for an object whose faces cannot be read."""
+    if obj.mode != "OBJECT":
+        mode = f"{obj.mode.replace('_', ' ').title()} Mode"  # the words on screen
+        raise Skipped(f"it is in {mode}; switch it to Object Mode first")
+    if obj.data.is_editmode:
+        raise Skipped("another object with its mesh is in Edit Mode; switch that to Object Mode")
+    if not obj.data.polygons:
+        raise Skipped("it has no faces; add some, or select another object")

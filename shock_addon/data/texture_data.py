@@ -1,0 +1,392 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between textured mesh objects and arrays: which image, which faces show it, and its pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ..filters.mosaic import Mosaic
+from ..filters.texturing import TexturedFaces, TexturedSurface
+from ..skipped import Skipped, sentences
+from . import image_data
+from .masks import color_mask
+from .mesh_data import (
+    check_readable,
+    check_sculpting,
+    matrix_in_world,
+    mesh_objects,
+    object_mode,
+    read_corner_vertices,
+    read_positions,
+    read_triangle_corners,
+)
+from .tiles import Tiles
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TextureTarget:
+    """A texture as it was read, to find it again when the result is there.
+
+    Attributes
+    ----------
+    name : str
+        Of the image.
+    parts : dict
+        Its pixels, as `image_data.read_parts` gives them.
+    mosaic : Mosaic or None
+        How UDIM tiles were put together.
+    objects : list of str
+        Names of the objects whose faces were read.
+    notes : list of str
+        What a person should know about them.
+    """
+
+    name: str
+    image_uid: int
+    surface: TexturedSurface
+    parts: Tiles
+    mosaic: Mosaic | None
+    objects: list[str]
+    notes: list[str]
+
+
+EVERYWHERE = SimpleNamespace(vertex_group="", invert_mask=False, selected_only=False, mask_image="")
+"""Parameters without any mask."""
+
+
+def shown_image(context: bpy.types.Context) -> bpy.types.Image:
+    """Return the image that is worked on.
+
+    It is the one in the Image Editor, the one that is painted on in Texture Paint Mode, or that
+    of the active image texture node in the active object's material. If another node is active, it
+    is the one that the base color is made from, or the only one.
+
+    Raises
+    ------
+    Skipped
+        If there is none.
+    """
+    space = context.space_data
+    if space is not None and space.type == "IMAGE_EDITOR":
+        if space.image is None:
+            raise Skipped("no image is open here; open one in the Image Editor")
+        return space.image
+    paint = context.tool_settings.image_paint
+    if context.mode == "PAINT_TEXTURE" and paint.mode == "IMAGE":
+        if paint.canvas is None:
+            raise Skipped("nothing is painted on; choose an image in the Texture Slots")
+        return paint.canvas
+    material = mesh_objects(context)[0].active_material
+    if material is None:
+        raise Skipped("it has no material; add one with an Image Texture node, or name an image")
+    if context.mode == "PAINT_TEXTURE" and material.texture_paint_images:
+        return material.texture_paint_images[material.paint_active_slot]
+    return _active_image(material)
+
+
+def read_texture(
+    context: bpy.types.Context, image: bpy.types.Image, parameters: Any, margin: int
+) -> tuple[TextureTarget, list[str]]:
+    """Read an image and the faces that show it.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    image : bpy.types.Image
+    parameters : object
+        Has `vertex_group`, `invert_mask`, `selected_only` and `mask_image`.
+    margin : int
+        Texels to keep free around each UDIM tile.
+
+    Returns
+    -------
+    target : TextureTarget
+    skipped : list of str
+        A sentence for each object that was left alone.
+
+    Raises
+    ------
+    Skipped
+        If the image or its mask cannot be used, or no object shows it.
+    """
+    refusal = image_data.refusal(image, tiles=True)
+    if refusal:
+        raise Skipped(refusal)
+    objects = list({obj.data: obj for obj in reversed(mesh_objects(context))}.values())[::-1]
+    named = any(_uses(obj, image) for obj in objects)
+    faces, names, skipped = read_faces(context, objects, image if named else None, parameters)
+    parts = image_data.read_parts(image)
+    mosaic, notes = None, []
+    if image.source == "TILED":
+        mosaic = Mosaic.of(image_data.sizes_of(parts), margin)
+        faces, notes = _in_tiles(faces, mosaic)
+    surface = TexturedSurface(
+        faces=faces,
+        picture=image_data.picture_of(image, _whole(parts, mosaic)),
+        mask=_read_mask(image, parameters, mosaic),
+    )
+    notes += _other_users(context, image, objects)
+    uid = image.session_uid
+    return TextureTarget(image.name, uid, surface, parts, mosaic, names, notes), skipped
+
+
+def read_faces(
+    context: bpy.types.Context,
+    objects: list[bpy.types.Object],
+    image: bpy.types.Image | None,
+    parameters: Any,
+) -> tuple[TexturedFaces, list[str], list[str]]:
+    """Read the faces of objects whose material shows an image, or all faces.
+
+    Returns
+    -------
+    faces : TexturedFaces
+    names : list of str
+        Of the objects that were read.
+    skipped : list of str
+        A sentence for each other one.
+
+    Raises
+    ------
+    Skipped
+        If none could be read.
+    """
+    check_sculpting(context)
+    mode = context.mode
+    read: list[TexturedFaces] = []
+    names, left = [], []
+    with object_mode(context):
+        for obj in objects:
+            try:
+                read.append(_read_faces(obj, mode, image, parameters))
+                names.append(obj.name)
+            except Skipped as reason:
+                left.append((obj.name, str(reason)))
+    skipped = sentences(left)
+    if not read:
+        raise Skipped("no object could be read. " + " ".join(skipped).removesuffix("."))
+    return _joined(read), names, skipped
+
+
+def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) -> list[str]:
+    """Show another image in the materials of the objects that were read.
+
+    Returns
+    -------
+    list of str
+        A sentence for each material that could not be changed.
+    """
+    notes = []
+    for material in _materials([obj for obj in bpy.data.objects if obj.name in target.objects]):
+        nodes = [node for node in _image_nodes(material) if node.image == old]
+        for node in nodes:
+            if node.id_data.library is None and material.library is None:
+                node.image = new
+        if any(node.image == old for node in nodes):
+            notes.append(
+                f"The material {material.name} is linked from another file, so it still shows"
+                f" {old.name}."
+            )
+    return notes
+
+
+def _whole(parts: Tiles, mosaic: Mosaic | None) -> npt.NDArray[np.float32]:
+    return parts[image_data.UNTILED] if mosaic is None else mosaic.compose(parts)
+
+
+# ---------------------------------------------------------------------------------------- materials
+
+
+def _active_image(material: bpy.types.Material) -> bpy.types.Image:
+    nodes = [node for node in _image_nodes(material) if node.image is not None]
+    if not nodes:
+        raise Skipped(
+            f"its material {material.name} has no Image Texture node with an image; add one, or"
+            " name an image"
+        )
+    active = material.node_tree.nodes.active
+    chosen = [node for node in nodes if node == active]
+    chosen = chosen or _colors_surface(material.node_tree) or nodes
+    if len({node.image for node in chosen}) > 1:
+        names = ", ".join(sorted({node.image.name for node in chosen}))
+        raise Skipped(
+            f"its material {material.name} has several images ({names}); click the node of the one"
+            " that is meant, or name it"
+        )
+    return chosen[0].image
+
+
+def _colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImage]:
+    """The image texture nodes that a shader's base color is made from."""
+    ahead = [
+        socket
+        for node in tree.nodes
+        for socket in node.inputs
+        if socket.name == "Base Color" and socket.is_linked
+    ]
+    found: list[bpy.types.ShaderNodeTexImage] = []
+    for socket in ahead:
+        for node in (link.from_node for link in socket.links):
+            if node.type == "TEX_IMAGE" and node.image is not None:
+                found.append(node)
+            ahead += [each for each in node.inputs if each.is_linked and each not in ahead]
+    return found
+
+
+def _image_nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTexImage]:
+    """The image texture nodes of a material, those in its groups included."""
+    # From Blender 5.0 on, all materials use nodes, and asking is deprecated.
+    if material.node_tree is None or not (bpy.app.version >= (5, 0, 0) or material.use_nodes):
+        return []
+    found, trees = [], [material.node_tree]
+    for tree in trees:
+        for node in tree.nodes:
+            if node.type == "TEX_IMAGE":
+                found.append(node)
+            elif node.type == "GROUP" and node.node_tree not in [None, *trees]:
+                trees.append(node.node_tree)
+    return found
+
+
+def _materials(objects: list[bpy.types.Object]) -> list[bpy.types.Material]:
+    slots = [slot.material for obj in objects for slot in obj.material_slots]
+    return [material for material in dict.fromkeys(slots) if material is not None]
+
+
+def _shows(material: bpy.types.Material | None, image: bpy.types.Image) -> bool:
+    return material is not None and any(n.image == image for n in _image_nodes(material))
+
+
+def _uses(obj: bpy.types.Object, image: bpy.types.Image) -> bool:
+    return any(_shows(slot.material, image) for slot in obj.material_slots)
+
+
+def _other_users(
+    context: bpy.types.Context, image: bpy.types.Image, objects: list[bpy.types.Object]
+) -> list[str]:
+    meshes = {obj.data for obj in objects}
+    others = [
+        obj.name
+        for obj in context.scene.objects
+        if obj.type == "MESH" and obj.data not in meshes and _uses(obj, image)
+    ]
+    if not others:
+        return []
+    return [
+        f"{image.name} is also on {', '.join(others)}, which took no part; select all of them, or"
+        " the gutter may run into their charts."
+    ]
+
+
+# -------------------------------------------------------------------------------------------- faces
+
+
+def _read_faces(
+    obj: bpy.types.Object, mode: str, image: bpy.types.Image | None, parameters: Any
+) -> TexturedFaces:
+    """Read the faces whose material shows the image, or all."""
+    check_readable(obj)
+    mesh = obj.data
+    layer = mesh.uv_layers.active
+    if layer is None:
+        raise Skipped("it has no UV map; unwrap it in Edit Mode (UV > Unwrap)")
+    corners = read_triangle_corners(mesh)
+    if image is not None:
+        corners = corners[_faces_with(obj, image)]
+    if not len(corners):
+        raise Skipped(f"no face of it has a material that shows {image.name}; assign one")
+    flat = np.empty(2 * len(mesh.loops), dtype=np.float32)
+    layer.uv.foreach_get("vector", flat)
+    matrix = matrix_in_world(obj)
+    positions = read_positions(mesh).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    vertices = read_corner_vertices(mesh)
+    return TexturedFaces(
+        positions,
+        vertices[corners].astype(np.int64),
+        flat.reshape(-1, 2)[corners].astype(np.float64),
+        _weights(obj, mode, parameters, vertices, corners),
+    )
+
+
+def _faces_with(obj: bpy.types.Object, image: bpy.types.Image) -> npt.NDArray[np.bool_]:
+    mesh = obj.data
+    shows = np.array([_shows(slot.material, image) for slot in obj.material_slots] or [False])
+    slots = np.empty(len(mesh.polygons), dtype=np.int32)
+    mesh.polygons.foreach_get("material_index", slots)
+    polygons = np.empty(len(mesh.loop_triangles), dtype=np.int32)
+    mesh.loop_triangles.foreach_get("polygon_index", polygons)
+    return shows[np.clip(slots, 0, len(shows) - 1)][polygons]
+
+
+def _weights(
+    obj: bpy.types.Object, mode: str, parameters: Any, vertices: npt.NDArray, corners: npt.NDArray
+) -> Floats | None:
+    mask, free = color_mask(obj, mode, "CORNER", parameters)
+    if mask is None and free is None:
+        return None
+    weights = np.ones(len(vertices)) if mask is None else mask[vertices]
+    if free is not None:
+        weights[~free] = 0.0
+    return weights[corners]
+
+
+def _joined(read: list[TexturedFaces]) -> TexturedFaces:
+    firsts = np.cumsum([0, *(len(part.positions) for part in read)])
+    weights = None
+    if any(part.weights is not None for part in read):
+        weights = np.concatenate(
+            [np.ones(part.triangles.shape) if part.weights is None else part.weights
+             for part in read]
+        )  # fmt: skip
+    return TexturedFaces(
+        np.concatenate([part.positions for part in read]),
+        np.concatenate([part.triangles + first for part, first in zip(read, firsts[:-1],
+                                                                      strict=True)]),
+        np.concatenate([part.uv for part in read]),
+        weights,
+    )  # fmt: skip
+
+
+def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list[str]]:
+    uv, inside = mosaic.place(faces.uv)
+    if not inside.any():
+        raise Skipped("no face lies in one of its tiles; move the UVs into them")
+    left = int(np.count_nonzero(~inside))
+    notes = [f"{left:,} triangles lie in no tile, or across the rim of one; they took no part."]
+    weights = None if faces.weights is None else faces.weights[inside]
+    kept = replace(faces, triangles=faces.triangles[inside], uv=uv[inside], weights=weights)
+    return kept, notes if left else []
+
+
+def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -> Floats | None:
+    if not parameters.mask_image:
+        return None
+    mask = bpy.data.images.get(parameters.mask_image)
+    if mask is None:
+        raise Skipped(f"there is no mask image named {parameters.mask_image!r}; name another")
+    refusal = image_data.refusal(mask, tiles=True)
+    if refusal:
+        raise Skipped(f"its mask {mask.name} cannot be used: {refusal}")
+    if image_data.part_sizes(mask) != image_data.part_sizes(image):
+        raise Skipped(f"its mask {mask.name} has another size; scale it to {_sizes(image)}")
+    pixels = _whole(image_data.read_parts(mask), mosaic)[..., :3]
+    weights = np.clip(pixels.mean(axis=-1, dtype=np.float64), 0.0, 1.0)
+    if not np.isfinite(weights).all():
+        raise Skipped(f"its mask {mask.name} holds NaN; paint over it first")
+    weights = 1.0 - weights if parameters.invert_mask else weights
+    if not weights.any():
+        raise Skipped(f"its mask {mask.name} leaves nothing to sharpen; paint some of it white")
+    return weights
+
+
+def _sizes(image: bpy.types.Image) -> str:
+    sizes = image_data.part_sizes(image).values()
+    return ", ".join(f"{width} x {height}" for height, width in sizes)

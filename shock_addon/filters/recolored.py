@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""New colors beside the old ones: what changed, in numbers and words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from bpy.app.translations import pgettext_rpt
+
+Colors = npt.NDArray[np.float32]
+
+_HARDLY_SEEN = 0.01
+_BAND = 1 << 20
+"""Values that are compared at once, which fit into the processor's caches."""
+
+
+@dataclass(frozen=True)
+class Recolored:
+    """New colors, how many of them changed, and the largest change of a channel."""
+
+    colors: Colors
+    changed: int
+    largest_change: float
+
+
+def recolored(
+    old: Colors,
+    new: Colors,
+    levels: int,
+    progress: Callable[[float, str], bool] | None = None,
+) -> Recolored:
+    """Round new colors to what can be stored, and compare them with the old ones.
+
+    Parameters
+    ----------
+    old, new : (..., channels) float32
+    levels : int
+        255 for bytes, 0 for floats.
+    progress : callable or None
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    Recolored
+        Colors that do not change are the old ones bit for bit.
+    """
+    from ...core.parallel import Progress
+
+    phase = Progress.of(progress).part(1.0, 1.0, "Comparing colors")
+    colors = np.empty_like(old)
+    changed, largest = 0, 0.0
+    band = max(_BAND * len(old) // old.size, 1)
+    for start in range(0, len(old), band):
+        rows = slice(start, start + band)
+        same = _choose(old[rows], new[rows], levels, colors[rows])
+        changed += int(np.count_nonzero(~same.all(axis=-1)))
+        largest = max(largest, float(np.abs(colors[rows] - old[rows]).max()))
+        phase.update(1.0)
+    return Recolored(colors, changed, largest)
+
+
+def _choose(old: Colors, new: Colors, levels: int, colors: Colors) -> npt.NDArray[np.bool_]:
+    """Write old colors where new ones are stored as the same, else the new ones, rounded."""
+    same = new == old
+    if levels:  # Blender's fractions of bytes may differ from ours in the last bit
+        steps = _steps(new, levels)
+        same = steps == _steps(old, levels)
+        new = steps / np.float32(levels)
+    colors[...] = np.where(same, old, new)  # 0.0 and -0.0 are the same, but not bit for bit
+    return same
+
+
+def _steps(colors: Colors, levels: int) -> Colors:
+    steps = colors * np.float32(levels)
+    np.rint(steps, out=steps)
+    return np.clip(steps, 0, levels, out=steps)
+
+
+def describe(
+    results: Sequence[Recolored],
+    things: str,
+    advice: str = "for wide edges raise Time or Smoothing",
+) -> str:
+    """Say how many things changed and how much, and what to do if it was little."""
+    total = sum(result.colors[..., 0].size for result in results)
+    changed = sum(result.changed for result in results)
+    largest = max(result.largest_change for result in results)
+    text = pgettext_rpt(
+        "{total:,} {things}, changed {changed:,}, largest change {largest:.2g}"
+    ).format(total=total, things=pgettext_rpt(things), changed=changed, largest=largest)
+    if largest < _HARDLY_SEEN:
+        text += f" ({pgettext_rpt(advice)})"
+    return text

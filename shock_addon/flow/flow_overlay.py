@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draw an object's potential and flow over it in the 3D views.
+
+Drawn is what the mesh's attributes hold, so that undo and edits show at once. While nothing is
+shown, nothing is registered.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from bpy.app.translations import pgettext_iface as iface_
+from mathutils import Matrix
+
+from ..data.mesh_data import read_corner_vertices, read_positions, read_triangle_corners
+from .flow_data import read_flow
+from .flow_drawing import potential_colors, ramp, strokes
+
+_MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
+"""Modes in which the mesh holds what is seen."""
+
+_LIFT = 0.0025
+"""How much nearer to the viewer the surface is drawn than it is, in parts of the distance."""
+
+
+class _Overlay:
+    """What is shown; `batches` are None until they are drawn, or when the mesh has changed."""
+
+    def __init__(self, obj: bpy.types.Object) -> None:
+        self.name = obj.name
+        self.uid = obj.session_uid
+        self.batches: list | None = None
+        add = bpy.types.SpaceView3D.draw_handler_add
+        self.drawing = [
+            add(_draw_surface, (self,), "WINDOW", "POST_VIEW"),
+            add(_draw_legend, (self,), "WINDOW", "POST_PIXEL"),
+        ]
+
+    def object(self) -> bpy.types.Object | None:
+        """Find the object again, whatever it is called now."""
+        obj = bpy.data.objects.get(self.name)
+        if obj is None or obj.session_uid != self.uid:
+            obj = next((other for other in bpy.data.objects if other.session_uid == self.uid), None)
+        if obj is not None:
+            self.name = obj.name
+        return obj
+
+
+_shown: _Overlay | None = None
+
+
+def shown_object() -> str | None:
+    """Name the object whose flow is drawn, if any."""
+    return None if _shown is None else _shown.name
+
+
+def show(obj: bpy.types.Object) -> None:
+    """Draw the object's flow from now on, instead of another's; without a window do nothing."""
+    global _shown
+    hide()
+    if bpy.app.background:
+        return
+    _shown = _Overlay(obj)
+    for handlers, function in _handlers():
+        handlers.append(function)
+    _redraw()
+
+
+def hide() -> None:
+    """Draw no flow any more."""
+    global _shown
+    if _shown is None:
+        return
+    for drawing in _shown.drawing:
+        bpy.types.SpaceView3D.draw_handler_remove(drawing, "WINDOW")
+    _shown = None
+    for handlers, function in _handlers():
+        if function in handlers:  # Blender drops them when it loads a file
+            handlers.remove(function)
+    _redraw()
+
+
+def _handlers() -> list[tuple]:
+    handlers = bpy.app.handlers
+    return [
+        (handlers.depsgraph_update_post, _follow),
+        (handlers.undo_post, _refresh),
+        (handlers.redo_post, _refresh),
+        (handlers.load_pre, _end),
+    ]
+
+
+def _follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    obj = _shown.object()
+    if obj is None or any(
+        update.is_updated_geometry and update.id.original in {obj, obj.data}
+        for update in depsgraph.updates
+    ):
+        _refresh()
+
+
+def _refresh(*_: object) -> None:
+    obj = _shown.object()
+    if obj is None or obj.type != "MESH":
+        hide()
+    elif obj.mode in _MODES:
+        if read_flow(obj.data) is None:
+            hide()
+        else:
+            _shown.batches = None
+
+
+def _end(*_: object) -> None:
+    hide()
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def _draw_surface(overlay: _Overlay) -> None:
+    import gpu
+
+    context, obj = bpy.context, overlay.object()
+    if (
+        obj is None
+        or obj.mode not in _MODES
+        or not context.space_data.overlay.show_overlays
+        or not obj.visible_get(viewport=context.space_data)
+    ):
+        return
+    if overlay.batches is None:
+        overlay.batches = _batches(obj.data)
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("LESS_EQUAL")
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        gpu.matrix.multiply_matrix(obj.matrix_world)
+        projection = gpu.matrix.get_projection_matrix()
+        for number, batch in enumerate(overlay.batches):
+            lift = _LIFT * (1 + number)
+            gpu.matrix.load_projection_matrix(_lifted(projection, context.region_data, lift))
+            batch.draw(shader)
+    gpu.state.depth_test_set("NONE")
+    gpu.state.blend_set("NONE")
+
+
+def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Matrix:
+    # Nearer to the viewer by this part of the distance, for the depth test only.
+    lifted = projection.copy()
+    if view.is_perspective:
+        lifted[2][3] *= 1.0 + lift
+    else:
+        lifted[2][3] += lifted[2][2] * lift * view.view_distance
+    return lifted
+
+
+def _batches(mesh: bpy.types.Mesh) -> list:
+    from gpu.shader import from_builtin
+    from gpu_extras.batch import batch_for_shader
+
+    found = read_flow(mesh)
+    if found is None:
+        return []
+    potential, flow = found
+    shader = from_builtin("SMOOTH_COLOR")
+    triangles = read_corner_vertices(mesh)[read_triangle_corners(mesh)]
+    colored = {"pos": read_positions(mesh), "color": potential_colors(potential)}
+    corners, colors = strokes(*_faces(mesh), flow)
+    return [
+        batch_for_shader(shader, "TRIS", colored, indices=triangles),
+        batch_for_shader(shader, "TRIS", {"pos": corners, "color": colors}),
+    ]
+
+
+def _faces(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    count = len(mesh.polygons)
+    centers, normals = np.empty((2, 3 * count), dtype=np.float32)
+    areas = np.empty(count, dtype=np.float32)
+    mesh.polygons.foreach_get("center", centers)
+    mesh.polygons.foreach_get("normal", normals)
+    mesh.polygons.foreach_get("area", areas)
+    return centers.reshape(-1, 3), normals.reshape(-1, 3), areas
+
+
+def _draw_legend(overlay: _Overlay) -> None:
+    import blf
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    context = bpy.context
+    if overlay.object() is None or not context.space_data.overlay.show_overlays:
+        return
+    scale = context.preferences.system.ui_scale
+    tools = next((r.width for r in context.area.regions if r.type == "TOOLS"), 0)
+    x, y, font = tools + 20 * scale, 24 * scale, 0
+    blf.size(font, 12 * scale)
+    blf.color(font, 1.0, 1.0, 1.0, 1.0)
+    x = _write(font, x, y, iface_("{name}: potential weak").format(name=overlay.name))
+    shares = np.repeat(np.linspace(0.0, 1.0, 9), 2)
+    colors = ramp(shares)
+    colors[:, 3] = 1.0
+    corners = np.stack([x + 8 * scale + 100 * scale * shares, np.full(18, y)], axis=1)
+    corners[1::2, 1] += 10 * scale
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    bar = {"pos": corners.astype(np.float32), "color": colors}
+    batch_for_shader(shader, "TRI_STRIP", bar).draw(shader)
+    _write(font, x + 116 * scale, y, iface_("strong; strokes point where values are pulled"))
+
+
+def _write(font: int, x: float, y: float, text: str) -> float:
+    import blf
+
+    blf.position(font, x, y, 0.0)
+    blf.draw(font, text)
+    return x + blf.dimensions(font, text)[0]

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Presets in the panels' headers: those that come with the extension, then the person's own."""
+
+from __future__ import annotations
+
+import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
+from bpy.app.translations import pgettext_tip
+
+from ..fields import filter_names
+from ..properties import NAMES, label
+from .shipped_presets import SHIPPED, ShippedPreset
+
+_OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
+
+
+class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
+    """Set all settings of the filter; masks and output stay"""
+
+    bl_idname = "shock_filter.use_preset"
+    bl_label = "Use Preset"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    __annotations__ = {
+        "mode": bpy.props.EnumProperty(items=[(mode, label(mode), "") for mode in NAMES]),
+        "name": bpy.props.StringProperty(),
+    }
+
+    @classmethod
+    def description(
+        cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
+        """Give the preset's reason."""
+        preset = _find(properties.mode, properties.name)
+        return pgettext_tip(preset.reason) if preset else ""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set the values, and the defaults of all others."""
+        preset = _find(self.mode, self.name)
+        if preset is None:
+            names = ", ".join(preset.name for preset in SHIPPED[self.mode])
+            self.report({"ERROR"}, f"There is no preset {self.name!r}; choose one of: {names}.")
+            return {"CANCELLED"}
+        settings = getattr(context.scene.shock_filter, self.mode)
+        for name in filter_names(self.mode):
+            settings.property_unset(name)
+        for name, value in preset.values.items():
+            setattr(settings, name, value)
+        return {"FINISHED"}
+
+
+def _find(mode: str, name: str) -> ShippedPreset | None:
+    return next((preset for preset in SHIPPED[mode] if preset.name == name), None)
+
+
+class _ModePresets(PresetPanel):
+    """The list that the header's button opens."""
+
+    mode: str
+    preset_subdir: str
+    preset_add_operator: str
+    preset_operator = "script.execute_preset"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the shipped presets above those in the person's folder."""
+        layout = self.layout
+        layout.emboss = "PULLDOWN_MENU"
+        column = layout.column(align=True)
+        for preset in SHIPPED[self.mode]:
+            operator = column.operator("shock_filter.use_preset", text=preset.name)
+            operator.mode, operator.name = self.mode, preset.name
+        layout.separator()
+        if bpy.utils.preset_paths(self.preset_subdir):
+            super().draw(context)
+        else:  # Blender would name the folder as missing
+            _draw_new(layout, context, self.preset_add_operator)
+
+
+def _draw_new(layout: bpy.types.UILayout, context: bpy.types.Context, add_operator: str) -> None:
+    """Draw a field for a name, and the button that adds a preset of that name."""
+    row = layout.row()
+    field = row.row()
+    field.emboss = "NORMAL"
+    field.prop(context.window_manager, "preset_name", text="")
+    row.operator(add_operator, text="", icon="ADD").name = context.window_manager.preset_name
+
+
+def _panel(mode: str) -> type:
+    return type(
+        f"SHOCK_FILTER_PT_{mode}_presets",
+        (_ModePresets, bpy.types.Panel),
+        {
+            "__doc__": _ModePresets.__doc__,
+            "__module__": __name__,
+            "mode": mode,
+            "bl_label": f"{label(mode)} Presets",
+            "preset_subdir": f"shock_filter/{mode}",
+            "preset_add_operator": f"shock_filter.{mode}_preset_add",
+        },
+    )
+
+
+def _add_operator(mode: str) -> type:
+    names = [name for name in NAMES[mode] if name not in _OF_ONE_OBJECT]
+    return type(
+        f"SHOCK_FILTER_OT_{mode}_preset_add",
+        (AddPresetBase, bpy.types.Operator),
+        {
+            "__doc__": f"Add or remove a preset of the settings for {label(mode).lower()}",
+            "__module__": __name__,
+            "bl_idname": f"shock_filter.{mode}_preset_add",
+            "bl_label": f"Add {label(mode)} Preset",
+            "preset_menu": f"SHOCK_FILTER_PT_{mode}_presets",
+            "preset_subdir": f"shock_filter/{mode}",
+            "preset_defines": [f"settings = bpy.context.scene.shock_filter.{mode}"],
+            "preset_values": [f"settings.{name}" for name in names],
+        },
+    )
+
+
+PANELS = {mode: _panel(mode) for mode in NAMES}
+CLASSES = (
+    SHOCK_FILTER_OT_use_preset,
+    *PANELS.values(),
+    *(_add_operator(mode) for mode in NAMES),
+)

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A patch of a large surface, to preview on. Needs no bpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...core.errors import InvalidMesh
+from ..filters.coloring import ColoredSurface
+from ..filters.denoising import Both, Denoising, PaintedSurface
+from ..filters.sharpening import MirroredSurface
+from ..filters.surface import Surface
+
+_REACH = 12.0
+_SAMPLE = 200_000
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A part of a surface, or all of it.
+
+    Attributes
+    ----------
+    surface : Surface or PaintedSurface
+        The part. Vertices at its border are masked: they stay.
+    whole : callable
+        Makes the whole surface's result of the part's.
+    lengths : float
+        Mean edge length of the whole surface in those of the part.
+    share : float
+        Part of the triangles.
+    """
+
+    surface: Any
+    whole: Callable[[Any], Any]
+    lengths: float
+    share: float
+
+    def settings(self, settings: Any) -> Any:
+        """Turn settings that are meant for the whole surface into the part's units of length."""
+        if self.share == 1.0:
+            return settings
+        if isinstance(settings, Denoising):
+            time = settings.sharpen_time
+            return Denoising(
+                self._scaled(settings.kernel, time=2, beta=1),
+                None if time is None else time * self.lengths**4,
+            )
+        # P falls with the square of the lengths, and the flow is its gradient.
+        return self._scaled(settings, time=4)
+
+    def _scaled(self, settings: Any, **powers: int) -> Any:
+        powers |= {"screening_radius": 1, "max_displacement": 1}
+        new = {
+            name: getattr(settings, name) * self.lengths**power
+            for name, power in powers.items()
+            if hasattr(settings, name)
+        }
+        if getattr(settings, "fidelity", 0.0) > 0:  # it counts per area of the whole
+            new["fidelity"] = settings.fidelity * self.share / self.lengths**2
+            del new["screening_radius"]
+        return replace(settings, **new)
+
+
+def whole_surface(surface: Any) -> Patch:
+    """Take all of a surface."""
+    return Patch(surface, lambda result: result, 1.0, 1.0)
+
+
+def patch_around(surface: Any, vertex: int, size: int) -> Patch:
+    """Cut out the part of a surface around a vertex.
+
+    Parameters
+    ----------
+    surface : Surface or PaintedSurface
+    vertex : int
+    size : int
+        About how many vertices the part has.
+
+    Raises
+    ------
+    core.InvalidMesh
+        If nothing there has faces.
+    """
+    shape = surface.shape if isinstance(surface, PaintedSurface) else surface
+    away = shape.into_world(shape.positions - shape.positions[vertex])
+    distances = np.einsum("ij,ij->i", away, away)
+    used = np.zeros(len(distances), dtype=bool)
+    used[shape.triangles] = True
+    distances[~used] = np.inf
+    count = min(size, len(distances))
+    near = distances <= np.partition(distances, count - 1)[count - 1]
+    inside = near[shape.triangles].all(axis=1)
+    if not inside.any():
+        raise InvalidMesh("There are no faces to preview here; point at another place.")
+    vertices = np.unique(shape.triangles[inside])
+    lengths = _mean_edge_length(shape, ...) / _mean_edge_length(shape, inside)
+    share = float(inside.mean())
+    if not isinstance(surface, PaintedSurface):
+        part, whole = _cut(surface, inside, vertices)
+        return Patch(part, whole, lengths, share)
+    shape_part, whole_shape = _cut(surface.shape, inside, vertices)
+    paint_part, whole_paint = _cut(surface.paint, inside, vertices)
+
+    def both(result: Both) -> Both:
+        return Both(whole_shape(result.shape), whole_paint(result.paint))
+
+    return Patch(PaintedSurface(shape_part, paint_part), both, lengths, share)
+
+
+def seen_vertex(
+    positions: npt.NDArray, to_clip: npt.NDArray, size: tuple[int, int], mouse: tuple[float, float]
+) -> int:
+    """Find the vertex that a point in a view shows.
+
+    Parameters
+    ----------
+    positions : (n, 3) array of float
+    to_clip : (4, 4) array of float
+        From the object's space to the view's clip space.
+    size : tuple of int
+        Width and height of the view in pixels.
+    mouse : tuple of float
+        The point, in pixels from the lower left corner.
+
+    Returns
+    -------
+    int
+        Of the vertices that are seen closest to the point, the foremost one.
+    """
+    clip = positions @ to_clip[:, :3].T + to_clip[:, 3]
+    before = clip[:, 3] > 0
+    if not before.any():
+        return 0
+    clip[~before, 3] = 1.0
+    seen = clip[:, :3] / clip[:, 3:]
+    pixels = 0.5 * (seen[:, :2] + 1.0) * size - mouse
+    away = np.where(before, np.hypot(pixels[:, 0], pixels[:, 1]), np.inf)
+    close = np.flatnonzero(away <= away.min() + _REACH)
+    return int(close[seen[close, 2].argmin()])
+
+
+def _cut(
+    surface: Surface, inside: npt.NDArray[np.bool_], vertices: npt.NDArray
+) -> tuple[Surface, Callable[[Any], Any]]:
+    index = np.full(len(surface.positions), -1, dtype=np.int32)
+    index[vertices] = np.arange(len(vertices), dtype=np.int32)
+    mask = np.ones(len(vertices)) if surface.mask is None else surface.mask[vertices]
+    border = index[surface.triangles[~inside]]
+    mask[border[border >= 0]] = 0.0
+    new = {
+        "positions": surface.positions[vertices],
+        "triangles": index[surface.triangles[inside]],
+        "mask": mask,
+    }
+    if isinstance(surface, MirroredSurface):
+        part = replace(surface, **new, mirror=(False, False, False))
+        return part, lambda result: _spread(result, "positions", surface.positions, vertices)
+    assert isinstance(surface, ColoredSurface)
+    colored = vertices
+    if surface.corners is not None:
+        colored, corners = np.unique(surface.corners[inside], return_inverse=True)
+        new["corners"] = corners.reshape(-1, 3).astype(np.int32)
+        new["free"] = None if surface.free is None else surface.free[colored]
+    part = replace(surface, **new, colors=surface.colors[colored])
+    return part, lambda result: _spread(result, "colors", surface.colors, colored)
+
+
+def _spread(result: Any, name: str, old: npt.NDArray, places: npt.NDArray) -> Any:
+    # The part's values among the others', which stay.
+    new = old.copy()
+    new[places] = getattr(result, name)
+    return replace(result, **{name: new})
+
+
+def _mean_edge_length(surface: Surface, chosen: Any) -> float:
+    triangles = surface.triangles[chosen]
+    triangles = triangles[:: -(-len(triangles) // _SAMPLE)]
+    points = surface.into_world(surface.positions[triangles].astype(np.float64))
+    return float(np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).mean())
