@@ -14,6 +14,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,7 @@ PACKAGES = ["blender", "python3-numpy", "xvfb", "xauth", "xdotool", "libgl1-mesa
 EXTRA_PACKAGES = {"sid": ["python3-cattr", "python3-requests", "python3-zstandard"]}
 SPACE = 3_000_000_000
 MAKING_LIMIT = 900.0
+"""Seconds for all steps of the making."""
 
 SCREEN = """
 mkdir -p /tmp/.X11-unix; cd "$HOME"; rm -f display
@@ -102,6 +104,13 @@ class WindowBlender:
                 raise
         return subprocess.CompletedProcess(command, process.returncode, output)
 
+    def check(self, work: Path) -> None:
+        """Start Blender on a screen; raises `Unavailable` if this system does not allow it."""
+        done = self.run(work, "blender", "--version", screen=True)
+        if done.returncode or not done.stdout.startswith("Blender"):
+            last = (done.stdout.strip().splitlines() or ["no output"])[-1]
+            raise Unavailable(f"it does not start: {last}")
+
 
 def installed() -> WindowBlender:
     """Return the Blender on the PATH, which needs Xvfb and xdotool beside it."""
@@ -137,18 +146,21 @@ def _make(suite: str, folder: Path) -> None:
     folder.parent.mkdir(parents=True, exist_ok=True)
     if shutil.disk_usage(folder.parent).free < SPACE:
         raise Unavailable(f"{folder.parent} has less than {SPACE / 1e9:.0f} GB left")
+    end = time.monotonic() + MAKING_LIMIT
     if shutil.which("debootstrap") is None:
-        _step("apt-get", "install", "--yes", "--no-install-recommends", "debootstrap")
+        _step(end, "apt-get", "update")
+        _step(end, "apt-get", "install", "--yes", "--no-install-recommends", "debootstrap")
     keyring = "/usr/share/keyrings/debian-archive-keyring.gpg"
     _step(
+        end,
         *ISOLATED,
         *("debootstrap", "--variant=minbase", f"--keyring={keyring}", suite),
         *(str(folder), mirrors[0]),
     )
-    _fill(suite, folder)
+    _fill(suite, folder, end)
 
 
-def _fill(suite: str, folder: Path) -> None:
+def _fill(suite: str, folder: Path, end: float) -> None:
     """Install Blender into a fresh system, without documentation and with its translations."""
     shutil.copy("/etc/resolv.conf", folder / "etc" / "resolv.conf")
     no_services = folder / "usr" / "sbin" / "policy-rc.d"
@@ -171,11 +183,14 @@ def _fill(suite: str, folder: Path) -> None:
     ):
         environment = ["env", "DEBIAN_FRONTEND=noninteractive", "LC_ALL=C"]
         inside = ("sh", "-c", CHROOT, "sh", str(folder), str(folder / "mnt"))
-        _step(*ISOLATED, *inside, *environment, *step)
+        _step(end, *ISOLATED, *inside, *environment, *step)
 
 
-def _step(*command: str) -> None:
-    """Run one step of the making; its failure is no error, but there is no Blender then."""
+def _step(end: float, *command: str) -> None:
+    """Run one step of the making; its failure is no error, but there is no Blender then.
+
+    It is stopped when `time.monotonic` reaches `end`.
+    """
     try:
         done = subprocess.run(
             command,
@@ -183,10 +198,11 @@ def _step(*command: str) -> None:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=MAKING_LIMIT,
+            timeout=max(end - time.monotonic(), 0.0),
         )
     except subprocess.TimeoutExpired:
-        raise Unavailable(f"`{' '.join(command)}` took over {MAKING_LIMIT:.0f} s") from None
+        limit = f"{MAKING_LIMIT:.0f} s after the beginning"
+        raise Unavailable(f"`{' '.join(command)}` was still running {limit}") from None
     if done.returncode:
         last = (done.stdout.strip().splitlines() or ["no output"])[-1]
         raise Unavailable(f"`{' '.join(command)}` failed: {last}")

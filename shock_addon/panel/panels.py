@@ -299,7 +299,7 @@ def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) ->
         name = shown_image(context).name
     except Skipped:  # the line below the button says why
         return
-    layout.label(text=name, icon="IMAGE_DATA", translate=False)
+    layout.label(text=iface_("Shown: {}").format(name), icon="IMAGE_DATA", translate=False)
 
 
 def _draw_choices(

@@ -418,6 +418,6 @@ def test_the_texture_panel_says_which_image_or_why_none(rounded_box):
     node = material.node_tree.nodes.new("ShaderNodeTexImage")
     node.image = bpy.data.images.new("Wood", 4, 4)
     box.data.materials.append(material)
-    assert "Wood" in words(draw(main), "label")
+    assert "Shown: Wood" in words(draw(main), "label")
     bpy.context.scene.shock_filter.texture.image = "Wood"
-    assert "Wood" not in words(draw(main), "label")
+    assert "Shown: Wood" not in words(draw(main), "label")

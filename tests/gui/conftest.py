@@ -53,12 +53,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session")
-def blender(request: pytest.FixtureRequest):
+def blender(request: pytest.FixtureRequest, work: Path):
     """Return the Blender to test in, or end the run with the reason why there is none."""
     suite = request.config.getoption("--debian", None)
     folder = request.config.getoption("--folder", None) or ROOT / ".nox" / f"blender-{suite}"
     try:
-        return window_blender.provide(suite, folder) if suite else window_blender.installed()
+        found = window_blender.provide(suite, folder) if suite else window_blender.installed()
+        found.check(work)
+        return found
     except window_blender.Unavailable as reason:
         what = f"Debian {suite}'s Blender" if suite else "the Blender on the PATH"
         pytest.exit(f"The window tests were not run with {what}: {reason}.", returncode=0)

@@ -83,7 +83,7 @@ def preview(mode: str, seen: dict) -> Steps:
     yield from click(places[PREVIEW])
     yield from drag(places[PREVIEW][0], places[PREVIEW][1])
     seen["dragged"] = state()
-    picture(f"preview-{mode}", area("VIEW_3D"), width=1200)
+    picture(f"preview-{mode}", area("VIEW_3D"), width=1400)
     yield from press("Escape")
     yield DRAWN
     seen["dropped"] = state()
