@@ -145,7 +145,7 @@ ON_IMAGES = (IMAGE, DENOISE_IMAGE)
 KINDS = {
     "active": "texels that linear sampling of some face reads",
     "boundary": "active texels that charts cover only in part",
-    "face": "the face in which the texel's centre lies",
+    "face": "the face in which the texel's center lies",
     "chart": "the chart of that face",
     "count": "how many charts read the texel",
 }

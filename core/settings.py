@@ -152,7 +152,7 @@ class _SignalSettings(_FlowSettings):
         "linear",
         "How values are read at the end of a flow-line",
         choices={
-            "linear": "Interpolate between neighbours: removes fine noise",
+            "linear": "Interpolate between neighbors: removes fine noise",
             "nearest": "Take the nearest value: keeps noise, and edges harder",
         },
         advanced=True,
@@ -502,7 +502,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     )
     beta: float = _setting(
         0.9,
-        "How much the directions of faces count against lengths. At 1, neighbours whose"
+        "How much the directions of faces count against lengths. At 1, neighbors whose"
         " directions differ by the noise are one mean edge length farther apart; creases are"
         " many. 0 blurs across creases; 5 keeps even faint ones, and noise with them",
         unit="mean edge lengths for the noise",

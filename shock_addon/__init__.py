@@ -17,6 +17,7 @@ from . import (
     image_operator,
     jobs,
     kernels,
+    operators,
     properties,
     statistics,
     texture_operator,
@@ -44,8 +45,11 @@ _CLASSES = (
 
 
 @persistent
-def _forget_surfaces(*_: object) -> None:
+def _forget_file(*_: object) -> None:
+    # What was read from the file that is left, and what was said about it.
     surface.forget()
+    image_data.forget()
+    operators.summaries.clear()
 
 
 def _unregister_at_exit() -> None:
@@ -67,7 +71,7 @@ def register() -> None:
     manual.register()
     command_line.register()
     preview_operator.register()
-    bpy.app.handlers.load_pre.append(_forget_surfaces)
+    bpy.app.handlers.load_pre.append(_forget_file)
 
 
 def unregister() -> None:
@@ -76,7 +80,7 @@ def unregister() -> None:
     preview_operator.unregister()
     jobs.stop_all()
     flow_overlay.hide()
-    bpy.app.handlers.load_pre.remove(_forget_surfaces)
+    bpy.app.handlers.load_pre.remove(_forget_file)
     command_line.unregister()
     manual.unregister()
     menus.unregister()
@@ -84,7 +88,6 @@ def unregister() -> None:
         bpy.utils.unregister_class(cls)
     properties.unregister()
     translations.unregister()
+    _forget_file()
     statistics.forget()
-    surface.forget()
-    image_data.forget()
     kernels.forget()

@@ -9,8 +9,7 @@ from bpy.app.translations import pgettext_rpt
 from ..core.settings import ShockSettings
 from .data.color_data import read_colors, write_colors
 from .filters.coloring import sharpen_colors
-from .filters.recolored import describe
-from .operators import MeshOperator, counted
+from .operators import MeshOperator, counted, describe_colors
 from .properties import ColorProperties
 
 
@@ -31,7 +30,7 @@ class SHOCK_FILTER_OT_sharpen_colors(MeshOperator, ColorProperties, bpy.types.Op
         """Count meshes and colors."""
         return pgettext_rpt("Sharpened the colors of {meshes}: {changes}, {seconds:.1f} s.").format(
             meshes=counted(len(written), "1 mesh", "{:,} meshes"),
-            changes=describe([result for _, result in written], "colors"),
+            changes=describe_colors([result for _, result in written], "colors"),
             seconds=seconds,
         )
 

@@ -24,10 +24,10 @@ from .filters.denoising import (
     denoise_picture,
     denoise_shape,
 )
-from .filters.recolored import Recolored, describe
+from .filters.recolored import Recolored
 from .geometry_operator import describe_moves, notes
 from .image_operator import ImageOperator
-from .operators import Filter, MeshOperator, counted
+from .operators import Filter, MeshOperator, counted, describe_colors
 from .properties import (
     COLOR_PREFIX,
     DenoiseImageProperties,
@@ -121,10 +121,10 @@ class SHOCK_FILTER_OT_denoise(MeshOperator, DenoiseProperties, bpy.types.Operato
             changes = describe_moves(results)
         elif self.target == "colors":
             meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
-            changes = describe(results, "colors", _ADVICE)
+            changes = describe_colors(results, "colors", _ADVICE)
         else:
             meshes = counted(len(written), "1 mesh and its colors", "{:,} meshes and their colors")
-            paints = describe([result.paint for result in results], "colors", _ADVICE)
+            paints = describe_colors([result.paint for result in results], "colors", _ADVICE)
             changes = f"{describe_moves([result.shape for result in results])}; {paints}"
         return pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s.").format(
             done=_done(self), meshes=meshes, changes=changes, seconds=seconds
@@ -162,7 +162,7 @@ class SHOCK_FILTER_OT_denoise_image(ImageOperator, DenoiseImageProperties, bpy.t
 
     def changes(self, result: Recolored) -> str:
         """Say how much has changed."""
-        return describe([result], "pixels", _ADVICE)
+        return describe_colors([result], "pixels", _ADVICE)
 
 
 def denoise_settings(parameters: Any) -> Denoising:

@@ -13,8 +13,8 @@ from . import obstacles
 from .data import image_data
 from .data.image_data import edited_image
 from .filters.picture import sharpen_picture
-from .filters.recolored import Recolored, describe
-from .operators import Filter, SharpenOperator, can_run, write_results
+from .filters.recolored import Recolored
+from .operators import Filter, SharpenOperator, can_run, describe_colors, write_results
 from .properties import ImageProperties
 from .skipped import Skipped, sentences
 
@@ -129,7 +129,7 @@ class SHOCK_FILTER_OT_sharpen_image(ImageOperator, ImageProperties, bpy.types.Op
 
     def changes(self, result: Recolored) -> str:
         """Say how much has changed."""
-        return describe([result], "pixels")
+        return describe_colors([result], "pixels")
 
 
 CLASSES = (SHOCK_FILTER_OT_sharpen_image,)

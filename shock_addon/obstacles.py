@@ -10,7 +10,7 @@ from bpy.app.translations import pgettext_rpt
 
 from .data.image_data import edited_image, refusal
 from .data.mesh_data import mesh_objects
-from .data.texture_data import shown_image
+from .data.texture_data import chosen_image
 from .skipped import Skipped
 
 _CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
@@ -86,14 +86,10 @@ def _of_colors(context: bpy.types.Context) -> str:
 
 
 def _of_texture(context: bpy.types.Context, settings: Any) -> str:
-    image = edited_image(context)
-    if image is None and settings.image:
-        image = bpy.data.images.get(settings.image)
-    if image is None:
-        try:
-            image = shown_image(context)
-        except Skipped as reason:
-            return f"{mesh_objects(context)[0].name}: {pgettext_rpt(str(reason))}."
+    try:
+        image = chosen_image(context, settings.image)
+    except Skipped as reason:
+        return f"{mesh_objects(context)[0].name}: {pgettext_rpt(str(reason))}."
     return _of_image(image, tiles=True)
 
 

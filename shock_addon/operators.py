@@ -22,6 +22,7 @@ from ..core.errors import (
 )
 from . import kernels, obstacles, statistics
 from .data.mesh_data import object_mode, read_targets
+from .filters.recolored import Recolored
 from .jobs import ModalJob, Work, current
 from .properties import settings_from
 from .skipped import Skipped, sentences
@@ -30,6 +31,9 @@ log = logging.getLogger(__name__)
 
 Progress = Callable[[float, str], bool]
 Filter = Callable[[Any, Progress], Any]
+
+_HARDLY_SEEN = 0.01
+"""A change of colors that people hardly see."""
 
 summaries: dict[str, str] = {}
 """What each mode has done last."""
@@ -241,6 +245,23 @@ def write_results(
 def counted(number: int, one: str, many: str) -> str:
     """Write a number with its noun, such as ``counted(2, "1 mesh", "{:,} meshes")``."""
     return pgettext_rpt(one) if number == 1 else pgettext_rpt(many).format(number)
+
+
+def describe_colors(
+    results: Sequence[Recolored],
+    things: str,
+    advice: str = "for wide edges raise Time or Smoothing",
+) -> str:
+    """Say how many things changed and how much, and what to do if it was little."""
+    total = sum(result.colors[..., 0].size for result in results)
+    changed = sum(result.changed for result in results)
+    largest = max(result.largest_change for result in results)
+    text = pgettext_rpt(
+        "{total:,} {things}, changed {changed:,}, largest change {largest:.2g}"
+    ).format(total=total, things=pgettext_rpt(things), changed=changed, largest=largest)
+    if largest < _HARDLY_SEEN:
+        text += f" ({pgettext_rpt(advice)})"
+    return text
 
 
 def _shown_by(manager: bpy.types.WindowManager) -> Progress:

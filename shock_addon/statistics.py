@@ -26,7 +26,7 @@ from ..core.settings import (
 )
 from .data.image_data import edited_image
 from .data.mesh_data import mesh_objects
-from .data.texture_data import shown_image
+from .data.texture_data import chosen_image
 from .properties import COLOR_PREFIX, settings_from
 from .skipped import Skipped
 
@@ -96,7 +96,9 @@ def count(context: bpy.types.Context, mode: str, settings: Any) -> Counts:
 
 
 def expected(mode: str, settings: Any, size: int) -> Estimate | None:
-    """Estimate a run on this machine; None if there is nothing to do or the settings clash.
+    """Estimate a run on this machine, in seconds on the clock.
+
+    None if there is nothing to do or the settings clash.
 
     Parameters
     ----------
@@ -172,11 +174,8 @@ def _parts(mode: str, settings: Any) -> list[Any]:
 
 
 def _texture(context: bpy.types.Context, settings: Any) -> bpy.types.Image | None:
-    image = edited_image(context)
-    if image is None and settings.image:
-        return bpy.data.images.get(settings.image)
     try:
-        return image or shown_image(context)
+        return chosen_image(context, settings.image)
     except Skipped:
         return None
 

@@ -15,9 +15,16 @@ from .data import image_data
 from .data.image_data import edited_image
 from .data.mesh_data import mesh_objects
 from .data.texture_data import EVERYWHERE, TextureTarget, assign, read_texture, shown_image
-from .filters.recolored import Recolored, describe, recolored
+from .filters.recolored import Recolored, recolored
 from .filters.texturing import Retextured, dilate_texture, sharpen_texture
-from .operators import Filter, SharpenOperator, can_run, counted, write_results
+from .operators import (
+    Filter,
+    SharpenOperator,
+    can_run,
+    counted,
+    describe_colors,
+    write_results,
+)
 from .properties import DilateProperties, TextureProperties, texture_image
 from .skipped import Skipped, sentences
 
@@ -124,7 +131,7 @@ class _TextureOperator(SharpenOperator):
 
     def changes(self, parts: list[Recolored]) -> str:
         """Say how much has changed."""
-        return describe(parts, "pixels")
+        return describe_colors(parts, "pixels")
 
     def notes(self, written: list[tuple]) -> str:
         """Say what is unusual about the UV map."""

@@ -68,7 +68,8 @@ def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
         return "it has several layers; save the one you want as an image of its own"
     if image.source in _REFUSED and not (tiles and image.source == "TILED"):
         return _REFUSED[image.source]
-    if image.source == "TILED" and image.is_dirty:
+    is_saved = image.filepath_raw or image.packed_files
+    if image.source == "TILED" and (image.is_dirty or not is_saved):
         return "it has tiles that are not saved; save it first (Image > Save)"
     if not image.size[0] * image.size[1]:
         return "it has no pixels; check that its file exists"

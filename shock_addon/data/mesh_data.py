@@ -58,11 +58,19 @@ def object_mode(context: bpy.types.Context) -> Iterator[None]:
     if mode == "OBJECT":
         yield
         return
+    objects = context.view_layer.objects
+    edited = {obj for obj in objects if obj.mode == "EDIT"}
     bpy.ops.object.mode_set(mode="OBJECT")
     try:
         yield
     finally:
+        selected = {obj for obj in objects if obj.select_get()}
+        others = selected ^ edited if mode == "EDIT" else set()
+        for obj in others:  # Blender edits what is selected
+            obj.select_set(obj in edited)
         bpy.ops.object.mode_set(mode=mode)
+        for obj in others:
+            obj.select_set(obj in selected)
 
 
 def read_targets(

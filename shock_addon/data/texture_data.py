@@ -92,6 +92,25 @@ def shown_image(context: bpy.types.Context) -> bpy.types.Image:
     return _active_image(material)
 
 
+def chosen_image(context: bpy.types.Context, name: str) -> bpy.types.Image:
+    """Return the image that the panel's buttons work on.
+
+    In the Image Editor it is the one that is seen, elsewhere the one of this name, if any, or else
+    that of `shown_image`.
+
+    Raises
+    ------
+    Skipped
+        If there is none.
+    """
+    if not name or image_data.edited_image(context) is not None:
+        return shown_image(context)
+    image = bpy.data.images.get(name)
+    if image is None:
+        raise Skipped(f"there is no image named {name!r}; choose one of the file's images")
+    return image
+
+
 def read_texture(
     context: bpy.types.Context, image: bpy.types.Image, parameters: Any, margin: int
 ) -> tuple[TextureTarget, list[str]]:

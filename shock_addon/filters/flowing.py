@@ -66,7 +66,8 @@ def flow_of_colors(
         potential = highest
     else:
         potential = np.zeros(part.mesh.vertex_count)
-        np.maximum.at(potential, part.mesh.faces.reshape(-1), highest[cut.faces.reshape(-1)])
+        own = cut.own_corners(cut.faces)  # as in part.mesh: cutting can turn a face
+        np.maximum.at(potential, part.mesh.faces.reshape(-1), highest[own.reshape(-1)])
     return _brought_back(surface, part, potential, flow)
 
 

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""New colors beside the old ones: what changed, in numbers and words."""
+"""New colors beside the old ones: what changed, in numbers. Needs no bpy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from bpy.app.translations import pgettext_rpt
 
 Colors = npt.NDArray[np.float32]
 
-_HARDLY_SEEN = 0.01
 _BAND = 1 << 20
 """Values that are compared at once, which fit into the processor's caches."""
 
@@ -77,20 +75,3 @@ def _steps(colors: Colors, levels: int) -> Colors:
     steps = colors * np.float32(levels)
     np.rint(steps, out=steps)
     return np.clip(steps, 0, levels, out=steps)
-
-
-def describe(
-    results: Sequence[Recolored],
-    things: str,
-    advice: str = "for wide edges raise Time or Smoothing",
-) -> str:
-    """Say how many things changed and how much, and what to do if it was little."""
-    total = sum(result.colors[..., 0].size for result in results)
-    changed = sum(result.changed for result in results)
-    largest = max(result.largest_change for result in results)
-    text = pgettext_rpt(
-        "{total:,} {things}, changed {changed:,}, largest change {largest:.2g}"
-    ).format(total=total, things=pgettext_rpt(things), changed=changed, largest=largest)
-    if largest < _HARDLY_SEEN:
-        text += f" ({pgettext_rpt(advice)})"
-    return text

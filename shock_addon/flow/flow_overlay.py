@@ -103,11 +103,16 @@ def _refresh(*_: object) -> None:
     obj = _shown.object()
     if obj is None or obj.type != "MESH":
         hide()
-    elif obj.mode in _MODES:
+    elif _is_readable(obj):
         if read_flow(obj.data) is None:
             hide()
         else:
             _shown.batches = None
+
+
+def _is_readable(obj: bpy.types.Object) -> bool:
+    # Another object with the same mesh may be the one that is in Edit Mode.
+    return obj.type == "MESH" and obj.mode in _MODES and not obj.data.is_editmode
 
 
 def _end(*_: object) -> None:
@@ -125,12 +130,7 @@ def _draw_surface(overlay: _Overlay) -> None:
     import gpu
 
     context, obj = bpy.context, overlay.object()
-    if (
-        obj is None
-        or obj.mode not in _MODES
-        or not context.space_data.overlay.show_overlays
-        or not obj.visible_get(viewport=context.space_data)
-    ):
+    if not _is_seen(obj, context.space_data):
         return
     if overlay.batches is None:
         overlay.batches = _batches(obj.data)
@@ -146,6 +146,15 @@ def _draw_surface(overlay: _Overlay) -> None:
             batch.draw(shader)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
+
+
+def _is_seen(obj: bpy.types.Object | None, view: bpy.types.SpaceView3D) -> bool:
+    return (
+        obj is not None
+        and _is_readable(obj)
+        and view.overlay.show_overlays
+        and obj.visible_get(viewport=view)
+    )
 
 
 def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Matrix:
@@ -192,7 +201,7 @@ def _draw_legend(overlay: _Overlay) -> None:
     from gpu_extras.batch import batch_for_shader
 
     context = bpy.context
-    if overlay.object() is None or not context.space_data.overlay.show_overlays:
+    if not _is_seen(overlay.object(), context.space_data):
         return
     scale = context.preferences.system.ui_scale
     tools = next((r.width for r in context.area.regions if r.type == "TOOLS"), 0)

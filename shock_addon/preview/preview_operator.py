@@ -171,7 +171,12 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             if hasattr(parameters, name):
                 setattr(settings, name, getattr(parameters, name))
         operator = getattr(bpy.ops.shock_filter, self._kind.operator)
-        operator("INVOKE_DEFAULT", **{name: getattr(settings, name) for name in NAMES[self.mode]})
+        chosen = {name: getattr(settings, name) for name in NAMES[self.mode]}
+        try:
+            operator("INVOKE_DEFAULT", **chosen)
+        except RuntimeError as error:  # what the operator has reported
+            self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
+            return {"CANCELLED"}
         return {"FINISHED"}
 
     def _show_text(self, context: bpy.types.Context) -> None:

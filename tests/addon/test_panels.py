@@ -421,3 +421,6 @@ def test_the_texture_panel_says_which_image_or_why_none(rounded_box):
     assert "Shown: Wood" in words(draw(main), "label")
     bpy.context.scene.shock_filter.texture.image = "Wood"
     assert "Shown: Wood" not in words(draw(main), "label")
+    bpy.data.images.remove(bpy.data.images["Wood"])
+    text = " ".join(map(str, words(draw(main), "label")))
+    assert "there is no image named 'Wood'; choose one of the file's images." in text

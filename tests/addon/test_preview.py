@@ -439,6 +439,15 @@ def test_applying_runs_the_operator_on_the_old_shape(events, key):
     assert preview_operator._running == []
 
 
+def test_applying_settings_that_clash_is_an_error_in_words(events):
+    settings = bpy.context.scene.shock_filter.geometry
+    settings.fidelity, settings.screening_radius = 1.0, 3.0
+    preview_operator.bpy.ops = bpy.ops
+    assert events.send("RET") == {"CANCELLED"}
+    assert events.reports[-1].startswith("fidelity and screening_radius are two ways to say")
+    assert preview_operator._running == []
+
+
 def test_undo_and_clicks_are_held_back_and_the_view_can_be_turned(events):
     assert events.send("Z") == {"RUNNING_MODAL"}
     assert events.send("TAB") == {"RUNNING_MODAL"}

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Enabling and disabling, each in a Blender of its own."""
 
+import ast
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from shock_filter import shock_addon
 
 INVENTORY = """
 import json, sys
@@ -88,6 +91,23 @@ shock_filter.unregister()
     assert heavy == []
 
 
+def imported(path):
+    """Name the modules that a file imports from elsewhere, everywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (each.name.partition(".")[0] for each in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield node.module.partition(".")[0]
+
+
+def test_what_needs_no_blender_imports_nothing_of_it():
+    root = Path(shock_addon.__file__).parent
+    without = {path for path in root.rglob("*.py") if "Needs no bpy." in path.read_text("utf-8")}
+    assert without >= set((root / "filters").glob("*.py"))
+    for path in without:
+        assert not {"bpy", "mathutils", "gpu"} & set(imported(path)), path.name
+
+
 TRY = """
 bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
@@ -125,6 +145,29 @@ def test_a_library_that_fails_to_load_is_named_with_its_reason(blender, tmp_path
     assert "install the zip" in known_after
     assert known_after in said
     assert not moved
+
+
+def test_nothing_of_a_file_is_kept_when_another_is_opened(blender):
+    kept = blender(
+        """
+shock_filter.register()
+from shock_filter.shock_addon import operators
+from shock_filter.shock_addon.data import image_data
+from shock_filter.shock_addon.filters import surface
+def kept():
+    return [len(operators.summaries), image_data._overwritten is not None, len(surface._recent)]
+bpy.ops.wm.read_homefile(use_empty=True)
+bpy.ops.mesh.primitive_monkey_add()
+bpy.ops.shock_filter.sharpen_geometry()
+image = bpy.data.images.new("Edge", 16, 16)
+image_data.overwrite(image, image_data.read_parts(image), image_data.read_parts(image))
+before = kept()
+bpy.ops.wm.read_homefile(use_empty=True)
+print(json.dumps([before, kept()]))
+shock_filter.unregister()
+"""
+    )
+    assert kept == [[1, True, 1], [0, False, 0]]
 
 
 def test_disabling_during_a_run_stops_it(blender):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator Sharpen Geometry in Object Mode."""
+"""The operator Sharpen Geometry."""
 
 from types import SimpleNamespace
 
@@ -289,3 +289,14 @@ def test_vertices_that_only_rounding_moves_are_not_counted():
     sharpen(time=0.001)
     moved = (read_positions(sphere.data) != before).any(axis=1).sum()
     assert moved < len(before) / 2
+
+
+def test_the_same_objects_stay_in_edit_mode_whatever_is_selected(rounded_box, select):
+    first, second, third = (rounded_box(location=(4 * i, 0, 0)) for i in range(3))
+    select(first, second)
+    bpy.ops.object.mode_set(mode="EDIT")
+    second.select_set(False)
+    third.select_set(True)
+    assert sharpen(selected_only=False) == {"FINISHED"}
+    assert [each.mode for each in (first, second, third)] == ["EDIT", "EDIT", "OBJECT"]
+    assert [each.select_get() for each in (first, second, third)] == [True, False, True]

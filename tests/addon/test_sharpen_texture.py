@@ -771,6 +771,13 @@ def test_unpacking_writes_the_tiles_under_their_names(tmp_path, output):
         np.testing.assert_array_equal(read(written), sharp[number])
 
 
+def test_tiles_that_were_never_saved_are_refused():
+    image = bpy.data.images.new("New", 8, 8, tiled=True)
+    add_sheet(material=add_material(image))
+    with pytest.raises(RuntimeError, match="it has tiles that are not saved; save it first"):
+        sharpen(time=16.0)
+
+
 def test_tiles_that_are_not_saved_are_refused_and_missing_ones_left_out(tmp_path, capfd):
     image = add_tiled(tmp_path, {1001: blend(), 1002: blend()})
     add_sheet(material=add_material(image), right=2.0)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operator Show Flow, and what the overlay draws."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ from shock_filter.shock_addon.data.mesh_data import (
     read_positions,
     read_triangle_corners,
 )
+from shock_filter.shock_addon.filters.coloring import ColoredSurface
+from shock_filter.shock_addon.filters.flowing import flow_of_colors
 from shock_filter.shock_addon.flow import flow_overlay
 from shock_filter.shock_addon.flow.flow_data import read_flow
 from shock_filter.shock_addon.flow.flow_drawing import MOST_STROKES, potential_colors, strokes
@@ -71,6 +75,20 @@ def test_the_flow_of_colors_points_to_the_edge(painted_sheet, domain, channels):
     place = centers(sheet.data)[:, 0] - peak
     beside = (np.abs(place) > 0.1) & (np.abs(place) < 0.3)
     assert (np.sign(flow[beside, 0]) == -np.sign(place[beside])).all()
+
+
+def test_potentials_keep_their_places_where_cutting_turns_a_face():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0.5, 0, 1]], np.float32)
+    wings = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]], np.int32)  # alike at one edge
+    corners = np.arange(9, dtype=np.int32).reshape(3, 3)
+    colors = np.repeat(np.array([0.0, 0.2, 0.9, 0.4, 0.5], np.float32)[wings].reshape(9, 1), 3, 1)
+    colors[6:8] = [[7.0], [7.5]]  # the third wing hangs on by nothing
+    surface = ColoredSurface(points, wings, None, np.identity(3), colors, corners, None, 0)
+    flow = flow_of_colors(surface, core.ShockSettings(), weld=False, progress=None)
+    cut = core.TriangleMesh(points[[0, 1, 2, 3, 0, 1, 4]], [[0, 1, 2], [0, 1, 3], [4, 5, 6]])
+    expected, _ = core.flow_field(cut, colors[[0, 1, 2, 5, 6, 7, 8]], core.ShockSettings())
+    highest = [*np.maximum(expected[:2], expected[4:6]), *expected[[2, 3, 6]]]
+    np.testing.assert_allclose(flow.potential, highest, rtol=1e-6)
 
 
 def test_the_flow_is_in_the_objects_own_space(rounded_box):
@@ -202,6 +220,47 @@ def test_the_overlay_ends_when_its_attributes_or_the_file_go(rounded_box, window
     assert flow_overlay.shown_object() is None
     assert window.handlers == []
     assert registered() == []
+
+
+def test_editing_the_mesh_by_another_object_draws_nothing_meanwhile(rounded_box, select, window):
+    box = rounded_box()
+    twin = box.copy()
+    bpy.context.collection.objects.link(twin)
+    show_flow()
+    view = SimpleNamespace(overlay=SimpleNamespace(show_overlays=True))
+    seen = SimpleNamespace(
+        type="MESH", mode="OBJECT", data=box.data, visible_get=lambda viewport: True
+    )
+    assert flow_overlay._is_seen(seen, view)
+    select(twin)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert box.mode == "OBJECT"
+    flow_overlay._refresh()
+    assert not flow_overlay._is_seen(seen, view)
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.delete(type="ONLY_FACE")
+    flow_overlay._shown.batches = ["drawn"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert flow_overlay._shown.batches is None
+    assert flow_overlay._is_seen(seen, view)
+
+
+@pytest.mark.parametrize("draw", ["_draw_surface", "_draw_legend"])
+@pytest.mark.parametrize("what", ["hidden", "in Edit Mode", "without overlays"])
+def test_neither_surface_nor_legend_is_drawn_when_it_is_not_seen(
+    rounded_box, window, monkeypatch, draw, what
+):
+    box = rounded_box()
+    show_flow()
+    if what == "in Edit Mode":
+        bpy.ops.object.mode_set(mode="EDIT")
+    shown = SimpleNamespace(
+        type="MESH", mode=box.mode, data=box.data, visible_get=lambda viewport: what != "hidden"
+    )
+    view = SimpleNamespace(overlay=SimpleNamespace(show_overlays=what != "without overlays"))
+    flow_overlay.bpy.context = SimpleNamespace(space_data=view)  # drawing would need more
+    assert getattr(flow_overlay, draw)(SimpleNamespace(object=lambda: shown)) is None
+    flow_overlay.bpy.context = bpy.context
 
 
 def test_edits_are_drawn_anew(rounded_box, window):

@@ -24,7 +24,8 @@ import shock_filter
 bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 from bl_operators import wm
-from shock_filter.shock_addon import manual, properties
+from shock_filter.shock_addon import properties
+from shock_filter.shock_addon.panel import manual
 manual.FOLDER = pathlib.Path(sys.argv[1])
 names = [f"shock_filter.{name}" for name in dir(bpy.ops.shock_filter)]
 for group in properties.CLASSES:
