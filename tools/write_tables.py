@@ -74,8 +74,9 @@ def preset_tables(_: str) -> str:
 
 def window_picture(name: str) -> str:
     """Show a picture of the window, in the newest Blender that there is one of."""
-    newest = sorted(WINDOW.glob(f"*-{name}.png"))[-1:]
-    return "\n".join(map(_picture, newest))
+    pictures = sorted(WINDOW.glob("*.png"))
+    named = [path for path in pictures if path.stem.partition("-")[2] == name]
+    return "\n".join(map(_picture, named[-1:]))
 
 
 def gallery(_: str) -> str:
