@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from .mesh import TriangleMesh
 
@@ -25,7 +26,7 @@ def kept(mesh: TriangleMesh, name: str, key: tuple[Any, ...], make: Callable[[],
     name : str
         What is kept.
     key : tuple
-        What the result depends on besides the mesh; arrays count by their values.
+        What the result depends on besides the mesh; arrays count by their bits.
     make : callable
         Makes the result. Threads that ask at the same time may each call it.
     """
@@ -39,16 +40,22 @@ def kept(mesh: TriangleMesh, name: str, key: tuple[Any, ...], make: Callable[[],
 
 
 def equal(first: tuple[Any, ...], second: tuple[Any, ...]) -> bool:
-    """Compare two keys: arrays by type, shape and values, all else by equality."""
+    """Compare two keys: arrays by type, shape and bits, all else by equality."""
     return len(first) == len(second) and all(map(_same, first, second))
 
 
 def _same(first: Any, second: Any) -> bool:
     if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
-        return first.dtype == second.dtype and np.array_equal(first, second)
+        alike = first.dtype == second.dtype and first.shape == second.shape
+        return alike and np.array_equal(_bits(first), _bits(second))
     if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
         return False
     return bool(first == second)
+
+
+def _bits(array: npt.NDArray) -> npt.NDArray[np.uint8]:
+    # 0.0 and -0.0 are equal numbers, but results keep the sign.
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
 
 
 def _own(part: Any) -> Any:

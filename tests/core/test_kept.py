@@ -50,14 +50,14 @@ def test_what_fails_is_not_kept(box):
     assert kept(mesh, "thing", (), lambda: 5) == 5
 
 
-def test_keys_differ_by_type_shape_and_values():
+def test_keys_differ_by_type_shape_and_bits():
     ones = np.ones(3)
     assert equal((ones, None, 2), (np.ones(3), None, 2))
     assert not equal((ones,), (np.ones(3, dtype=np.float32),))
     assert not equal((ones,), (np.ones((3, 1)),))
     assert not equal((ones,), (None,))
     assert not equal((ones,), (ones, None))
-    assert not equal((np.array([np.nan]),), (np.array([np.nan]),))
+    assert not equal((np.array([0.0]),), (np.array([-0.0]),))
 
 
 def variations(count):

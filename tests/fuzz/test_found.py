@@ -103,3 +103,10 @@ def test_own_normals_leave_needles_in_place(radius):
     own = np.where(mesh.flipped[:, None], -mesh.normals, mesh.normals)
     fitted = core.fit_to_normals(mesh, own, core.FitSettings(screening_radius=radius))
     np.testing.assert_array_equal(fitted, mesh.vertices)
+
+
+def test_a_mesh_does_not_mix_up_signs_of_zero():
+    mesh = core.TriangleMesh(np.eye(3), [[0, 1, 2]])
+    for signal in (np.zeros((1, 3)), -np.zeros((1, 3))):
+        result = core.sharpen_corner_signal(mesh, signal, core.ShockSettings(time=1.0))
+        np.testing.assert_array_equal(np.signbit(result), np.signbit(signal))
