@@ -192,8 +192,9 @@ def bench(session: nox.Session) -> None:
 
 @nox.session(python=PYTHON)
 def bench_blender(session: nox.Session) -> None:
-    """Measure Adjust Last Operation and canceling in Blender."""
+    """Measure Adjust Last Operation, canceling and enabling in Blender."""
     provide_system_libraries(session)
     session.install("-e", ".[blender]")
     session.run("python", "benchmarks/redo.py", *session.posargs)
     session.run("python", "benchmarks/jobs.py")
+    session.run("python", "benchmarks/enabling.py")

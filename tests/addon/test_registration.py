@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bpy
 import pytest
 from shock_filter import shock_addon
 
@@ -202,3 +203,24 @@ def test_a_process_that_forgets_to_unregister_ends_well(tmp_path, enable):
     )
     assert done.returncode == 3
     assert "Exception" not in done.stderr
+
+
+REFUSAL = "NotImplementedError"
+HOOKS = {
+    "finish", "read", "filter", "write", "summary", "done", "changes",
+    "read_object", "filter_surface", "write_object",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["sharpen_geometry", "sharpen_colors", "sharpen_image", "sharpen_texture", "dilate_texture",
+     "denoise", "denoise_image"],
+)  # fmt: skip
+def test_each_operator_fills_in_the_hooks_of_its_mixins(name):
+    cls = getattr(bpy.types, f"SHOCK_FILTER_OT_{name}")
+    functions = {hook: getattr(cls, hook) for hook in dir(cls) if hook in HOOKS}
+    codes = {hook: getattr(value, "__code__", None) for hook, value in functions.items()}
+    assert {"finish", "read", "filter", "write", "summary"} <= set(codes)
+    empty = [hook for hook, code in codes.items() if code and REFUSAL in code.co_names]
+    assert not empty
