@@ -33,6 +33,9 @@ BARE_BLENDER = {
     "5.2": ["bpy==5.2.3", "numpy>=2.2,<2.4"],
 }
 
+# Blender's Python packages have hundreds of megabytes; each is downloaded once for all sessions.
+WHEELS = Path(__file__).parent / ".nox" / "wheels"
+
 # For the manual, which the extension's zips carry.
 DOCS = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
 
@@ -78,14 +81,45 @@ def provide_system_libraries(session: nox.Session) -> None:
     session.run_install(*install, external=True, env={"DEBIAN_FRONTEND": "noninteractive"})
 
 
+def pip(session: nox.Session, *words: str, python: str = "python", tries: int = 3) -> None:
+    """Run pip, and once more from the start where a download breaks off."""
+    command = (python, "-m", "pip", *words)
+    while True:
+        tries -= 1
+        try:
+            session.run_install(*command, external=True, silent=True)
+        except nox.command.CommandFailed:
+            if tries == 0:
+                raise
+            session.warn("pip failed; it is tried again in 20 seconds")
+            time.sleep(20)
+        else:
+            return
+
+
+def install(session: nox.Session, *packages: str, python: str = "python") -> None:
+    """Install packages, Blender's from the wheels that earlier sessions downloaded."""
+    pip(session, "install", "--find-links", str(WHEELS), *packages, python=python)
+
+
+def install_blender(
+    session: nox.Session, version: str, *packages: str, python: str = "python"
+) -> None:
+    """Install Blender as a Python package with its numpy, and further packages."""
+    blender, numpy = BARE_BLENDER[version]
+    wheel = f"{blender.replace('==', '-')}-*.whl"
+    if not list(WHEELS.glob(wheel)):
+        pip(session, "download", "--no-deps", "--dest", str(WHEELS), blender, python=python)
+    install(session, blender, numpy, *packages, python=python)
+
+
 def provide_bare_blender(session: nox.Session, version: str) -> str:
     """Make an environment with bpy, numpy and what builds the zips; return its Python."""
     folder = Path(session.virtualenv.location) / f"bare-{version}"
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-    session.install("virtualenv")
+    install(session, "virtualenv")
     session.run_install("virtualenv", "--quiet", str(folder))
-    packages = [*BARE_BLENDER[version], *DOCS]
-    session.run_install(str(python), "-m", "pip", "install", *packages, external=True)
+    install_blender(session, version, *DOCS, python=str(python))
     return str(python)
 
 
@@ -93,7 +127,7 @@ def provide_bare_blender(session: nox.Session, version: str) -> str:
 def demo(session: nox.Session) -> None:
     """Sharpen shapes, colors and a photo in Blender and show them before and after."""
     provide_system_libraries(session)
-    session.install("-e", ".[blender,files,demo]")
+    install(session, "-e", ".[blender,files,demo]")
     session.run("python", "demo/run.py", *session.posargs)
 
 
@@ -101,7 +135,7 @@ def demo(session: nox.Session) -> None:
 def test(session: nox.Session) -> None:
     """Run all tests on one Blender."""
     provide_system_libraries(session)
-    session.install("-e", ".[blender,files,test,docs]")
+    install(session, "-e", ".[blender,files,test,docs]")
     bare = provide_bare_blender(session, "4.5")
     session.run("pytest", *session.posargs, env={"SHOCK_FILTER_BARE_PYTHON": bare})
 
@@ -115,7 +149,7 @@ def test(session: nox.Session) -> None:
 def test_blender(session: nox.Session, blender: str) -> None:
     """Install the extension's zip into each supported Blender and run it there."""
     provide_system_libraries(session)
-    session.install(*BARE_BLENDER[blender], *DOCS, "pytest>=8", "pytest-timeout>=2.3")
+    install_blender(session, blender, *DOCS, "pytest>=8", "pytest-timeout>=2.3")
     session.run("pytest", "tests/extension", *session.posargs)
 
 
@@ -124,7 +158,7 @@ def test_blender(session: nox.Session, blender: str) -> None:
 def test_window(session: nox.Session, debian: str | None) -> None:
     """Use the extension in Blender's window: the one on the PATH, or Debian's 4.3 and 5.2."""
     provide_system_libraries(session)
-    session.install(*BARE_BLENDER["4.5"], "pytest>=8", "pytest-timeout>=2.3", "pillow>=11")
+    install_blender(session, "4.5", "pytest>=8", "pytest-timeout>=2.3", "pillow>=11")
     choice = [f"--debian={debian}"] if debian else []
     session.run("pytest", "tests/gui", *choice, *session.posargs)
 
@@ -138,7 +172,7 @@ def fuzz(session: nox.Session) -> None:
     parser.add_argument("--bounds", action="store_true", help="check all indices in kernels")
     options = parser.parse_args(session.posargs)
     provide_system_libraries(session)
-    session.install("-e", ".[blender,files,test]")
+    install(session, "-e", ".[blender,files,test]")
     env = {"SHOCK_FILTER_FUZZ": "long"}
     if options.bounds:
         env |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": session.create_tmp()}
@@ -155,7 +189,7 @@ def fuzz(session: nox.Session) -> None:
 @nox.session(python=PYTHON)
 def lint(session: nox.Session) -> None:
     """Check style, formatting and types."""
-    session.install("-e", ".[dev]", "numpy<2")  # types differ between versions of numpy
+    install(session, "-e", ".[dev]", "numpy<2")  # types differ between versions of numpy
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
     # mypy takes a package's name from its folder, and the root may be called anything.
@@ -168,21 +202,21 @@ def lint(session: nox.Session) -> None:
 @nox.session(python=PYTHON)
 def build(session: nox.Session) -> None:
     """Build the extension's zips for all platforms."""
-    session.install(*BARE_BLENDER["4.5"], *DOCS)  # bpy for its blender_ext.py
+    install_blender(session, "4.5", *DOCS)  # bpy for its blender_ext.py
     session.run("python", "tools/build_extension.py", *session.posargs)
 
 
 @nox.session(python=PYTHON)
 def docs(session: nox.Session) -> None:
     """Build the documentation as a site and as the extension's manual; broken links fail."""
-    session.install(*DOCS)
+    install(session, *DOCS)
     session.run("python", "tools/build_docs.py", *session.posargs)
 
 
 @nox.session(python=PYTHON)
 def bench(session: nox.Session) -> None:
     """Measure speed and quality against the paper and other programs."""
-    session.install("-e", ".[bench,files]")
+    install(session, "-e", ".[bench,files]")
     session.run("python", "benchmarks/geometry.py", *session.posargs)
     session.run("python", "benchmarks/paper.py", *session.posargs)
     session.run("python", "benchmarks/textures.py", *session.posargs)
@@ -194,7 +228,7 @@ def bench(session: nox.Session) -> None:
 def bench_blender(session: nox.Session) -> None:
     """Measure Adjust Last Operation, canceling and enabling in Blender."""
     provide_system_libraries(session)
-    session.install("-e", ".[blender]")
+    install(session, "-e", ".[blender]")
     session.run("python", "benchmarks/redo.py", *session.posargs)
     session.run("python", "benchmarks/jobs.py")
     session.run("python", "benchmarks/enabling.py")

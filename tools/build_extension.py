@@ -57,10 +57,13 @@ SERIES = {
 }
 
 
-def run(command: list[str]) -> None:
-    """Run `command`, whose own output says what went wrong, and stop if it fails."""
-    code = subprocess.run(command).returncode
-    if code:
+def run(command: list[str], tries: int = 1) -> None:
+    """Run `command`, whose own output says what went wrong, and stop if it fails each time."""
+    for _ in range(tries):
+        code = subprocess.run(command).returncode
+        if not code:
+            break
+    else:
         raise SystemExit(f"No zip was built: exit status {code} of `{' '.join(command)}`.")
 
 
@@ -75,7 +78,7 @@ def download_wheels(platform: str, python: str, requirements: list[str]) -> list
     for requirement in requirements:
         pattern = requirement.replace("==", "-") + "-*.whl"
         if not list(folder.glob(pattern)):
-            run([*command, requirement])
+            run([*command, requirement], tries=3)  # downloads break off
         wheels += folder.glob(pattern)
     return wheels
 

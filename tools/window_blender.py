@@ -175,10 +175,10 @@ def _fill(suite: str, folder: Path, end: float) -> None:
     )
     packages = [*PACKAGES, *EXTRA_PACKAGES.get(suite, [])]
     # Clocks differ, and a package source may be a day old.
-    options = ["-o", "Acquire::Check-Valid-Until=false"]
+    options = ["-o", "Acquire::Check-Valid-Until=false", "-o", "Acquire::Retries=3"]
     for step in (
         ["apt-get", *options, "update"],
-        ["apt-get", "install", "--yes", "--no-install-recommends", *packages],
+        ["apt-get", *options, "install", "--yes", "--no-install-recommends", *packages],
         ["apt-get", "clean"],
     ):
         environment = ["env", "DEBIAN_FRONTEND=noninteractive", "LC_ALL=C"]
