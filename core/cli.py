@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -289,6 +290,7 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
         kind = options.command.settings
         settings = None if kind is None else _settings(kind, options)
         _check_sharpening(options)
+        _check_mask(options)
         pairs = _pairs(options.inputs, options.output)
     except (InvalidSettings, _Usage) as error:
         parser.error(str(error))
@@ -388,6 +390,11 @@ def _check_sharpening(options: argparse.Namespace) -> None:
     if not math.isfinite(options.then_sharpen):
         raise _Usage("the time of --then-sharpen must be finite; give one such as 4096")
     command.then(time=options.then_sharpen)
+
+
+def _check_mask(options: argparse.Namespace) -> None:
+    if getattr(options, "invert_mask", False) and not options.mask:
+        raise _Usage("--invert-mask needs --mask; name the mask that it turns around")
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -524,6 +531,11 @@ def _run_one(
             print(f"Interrupted; {target} was not written.", file=sys.stderr)
         else:
             print(f"Failed: {_sentence(source, error)}", file=sys.stderr)
+        return False
+    except Exception as error:  # unforeseen; the other files are done all the same
+        bar.clear()
+        traceback.print_exception(error)
+        print(f"Failed: {source}: {type(error).__name__}: {error}", file=sys.stderr)
         return False
     bar.clear()
     if not options.quiet:

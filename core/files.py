@@ -8,7 +8,6 @@ unknown properties, comments). All else goes through trimesh, which knows triang
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
@@ -23,7 +22,8 @@ from .format_ply import PlyFile, PlyVertices
 from .format_trimesh import KEEPS, SceneFile
 from .formats import Document, Floats, Ints, TexturedDocument
 from .mesh import TriangleMesh, weld
-from .output import Outcome, staged
+from .output import Outcome, check_folder, staged
+from .reading import check_file, reading
 from .settings import GeometrySettings, ShockSettings
 from .signals import sharpen_vertex_signal
 
@@ -189,7 +189,8 @@ def filter_colors_file(
             f" {source.suffix}, or use Blender."
         )
     document = read_document(source, IN_PLACE[ending])
-    colors = document.read_colors()
+    with reading(source):
+        colors = document.read_colors()
     if not np.isfinite(colors).any():
         raise InvalidSignal(
             f"{source} has no vertex colors; paint them, or bake a texture to them."
@@ -205,16 +206,12 @@ def filter_colors_file(
 def _check_paths(source: Path, target: Path) -> None:
     check_mesh_file(source)
     _check_ending(target)
-    if not target.absolute().parent.is_dir():
-        raise ShockError(f"There is no folder {target.parent}; make it first.")
+    check_folder(target)
 
 
 def check_mesh_file(path: Path) -> None:
     """Refuse what cannot be a mesh file that is there."""
-    if path.is_dir():
-        raise ShockError(f"{path} is a folder; name the files in it.")
-    if not path.exists():
-        raise ShockError(f"There is no file {path}; check its name and folder.")
+    check_file(path)
     _check_ending(path)
 
 
@@ -225,12 +222,8 @@ def _check_ending(path: Path) -> None:
 
 def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDocument:
     """Read a file, or say what is wrong with it."""
-    try:
+    with reading(source):
         document = reader(source)
-    except ShockError:
-        raise
-    except (ValueError, LookupError, TypeError, AttributeError, struct.error) as error:
-        raise ShockError(f"{source} cannot be read; is it damaged? ({error})") from error
     if not len(document.faces):
         raise InvalidMesh(
             f"{source} holds no faces that can be read (point clouds, lines and triangle strips"
@@ -340,7 +333,8 @@ def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:
 def _read_mask(source: Path, name: str, invert: bool) -> Floats:
     if source.suffix.lower() != ".ply":
         raise ShockError(f"{source}: masks are read from PLY files only; give one, or use Blender.")
-    table = PlyVertices(source)
+    with reading(source):
+        table = PlyVertices(source)
     if name not in table.names:
         raise ShockError(
             f"{source} has no vertex property {name!r}; it has: {', '.join(table.names)}."

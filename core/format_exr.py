@@ -21,13 +21,10 @@ def read_exr(path: Path) -> Picture:
     with path.open("rb") as stream:
         if stream.read(4) != _MAGIC:
             raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
-    try:
-        with openexr.File(str(path)) as file:
-            parts = len(file.parts)
-            header = dict(file.header())  # closing the file empties the original
-            pixels = {name: channel.pixels for name, channel in file.channels().items()}
-    except (RuntimeError, ValueError) as error:
-        raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+    with openexr.File(str(path)) as file:
+        parts = len(file.parts)
+        header = dict(file.header())  # closing the file empties the original
+        pixels = {name: channel.pixels for name, channel in file.channels().items()}
     if parts > 1:
         raise ShockError(f"{path} holds {parts} parts; save them as files of one part each.")
     name = next((name for name in _COLORS if name in pixels), None)
@@ -51,7 +48,12 @@ def write_exr(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[st
     else:
         header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
         all_channels, name = {}, "Y" if pixels.ndim == 2 else {3: "RGB", 4: "RGBA"}[pixels.shape[2]]
-    openexr.File(header, {**all_channels, name: pixels}).write(str(path))
+    try:
+        openexr.File(header, {**all_channels, name: pixels}).write(str(path))
+    except RuntimeError as error:
+        raise ShockError(
+            f"{path.name} cannot be written ({error}); choose another output."
+        ) from error
     if picture.format == "EXR":
         return [f"{other} stay as they are" for other in picture.about]
     return lost(picture, path, set())

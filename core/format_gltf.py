@@ -22,6 +22,7 @@ from .formats import (
     NO_VERTICES,
     Bools,
     Floats,
+    Ints,
     Names,
     copy_beside,
     from_unit,
@@ -55,7 +56,6 @@ class GltfFile:
         ]
         to_world = _gltf_matrices(self._tree)
         self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
-        self._normals: dict[int, int] = {}  # the NORMAL accessor of each POSITION accessor
         blocks, faces, parts, first = [NO_VERTICES], [NO_FACES], [NO_PARTS], 0
         for number, primitive in self._primitives():
             accessor = primitive["attributes"]["POSITION"]
@@ -64,8 +64,6 @@ class GltfFile:
                 blocks.append(transformed(self._floats(accessor), matrix))
                 self._rows[accessor] = slice(first, first + len(blocks[-1])), matrix
                 first += len(blocks[-1])
-            if "NORMAL" in primitive["attributes"]:
-                self._normals[accessor] = primitive["attributes"]["NORMAL"]
             rows = self._rows[accessor][0]
             corners = np.arange(rows.stop - rows.start)
             if "indices" in primitive:
@@ -83,6 +81,14 @@ class GltfFile:
             for primitive in mesh["primitives"]:
                 if primitive.get("mode", _TRIANGLES) == _TRIANGLES:
                     yield number, primitive
+
+    def _triangles(self) -> Iterator[tuple[dict[str, Any], slice, Ints]]:
+        """Each primitive with its vertices, and its triangles as numbers of these."""
+        first = 0
+        for (_, primitive), count in zip(self._primitives(), self._counts, strict=True):
+            rows = self._rows[primitive["attributes"]["POSITION"]][0]
+            yield primitive, rows, self.faces[first : first + count] - rows.start
+            first += count
 
     def _load(self, uri: str) -> bytearray:
         if uri.startswith("data:"):
@@ -112,10 +118,8 @@ class GltfFile:
         return array
 
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
-        notes = []
-        if moved.any() and self._normals:
-            self._renew_normals(positions)
-            notes.append(NEW_NORMALS)
+        fresh = bool(moved.any()) and self._renew_normals(positions)
+        notes = [NEW_NORMALS] * fresh
         for number, (rows, matrix) in self._rows.items():
             values, chosen = self._floats(number), moved[rows]
             values[chosen] = transformed(positions[rows][chosen], np.linalg.inv(matrix))
@@ -128,11 +132,7 @@ class GltfFile:
     def read_uvs(self) -> tuple[Floats, Names]:
         blocks = [np.empty((0, 3, 2))]
         names: list[str] = []
-        first = 0
-        for (_, primitive), count in zip(self._primitives(), self._counts, strict=True):
-            rows = self._rows[primitive["attributes"]["POSITION"]][0]
-            faces = self.faces[first : first + count] - rows.start
-            first += count
+        for primitive, rows, faces in self._triangles():
             accessor = primitive["attributes"].get("TEXCOORD_0")
             if accessor is None:
                 values = np.full((rows.stop - rows.start, 2), np.nan)
@@ -143,7 +143,7 @@ class GltfFile:
             name = ""
             if "material" in primitive:
                 name = self._tree["materials"][primitive["material"]].get("name", "")
-            names += [name] * count
+            names += [name] * len(faces)
         return np.concatenate(blocks), np.array(names)
 
     def _colors(self) -> list[tuple[slice, int]]:
@@ -176,17 +176,34 @@ class GltfFile:
         path.write_bytes(self._data)
         return 0, copy_beside(self._path.parent, self._side_files("buffers", "images"), path.parent)
 
-    def _renew_normals(self, positions: Floats) -> None:
-        old = np.zeros_like(positions)
-        for number, normal in self._normals.items():
-            rows, matrix = self._rows[number]
-            old[rows] = unit(self._floats(normal) @ np.linalg.inv(matrix[:3, :3]))
-        new = renewed_vertex_normals(self.vertices, positions, self.faces, old)
-        for number, normal in self._normals.items():
-            rows, matrix = self._rows[number]
-            self._floats(normal)[:] = unit(new[rows] @ matrix[:3, :3])
-        for _, primitive in self._primitives():
-            primitive["attributes"].pop("TANGENT", None)  # stale; readers make them anew
+    def _renew_normals(self, positions: Floats) -> bool:
+        """Compute all normals anew; whether there are some. Tangents go: readers make them."""
+        # Primitives that share positions may have normals of their own.
+        starts: dict[tuple[int, int], int] = {}  # of each pair of accessors, in the lists below
+        vertices, old, triangles, total = [], [], [], 0
+        for primitive, rows, faces in self._triangles():
+            attributes = primitive["attributes"]
+            attributes.pop("TANGENT", None)
+            if "NORMAL" not in attributes:
+                continue
+            place, normal = attributes["POSITION"], attributes["NORMAL"]
+            if (place, normal) not in starts:
+                starts[place, normal] = total
+                matrix = self._rows[place][1]
+                old.append(unit(self._floats(normal) @ np.linalg.inv(matrix[:3, :3])))
+                vertices.append(np.arange(rows.start, rows.stop))
+                total += len(vertices[-1])
+            triangles.append(faces + starts[place, normal])
+        if not starts:
+            return False
+        used = np.concatenate(vertices)
+        new = renewed_vertex_normals(
+            self.vertices[used], positions[used], np.vstack(triangles), np.vstack(old)
+        )
+        for (place, normal), start in starts.items():
+            values, matrix = self._floats(normal), self._rows[place][1]
+            values[:] = unit(new[start : start + len(values)] @ matrix[:3, :3])
+        return True
 
     def _write(self, path: Path) -> list[str]:
         binary = b""

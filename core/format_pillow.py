@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import struct
+import threading
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +30,13 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # Parts of a PNG that say how values are meant, so that they stay true for other values.
 _MEANING = (b"cHRM", b"gAMA", b"iCCP", b"sRGB", b"cICP", b"mDCV", b"cLLI")
 _EXIF_MARK = b"Exif\0\0"
+_LIMIT = threading.Lock()
 _CLEAR_COLOR = "its transparent color became a channel of opacity"
 
 
 def read_pillow(path: Path) -> Picture:
     """Read a PNG, JPEG, BMP or WebP file, whatever its name says."""
-    needed("PIL", path)
-    from PIL import Image
-
-    with _any_size(), Image.open(path, formats=_READABLE) as image:
+    with _opened(path) as image:
         if getattr(image, "is_animated", False) and image.format != "MPO":
             raise ShockError(f"{path} is animated; save its frames as files, and name these.")
         about = {key: image.info[name] for key, name in _INFO.items() if image.info.get(name)}
@@ -62,16 +59,21 @@ def read_pillow(path: Path) -> Picture:
     return picture
 
 
-@contextlib.contextmanager
-def _any_size() -> Iterator[None]:
-    # Pillow refuses large images, since servers open what strangers send; here a person named it.
+def _opened(path: Path) -> Any:
+    """Read the header of an image of any size.
+
+    Pillow refuses large images, since servers open what strangers send; here a person named it.
+    Its limit is one for all threads.
+    """
+    needed("PIL", path)
     from PIL import Image
 
-    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
-    try:
-        yield
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
+    with _LIMIT:
+        limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+        try:
+            return Image.open(path, formats=_READABLE)
+        finally:
+            Image.MAX_IMAGE_PIXELS = limit
 
 
 def _plain(image: Any, path: Path, notes: list[str]) -> Any:
@@ -119,11 +121,7 @@ def _encoded_png(pixels: npt.NDArray[Any]) -> bytes:
 
 
 def _decode_deep_png(data: bytes, path: Path) -> npt.NDArray[Any]:
-    codecs = needed("imagecodecs", path)
-    try:
-        return codecs.png_decode(data)
-    except codecs.PngError as error:
-        raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+    return needed("imagecodecs", path).png_decode(data)
 
 
 def _lasting_chunks(data: bytes) -> list[bytes]:

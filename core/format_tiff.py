@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,11 @@ import numpy.typing as npt
 from .errors import ShockError
 from .picture import ICC, RESOLUTION, XMP, Picture, lost, needed
 
-_WHITE_IS_ZERO, _RGB, _PALETTE = 0, 2, 3
-_COLORS = {_WHITE_IS_ZERO, 1, _RGB, _PALETTE, 6}  # 6: of JPEG, decoded to RGB
-_NONE = 1
+_RGB, _PALETTE = 2, 3
+_GRAY = {0: "miniswhite", 1: "minisblack"}
+_COLORS = {*_GRAY, _RGB, _PALETTE, 6}  # 6: of JPEG, decoded to RGB
+_NONE, _UNSPECIFIED = 1, 0
+_MOST_PAGES = 99  # a picture and smaller copies of it; a damaged file may seem to go on for ever
 # Tags that say how pixels are stored, or where in the file something stands; tifffile writes those
 # of them that the copy needs.
 _STORAGE = {254, 255, 256, 257, 258, 259, 262, 263, 264, 265, 266, 273, 277, 278, 279, 280, 281}
@@ -31,12 +34,14 @@ def read_tiff(path: Path) -> Picture:
     tifffile = needed("tifffile", path)
     try:
         with tifffile.TiffFile(path) as file:
-            pages = [page for page in file.pages if not page.is_reduced]
-            if len(pages) != 1:
+            pages = list(itertools.islice(file.pages, _MOST_PAGES))
+            whole = [page for page in pages if not page.is_reduced]
+            if len(whole) != 1 or len(pages) == _MOST_PAGES:
                 raise ShockError(
-                    f"{path} holds {len(pages)} pages; save them as files of one page each."
+                    f"{path} does not hold one picture alone; save its pages as files of one page"
+                    " each."
                 )
-            return _read_page(pages[0], path, len(file.pages) > 1)
+            return _read_page(whole[0], path, len(pages) > 1)
     except tifffile.TiffFileError as error:
         raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
 
@@ -71,10 +76,12 @@ def _write_options(page: Any, tags: dict[int, Any]) -> dict[str, Any]:
     from tifffile import TIFF
 
     dropped = _STORAGE | set(_TEXTS) | set(_BLOCKS) | set(TIFF.TAG_FILTERED)
+    extra = page.samplesperpixel - (1 if page.photometric in _GRAY else 3)
+    stated = len(page.extrasamples) == extra
     options: dict[str, Any] = {
-        "photometric": "miniswhite" if page.photometric == _WHITE_IS_ZERO else None,
+        "photometric": _GRAY.get(page.photometric),
         "compressed": page.compression != _NONE,
-        "extrasamples": page.extrasamples or None,
+        "extrasamples": (page.extrasamples if stated else [_UNSPECIFIED] * extra) or None,
         "extratags": [
             (tag.code, int(tag.dtype), tag.count, tag.value, True)
             for tag in tags.values()
@@ -94,6 +101,8 @@ def write_tiff(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[s
     if own.pop("compressed"):
         options |= {"compression": "zlib", "predictor": True}
     options["photometric"] = "rgb" if count >= 3 else "minisblack"
+    if pixels.ndim == 3:
+        options["planarconfig"] = "contig"
     if count in (2, 4):
         options["extrasamples"] = ["unassalpha"]
     options |= {name: value for name, value in own.items() if value is not None}

@@ -7,8 +7,8 @@ Arrays (.npy) are mapped from disk and never loaded as a whole.
 
 from __future__ import annotations
 
+import os
 import shutil
-import struct
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +22,9 @@ from .format_exr import read_exr, write_exr
 from .format_pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .format_tiff import read_tiff, write_tiff
 from .images import sharpen_image
-from .output import Outcome, staged
+from .output import Outcome, check_folder, staged
 from .picture import Picture, lost
+from .reading import check_file, reading
 from .settings import ImageSettings
 
 Progress = Callable[[float, str], bool]
@@ -166,12 +167,6 @@ def image_size(path: str | Path) -> tuple[int, int]:
     return height, width
 
 
-def check_folder(target: Path) -> None:
-    """Refuse a file whose folder is not there."""
-    if not target.absolute().parent.is_dir():
-        raise ShockError(f"There is no folder {target.parent}; make it first.")
-
-
 def _check_ending(path: Path) -> None:
     if path.suffix.lower() not in _FORMATS:
         raise ShockError(f"{path}: cannot handle this ending; use one of {', '.join(_FORMATS)}.")
@@ -179,21 +174,14 @@ def _check_ending(path: Path) -> None:
 
 def _check_source(path: Path) -> None:
     _check_ending(path)
-    if path.is_dir():
-        raise ShockError(f"{path} is a folder; name the files in it.")
-    if not path.exists():
-        raise ShockError(f"There is no file {path}; check its name and folder.")
+    check_file(path)
     if not path.stat().st_size:
         raise ShockError(f"{path} is empty; copy or save it again.")
 
 
 def _read(path: Path) -> Picture:
-    try:
+    with reading(path):
         picture = _FORMATS[path.suffix.lower()].read(path)
-    except ShockError:
-        raise
-    except (OSError, ValueError, LookupError, TypeError, SyntaxError, struct.error) as error:
-        raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
     pixels = picture.pixels
     if pixels.dtype.name not in _TYPES:
         raise ShockError(
@@ -210,10 +198,7 @@ def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]
     pixels = picture.pixels
     ending = path.suffix.lower()
     _check_format(source, ending, pixels)
-    if ending == _ARRAY:
-        result = np.lib.format.open_memmap(path, "w+", pixels.dtype, pixels.shape)
-    else:
-        result = np.empty_like(pixels)
+    result = _new_array(path, pixels) if ending == _ARRAY else np.empty_like(pixels)
     function(pixels, result)
     changed = _count_changed(pixels, result)
     total = pixels.shape[0] * pixels.shape[1]
@@ -224,6 +209,22 @@ def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
         notes = [*picture.notes, *_FORMATS[ending].write(path, picture, flat)]
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
+
+
+def _new_array(path: Path, pixels: Pixels) -> Pixels:
+    """Map an array like the pixels to a new file, whose room on the disk is taken for certain.
+
+    A process that writes to a mapped place for which the disk has no room is ended by the system.
+    """
+    result = np.lib.format.open_memmap(path, "w+", pixels.dtype, pixels.shape)
+    with path.open("r+b") as stream:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), 0, path.stat().st_size)
+        else:
+            stream.seek(result.offset)
+            for row in result:
+                stream.write(bytes(row.nbytes))
+    return result
 
 
 def _check_format(source: Path, ending: str, pixels: Pixels) -> None:

@@ -7,14 +7,16 @@ Needs no numerics, since Blender's command line chooses where kernels are kept b
 from __future__ import annotations
 
 import contextlib
+import errno
 import filecmp
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from .errors import ShockError
+from .errors import Cancelled, ShockError
 
 
 @dataclass(frozen=True)
@@ -41,20 +43,35 @@ class Outcome:
         return self.done.format(changed=self.changed, total=self.total)
 
 
+def check_folder(target: Path) -> None:
+    """Refuse a file whose folder is not there."""
+    if not target.absolute().parent.is_dir():
+        raise ShockError(f"There is no folder {target.parent}; make it first.")
+
+
 @contextlib.contextmanager
 def staged(target: Path, overwrite: bool) -> Iterator[Path]:
     """Give a path to write to, and move what was written there to `target` at the end.
 
-    Files written beside it (materials, textures) come along. If writing fails, nothing of it is
-    left and `target` is as it was.
+    Files written beside it (materials, textures) come along. If writing fails, or the disk is full
+    after it, nothing of it is left and all is as it was. At the end files are moved one by one,
+    the file itself last: if the system refuses that for one of them, those before it are new, but
+    none is half a file, and `target` is as it was.
+
+    Files that are replaced pass on their permissions; where they are links, what these point to is
+    replaced.
     """
     target = target.absolute()
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise ShockError(f"Cannot write to the folder {target.parent}; choose another output.")
-    with tempfile.TemporaryDirectory(prefix=".shock-filter-", dir=target.parent) as folder:
-        stage = Path(folder) / target.name
-        yield stage
-        written = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+    with contextlib.ExitStack() as stack:
+        folder = _temporary_folder(target.parent, stack)
+        stage = folder / target.name
+        with _room(target.parent):
+            yield stage
+        if not stage.is_file():
+            raise ShockError(f"{target} was not written; choose another name or folder.")
+        written = sorted(path for path in folder.rglob("*") if path.is_file())
         written.sort(key=stage.__eq__)  # the file itself comes last
         pairs = [(path, target.parent / path.relative_to(folder)) for path in written]
         pairs = [(new, old) for new, old in pairs if new == stage or not _same(new, old)]
@@ -64,11 +81,73 @@ def staged(target: Path, overwrite: bool) -> Iterator[Path]:
                     raise ShockError(
                         f"{old} exists already; add --overwrite or choose another output."
                     )
+        pairs = [_fitted(new, old, stack) for new, old in pairs]
         for _, old in pairs:
             old.parent.mkdir(parents=True, exist_ok=True)
         for new, old in pairs:
             os.replace(new, old)
 
 
+def _temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
+    folder = tempfile.TemporaryDirectory(prefix=".shock-filter-", dir=parent)
+    return Path(stack.enter_context(folder))
+
+
 def _same(new: Path, old: Path) -> bool:
     return old.is_file() and filecmp.cmp(new, old, shallow=False)
+
+
+def _fitted(new: Path, old: Path, stack: contextlib.ExitStack) -> tuple[Path, Path]:
+    """Give a new file the permissions of the old one, and move it to the disk of a link's target.
+
+    Returns both files, the old one without links.
+    """
+    if not old.exists():
+        return new, old
+    shutil.copymode(old, new)
+    if old.is_symlink():
+        old = old.resolve()
+        folder = _temporary_folder(old.parent, stack)
+        with _room(old.parent):
+            new = Path(shutil.move(new, folder))
+    return new, old
+
+
+# --------------------------------------------------------------------------------------- full disks
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_PROBE = 1 << 16  # bytes
+
+
+@contextlib.contextmanager
+def _room(folder: Path) -> Iterator[None]:
+    """Say so if the disk of a folder turns out to be full while or after something is written.
+
+    Many of Blender's exporters leave half a file on a full disk and report success.
+    """
+    try:
+        yield
+    except Cancelled:
+        raise
+    except (OSError, ShockError) as error:
+        if getattr(error, "errno", None) in _FULL:
+            raise _full(folder, error) from error
+        _check_room(folder)
+        raise
+    _check_room(folder)
+
+
+def _check_room(folder: Path) -> None:
+    try:
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(os.urandom(_PROBE))  # which no disk stores in less
+            probe.flush()
+            os.fsync(probe.fileno())
+    except OSError as error:
+        raise _full(folder, error) from error
+
+
+def _full(folder: Path, error: Exception) -> ShockError:
+    return ShockError(
+        f"The disk of {folder} is full ({error}); make room or choose another output."
+    )

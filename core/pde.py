@@ -39,8 +39,9 @@ def osher_rudin_image(
     steps : int
         Number of steps; 0 returns the input.
     time_step : float
-        Length of a step; stable up to 0.5 for the detectors with F = sign. For "flow", times
-        are those of :func:`sharpen_image`, and steps are shortened to 0.5 / max|L| if longer.
+        Length of a step, above 0; stable up to 0.5 for the detectors with F = sign, and no longer
+        there. For "flow", times are those of :func:`sharpen_image`, and steps are shortened to
+        0.5 / max|L| if longer.
     edge_detector : {"gradient", "laplacian", "flow"}
         L is the second derivative along the gradient, or the Laplacian, with F = sign; or
         "flow": L = (grad I)^T H (grad I) / |grad I| with F the identity, the PDE that the
@@ -73,11 +74,11 @@ def osher_rudin_image(
         raise InvalidSettings(
             f"edge_detector is {edge_detector!r}; choose: {', '.join(DETECTORS)}."
         )
-    if steps != int(steps) or steps < 0:
+    if steps < 0 or not float(steps).is_integer():
         raise InvalidSettings(f"steps is {steps!r}; give a whole number from 0.")
-    signs = edge_detector != "flow"
-    if not 0 < time_step <= (0.5 if signs else np.inf):
-        raise InvalidSettings(f"time_step is {time_step!r}; give a value in (0, 0.5].")
+    longest = _LARGEST if edge_detector == "flow" else 0.5
+    if not 0 < time_step <= longest:
+        raise InvalidSettings(f"time_step is {time_step!r}; give a value in (0, {longest:g}].")
     phases = Progress.of(progress)
     # Planar: every channel's rows lie together, which lets the processor vectorise.
     planes = np.moveaxis(array.reshape(*array.shape[:2], -1), 2, 0).copy(order="C")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .atlas import TextureAtlas
-from .errors import InvalidUV, ShockError
+from .errors import InvalidSettings, InvalidUV, ShockError
 from .files import IN_PLACE, check_mesh_file, read_document
 from .formats import Floats
 from .image_files import (
@@ -23,6 +23,7 @@ from .image_files import (
 )
 from .mesh import TriangleMesh, weld_borders
 from .output import Outcome
+from .reading import reading
 from .settings import DilateSettings, TextureSettings
 from .textures import dilate_texture, sharpen_texture
 
@@ -131,11 +132,19 @@ def texture_mask_file(
         Height and width in texels.
     like : path, optional
         Image file of the wanted size; one of `size` and `like` must be given.
+
+    Raises
+    ------
+    InvalidSettings
+        If both or none of them are given.
     """
     target = Path(target)
+    if size is None and like is not None:
+        size = image_size(like)
+    elif size is None or like is not None:
+        raise InvalidSettings("Give the image's size, or an image that it is to be like.")
     surface = read_textured_mesh(mesh, material)
-    height, width = size or image_size(like)  # type: ignore[arg-type]
-    atlas = TextureAtlas(surface.mesh, surface.uv, height, width, progress)
+    atlas = TextureAtlas(surface.mesh, surface.uv, *size, progress)
     shown = mask_pixels(atlas, kind, target.suffix.lower())
     write_image_file(target, np.ascontiguousarray(shown[::-1]), overwrite)
     return mask_outcome(atlas, surface.notes)
@@ -201,7 +210,8 @@ def read_textured_mesh(path: str | Path, material: str | None = None) -> Texture
             f"{path}: {ending} files hold no texture coordinates; use one of {', '.join(IN_PLACE)}."
         )
     document = read_document(path, IN_PLACE[ending])
-    uv, materials = document.read_uvs()
+    with reading(path):
+        uv, materials = document.read_uvs()
     known = ~np.isnan(uv).any(axis=(1, 2))
     if not known.any():
         raise InvalidUV(

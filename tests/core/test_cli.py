@@ -201,6 +201,16 @@ def test_bad_values_are_usage_errors(folder, capsys, words, sentence):
     assert not Path("b.obj").exists()
 
 
+def test_inverting_no_mask_is_a_usage_error(folder, capsys):
+    make("a.obj")
+    for command in ("sharpen-geometry", "sharpen-colors", "denoise-image"):
+        with pytest.raises(SystemExit) as stop:
+            cli.main([command, "a.obj", "b.obj", "--invert-mask"])
+        assert stop.value.code == 2
+        assert "--invert-mask needs --mask" in capsys.readouterr().err
+    assert not Path("b.obj").exists()
+
+
 def test_missing_words_are_usage_errors(capsys):
     assert "OUT" in usage_error(capsys, "a.obj")
     with pytest.raises(SystemExit) as stop:
@@ -278,6 +288,24 @@ def test_failures_do_not_stop_the_others(folder, capsys):
     assert failures[0].startswith("Failed: in/broken.obj cannot be read")
     assert failures[1].startswith("Failed: There is no file in/gone.obj")
     assert len(out.splitlines()) == 2
+
+
+class Unlucky(Recorder):
+    """A backend that meets what nobody thought of."""
+
+    def sharpen(self, command, source, target, settings, options, progress):
+        if source == "a.obj":
+            raise MemoryError("Unable to allocate 40 GiB")
+        return super().sharpen(command, source, target, settings, options, progress)
+
+
+def test_an_unforeseen_error_does_not_stop_the_others(folder, capsys):
+    make("a.obj", "b.obj")
+    assert sharpen("a.obj", "b.obj", "out/", backend=Unlucky()) == 1
+    assert os.listdir("out") == ["b.obj"]
+    err = capsys.readouterr().err
+    assert err.startswith("Traceback")
+    assert err.endswith("Failed: a.obj: MemoryError: Unable to allocate 40 GiB\n")
 
 
 def test_a_pattern_without_a_match_fails(folder, capsys):

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Mesh files: what changes, what survives, what is refused."""
 
+import errno
 import json
+import os
 import struct
+import sys
 
 import numpy as np
 import pytest
@@ -10,7 +13,7 @@ import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files import sharpen_colors_file, sharpen_file
+from shock_filter.core.files import filter_mesh_file, sharpen_colors_file, sharpen_file
 from shock_filter.core.output import staged
 
 STILL = core.GeometrySettings(time=0)
@@ -509,6 +512,65 @@ def test_gltf_leaves_its_input_alone(tmp_path):
     assert np.median(np.linalg.norm(positions - points, axis=1)) > 1e-3
 
 
+def test_normals_of_all_primitives_on_the_same_positions_are_renewed(tmp_path):
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
+    upward = np.tile(np.array([0, 0, 1], dtype="<f4"), (4, 1))
+    tangents = np.tile(np.array([1, 0, 0, 1], dtype="<f4"), (4, 1))
+    arrays = [
+        points,
+        upward,
+        -upward,
+        tangents,
+        np.array([0, 1, 2], dtype="<u2"),
+        np.array([0, 3, 2], dtype="<u2"),
+    ]
+    ends = np.cumsum([array.nbytes for array in arrays])
+    tree = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "a.bin", "byteLength": int(ends[-1])}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": int(end - array.nbytes), "byteLength": array.nbytes}
+            for array, end in zip(arrays, ends, strict=True)
+        ],
+        "accessors": [
+            {
+                "bufferView": k,
+                "componentType": 5126 if array.dtype.kind == "f" else 5123,
+                "count": len(array),
+                "type": f"VEC{array.shape[1]}" if array.ndim == 2 else "SCALAR",
+            }
+            for k, array in enumerate(arrays)
+        ],
+        "meshes": [
+            {
+                "primitives": [
+                    {"attributes": {"POSITION": 0, "NORMAL": n, "TANGENT": 3}, "indices": 3 + n}
+                    for n in (1, 2)
+                ]
+            }
+        ],
+        "nodes": [{"mesh": 0}],
+    }
+    (tmp_path / "a.bin").write_bytes(b"".join(array.tobytes() for array in arrays))
+    (tmp_path / "a.gltf").write_text(json.dumps(tree))
+
+    def tilt(mesh, _weights, _progress):
+        return mesh.vertices + mesh.vertices[:, :1] * (0, 0, 1)
+
+    (tmp_path / "out").mkdir()
+    paths = tmp_path / "a.gltf", tmp_path / "out" / "b.gltf"
+    outcome = filter_mesh_file(*paths, tilt, None, False, False, None)
+    assert outcome.notes == ("normals were computed anew from the sharpened surface",)
+    data = (tmp_path / "out" / "b.bin").read_bytes()
+    for number, sign in ((1, 1), (2, -1)):
+        normals = np.frombuffer(data, "<f4", 12, int(ends[number - 1])).reshape(4, 3)
+        faces = arrays[3 + number]
+        wanted = np.tile([-(0.5**0.5), 0, 0.5**0.5], (3, 1)) * sign
+        np.testing.assert_allclose(normals[faces], wanted, atol=1e-6)
+    for primitive in json.loads(paths[1].read_text())["meshes"][0]["primitives"]:
+        assert set(primitive["attributes"]) == {"POSITION", "NORMAL"}
+
+
 def test_compressed_glb_is_refused(tmp_path):
     tree = glb_tree(two_material_glb(*rounded_box()))
     for accessor in tree["accessors"]:
@@ -617,6 +679,7 @@ end_header
         ("text.off", b"hello", "text.off"),
         ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "nan.obj holds NaN"),
         ("word.obj", b"v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "word.obj cannot be read"),
+        ("bare.ply", b"ply\nelement vertex 1\nproperty float x\nend_header\n", "cannot be read"),
         ("far.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "far.obj: a face names a vertex"),
         ("zero.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "zero.obj: a face names a vertex"),
         ("line.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "zero area"),
@@ -702,6 +765,83 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
         raise OSError("disk full")
     assert (tmp_path / "out.obj").read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["out.obj"]
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_a_full_disk_is_named_also_if_the_writer_does_not_say_so(tmp_path, monkeypatch, said):
+    (tmp_path / "out.obj").write_text("old")
+    full = OSError(errno.ENOSPC, "No space left on device")
+
+    def refuse(_number):
+        raise full
+
+    if not said:
+        monkeypatch.setattr(os, "fsync", refuse)
+    with (
+        pytest.raises(core.ShockError, match=r"disk of .* is full .*No space left.*; make room"),
+        staged(tmp_path / "out.obj", True) as path,
+    ):
+        path.write_text("half")
+        if said:
+            raise full
+    assert (tmp_path / "out.obj").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["out.obj"]
+
+
+def test_a_writer_that_writes_nothing_fails(tmp_path):
+    with (
+        pytest.raises(core.ShockError, match=r"out\.obj was not written"),
+        staged(tmp_path / "out.obj", False) as path,
+    ):
+        path.with_name("out.mtl").write_text("newmtl paint")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("refused", ["m.mtl", "z.png"])
+def test_the_file_itself_comes_last(tmp_path, monkeypatch, refused):
+    (tmp_path / "n.obj").write_text("old")
+    replace = os.replace
+
+    def move(new, old):
+        if old.name == refused:
+            raise PermissionError("open elsewhere")
+        replace(new, old)
+
+    monkeypatch.setattr(os, "replace", move)
+    with pytest.raises(PermissionError), staged(tmp_path / "n.obj", True) as path:
+        for name in ("m.mtl", "n.obj", "z.png"):
+            path.with_name(name).write_text("new")
+    assert (tmp_path / "n.obj").read_text() == "old"
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has other permissions")
+def test_replaced_files_keep_links_and_permissions(tmp_path):
+    (tmp_path / "store").mkdir()
+    kept = tmp_path / "store" / "kept.obj"
+    kept.write_text("old")
+    kept.chmod(0o640)
+    for number in (1, 2):  # a link to a link
+        (tmp_path / f"{number}.obj").symlink_to([kept, "1.obj"][number - 1])
+    (tmp_path / "plain.obj").write_text("old")
+    (tmp_path / "plain.obj").chmod(0o600)
+    for name in ("2.obj", "plain.obj"):
+        with staged(tmp_path / name, True) as path:
+            path.write_text("new")
+    assert (tmp_path / "2.obj").is_symlink()
+    assert (tmp_path / "1.obj").is_symlink()
+    assert kept.read_text() == (tmp_path / "plain.obj").read_text() == "new"
+    assert kept.stat().st_mode & 0o777 == 0o640
+    assert (tmp_path / "plain.obj").stat().st_mode & 0o777 == 0o600
+    assert [path.name for path in (tmp_path / "store").iterdir()] == ["kept.obj"]
+
+
+def test_a_link_to_nothing_is_replaced(tmp_path):
+    (tmp_path / "out.obj").symlink_to(tmp_path / "gone" / "out.obj")
+    with staged(tmp_path / "out.obj", True) as path:
+        path.write_text("new")
+    assert (tmp_path / "out.obj").read_text() == "new"
+    assert not (tmp_path / "out.obj").is_symlink()
 
 
 # ------------------------------------------------------------------------------------------ colors
@@ -898,6 +1038,13 @@ def test_objects_without_colors_are_left(tmp_path):
     scene.export(tmp_path / "in.glb")
     outcome = sharpen_colors_file(tmp_path / "in.glb", tmp_path / "out.glb", SOFT)
     assert outcome.changed > 100
+
+
+def test_colors_that_are_no_numbers_are_named(tmp_path):
+    text = "v 0 0 0 1 0 0\nv 1 0 0 1 red 0\nv 0 1 0 1 0 0\nf 1 2 3\n"
+    (tmp_path / "in.obj").write_text(text)
+    with pytest.raises(core.ShockError, match=r"in\.obj cannot be read; is it damaged"):
+        sharpen_colors_file(tmp_path / "in.obj", tmp_path / "out.obj")
 
 
 def test_files_without_colors_are_refused(tmp_path):

@@ -4,6 +4,7 @@
 import struct
 import subprocess
 import sys
+import threading
 import zlib
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import tifffile
 from PIL import Image, ImageCms, PngImagePlugin
 from shock_filter import core
 from shock_filter.core import cli
+from shock_filter.core.format_pillow import read_pillow
 from shock_filter.core.image_files import sharpen_image_file
 
 STILL = core.ImageSettings(time=0)
@@ -250,6 +252,18 @@ def test_tiff_stored_in_planes_and_in_the_other_byte_order():
     np.testing.assert_array_equal(read("out.tif"), core.sharpen_image(pixels, STRONG))
 
 
+def test_tiff_of_gray_bands_stays_one():
+    pixels = picture(5, "uint16")
+    extra = ["unassalpha", "unspecified", "unspecified", "unspecified"]
+    tifffile.imwrite("in.tif", pixels, photometric="minisblack", planarconfig="contig",
+                     extrasamples=extra)  # fmt: skip
+    sharpen("in.tif", "out.tif")
+    np.testing.assert_array_equal(read("out.tif"), core.sharpen_image(pixels, STRONG))
+    with tifffile.TiffFile("out.tif") as file:
+        assert file.pages[0].photometric.name == "MINISBLACK"
+        assert [sample.name.lower() for sample in file.pages[0].extrasamples] == extra
+
+
 def test_exr_keeps_header_and_other_channels():
     depth = picture(1, "float32") * 1e30
     depth[0, 0] = np.inf
@@ -319,6 +333,29 @@ def test_large_images_are_opened(monkeypatch):
     assert Image.MAX_IMAGE_PIXELS == 100
 
 
+def test_readers_in_several_threads_leave_the_limit_as_it_was(monkeypatch):
+    write("in.png", picture())
+    limit, opening = Image.MAX_IMAGE_PIXELS, Image.open
+    started, done = threading.Event(), threading.Event()
+
+    def overlapping(*words, **options):
+        if threading.current_thread() is second:
+            started.set()
+            done.wait(10)
+        else:
+            second.start()
+            started.wait(0.3)  # in vain, if readers wait for each other
+        return opening(*words, **options)
+
+    second = threading.Thread(target=read_pillow, args=[Path("in.png")])
+    monkeypatch.setattr(Image, "open", overlapping)
+    read_pillow(Path("in.png"))
+    done.set()
+    second.join(10)
+    assert started.is_set()
+    assert limit == Image.MAX_IMAGE_PIXELS
+
+
 def animated(name):
     frames = [Image.fromarray(picture()), Image.fromarray(picture()[::-1])]
     frames[0].save(name, save_all=True, append_images=frames[1:])
@@ -334,8 +371,30 @@ def test_animations_are_refused(name):
 
 def test_tiff_of_pages_is_refused():
     tifffile.imwrite("in.tif", np.stack([picture(1)] * 3), photometric="minisblack")
-    with pytest.raises(core.ShockError, match="holds 3 pages; save them as files of one"):
+    with pytest.raises(
+        core.ShockError, match="not hold one picture alone; save its pages as files"
+    ):
         sharpen("in.tif", "out.tif")
+
+
+@pytest.mark.timeout(60)
+def test_tiff_whose_pages_go_in_a_circle_is_refused():
+    tifffile.imwrite("in.tif", picture(1), photometric="minisblack")
+    data = bytearray(Path("in.tif").read_bytes())
+    (first,) = struct.unpack_from("<I", data, 4)
+    (tags,) = struct.unpack_from("<H", data, first)
+    struct.pack_into("<I", data, first + 2 + 12 * tags, first)  # where the next page stands
+    Path("in.tif").write_bytes(data)
+    with pytest.raises(core.ShockError, match="not hold one picture alone"):
+        sharpen("in.tif", "out.tif")
+
+
+def test_damaged_arrays_are_refused():
+    np.save("in.npy", picture(1))
+    data = Path("in.npy").read_bytes()
+    Path("in.npy").write_bytes(data.replace(b"{", b" "))
+    with pytest.raises(core.ShockError, match=r"in\.npy cannot be read; is it damaged"):
+        sharpen("in.npy", "out.npy")
 
 
 def test_ink_colors_are_refused():
@@ -509,6 +568,47 @@ def test_arrays_are_not_loaded():
     np.testing.assert_array_equal(
         np.load("out.npy"), core.sharpen_image(np.load("in.npy"), core.ImageSettings())
     )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files there have room by themselves")
+def test_arrays_take_their_room_on_the_disk_before_they_are_filled():
+    write("in.npy", picture(size=(300, 400)))
+
+    def watch(fraction, message):
+        staged = next(Path().glob(".shock-filter-*/out.npy"))
+        assert 512 * staged.stat().st_blocks >= 300 * 400 * 3
+        seen.append(fraction)
+        return True
+
+    seen = []
+    sharpen("in.npy", "out.npy", progress=watch)
+    assert seen
+
+
+@pytest.mark.parametrize("name", ["in.png", "in.tif", "in.exr", "in.jpg", "in.npy"])
+def test_a_full_disk_fails_and_leaves_nothing(name):
+    resource = pytest.importorskip("resource")  # a limit to files' sizes stands in
+    dtype = "float32" if name == "in.exr" else "uint8"
+    write(name, (np.random.default_rng(0).random((99, 99, 3)) * 255).astype(dtype))
+    sharpen(name, f"out{Path(name).suffix}")  # kernels are kept in files, too
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, hard))
+    try:
+        with pytest.raises(core.ShockError, match=r"The disk of .* is full .*; make room"):
+            sharpen(name, f"full{Path(name).suffix}")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not list(Path().glob("*full*"))
+    assert not list(Path().glob(".*"))
+
+
+def test_changes_far_down_are_written():
+    pixels = np.full((700, 8), 60, dtype=np.uint8)
+    pixels[650:, 4:] = 180
+    pixels[650:, 4] = 90  # the one soft edge
+    write("in.png", pixels)
+    assert sharpen("in.png", "out.png", core.ImageSettings(time=4)).changed > 0
+    assert (read("out.png") != pixels).any(axis=1).nonzero()[0].min() > 600
 
 
 # ------------------------------------------------------------------------------------ command line

@@ -235,6 +235,8 @@ def test_negative_numbers_count_backwards(tmp_path):
          "has no texture coordinates; unwrap it"),
         ("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/7\n", core.InvalidMesh,
          "names a texture coordinate that is not there"),
+        ("word.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 x\nf 1/1 2/1 3/1\n", core.ShockError,
+         "word.obj cannot be read; is it damaged"),
         ("box.stl", "solid\n", core.InvalidUV, r"\.stl files hold no texture coordinates; use one"),
         ("odd.xyz", "", core.ShockError, "cannot handle this ending"),
         ("gone.obj", None, core.ShockError, "There is no file"),
@@ -398,6 +400,10 @@ def test_masks_that_cannot_be_written_are_named(tmp_path, mesh):
         texture_mask_file(mesh, tmp_path / "out.obj", "active", size=(8, 8))
     with pytest.raises(core.ShockError, match="There is no file"):
         texture_mask_file(mesh, tmp_path / "out.png", "active", like=tmp_path / "gone.png")
+    with pytest.raises(core.InvalidSettings, match="Give the image's size, or"):
+        texture_mask_file(mesh, tmp_path / "out.png", "active")
+    with pytest.raises(core.InvalidSettings, match="Give the image's size, or"):
+        texture_mask_file(mesh, tmp_path / "out.png", "active", size=(8, 8), like=mesh)
     texture_mask_file(mesh, tmp_path / "out.png", "active", size=(8, 8))
     with pytest.raises(core.ShockError, match="exists already"):
         texture_mask_file(mesh, tmp_path / "out.png", "active", size=(8, 8))

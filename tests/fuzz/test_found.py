@@ -3,6 +3,8 @@
 
 import numpy as np
 import pytest
+from checks import Watch
+from shapes import grid
 from shock_filter import core
 from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
 
@@ -110,3 +112,11 @@ def test_a_mesh_does_not_mix_up_signs_of_zero():
     for signal in (np.zeros((1, 3)), -np.zeros((1, 3))):
         result = core.sharpen_corner_signal(mesh, signal, core.ShockSettings(time=1.0))
         np.testing.assert_array_equal(np.signbit(result), np.signbit(signal))
+
+
+def test_progress_does_not_fall_where_a_mesh_has_several_chunks():
+    mesh = core.TriangleMesh(*grid(50, 50, jitter=0.3))
+    watch = Watch()
+    settings = core.BeltramiMeshSettings(time=0.1)
+    denoise_jointly(mesh, np.zeros((mesh.face_count, 3)), settings, progress=watch)
+    assert watch.seen[-1] == 1.0

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Damaged mesh and image files: filtered, or refused with one of Shock Filter's own errors."""
+
+import re
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from shapes import cube
+from shock_filter import core
+from shock_filter.core.files import sharpen_colors_file, sharpen_file
+from shock_filter.core.image_files import sharpen_image_file, write_image_file
+from shock_filter.core.texture_files import sharpen_texture_file
+from strategies import examples
+
+WORDS = [
+    b"", b"0", b"-1", b"2", b"7", b"4000000000", b"1e39", b"1e400", b"nan", b"-inf", b"x", b"1/1",
+    b"1/2/3", b"-1//-1", b"\xff\xfe", b"\\", b"#", b"null", b"[]", b"{}", b'""', b"\n", b"\r",
+]  # fmt: skip
+NUMBERS = [b"\x00" * 4, b"\xff" * 4, b"\x7f\xff\xff\xff", b"\x00\x00\xc0\x7f", b"\x00\x00\x80\x7f"]
+
+
+def mesh_samples(folder):
+    """One small file of each mesh format, some with colors, normals and texture coordinates."""
+    vertices, faces = cube(2)
+    shape = trimesh.Trimesh(vertices, faces, process=False)
+    uv = vertices[:, :2] + 0.1 * vertices[:, 2:]
+    lines = [f"v {x} {y} {z} {abs(x)} {abs(y)} 0.5" for x, y, z in vertices]
+    lines += [f"vt {u} {v}" for u, v in uv]
+    lines += [f"vn {x} {y} {z}" for x, y, z in shape.vertex_normals]
+    lines += ["o Box", "usemtl Paint"]
+    lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in faces + 1]
+    (folder / "box.obj").write_text("\n".join(lines) + "\n")
+    colors = (255 * abs(vertices)).astype(np.uint8)
+    shape.visual = trimesh.visual.ColorVisuals(shape, vertex_colors=colors)
+    shape.export(folder / "text.ply", encoding="ascii", vertex_normal=True)
+    for name in ("box.ply", "box.glb", "box.stl", "box.off"):
+        shape.export(folder / name)
+    shape.visual = trimesh.visual.TextureVisuals(uv=uv)
+    shape.export(folder / "uv.glb")
+    trimesh.Scene(shape).export(folder / "box.gltf", embed_buffers=True)
+
+
+def image_samples(folder):
+    """One small file of each image format."""
+    rng = np.random.default_rng(0)
+    deep = rng.integers(0, 2**16, (6, 5, 3), dtype=np.uint16)
+    floats = rng.random((6, 5, 4), np.float32)
+    for name, pixels in {
+        "gray.png": (deep[..., 0] >> 8).astype(np.uint8),
+        "deep.png": deep,
+        "flat.tif": (deep >> 8).astype(np.uint8),
+        "float.tif": floats,
+        "float.exr": floats,
+        "flat.bmp": (deep >> 8).astype(np.uint8),
+        "flat.jpg": (deep >> 8).astype(np.uint8),
+        "flat.webp": (deep >> 8).astype(np.uint8),
+        "array.npy": floats,
+    }.items():
+        write_image_file(folder / name, pixels, overwrite=False)
+
+
+def contents(make):
+    with tempfile.TemporaryDirectory() as folder:
+        make(Path(folder))
+        return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+
+
+MESHES, IMAGES = contents(mesh_samples), contents(image_samples)
+
+
+@st.composite
+def damaged(draw, data):
+    """Spoil the bytes of a file in up to three places."""
+    for _ in range(draw(st.integers(0, 3))):
+        place = draw(st.integers(0, len(data)))
+        length = draw(st.sampled_from([1, 1, 2, 4, 16, 200]))
+        piece = data[place : place + length]
+        how = draw(st.sampled_from(["byte", "number", "word", "word", "cut", "drop", "repeat"]))
+        if how == "byte":
+            data = data[:place] + bytes([draw(st.integers(0, 255))]) + data[place + 1 :]
+        elif how == "number":
+            data = data[:place] + draw(st.sampled_from(NUMBERS)) + data[place + 4 :]
+        elif how == "word":  # put where one begins
+            start = max(data.rfind(end, 0, place) for end in b" \n/,:[") + 1
+            stop = re.compile(rb"[ \n/,:\]}]|\Z").search(data, start).start()
+            data = data[:start] + draw(st.sampled_from(WORDS)) + data[stop:]
+        elif how == "cut":
+            data = data[:place]
+        elif how == "drop":
+            data = data[:place] + data[place + length :]
+        else:
+            data = data[:place] + 2 * piece + data[place + length :]
+    return data
+
+
+def run(name, data, target, function):
+    """Write the bytes and filter the file; what fails must say so and write nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder, name), Path(folder, target)
+        source.write_bytes(data)
+        before = sorted(Path(folder).iterdir())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # those of the libraries that read the files
+            try:
+                outcome = function(source, target)
+            except (core.ShockError, OSError):
+                assert sorted(Path(folder).iterdir()) == before
+                return
+        assert target.exists()
+        assert 0 <= outcome.changed <= outcome.total
+
+
+@examples(120)
+@given(st.data())
+def test_mesh_files(data):
+    name = data.draw(st.sampled_from(list(MESHES)))
+    ending = data.draw(st.sampled_from([Path(name).suffix] * 3 + [".ply", ".obj", ".glb"]))
+    function = data.draw(st.sampled_from([sharpen_file, sharpen_file, sharpen_colors_file]))
+    run(name, data.draw(damaged(MESHES[name])), f"out{ending}", function)
+
+
+@examples(60)
+@given(st.data())
+def test_textured_mesh_files(data):
+    name = data.draw(st.sampled_from(list(MESHES)))
+    with tempfile.TemporaryDirectory() as folder:
+        image = Path(folder, "image.png")
+        image.write_bytes(IMAGES["deep.png"])
+        run(name, data.draw(damaged(MESHES[name])), "out.png",
+            lambda mesh, target: sharpen_texture_file(mesh, image, target))  # fmt: skip
+
+
+@examples(120)
+@given(st.data())
+def test_image_files(data):
+    name = data.draw(st.sampled_from(list(IMAGES)))
+    ending = data.draw(st.sampled_from([Path(name).suffix] * 3 + [".png", ".tif", ".exr"]))
+    run(name, data.draw(damaged(IMAGES[name])), f"out{ending}", sharpen_image_file)
