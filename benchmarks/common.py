@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import multiprocessing
 import os
 import platform
 import resource
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,22 +23,12 @@ import trimesh
 from PIL import Image
 from report import Page
 from shock_filter import core
-from shock_filter.core.parallel import thread_count
+from shock_filter.core.cores import thread_count
 
 FLOW_TIMES = [1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, math.inf]
 
 CREASED_SPHERE = "creased sphere"
 """Name of the mesh that needs no file."""
-
-
-def find_data(given: Path | None) -> Path | None:
-    """Return the folder that holds ``meshes/``: the given one, or ../shared/data, or None."""
-    folder = given or Path(__file__).resolve().parents[2] / "shared" / "data"
-    if (folder / "meshes").is_dir():
-        return folder
-    if given:
-        raise SystemExit(f"{given} has no folder meshes/; give the folder that holds it.")
-    return None
 
 
 def machine() -> str:
@@ -185,6 +177,53 @@ class Job:
         path = self.scratch / file
         count = in_own_process(save_mesh, path, self.data, name, subdivisions, shuffle)
         return path, count
+
+
+def make_parser(
+    about: str, sections: Iterable[str], needs_data: bool = False
+) -> argparse.ArgumentParser:
+    """Make the parser of a program whose sections `measure` runs; `about` is its docstring."""
+    parser = argparse.ArgumentParser(description=about.partition("\n")[0])
+    parser.add_argument(
+        "--data",
+        type=_data_folder,
+        required=needs_data,
+        metavar="FOLDER",
+        help="what holds meshes/, images/ and textured/"
+        + ("" if needs_data else "; shapes made by code stand in if left out"),
+    )
+    parser.add_argument("--write", type=Path, metavar="PAGE", help="put the results into this page")
+    parser.add_argument(
+        "--only", default=",".join(sections), metavar="PARTS", help="parts to run: %(default)s"
+    )
+    parser.add_argument("--all", action="store_true", help="also what takes many minutes")
+    return parser
+
+
+def _data_folder(text: str) -> Path:
+    if not Path(text, "meshes").is_dir():
+        raise argparse.ArgumentTypeError(f"{text} has no folder meshes/")
+    return Path(text)
+
+
+def measure(
+    arguments: argparse.Namespace, sections: dict[str, Callable[[Job], None]], pictures: str
+) -> None:
+    """Run the sections that were asked for; `pictures` names the folder of the page's pictures."""
+    chosen = {name for name in arguments.only.split(",") if name}
+    if unknown := chosen - set(sections):
+        raise SystemExit(f"--only knows {', '.join(sections)}; not {', '.join(sorted(unknown))}")
+    if arguments.write and not arguments.data:
+        raise SystemExit("--write needs the test meshes: give their folder with --data")
+    if not arguments.data:
+        print("No test meshes, so shapes made by code stand in; give the meshes with --data.")
+    page = Page(arguments.write, pictures)
+    page.write("machine", machine())
+    with tempfile.TemporaryDirectory() as scratch:
+        job = Job(arguments.data, Path(scratch), page, arguments.all)
+        for name, section in sections.items():
+            if name in chosen:
+                section(job)
 
 
 def mesh_label(name: str, subdivisions: int) -> str:

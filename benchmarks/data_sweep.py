@@ -115,21 +115,23 @@ def main() -> None:
     parser.add_argument(
         "--data", type=Path, required=True, help="folder, looked through as a whole"
     )
-    parser.add_argument("--only", default="", help="part of the names of the files to take")
+    parser.add_argument("--only", default="", help="part of the paths of the files to take")
+    parser.add_argument("--first", type=int, default=1, help="number of the file to begin with")
     arguments = parser.parse_args()
     files = sorted(
         path
         for path in arguments.data.rglob("*")
-        if path.suffix.lower() in (*MESHES, *IMAGES) and arguments.only in path.name
+        if path.suffix.lower() in (*MESHES, *IMAGES)
+        and arguments.only in str(path.relative_to(arguments.data))
     )
-    if not files:
-        parser.error(f"{arguments.data} holds no mesh or image of that name")
+    if not 1 <= arguments.first <= len(files):
+        parser.error(f"{arguments.data} holds {len(files)} meshes and images of that name")
     rows, all_well = [], True
-    for path in files:
+    for number, path in enumerate(files[arguments.first - 1 :], arguments.first):
         row, well = common.in_own_process(sweep, path)
         rows.append(row)
         all_well &= well
-        print(f"{len(rows)}/{len(files)} {' | '.join(row)}", flush=True)
+        print(f"{number}/{len(files)} {' | '.join(row)}", flush=True)
     print(f"\n{common.machine()}\n")
     print(table(["file", "size", "seconds", "peak memory", "result"], rows, words=5))
     raise SystemExit(not all_well)

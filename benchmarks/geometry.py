@@ -7,15 +7,10 @@ tables and plots into the page. Without test meshes a shape made by code stands 
 
 from __future__ import annotations
 
-import argparse
-import tempfile
-from pathlib import Path
-
 import common
 from geometry_quality import quality
 from geometry_speed import growth_with_time, peer_speed, speed
 from geometry_tracing import tracing
-from report import Page
 
 SECTIONS = {
     "speed": speed,
@@ -26,35 +21,6 @@ SECTIONS = {
 }
 
 
-def main() -> None:
-    """Run the benchmarks."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument(
-        "--data", type=Path, help="folder that holds meshes/; ../shared/data beside the checkout"
-    )
-    parser.add_argument("--write", type=Path, metavar="PAGE", help="put the tables into this page")
-    parser.add_argument("--only", default=",".join(SECTIONS), help="parts to run: %(default)s")
-    parser.add_argument("--all", action="store_true", help="also what takes minutes for others")
-    arguments = parser.parse_args()
-    chosen = arguments.only.split(",")
-    if unknown := set(chosen) - set(SECTIONS):
-        parser.error(f"--only knows {', '.join(SECTIONS)}; not {', '.join(sorted(unknown))}")
-    data = common.find_data(arguments.data)
-    if not data:
-        if arguments.write:
-            parser.error("--write needs the test meshes: give their folder with --data")
-        print(
-            "No test meshes: give the folder that holds meshes/ with --data. A creased sphere"
-            " made by code stands in; noisy meshes are left out."
-        )
-    page = Page(arguments.write)
-    page.write("machine", common.machine())
-    with tempfile.TemporaryDirectory() as scratch:
-        job = common.Job(data, Path(scratch), page, arguments.all)
-        for name, section in SECTIONS.items():
-            if name in chosen:
-                section(job)
-
-
 if __name__ == "__main__":
-    main()
+    parser = common.make_parser(__doc__, SECTIONS)
+    common.measure(parser.parse_args(), SECTIONS, "benchmarks")
