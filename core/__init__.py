@@ -10,7 +10,6 @@ F. Prada, M. Kazhdan: Unconditionally Stable Shock Filters for Image and Geometr
 2015.
 """
 
-from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
@@ -23,6 +22,7 @@ from .errors import (
     ShockError,
     SolverError,
 )
+from .lazy import load as _load
 from .settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
@@ -53,29 +53,23 @@ if _TYPE_CHECKING:
     from .signals import sharpen_corner_signal, sharpen_vertex_signal
     from .textures import dilate_texture, sharpen_texture
 
-_LAZY = {
-    "TriangleMesh": "mesh",
-    "weld": "mesh",
-    "weld_borders": "mesh",
-    "flow_field": "flow",
-    "fit_to_normals": "fit",
-    "geometry_flow": "shock",
-    "sharpen_normals": "shock",
-    "sharpen_geometry": "shock",
-    "sharpen_vertex_signal": "signals",
-    "sharpen_corner_signal": "signals",
-    "sharpen_image": "images",
-    "osher_rudin_image": "pde",
-    "TextureAtlas": "atlas",
-    "UVReport": "atlas",
-    "beltrami_image": "beltrami.images",
-    "beltrami_manifold": "beltrami.images",
-    "beltrami_vertex_signal": "beltrami.meshes",
-    "beltrami_corner_signal": "beltrami.meshes",
-    "beltrami_mesh": "beltrami.meshes",
-    "beltrami_joint": "beltrami.meshes",
-    "dilate_texture": "textures",
-    "sharpen_texture": "textures",
+_MODULES = {
+    "atlas": ("TextureAtlas", "UVReport"),
+    "beltrami.images": ("beltrami_image", "beltrami_manifold"),
+    "beltrami.meshes": (
+        "beltrami_corner_signal",
+        "beltrami_joint",
+        "beltrami_mesh",
+        "beltrami_vertex_signal",
+    ),
+    "fit": ("fit_to_normals",),
+    "flow": ("flow_field",),
+    "images": ("sharpen_image",),
+    "mesh": ("TriangleMesh", "weld", "weld_borders"),
+    "pde": ("osher_rudin_image",),
+    "shock": ("geometry_flow", "sharpen_geometry", "sharpen_normals"),
+    "signals": ("sharpen_corner_signal", "sharpen_vertex_signal"),
+    "textures": ("dilate_texture", "sharpen_texture"),
 }
 
 __all__ = [
@@ -121,11 +115,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> _Any:
-    if name in _LAZY:
-        value = getattr(_import_module("." + _LAZY[name], __name__), name)
-        globals()[name] = value
-        return value
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _load(__name__, _MODULES, name)
 
 
 def __dir__() -> list[str]:

@@ -57,15 +57,23 @@ def advect_faces(
 
 
 def read_points(
-    mesh: TriangleMesh, values: Floats, faces: Ints, coordinates: Floats, nearest: bool
+    mesh: TriangleMesh,
+    values: Floats,
+    faces: Ints,
+    coordinates: Floats,
+    nearest: bool,
+    progress: Progress | None = None,
 ) -> Floats:
     """Read vertex values at points in faces, linearly or from the nearest corner: (k, d)."""
     out = np.empty((len(faces), values.shape[1]))
-    run(_read_points, len(faces), mesh.faces, values, faces, coordinates, nearest, out)
+    run(_read_points, len(faces), mesh.faces, values, faces, coordinates, nearest, out,
+        progress=progress)  # fmt: skip
     return out
 
 
-def average_corners(mesh: TriangleMesh, corner_values: Floats, values: Floats) -> Floats:
+def average_corners(
+    mesh: TriangleMesh, corner_values: Floats, values: Floats, progress: Progress | None = None
+) -> Floats:
     """Plain means of the values of each vertex's corners ("Vertex Advection", line 9).
 
     Parameters
@@ -74,9 +82,11 @@ def average_corners(mesh: TriangleMesh, corner_values: Floats, values: Floats) -
     corner_values : (3 m, d) float64
     values : (n, d) float64
         Taken for vertices without faces.
+    progress : Progress, optional
     """
     out = np.empty_like(values)
-    run(_average_corners, mesh.vertex_count, *mesh.corners, corner_values, values, out)
+    run(_average_corners, mesh.vertex_count, *mesh.corners, corner_values, values, out,
+        progress=progress)  # fmt: skip
     return out
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from .errors import InvalidSignal
 from .mesh import Floats, TriangleMesh
-from .parallel import Progress, kernel, run
+from .parallel import Progress, kernel, run, run_in_order
 
 LARGEST = 1e30
 """Largest values of signals: flows are made of squares of squares of them."""
@@ -27,9 +27,14 @@ def as_array(values: npt.ArrayLike, what: str) -> npt.NDArray:
 
 
 def checked_signal(
-    signal: npt.ArrayLike, count: int, what: str = "signal", largest: float = LARGEST
+    signal: npt.ArrayLike,
+    count: int,
+    what: str = "signal",
+    largest: float = LARGEST,
+    progress: Progress | None = None,
 ) -> Floats:
     """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
+    progress = progress or Progress(None)
     given = as_array(signal, what)
     if given.dtype.kind not in "fiub":
         raise InvalidSignal(f"The {what} is of type {given.dtype}, not numbers; give floats.")
@@ -40,8 +45,10 @@ def checked_signal(
         raise InvalidSignal(
             f"The {what} has the shape {given.shape}; give ({count},) or ({count}, channels)."
         )
+    progress.update(0.0)
     if not np.isfinite(array).all():
         raise InvalidSignal(f"The {what} holds NaN or infinity; replace these values first.")
+    progress.update(0.0)
     if max(array.max(), -array.min()) > largest:
         raise InvalidSignal(f"The {what} holds values beyond {largest:g}; scale or clip them.")
     return array
@@ -60,7 +67,7 @@ def checked_mask(mask: npt.ArrayLike | None, count: int) -> Floats | None:
     return None if weights.min() == 1 else weights
 
 
-def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
+def gradient(mesh: TriangleMesh, signal: npt.ArrayLike, progress: Progress | None = None) -> Floats:
     """Compute the gradient of the linear interpolant in each face (paper A, Appendix A).
 
     Parameters
@@ -68,6 +75,7 @@ def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
     mesh : TriangleMesh
     signal : (n,) or (n, d) array of float
         Values at the vertices.
+    progress : Progress, optional
 
     Returns
     -------
@@ -82,7 +90,7 @@ def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
     values = checked_signal(signal, mesh.vertex_count, largest=np.inf)
     out = np.zeros((mesh.face_count, values.shape[1], 3))
     run(_gradient, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals, mesh.areas,
-        values, out)  # fmt: skip
+        values, out, progress=progress)  # fmt: skip
     return out
 
 
@@ -112,21 +120,22 @@ def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
     return out
 
 
-def cotangents(mesh: TriangleMesh) -> Floats:
+def cotangents(mesh: TriangleMesh, progress: Progress | None = None) -> Floats:
     """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate.
 
     Needle-like faces (cotangents above 1000, angles below 0.06 degrees) are weakened as a whole
     to that bound, which keeps the stiffness positive and linear solves possible.
     """
     out = np.empty((mesh.face_count, 3))
-    run(_cotangents, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, out)
+    run(_cotangents, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, out,
+        progress=progress)  # fmt: skip
     return out
 
 
-def lumped_mass(mesh: TriangleMesh) -> Floats:
+def lumped_mass(mesh: TriangleMesh, progress: Progress | None = None) -> Floats:
     """A third of the area around each vertex, in squared mean edge lengths: (n,)."""
     out = np.empty(mesh.vertex_count)
-    run(_lumped_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out)
+    run(_lumped_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out, progress=progress)
     return out
 
 
@@ -142,9 +151,41 @@ def average_to_vertices(
     return out
 
 
-def average_to_faces(mesh: TriangleMesh, values: Floats) -> Floats:
-    """Means of the three vertex values of each face: (n,) -> (m,)."""
-    return values[mesh.faces].mean(axis=1)
+def average_to_faces(
+    mesh: TriangleMesh, values: Floats, progress: Progress | None = None
+) -> Floats:
+    """Means of the three vertex values of each face: (n, d) -> (m, d)."""
+    out = np.empty((mesh.face_count, values.shape[1]))
+    run(_average_corners, mesh.face_count, mesh.faces, values, out, progress=progress)
+    return out
+
+
+def blended_normals(
+    mesh: TriangleMesh, old: Floats, new: Floats, weights: Floats, progress: Progress | None = None
+) -> Floats:
+    """Mix normals of the faces by weights (n,) of the vertices; opposite ones may become zero."""
+    out = np.empty_like(old)
+    run(_blend, mesh.face_count, mesh.faces, old, new, weights, out, progress=progress)
+    return out
+
+
+def group_means(
+    groups: npt.NDArray[np.integer], rows: npt.NDArray, out: npt.NDArray, progress: Progress
+) -> None:
+    """Put the mean of each group's rows into `out`, where others stay as they are.
+
+    Parameters
+    ----------
+    groups : (k,) int
+        The row of `out` that each row counts for.
+    rows : (k, d) array of float
+    out : (n, d) array of float
+    progress : Progress
+    """
+    sums = np.zeros(out.shape)
+    sizes = np.zeros(len(out), dtype=np.int64)
+    run_in_order(_add_rows, len(rows), groups, rows, sums, sizes, progress=progress)
+    run(_divide_rows, len(out), sums, sizes, out, progress=progress)
 
 
 def smooth_vertices(
@@ -161,6 +202,7 @@ def smooth_vertices(
     """
     if passes == 0:
         return signal
+    mesh.weigh_neighbours(progress.part(0.0, 0.0, "Smoothing") if progress else None)
     ring_start, ring = mesh.neighbours
     weights = mesh.neighbour_weights
     spare = None
@@ -254,6 +296,50 @@ def _average(start, stop, corner_start, corners, areas, values, out):
         if total > 0:
             for j in range(values.shape[1]):
                 out[v, j] /= total
+
+
+@kernel
+def _add_rows(start, stop, groups, rows, sums, sizes):
+    for i in range(start, stop):
+        g = groups[i]
+        sizes[g] += 1
+        for j in range(rows.shape[1]):
+            sums[g, j] += rows[i, j]
+
+
+@kernel
+def _divide_rows(start, stop, sums, sizes, out):
+    for g in range(start, stop):
+        if sizes[g] > 0:
+            for j in range(out.shape[1]):
+                out[g, j] = sums[g, j] / sizes[g]
+
+
+@kernel
+def _average_corners(start, stop, faces, values, out):
+    for f in range(start, stop):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        for j in range(values.shape[1]):
+            out[f, j] = (values[a, j] + values[b, j] + values[c, j]) / 3.0
+
+
+@kernel
+def _blend(start, stop, faces, old, new, weights, out):
+    for f in range(start, stop):
+        share = (weights[faces[f, 0]] + weights[faces[f, 1]] + weights[faces[f, 2]]) / 3.0
+        for x in range(3):
+            out[f, x] = old[f, x] + share * (new[f, x] - old[f, x])
+        make_unit(out[f])
+
+
+@kernel
+def make_unit(vector):
+    """Divide a vector by its length, in place; one of no length becomes zero."""
+    length = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+    if not length > 1e-12:
+        length = np.inf
+    for x in range(3):
+        vector[x] /= length
 
 
 @kernel

@@ -16,7 +16,7 @@ from .beltrami.meshes import (
     beltrami_mesh,
     beltrami_vertex_signal,
 )
-from .calculus import checked_mask, checked_signal
+from .calculus import checked_mask, checked_signal, group_means
 from .fit import moved_vertices
 from .images import sharpen_image
 from .mesh import Floats, TriangleMesh, split_at_jumps
@@ -138,7 +138,9 @@ def denoise_jointly(
     points, filtered = beltrami_joint(
         cut, cut_values, settings, None if weights is None else weights[vertex], first
     )
-    moved = _means(vertex, points - cut.vertices, mesh.vertex_count)
+    moved = np.zeros_like(mesh.vertices)
+    last = Progress.of(first).part(1.0, 1.0, "Denoising")
+    group_means(vertex, points - cut.vertices, moved, last)
     positions = moved_vertices(mesh, moved)
     after = np.where(filtered[corners] == values, values, filtered[corners])  # the sign of 0 too
     result = from_own_corners(mesh, after.astype(given.dtype), given)
@@ -188,13 +190,6 @@ def _sharpened(
 ) -> Floats:
     settings = GeometrySettings(time=time, sampling="linear")
     return sharpen_geometry(mesh, settings, mask, progress)
-
-
-def _means(groups: npt.NDArray, rows: Floats, count: int) -> Floats:
-    # The mean row of each group; 0 for those without any.
-    sizes = np.maximum(np.bincount(groups, minlength=count), 1)
-    sums = [np.bincount(groups, column, minlength=count) for column in rows.T]
-    return np.stack(sums, axis=1) / sizes[:, None]
 
 
 def _parts(

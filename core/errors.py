@@ -3,7 +3,21 @@
 
 
 class ShockError(Exception):
-    """Base of all errors that Shock Filter raises on purpose."""
+    """Base of all errors that Shock Filter raises on purpose.
+
+    Parameters
+    ----------
+    sentence : str
+        The message, with fields such as ``{count}`` for what differs each time.
+    **values
+        What stands in the fields. They are kept apart so that the sentence can be shown in other
+        languages; a message without values holds no fields.
+    """
+
+    def __init__(self, sentence: str = "", **values: object) -> None:
+        super().__init__(sentence.format(**values) if values else sentence)
+        self.sentence = sentence
+        self.values = values
 
 
 class InvalidMesh(ShockError, ValueError):

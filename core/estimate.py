@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from .settings import (
     BeltramiGeometrySettings,
@@ -26,8 +25,7 @@ _MILLION = 1e6
 _MOST_CORES = 8  # more hardly help: some work is done by one
 
 
-@dataclass(frozen=True)
-class Estimate:
+class Estimate(NamedTuple):
     """What a run is expected to take.
 
     Attributes

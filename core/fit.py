@@ -112,29 +112,31 @@ def displacement(
     matrix = kept(mesh, "refit", (eps, mask), lambda: _refit_matrix(mesh, eps, mask, step))
     right = np.zeros((mesh.vertex_count, 3))
     run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
-        mesh.normals, normals, matrix.screen, right)  # fmt: skip
+        mesh.normals, normals, matrix.screen, right,
+        progress=progress.part(0.2, 0.3, "Preparing the refit"))  # fmt: skip
     solution, report = solve(
         matrix,
         right,
         TOLERANCE,
         multigrid=eps < 0.999 * MULTIGRID_RADIUS**-2,
-        progress=progress.part(0.2, 1.0, "Fitting the surface"),
+        progress=progress.part(0.3, 1.0, "Fitting the surface"),
     )
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
              " with multigrid" if report.multigrid else "", report.residual)  # fmt: skip
-    run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, solution)
+    run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, solution,
+        progress=progress.part(1.0, 1.0, "Fitting the surface"))  # fmt: skip
     return solution, report
 
 
 def _refit_matrix(
     mesh: TriangleMesh, eps: float, mask: Floats | None, progress: Progress
 ) -> ScreenedLaplacian:
-    screen = eps * lumped_mass(mesh)
+    screen = eps * lumped_mass(mesh, progress.part(0.0, 0.2, "Preparing the refit"))
     if mask is not None:
         free = mask > LEAST_WEIGHT
         np.divide(screen, mask, out=screen, where=free)
         screen[~free] = 0.0
-    return screened_stiffness(mesh, screen, progress)
+    return screened_stiffness(mesh, screen, progress.part(0.2, 1.0, "Preparing the refit"))
 
 
 def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
@@ -151,11 +153,14 @@ def screened_stiffness(
 
     Vertices whose `screen` (n,) is zero stay put.
     """
+    progress = progress or Progress(None)
+    halves = cotangents(mesh, progress.part(0.0, 0.5, "Preparing the refit"))
+    mesh.find_neighbours(progress.part(0.5, 0.5, "Preparing the refit"))
     start, ring = mesh.neighbours
     weights = np.empty(len(ring))
     diagonal = np.empty(mesh.vertex_count)
-    run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, cotangents(mesh), screen, start,
-        weights, diagonal, progress=progress)  # fmt: skip
+    run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, halves, screen, start, weights,
+        diagonal, progress=progress.part(0.5, 1.0, "Preparing the refit"))  # fmt: skip
     return ScreenedLaplacian(start, ring, weights, screen, diagonal)
 
 

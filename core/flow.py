@@ -53,25 +53,30 @@ def flow_field(
     """
     values = checked_signal(signal, mesh.vertex_count)
     passes = (settings or ShockSettings()).smoothing_passes
-    potential = flow_potential(mesh, values, passes, Progress.of(progress))
-    return potential, flow_from_potential(mesh, potential)
+    phases = Progress.of(progress)
+    potential = flow_potential(mesh, values, passes, phases.part(0.0, 0.9, "Computing the flow"))
+    last = phases.part(0.9, 1.0, "Computing the flow")
+    return potential, flow_from_potential(mesh, potential, last)
 
 
-def flow_from_potential(mesh: TriangleMesh, potential: Floats) -> Floats:
+def flow_from_potential(
+    mesh: TriangleMesh, potential: Floats, progress: Progress | None = None
+) -> Floats:
     """Compute the flow u, half the potential's gradient: (n,) -> (m, 3)."""
-    return 0.5 * gradient(mesh, potential)[:, 0]
+    flow = gradient(mesh, potential, progress)[:, 0]
+    flow *= 0.5
+    return flow
 
 
 def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress) -> Floats:
     """Compute the potential P at the vertices, smoothed before and after: (n, d) -> (n,)."""
-    smooth = smooth_vertices(mesh, signal, passes, progress.part(0.0, 0.5, "Computing the flow"))
+    message = "Computing the flow"
+    smooth = smooth_vertices(mesh, signal, passes, progress.part(0.0, 0.5, message))
     energy = np.empty((mesh.face_count, 1))
     run(_energy, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, smooth, energy,
-        progress=progress.part(0.5, 0.7, "Computing the flow"))  # fmt: skip
-    potential = average_to_vertices(mesh, energy)
-    return smooth_vertices(
-        mesh, potential, passes, progress.part(0.7, 1.0, "Computing the flow")
-    ).reshape(-1)
+        progress=progress.part(0.5, 0.6, message))  # fmt: skip
+    potential = average_to_vertices(mesh, energy, progress.part(0.6, 0.7, message))
+    return smooth_vertices(mesh, potential, passes, progress.part(0.7, 1.0, message)).reshape(-1)
 
 
 def above_surroundings(
@@ -103,15 +108,18 @@ def above_surroundings(
     if threshold == 0:
         return potential
     rings = round(min(max(time**0.25 / 2, 2.0), 8.0))
+    mesh.find_neighbours(progress.part(0.0, 0.0, "Finding features"))
     strength = np.sqrt(potential)
     level = strength
     for step in range(2 * rings):
         out = np.empty_like(level)
         run(_ring_minimum, mesh.vertex_count, *mesh.neighbours, 1.0 if step < rings else -1.0,
-            level, out)  # fmt: skip
+            level, out, progress=progress.part(
+                step / (2 * rings), (step + 1) / (2 * rings), "Finding features"))  # fmt: skip
         level = out
-        progress.update((step + 1) / (2 * rings))
-    level = smooth_vertices(mesh, level.reshape(-1, 1), 2).reshape(-1)
+    level = smooth_vertices(
+        mesh, level.reshape(-1, 1), 2, progress.part(1.0, 1.0, "Finding features")
+    ).reshape(-1)
     return np.maximum(strength - threshold * level, 0.0) ** 2
 
 

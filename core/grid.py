@@ -75,8 +75,9 @@ def image_potential(
         channels.alpha, channels.brightness, passes, potential, chunk=_ROWS,
         progress=progress.part(0.0, 0.8, "Computing the flow"))  # fmt: skip
     spare = np.empty_like(potential) if passes else potential
+    last = progress.part(0.8, 1.0, "Computing the flow")
     for _ in range(passes):
-        run(_smooth_rows, height, potential, spare, chunk=_ROWS)
+        run(_smooth_rows, height, potential, spare, chunk=_ROWS, progress=last)
         potential, spare = spare, potential
     progress.update(1.0)
     return potential
@@ -126,10 +127,10 @@ class Sources:
     Holds the ends of all traces, 48 bytes a pixel.
     """
 
-    def __init__(self, height: int, width: int) -> None:
+    def __init__(self, height: int, width: int, progress: Progress | None = None) -> None:
         self._cells = np.empty((height, width, 4, 2), dtype=np.int32)
         self._places = np.empty((height, width, 4, 2), dtype=np.float32)
-        run(_start_rows, height, self._cells, self._places, chunk=_ROWS)
+        run(_start_rows, height, self._cells, self._places, chunk=_ROWS, progress=progress)
 
     def carry(
         self, potential: npt.NDArray[np.float32], time: float, progress: Progress | None = None
@@ -139,11 +140,18 @@ class Sources:
             chunk=_ROWS, progress=progress)  # fmt: skip
 
     def read(
-        self, image: npt.NDArray, channels: Channels, out: npt.NDArray, *, nearest: bool = False
+        self,
+        image: npt.NDArray,
+        channels: Channels,
+        out: npt.NDArray,
+        *,
+        nearest: bool = False,
+        progress: Progress | None = None,
     ) -> None:
         """Read the image at the traces' ends; parameters as in `advect_pixels`."""
         run(_read_rows, len(image), image, channels.start, channels.stop, channels.alpha,
-            self._cells, self._places, nearest, _rounds(out), out, chunk=_ROWS)  # fmt: skip
+            self._cells, self._places, nearest, _rounds(out), out, chunk=_ROWS,
+            progress=progress)  # fmt: skip
 
 
 def _rounds(out: npt.NDArray) -> bool:

@@ -7,8 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from .grid import Channels, Sources, advect_pixels, image_potential
-from .parallel import Progress, ProgressCallback
-from .pixels import SCALES, channel_groups, checked_image, checked_out, checked_weights, mix
+from .parallel import Progress, ProgressCallback, blocks
+from .pixels import (
+    BAND,
+    SCALES,
+    channel_groups,
+    checked_image,
+    checked_out,
+    checked_weights,
+    copied,
+    mix,
+)
 from .settings import ImageSettings
 from .signals import step_durations
 
@@ -63,7 +72,8 @@ def sharpen_image(
     phases = Progress.of(progress)
     pixels = given.reshape(*given.shape[:2], -1)
     target = result.reshape(pixels.shape)
-    target[...] = pixels
+    for band in blocks(len(pixels), BAND, phases.part(0.0, 0.0, "Sharpening")):
+        target[band] = pixels[band]
     if settings.time == 0:
         return result
     thin = min(pixels.shape[:2]) < 2
@@ -81,7 +91,7 @@ def sharpen_image(
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
     if weights is not None:
-        mix(given.reshape(target.shape), weights, target)
+        mix(given.reshape(target.shape), weights, target, phases.part(1.0, 1.0, "Sharpening"))
     phases.update(1.0)
     return result
 
@@ -117,16 +127,21 @@ def _flow_channels(
         return
     # Whole numbers are not rounded between steps.
     current = pixels.astype(np.float64 if pixels.dtype == np.float64 else np.float32)
-    spare = current.copy()
-    sources = Sources(*pixels.shape[:2]) if settings.scheme == "composed" else None
+    still = progress.part(0.0, 0.0, "Tracing flow-lines")
+    spare = copied(current, still)
+    height, width = pixels.shape[:2]
+    sources = Sources(height, width, still) if settings.scheme == "composed" else None
     for number, duration in enumerate(durations):
-        progress.update(number / len(durations))
-        potential = image_potential(current, scale, channels, settings.smoothing_passes)
+        step = progress.part(number / len(durations), (number + 1) / len(durations), "Sharpening")
+        potential = image_potential(current, scale, channels, settings.smoothing_passes, step.part(
+            0.0, 0.4, "Computing the flow"))  # fmt: skip
+        walk = step.part(0.4, 1.0, "Tracing flow-lines")
         if sources is not None:
-            sources.carry(potential, duration)
-            sources.read(pixels, channels, current, nearest=nearest)
+            sources.carry(potential, duration, walk)
+            sources.read(pixels, channels, current, nearest=nearest, progress=walk)
         else:
-            advect_pixels(current, channels, potential, duration, spare, nearest=nearest)
+            advect_pixels(current, channels, potential, duration, spare, nearest=nearest,
+                          progress=walk)  # fmt: skip
             current, spare = spare, current
     for c in range(channels.start, channels.stop):
         target[..., c] = np.rint(current[..., c]) if scale != 1.0 else current[..., c]

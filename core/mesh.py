@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import InvalidMesh
-from .parallel import LARGEST_CHUNK, Progress, ProgressCallback, kernel, run
+from .parallel import Progress, ProgressCallback, kernel, run, run_in_order
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
@@ -64,18 +64,25 @@ class TriangleMesh:
         self.faces = _checked_faces(faces, len(self.vertices))
         phase.update(0.0)
         self.flipped = np.zeros(len(self.faces), dtype=bool)
+        self.corners = self._corners(phase)
         low, high = self.box
         if not (high - low).max() < _LARGEST or 0 < (high - low).max() < 1 / _LARGEST:
             raise InvalidMesh(
-                f"The mesh is {(high - low).max():.1g} units large; scale it to a size between"
-                f" {1 / _LARGEST:g} and {_LARGEST:g}."
+                "The mesh is {size:.1g} units large; scale it to a size between {least:g} and"
+                " {most:g}.",
+                size=(high - low).max(),
+                least=1 / _LARGEST,
+                most=_LARGEST,
             )
         phase.update(0.0)
         if self._match_twins(phase):
             self._unify_winding(phase)
         phase.update(0.0)
+        if self.mean_edge_length > 0:
+            self._normals_and_areas = self._measured_faces(phase)
         if not self.mean_edge_length > 0 or not self.areas.any():
             raise InvalidMesh("All faces have zero area; give a mesh with a surface.")
+        phase.update(0.0)
 
     @property
     def vertex_count(self) -> int:
@@ -90,10 +97,10 @@ class TriangleMesh:
     @cached_property
     def corners(self) -> tuple[Ints, Ints]:
         """Corners at each vertex: ``corners[start[v]:start[v + 1]]``; returns (start, corners)."""
-        start = np.zeros(self.vertex_count + 1, dtype=np.int32)
-        corners = np.empty(3 * self.face_count, dtype=np.int32)
-        count_sort(self.faces.reshape(-1), start, corners)
-        return start, corners
+        return self._corners(None)
+
+    def _corners(self, progress: Progress | None) -> tuple[Ints, Ints]:
+        return count_sort(self.faces.reshape(-1), self.vertex_count, progress)
 
     def _match_twins(self, progress: Progress) -> bool:
         """Pair half-edges; True if some pairs run in the same direction (bad winding)."""
@@ -107,7 +114,7 @@ class TriangleMesh:
         # Pairs of equal direction are marked in twins as -2 - twin.
         _turn_faces(self.faces, self.twins.reshape(-1), self.flipped)
         progress.update(0.0)
-        del self.corners
+        self.corners = self._corners(progress)
         self._match_twins(progress)
         self.twins[self.twins < -1] = -1  # what stays is not orientable: a border
 
@@ -118,20 +125,38 @@ class TriangleMesh:
         Around a vertex they follow its corners: the next vertex of each face, and the previous
         one where no face lies beyond.
         """
-        start, corners = self.corners
-        ring_start = np.zeros(self.vertex_count + 1, dtype=np.int32)
-        run(_count_ring, self.vertex_count, self.faces, self.twins, start, corners, ring_start)
-        np.cumsum(ring_start, out=ring_start)
-        ring = np.empty(ring_start[-1], dtype=np.int32)
-        run(_fill_ring, self.vertex_count, self.faces, self.twins, start, corners, ring_start, ring)
-        return ring_start, ring
+        return self._neighbours(None)
 
     @cached_property
     def neighbour_weights(self) -> npt.NDArray[np.float32]:
         """Gaussian weights exp(-length^2) of `neighbours`, lengths in mean edge lengths."""
+        return self._neighbour_weights(None)
+
+    def find_neighbours(self, progress: Progress | None) -> None:
+        """Compute `neighbours`, which stay, asking whether to go on."""
+        if "neighbours" not in self.__dict__:
+            self.neighbours = self._neighbours(progress)
+
+    def weigh_neighbours(self, progress: Progress | None) -> None:
+        """Compute `neighbour_weights`, which stay, asking whether to go on."""
+        self.find_neighbours(progress)
+        if "neighbour_weights" not in self.__dict__:
+            self.neighbour_weights = self._neighbour_weights(progress)
+
+    def _neighbours(self, progress: Progress | None) -> tuple[Ints, Ints]:
+        parts = self.faces, self.twins, *self.corners
+        start = np.zeros(self.vertex_count + 1, dtype=np.int32)
+        run(_count_ring, self.vertex_count, *parts, start, progress=progress)
+        np.cumsum(start, out=start)
+        ring = np.empty(start[-1], dtype=np.int32)
+        run(_fill_ring, self.vertex_count, *parts, start, ring, progress=progress)
+        return start, ring
+
+    def _neighbour_weights(self, progress: Progress | None) -> npt.NDArray[np.float32]:
         start, ring = self.neighbours
         weights = np.empty(len(ring), dtype=np.float32)
-        run(_weigh_ring, self.vertex_count, self.scaled_vertices, start, ring, weights)
+        run(_weigh_ring, self.vertex_count, self.scaled_vertices, start, ring, weights,
+            progress=progress)  # fmt: skip
         return weights
 
     @cached_property
@@ -146,9 +171,11 @@ class TriangleMesh:
     @cached_property
     def box(self) -> tuple[Floats, Floats]:
         """Lowest and highest coordinates of the vertices that have faces: (3,), (3,)."""
-        used = np.diff(self.corners[0]) > 0
-        points = self.vertices if used.all() else self.vertices[used]
-        return points.min(axis=0), points.max(axis=0)
+        chunks = -(-self.vertex_count // _SUM_CHUNK)
+        lows, highs = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
+        run(_bound, self.vertex_count, self.vertices, self.corners[0], lows, highs,
+            chunk=_SUM_CHUNK)  # fmt: skip
+        return lows.min(axis=0), highs.max(axis=0)
 
     @cached_property
     def scaled_vertices(self) -> Floats:
@@ -160,9 +187,13 @@ class TriangleMesh:
 
     @cached_property
     def _normals_and_areas(self) -> tuple[Floats, Floats]:
+        return self._measured_faces(None)
+
+    def _measured_faces(self, progress: Progress | None) -> tuple[Floats, Floats]:
         normals = np.empty((self.face_count, 3))
         areas = np.empty(self.face_count)
-        run(_measure_faces, self.face_count, self.scaled_vertices, self.faces, normals, areas)
+        run(_measure_faces, self.face_count, self.scaled_vertices, self.faces, normals, areas,
+            progress=progress)  # fmt: skip
         return normals, areas
 
     @property
@@ -176,7 +207,12 @@ class TriangleMesh:
         return self._normals_and_areas[1]
 
     def own_corners(self, corners: npt.NDArray) -> npt.NDArray:
-        """Exchange second and third corners (m, 3, ...) of turned faces, to `faces` or back."""
+        """Exchange second and third corners (m, 3, ...) of turned faces, to `faces` or back.
+
+        Where no face was turned, `corners` itself is returned.
+        """
+        if not self.flipped.any():
+            return corners
         own = corners.copy()
         own[self.flipped, 1] = corners[self.flipped, 2]
         own[self.flipped, 2] = corners[self.flipped, 1]
@@ -190,6 +226,19 @@ class TriangleMesh:
             if name in self.__dict__:
                 moved.__dict__[name] = self.__dict__[name]
         return moved
+
+
+def count_sort(keys: Ints, count: int, progress: Progress | None = None) -> tuple[Ints, Ints]:
+    """Sort indices by their keys, which are below `count`, stably; returns (start, order).
+
+    The indices with key k are ``order[start[k]:start[k + 1]]``.
+    """
+    start = np.zeros(count + 1, dtype=np.int32)
+    run_in_order(_count_keys, len(keys), keys, start, progress=progress)
+    np.cumsum(start, out=start)
+    order = np.empty(len(keys), dtype=np.int32)
+    run_in_order(_place_keys, len(keys), keys, start[:-1].copy(), order, progress=progress)
+    return start, order
 
 
 def split_at_jumps(
@@ -221,9 +270,11 @@ def split_at_jumps(
     first = np.flatnonzero(leads)
     phase.update(0.0)
     index = (np.cumsum(leads, dtype=np.int32) - 1)[leaders]
-    vertices = mesh.vertices[mesh.faces.reshape(-1)[first]]
     phase.update(0.0)
-    return TriangleMesh(vertices, index.reshape(-1, 3), phase), signal[first]
+    vertices = mesh.vertices[mesh.faces.reshape(-1)[first]]
+    values = signal[first]
+    phase.update(0.0)
+    return TriangleMesh(vertices, index.reshape(-1, 3), phase), values
 
 
 def weld(
@@ -257,15 +308,12 @@ def weld(
     phase = Progress.of(progress).part(0.0, 0.0, "Finding vertices at the same place")
     points = _checked_vertices(vertices) + 0.0  # -0.0 and 0.0 are the same place
     bits = points.view(np.uint64)
-    count, places = len(points), 0
+    count, places = len(points), np.zeros(1, dtype=np.int64)
     table = np.full(1 << (2 * count - 1).bit_length(), -1, dtype=np.int64)
     first = np.empty(count, dtype=np.intp)
     index = np.empty(count, dtype=np.intp)
-    for start in range(0, count, LARGEST_CHUNK):  # in order, since each looks up all before
-        stop = min(start + LARGEST_CHUNK, count)
-        places = _number_places(start, stop, bits, table, places, first, index)
-        phase.update(0.0)
-    return first[:places].copy(), index
+    run_in_order(_number_places, count, bits, table, places, first, index, progress=phase)
+    return first[: places[0]].copy(), index
 
 
 def weld_borders(
@@ -297,10 +345,10 @@ def weld_borders(
     """
     phase = Progress.of(progress)
     mesh = TriangleMesh(vertices, faces, phase)
-    borders = mesh.twins < 0
+    face, side = np.nonzero(mesh.twins < 0)
     on_border = np.zeros(mesh.vertex_count, dtype=bool)
-    on_border[mesh.faces[borders]] = True
-    on_border[np.roll(mesh.faces, -1, axis=1)[borders]] = True
+    on_border[mesh.faces[face, side]] = True
+    on_border[mesh.faces[face, (side + 1) % 3]] = True
     places = np.flatnonzero(on_border)
     index = np.arange(mesh.vertex_count, dtype=np.int32)
     if len(places):
@@ -321,10 +369,17 @@ def _checked_vertices(vertices: npt.ArrayLike) -> Floats:
         raise InvalidMesh(f"Vertices have the shape {array.shape}; give an (n, 3) array.")
     if len(array) == 0:
         raise InvalidMesh("The mesh has no vertices; give at least one triangle.")
-    if not np.isfinite(array).all():
-        bad = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise InvalidMesh(f"Vertex {bad} is {array[bad]}; remove or repair NaN and infinity.")
+    check_finite(array)
     return array
+
+
+def check_finite(vertices: npt.NDArray) -> None:
+    """Raise `InvalidMesh` with the number of the first vertex that is NaN or infinite."""
+    if not np.isfinite(vertices).all():
+        raise InvalidMesh(
+            "Vertex {number} has no valid position (NaN or infinity); delete or move it.",
+            number=int(np.argmin(np.isfinite(vertices).all(axis=1))),
+        )
 
 
 def _checked_faces(faces: npt.ArrayLike, vertex_count: int) -> Ints:
@@ -339,7 +394,11 @@ def _checked_faces(faces: npt.ArrayLike, vertex_count: int) -> Ints:
     if array.dtype.kind not in "iu":
         raise InvalidMesh(f"Faces are of type {array.dtype}; give vertex indices as integers.")
     if len(array) > _MOST_FACES:
-        raise InvalidMesh(f"The mesh has {len(array)} faces; at most {_MOST_FACES} are supported.")
+        raise InvalidMesh(
+            "The mesh has {count} faces; at most {most} are supported.",
+            count=len(array),
+            most=_MOST_FACES,
+        )
     low, high = int(array.min()), int(array.max())
     if low < 0 or high >= vertex_count:
         raise InvalidMesh(
@@ -358,6 +417,7 @@ _SUM_CHUNK = 1 << 15
 def _number_places(start, stop, bits, table, places, first, index):
     # The table holds the number of each place, at the first free slot from its hash on.
     last = np.uint64(table.shape[0] - 1)
+    count = places[0]
     for v in range(start, stop):
         mixed = np.uint64(0)
         for axis in range(4):
@@ -369,34 +429,31 @@ def _number_places(start, stop, bits, table, places, first, index):
         while True:
             place = table[slot]
             if place < 0:
-                place = places
+                place = count
                 table[slot] = place
                 first[place] = v
-                places += 1
+                count += 1
                 break
             w = first[place]
             if bits[w, 0] == bits[v, 0] and bits[w, 1] == bits[v, 1] and bits[w, 2] == bits[v, 2]:
                 break
             slot = (slot + np.uint64(1)) & last
         index[v] = place
-    return places
+    places[0] = count
 
 
 @kernel
-def count_sort(keys, start, order):
-    """Sort indices by their keys, stably; keys' ranges are ``order[start[k]:start[k + 1]]``."""
-    for key in keys:
-        start[key + 1] += 1
-    for k in range(1, start.shape[0]):
-        start[k] += start[k - 1]
-    # Placing from the back lets start serve as the cursor: start[k + 1] falls to k's begin.
-    for i in range(keys.shape[0] - 1, -1, -1):
-        k = keys[i] + 1
-        start[k] -= 1
-        order[start[k]] = i
-    for k in range(start.shape[0] - 1):
-        start[k] = start[k + 1]
-    start[start.shape[0] - 1] = keys.shape[0]
+def _count_keys(start, stop, keys, counts):
+    for i in range(start, stop):
+        counts[keys[i] + 1] += 1
+
+
+@kernel
+def _place_keys(start, stop, keys, cursors, order):
+    for i in range(start, stop):
+        k = keys[i]
+        order[cursors[k]] = i
+        cursors[k] += 1
 
 
 @kernel
@@ -551,6 +608,17 @@ def _weigh_ring(start, stop, vertices, ring_start, ring, weights):
             y = vertices[w, 1] - vertices[v, 1]
             z = vertices[w, 2] - vertices[v, 2]
             weights[i] = np.exp(-(x * x + y * y + z * z))
+
+
+@kernel
+def _bound(start, stop, vertices, corner_start, lows, highs):
+    low = lows[start // _SUM_CHUNK]
+    high = highs[start // _SUM_CHUNK]
+    for v in range(start, stop):
+        if corner_start[v] < corner_start[v + 1]:
+            for x in range(3):
+                low[x] = min(low[x], vertices[v, x])
+                high[x] = max(high[x], vertices[v, x])
 
 
 @kernel

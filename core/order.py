@@ -49,10 +49,8 @@ def sorted_along_curve(
     rank[vertex_order] = np.arange(mesh.vertex_count, dtype=np.int32)
     faces = rank[mesh.faces]
     phase.update(0.0)
-    start = np.zeros(mesh.vertex_count + 1, dtype=np.int32)
-    face_order = np.empty(mesh.face_count, dtype=np.int32)
-    count_sort(faces.min(axis=1), start, face_order)
-    phase.update(0.0)
+    lowest = np.minimum(np.minimum(faces[:, 0], faces[:, 1]), faces[:, 2])
+    _, face_order = count_sort(lowest, mesh.vertex_count, phase)
     vertices, faces = mesh.vertices[vertex_order], faces[face_order]
     ordered = TriangleMesh(vertices, faces, phase)
     return ordered, vertex_order, face_order

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
 from numba import njit
 
+from .cores import thread_count
 from .errors import Cancelled
 from .kernel_cache import keep_on_disk
 
@@ -95,15 +96,6 @@ class Progress:
 
 
 @cache
-def thread_count() -> int:
-    """Cores that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # macOS and Windows
-        return os.cpu_count() or 1
-
-
-@cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(thread_count() - 1, 1), thread_name_prefix="shock-filter")
 
@@ -115,6 +107,29 @@ def chunk_size(count: int) -> int:
     every machine.
     """
     return min(max(-(-count // 16), 1 << 10), LARGEST_CHUNK)
+
+
+def run_in_order(
+    function: Callable[..., Any],
+    count: int,
+    *arguments: Any,
+    progress: Progress | None = None,
+    chunk: int | None = None,
+) -> None:
+    """Do what `run` does chunk by chunk, for kernels that build on what came before."""
+    chunk = chunk or chunk_size(count)
+    for start in range(0, count, chunk):
+        stop = min(start + chunk, count)
+        function(start, stop, *arguments)
+        if progress is not None:
+            progress.update(stop / count)
+
+
+def blocks(count: int, size: int, progress: Progress) -> Iterator[slice]:
+    """Cut ``range(count)`` into slices, for numpy; asks whether to go on before each."""
+    for start in range(0, count, size):
+        progress.update(start / count)
+        yield slice(start, min(start + size, count))
 
 
 if hasattr(os, "register_at_fork"):  # a forked process has no threads of its parent's
@@ -142,10 +157,7 @@ def run(
     chunks = -(-count // chunk)
     helpers = min(thread_count(), chunks) - 1
     if helpers <= 0:
-        for start in range(0, count, chunk):
-            function(start, min(start + chunk, count), *arguments)
-            if progress is not None:
-                progress.update(min(start + chunk, count) / count)
+        run_in_order(function, count, *arguments, progress=progress, chunk=chunk)
         return
 
     numbers = itertools.count()

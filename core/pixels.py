@@ -9,13 +9,15 @@ import numpy.typing as npt
 from .calculus import as_array
 from .errors import InvalidSignal
 from .grid import Channels
+from .parallel import Progress, blocks
 from .settings import ImageSettings, TextureSettings
 from .signals import LUMINANCE
 
 SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float64": 1.0}
 """The types of images, with what brings their values to [0, 1]."""
 
-_BAND = 256
+BAND = 256
+"""Rows of an image that numpy gets at once."""
 
 
 def checked_image(image: npt.ArrayLike) -> npt.NDArray:
@@ -29,8 +31,8 @@ def checked_image(image: npt.ArrayLike) -> npt.NDArray:
         raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
     array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
     if array.dtype.kind == "f":
-        for start in range(0, len(array), _BAND):
-            if not np.isfinite(array[start : start + _BAND]).all():
+        for start in range(0, len(array), BAND):
+            if not np.isfinite(array[start : start + BAND]).all():
                 raise InvalidSignal("The image holds NaN or infinity; replace these values first.")
     return array
 
@@ -81,11 +83,18 @@ def channel_groups(count: int, settings: ImageSettings | TextureSettings) -> lis
     return [Channels(0, colors, alpha, none)]
 
 
-def mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray) -> None:
+def copied(pixels: npt.NDArray, progress: Progress) -> npt.NDArray:
+    """Copy an image, asking whether to go on."""
+    copy = np.empty_like(pixels)
+    for band in blocks(len(pixels), BAND, progress):
+        copy[band] = pixels[band]
+    return copy
+
+
+def mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray, progress: Progress) -> None:
     """Mix the result in `target` with the input; a weight of 0 keeps the input bit for bit."""
     # In bands of rows, so that an image mapped from disk is not copied as a whole.
-    for start in range(0, len(pixels), _BAND):
-        band = slice(start, start + _BAND)
+    for band in blocks(len(pixels), BAND, progress):
         weight = weights[band, :, None]
         old = pixels[band].astype(np.float64)
         mixed = old + weight * (target[band] - old)

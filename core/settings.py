@@ -2,16 +2,15 @@
 """The settings of all filters, with ranges, units and descriptions.
 
 This module is the one source of parameters: Python defaults, command-line flags and Blender
-properties are made from these dataclasses. It imports neither numpy nor numba.
+properties are made from these dataclasses. It imports neither numpy nor numba. Annotations are not
+postponed here, so that fields know their types.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import Any, get_type_hints
+from typing import Any, NamedTuple
 
 from .errors import InvalidSettings
 
@@ -21,8 +20,7 @@ MOST_STEPS = 100_000
 """Most unit steps of the schemes that compute the flow anew."""
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(NamedTuple):
     """What a person needs to know about one field.
 
     Attributes
@@ -36,7 +34,7 @@ class Setting:
         Allowed range, both ends included.
     soft_minimum, soft_maximum : float
         Range in which values are useful; sliders end there.
-    choices : dict
+    choices : mapping
         For text fields: the allowed words, each with its description.
     advanced : bool
         True for fields that belong into a closed sub-panel.
@@ -51,7 +49,7 @@ class Setting:
     maximum: float = INF
     soft_minimum: float = -INF
     soft_maximum: float = INF
-    choices: dict[str, str] = dataclasses.field(default_factory=dict)
+    choices: Mapping[str, str] = {}
     advanced: bool = False
     label: str = ""
 
@@ -62,34 +60,46 @@ def _setting(default: Any, description: str, **about: Any) -> Any:
     )
 
 
-def describe(settings: type) -> dict[str, tuple[type, Any, Setting]]:
+def describe(settings: type) -> dict[str, tuple[Any, Any, Setting]]:
     """List a settings class's fields as ``{name: (type, default, Setting)}``, in order."""
-    types = _types(settings)
     return {
-        f.name: (types[f.name], f.default, f.metadata["setting"])
-        for f in dataclasses.fields(settings)
+        f.name: (f.type, f.default, f.metadata["setting"]) for f in dataclasses.fields(settings)
     }
 
 
-@cache  # panels ask at each redraw
-def _types(settings: type) -> dict[str, Any]:
-    return get_type_hints(settings)
-
-
-@dataclass(frozen=True, kw_only=True)
 class _Settings:
-    def __post_init__(self) -> None:
-        for name, (kind, _, about) in describe(type(self)).items():
-            value = getattr(self, name)
-            if kind is str:
-                if not isinstance(value, str) or value not in about.choices:
-                    words = ", ".join(about.choices)
-                    raise InvalidSettings(f"{name} is {value!r}; choose one of: {words}.")
-            else:
-                object.__setattr__(self, name, _checked_number(name, value, kind, about))
+    # What `dataclass` would make for each class alike stands here once, since making the classes is
+    # the longest part of enabling the extension.
+    def __setattr__(self, name: str, value: Any) -> None:
+        # Each field is set once, when the object is made.
+        fields = describe(type(self))
+        if name in vars(self) or name not in fields:
+            raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+        kind, _, about = fields[name]
+        vars(self)[name] = (_word if kind is str else _number)(name, value, kind, about)
+
+    def __delattr__(self, name: str) -> None:
+        raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value!r}" for name, value in vars(self).items())
+        return f"{type(self).__name__}({values})"
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and vars(self) == vars(other)
+
+    def __hash__(self) -> int:
+        return hash((type(self), *vars(self).values()))
 
 
-def _checked_number(name: str, value: Any, kind: type, about: Setting) -> Any:
+def _word(name: str, value: Any, kind: type, about: Setting) -> str:
+    if not isinstance(value, str) or value not in about.choices:
+        words = ", ".join(about.choices)
+        raise InvalidSettings(f"{name} is {value!r}; choose one of: {words}.")
+    return value
+
+
+def _number(name: str, value: Any, kind: type, about: Setting) -> Any:
     if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
         value = value.item()  # a numpy scalar
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -108,7 +118,7 @@ def _checked_number(name: str, value: Any, kind: type, about: Setting) -> Any:
     return kind(value)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class _FlowSettings(_Settings):
     """Settings of the flow: shared by signals and geometry (paper sections 3 and 4)."""
 
@@ -134,7 +144,7 @@ class _FlowSettings(_Settings):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class _SignalSettings(_FlowSettings):
     """Settings of the filters of signals: colors on meshes, in images and in textures."""
 
@@ -159,7 +169,7 @@ class _SignalSettings(_FlowSettings):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class ShockSettings(_SignalSettings):
     """Settings of the filters of signals: vertex colors, corner colors, images (section 3)."""
 
@@ -178,11 +188,13 @@ class ShockSettings(_SignalSettings):
     )
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.scheme != "fixed" and self.time > MOST_STEPS:
             raise InvalidSettings(
-                f"time is {self.time!r}, which the scheme {self.scheme!r} walks in steps of 1;"
-                f" give at most {MOST_STEPS}, or use the scheme 'fixed'."
+                "time is {time!r}, which the scheme {scheme!r} walks in steps of 1; give at most"
+                " {most}, or use the scheme 'fixed'.",
+                time=self.time,
+                scheme=self.scheme,
+                most=MOST_STEPS,
             )
 
 
@@ -199,7 +211,7 @@ def _alpha() -> Any:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
 
@@ -216,7 +228,7 @@ class ImageSettings(ShockSettings):
     alpha: str = _alpha()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class DilateSettings(_Settings):
     """Settings of :func:`shock_filter.core.dilate_texture`."""
 
@@ -241,7 +253,7 @@ class DilateSettings(_Settings):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class TextureSettings(DilateSettings, _SignalSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
 
@@ -268,7 +280,7 @@ class TextureSettings(DilateSettings, _SignalSettings):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class FitSettings(_Settings):
     """Settings of the screened Poisson refit of positions to normals (paper 4.1)."""
 
@@ -287,7 +299,7 @@ class FitSettings(_Settings):
     fidelity: float = _setting(
         0.0,
         "The paper's epsilon: weight of the old positions on the surface scaled to unit area."
-        " 0 uses the screening radius instead; 1000000 keeps nearly every position",
+        " 0 uses the radius instead; 1000000 keeps nearly every position",
         unit="per unit area",
         minimum=0.0,
         maximum=1e12,
@@ -296,7 +308,6 @@ class FitSettings(_Settings):
     )
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         default = describe(FitSettings)["screening_radius"][1]
         if self.fidelity > 0 and self.screening_radius != default:
             raise InvalidSettings(
@@ -304,7 +315,7 @@ class FitSettings(_Settings):
             )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class GeometrySettings(FitSettings, _FlowSettings):
     """Settings of :func:`shock_filter.core.sharpen_geometry` (paper 4.1)."""
 
@@ -364,7 +375,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class _KernelSettings(_Settings):
     """Settings of the short-time Beltrami kernel (paper C), with the defaults for meshes."""
 
@@ -420,7 +431,7 @@ class _KernelSettings(_Settings):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class BeltramiSettings(_KernelSettings):
     """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
 
@@ -465,7 +476,7 @@ class BeltramiSettings(_KernelSettings):
     window: int = _setting(
         0,
         "Width of the square of pixels that a kernel may reach, an odd number. 0 goes as far"
-        " as the threshold; 21 goes ten pixels each way",
+        " as weights count; 21 goes ten pixels each way",
         unit="pixels",
         minimum=0,
         maximum=9999,
@@ -475,19 +486,19 @@ class BeltramiSettings(_KernelSettings):
     alpha: str = _alpha()
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.window != 0 and self.window % 2 == 0:
             raise InvalidSettings(
-                f"window is {self.window!r}, which has no middle pixel; give an odd number, or 0."
+                "window is {window!r}, which has no middle pixel; give an odd number, or 0.",
+                window=self.window,
             )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class BeltramiMeshSettings(_KernelSettings):
     """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, repr=False, eq=False)
 class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.beltrami_mesh`."""
 

@@ -7,13 +7,19 @@ import numpy as np
 import numpy.typing as npt
 
 from .advect import advect_faces
-from .calculus import average_to_faces, average_to_vertices, checked_mask, smooth_vertices
+from .calculus import (
+    average_to_faces,
+    average_to_vertices,
+    blended_normals,
+    checked_mask,
+    smooth_vertices,
+)
 from .fit import displacement, moved_vertices
 from .flow import above_surroundings, flow_from_potential, flow_potential
 from .kept import kept
 from .mesh import Floats, TriangleMesh
 from .order import is_scattered, sorted_along_curve
-from .parallel import Progress, ProgressCallback
+from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import GeometrySettings
 
 
@@ -148,9 +154,12 @@ def geometry_flow(
     flow_field : The same for colors and other signals.
     """
     phases = Progress.of(progress)
-    _, _, potential = _signal_and_potential(mesh, settings or GeometrySettings(), phases)
+    _, _, potential = _signal_and_potential(
+        mesh, settings or GeometrySettings(), phases.part(0.0, 0.9, "Computing the flow")
+    )
+    flow = flow_from_potential(mesh, potential, phases.part(0.9, 1.0, "Computing the flow"))
     phases.update(1.0)
-    return potential, flow_from_potential(mesh, potential)
+    return potential, flow
 
 
 def _ordered(
@@ -167,7 +176,9 @@ def _displaced(
         round_ = progress.part(turn / settings.repeat, (turn + 1) / settings.repeat, "Sharpening")
         normals = _sharpened(current, settings, round_.part(0.0, 0.6, "Sharpening"))
         if weights is not None:
-            normals = _blended(current.normals, normals, average_to_faces(mesh, weights))
+            normals = blended_normals(
+                mesh, current.normals, normals, weights, round_.part(0.6, 0.6, "Sharpening")
+            )
         step, _ = displacement(
             current, normals, settings, weights, round_.part(0.6, 1.0, "Fitting the surface")
         )
@@ -200,16 +211,12 @@ def _signal_and_potential(
     # Normals of the faces, mollified if asked for; their averages at the vertices; P there.
     normals = mesh.normals
     if settings.mollify_passes:
-        smooth = smooth_vertices(
-            mesh,
-            average_to_vertices(mesh, normals),
-            settings.mollify_passes,
-            progress.part(0.0, 0.2, "Mollifying"),
+        normals = _mollified(
+            mesh, normals, settings.mollify_passes, progress.part(0.0, 0.2, "Mollifying")
         )
-        normals = _unit(smooth[mesh.faces].mean(axis=1), normals)
-    signal = average_to_vertices(mesh, normals)
+    signal = average_to_vertices(mesh, normals, progress.part(0.2, 0.3, "Computing the flow"))
     potential = flow_potential(
-        mesh, signal, settings.smoothing_passes, progress.part(0.2, 0.8, "Computing the flow")
+        mesh, signal, settings.smoothing_passes, progress.part(0.3, 0.8, "Computing the flow")
     )
     if settings.feature_threshold > 0:
         potential = above_surroundings(
@@ -218,17 +225,25 @@ def _signal_and_potential(
     return normals, signal, potential
 
 
-def _unit(vectors: Floats, fallback: Floats) -> Floats:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    usable = (lengths > 1e-12) & fallback.any(axis=1, keepdims=True)
-    return np.where(usable, vectors / np.where(usable, lengths, 1.0), fallback)
-
-
-def _blended(old: Floats, new: Floats, weights: Floats) -> Floats:
-    return _unit(old + weights[:, None] * (new - old), old)
+def _mollified(mesh: TriangleMesh, normals: Floats, passes: int, progress: Progress) -> Floats:
+    averages = average_to_vertices(mesh, normals, progress.part(0.0, 0.1, "Mollifying"))
+    smooth = smooth_vertices(mesh, averages, passes, progress.part(0.1, 0.9, "Mollifying"))
+    mollified = average_to_faces(mesh, smooth, progress.part(0.9, 1.0, "Mollifying"))
+    run(_make_unit, mesh.face_count, mollified, normals)
+    return mollified
 
 
 def _limit(moved: Floats, most: float) -> None:
     lengths = np.linalg.norm(moved, axis=1)
     far = lengths > most
     moved[far] *= (most / lengths[far])[:, None]
+
+
+@kernel
+def _make_unit(start, stop, vectors, fallback):
+    for f in range(start, stop):
+        x, y, z = vectors[f, 0], vectors[f, 1], vectors[f, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        known = fallback[f, 0] != 0 or fallback[f, 1] != 0 or fallback[f, 2] != 0
+        for j in range(3):
+            vectors[f, j] = vectors[f, j] / length if known and length > 1e-12 else fallback[f, j]

@@ -15,7 +15,7 @@ from .errors import InvalidSignal
 from .flow import flow_potential
 from .kept import kept
 from .mesh import Floats, TriangleMesh, split_at_jumps
-from .parallel import Progress, ProgressCallback
+from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import ShockSettings
 from .trace import corner_offsets, trace
 
@@ -66,11 +66,12 @@ def sharpen_vertex_signal(
     if settings.time == 0:
         return given.copy()
 
-    def average(corner_values: Floats, old: Floats) -> Floats:
-        return average_corners(mesh, corner_values, old)
+    def average(corner_values: Floats, old: Floats, phase: Progress) -> Floats:
+        return average_corners(mesh, corner_values, old, phase)
 
-    result = _sharpened(mesh, values, settings, average, average, Progress.of(progress))
-    return like(given, values, result, weights)
+    phases = Progress.of(progress)
+    result = _sharpened(mesh, values, settings, average, average, phases)
+    return like(given, values, result, weights, phases.part(1.0, 1.0, "Sharpening"))
 
 
 def sharpen_corner_signal(
@@ -106,29 +107,33 @@ def sharpen_corner_signal(
     InvalidSignal, Cancelled
         As in `sharpen_vertex_signal`.
     """
+    phases = Progress.of(progress).part(0.0, 1.0, "Sharpening")
     given = checked_type(signal)
     own = to_own_corners(mesh, given)
-    values = checked_signal(own, 3 * mesh.face_count)
+    phases.update(0.0)
+    values = checked_signal(own, 3 * mesh.face_count, progress=phases)
+    phases.update(0.0)
     weights = checked_mask(mask, mesh.vertex_count)
     settings = settings or ShockSettings()
     if settings.time == 0:
         return given.copy()
-    phases = Progress.of(progress)
-    cut, cut_values = kept(mesh, "cut", (values,), lambda: split_at_jumps(mesh, values, phases))
+    cut, cut_values = kept(mesh, "cut", (own,), lambda: split_at_jumps(mesh, values, phases))
+    phases.update(0.0)
 
-    def average(corner_values: Floats, old: Floats) -> Floats:
-        return average_corners(cut, corner_values, old)
+    def average(corner_values: Floats, old: Floats, phase: Progress) -> Floats:
+        return average_corners(cut, corner_values, old, phase)
 
-    def keep(corner_values: Floats, old: Floats) -> Floats:
+    def keep(corner_values: Floats, old: Floats, phase: Progress) -> Floats:
         rows = corner_values.reshape(mesh.face_count, 3, -1)
         return cut.own_corners(rows).reshape(corner_values.shape)
 
     result = _sharpened(cut, cut_values, settings, average, keep, phases)
     corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
-    return from_own_corners(mesh, like(own, values, result, corner_weights), given)
+    mixed = like(own, values, result, corner_weights, phases.part(1.0, 1.0, "Sharpening"))
+    return from_own_corners(mesh, mixed, given)
 
 
-Gather = Callable[[Floats, Floats], Floats]
+Gather = Callable[[Floats, Floats, Progress], Floats]
 
 
 def _sharpened(
@@ -163,22 +168,27 @@ def _flowed(
     nearest = settings.sampling == "nearest"
     durations = step_durations(settings)
     source, current = values, values
-    points, coordinates = corner_offsets(mesh)
+    message = "Tracing flow-lines"
+    points, coordinates = corner_offsets(mesh, progress.part(0.0, 0.0, message))
     for number, duration in enumerate(durations):
-        step = progress.part(number / len(durations), (number + 1) / len(durations), "Sharpening")
+        start, stop = number / len(durations), (number + 1) / len(durations)
+        still = progress.part(start, start, message)
         if number:
-            current = gather(read_points(mesh, source, points, coordinates, nearest), current)
+            read = read_points(mesh, source, points, coordinates, nearest, still)
+            current = gather(read, current, still)
         if settings.scheme == "naive" and number:
             source = current
-            points, coordinates = corner_offsets(mesh)
+            points, coordinates = corner_offsets(mesh, still)
         guide = luminance(current) if settings.channels == "luminance" else current
+        step = progress.part(start, stop, "Sharpening")
         potential = flow_potential(
             mesh, guide, settings.smoothing_passes, step.part(0.0, 0.5, "Computing the flow")
         )
         trace(mesh, potential, duration, points, coordinates,
-              progress=step.part(0.5, 1.0, "Tracing flow-lines"))  # fmt: skip
-    progress.update(1.0)
-    return finish(read_points(mesh, source, points, coordinates, nearest), current)
+              progress=step.part(0.5, 1.0, message))  # fmt: skip
+    last = progress.part(1.0, 1.0, message)
+    read = read_points(mesh, source, points, coordinates, nearest, last)
+    return finish(read, current, last)
 
 
 def step_durations(settings: ShockSettings) -> list[float]:
@@ -222,9 +232,23 @@ def checked_type(signal: npt.ArrayLike) -> npt.NDArray:
     return array
 
 
-def like(given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None) -> npt.NDArray:
+def like(
+    given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None, progress: Progress
+) -> npt.NDArray:
     """Mix a result with the values before by weights, in the type and shape that were given."""
-    if weights is not None:
-        result = values + weights[:, None] * (result - values)
-        result[weights == 0] = values[weights == 0]
-    return result.astype(given.dtype).reshape(given.shape)
+    if weights is None:
+        return result.astype(given.dtype).reshape(given.shape)
+    mixed = np.empty(result.shape, dtype=given.dtype)
+    run(mix_rows, len(result), values, result, weights, mixed, progress=progress)
+    return mixed.reshape(given.shape)
+
+
+@kernel
+def mix_rows(start, stop, values, result, weights, mixed):
+    """Mix rows of a result with the values before; where the weight is 0 these stay."""
+    for i in range(start, stop):
+        for j in range(values.shape[1]):
+            value = values[i, j]
+            if weights[i] != 0:
+                value += weights[i] * (result[i, j] - value)
+            mixed[i, j] = value

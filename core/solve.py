@@ -18,7 +18,7 @@ import scipy.sparse
 
 from .errors import SolverError
 from .mesh import Floats, Ints
-from .parallel import Progress, chunk_size, kernel, run, sum_kernel
+from .parallel import Progress, blocks, chunk_size, kernel, run, sum_kernel
 
 
 @dataclass(frozen=True)
@@ -149,6 +149,7 @@ def solve(
     roots = matrix.roots
     right = right * roots[:, None]
     scale = _norm(right)
+    progress.update(0.0)
     y = np.zeros_like(right)
     if scale == 0:
         return y, SolveReport(0, 0.0, multigrid)
@@ -172,7 +173,7 @@ def solve(
         if sound:
             y += step
             run(_true_residual, len(y), matrix.start, matrix.columns, matrix.weights,
-                matrix.screen, roots, y, right, rest)  # fmt: skip
+                matrix.screen, roots, y, right, rest, progress=descent)  # fmt: skip
         before, relative = relative, _norm(rest) / scale
         if relative <= tolerance:
             y *= roots[:, None]
@@ -182,9 +183,12 @@ def solve(
         elif multigrid and (not sound or not np.isfinite(relative)):
             break
     raise SolverError(
-        f"The linear solve stopped at a relative residual of {relative:.1e} after {iterations}"
-        f" iterations ({tolerance:.1e} is needed). Repair needle-like faces and vertices with"
-        " thousands of faces, or try a smaller screening radius."
+        "The linear solve stopped at a relative residual of {relative:.1e} after {iterations}"
+        " iterations ({tolerance:.1e} is needed). Repair needle-like faces and vertices with"
+        " thousands of faces, or try a smaller radius of the fit.",
+        relative=relative,
+        iterations=iterations,
+        tolerance=tolerance,
     )
 
 
@@ -218,6 +222,7 @@ def _conjugate_gradients(
     chunk = chunk_size(n)
     sums = np.zeros(-(-n // chunk))
     alpha, before, scale = 0.0, 1.0, 0.0
+    progress.update(0.0)
     for iteration in range(limit + 1):
         run(_reduce, 3 * n, 3 * chunk, kind(alpha), flat[2], flat[3], sums, chunk=3 * chunk)
         product = float(sums.sum())
@@ -264,8 +269,8 @@ class Multigrid:
         smooth = np.where(roots > 0, 1.0 / np.where(roots > 0, roots, 1.0), 1.0)
         self._levels: list[_Level] = []
         while a.shape[0] > _DENSE and len(self._levels) < 20:
-            progress.update(min(0.2 * len(self._levels), 1.0))
-            level, coarse, smooth = _coarsen(a, smooth)
+            still = min(0.2 * len(self._levels), 1.0)
+            level, coarse, smooth = _coarsen(a, smooth, progress.part(still, still, "Coarsening"))
             if coarse.shape[0] > 0.8 * a.shape[0]:
                 break
             self._levels.append(level)
@@ -307,7 +312,7 @@ class _Level:
 
 
 def _coarsen(
-    a: scipy.sparse.csr_matrix, smooth: Floats
+    a: scipy.sparse.csr_matrix, smooth: Floats, progress: Progress
 ) -> tuple[_Level, scipy.sparse.csr_matrix, Floats]:
     # `smooth` is the vector that coarse levels must be able to represent.
     n = a.shape[0]
@@ -321,18 +326,34 @@ def _coarsen(
         (smooth[coupled] / norms[members], (coupled, members)), shape=(n, size)
     )
     # Gershgorin bounds the spectrum of D^-1 A; 4/3 of its inverse is the usual damping.
+    progress.update(0.0)
     bound = float((abs(a).sum(axis=1).A1 / diagonal).max())
     damping = 4.0 / 3.0 / bound / diagonal
-    prolongation = (tentative - scipy.sparse.diags(damping) @ (a @ tentative)).tocsr()
+    step = scipy.sparse.diags(damping) @ _product(a, tentative, progress)
+    progress.update(0.0)
+    prolongation = (tentative - step).tocsr()
+    progress.update(0.0)
     restriction = prolongation.T.tocsr()
-    coarse = (restriction @ (a @ prolongation)).tocsr()
+    coarse = _product(restriction, _product(a, prolongation, progress), progress)
     level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction), damping, size)
     return level, coarse, norms
+
+
+def _product(
+    a: scipy.sparse.csr_matrix, b: scipy.sparse.csr_matrix, progress: Progress
+) -> scipy.sparse.csr_matrix:
+    if a.shape[0] <= _ROWS:  # also none at all
+        return a @ b
+    parts = [a[rows] @ b for rows in blocks(a.shape[0], _ROWS, progress)]
+    return scipy.sparse.vstack(parts, format="csr")
 
 
 def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
     return a.indptr.astype(np.int32, copy=False), a.indices.astype(np.int32, copy=False), a.data
 
+
+_ROWS = 1 << 16
+"""Rows of a matrix that scipy gets at once."""
 
 _DENSE = 400
 """Most unknowns of a level that is solved densely."""

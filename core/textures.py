@@ -15,9 +15,10 @@ from .atlas.stitch import stitch
 from .errors import InvalidSignal
 from .grid import Channels
 from .mesh import TriangleMesh
-from .parallel import Progress, ProgressCallback, run
-from .pixels import SCALES, channel_groups, checked_image, checked_weights
+from .parallel import Progress, ProgressCallback, blocks, run
+from .pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
 from .settings import DilateSettings, TextureSettings
+from .signals import mix_rows
 
 _LARGEST = 1e30  # beyond, sums leave the range of single precision
 
@@ -88,30 +89,35 @@ def sharpen_texture(
         phases.update(1.0)
         return given.copy()
     scale = SCALES[given.dtype.name]
-    values = atlas.gather(pixels, scale)
+    still = phases.part(0.3, 0.3, "Computing the flow")
+    values = atlas.gather(pixels, scale, still)
     normals = settings.content == "normals"
     groups = channel_groups(pixels.shape[2], settings)
     directions = 0.5 if normals else None
     alpha = groups[0].alpha
     if alpha >= 0:
-        np.clip(values[..., alpha], 0.0, 1.0, out=values[..., alpha])
-    fill_ghosts(atlas.sheet, atlas.sources, values, alpha, directions)
-    result = values.copy()
+        for rows in blocks(len(values), BAND, still):
+            np.clip(values[rows, :, alpha], 0.0, 1.0, out=values[rows, :, alpha])
+    fill_ghosts(atlas.sheet, atlas.sources, values, still, alpha, directions)
+    result = copied(values, still)
     for number, channels in enumerate(groups):
         part = phases.part(0.3 + 0.6 * number / len(groups), 0.3 + 0.6 * (number + 1) / len(groups),
                            "Sharpening")  # fmt: skip
         _flow_channels(atlas, values, channels, settings, result, part)
+    still = phases.part(0.9, 0.9, "Filling the gutter")
     keep = None
     if weights is not None:
         keep = weights == 0
-        result = values + atlas.gather(weights[..., None], 1.0) * (result - values)
+        shares = atlas.gather(weights[..., None], 1.0, still).reshape(-1)
+        flat = result.reshape(len(shares), -1)
+        run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat, progress=still)
     del values
-    fill_ghosts(atlas.sheet, atlas.sources, result, alpha, directions)
+    fill_ghosts(atlas.sheet, atlas.sources, result, still, alpha, directions)
     if normals:
-        run(unit_normals, len(result), result, chunk=ROWS)
+        run(unit_normals, len(result), result, chunk=ROWS, progress=still)
     else:
-        stitch(atlas, result, _step(given))
-    out = pixels.copy()
+        stitch(atlas, result, _step(given), still)
+    out = copied(pixels, still)
     write_texels(atlas, result, 1.0 / scale, settings, keep, out,
                  phases.part(0.9, 1.0, "Filling the gutter"), opacity=alpha,
                  normals=normals)  # fmt: skip
@@ -159,10 +165,11 @@ def dilate_texture(
     phases = Progress.of(progress)
     atlas = _checked_atlas(atlas, mesh, uv, pixels, phases.part(0.0, 0.7, "Finding texels"))
     scale = SCALES[given.dtype.name]
-    values = atlas.gather(pixels, scale)
-    fill_ghosts(atlas.sheet, atlas.sources, values)
-    stitch(atlas, values, _step(given))
-    out = pixels.copy()
+    still = phases.part(0.7, 0.7, "Filling the gutter")
+    values = atlas.gather(pixels, scale, still)
+    fill_ghosts(atlas.sheet, atlas.sources, values, still)
+    stitch(atlas, values, _step(given), still)
+    out = copied(pixels, still)
     write_texels(atlas, values, 1.0 / scale, settings, atlas.inside, out,
                  phases.part(0.7, 1.0, "Filling the gutter"))  # fmt: skip
     return out.reshape(given.shape)
@@ -188,7 +195,9 @@ def _flow_channels(
 def _checked_texture(image: npt.ArrayLike) -> npt.NDArray:
     given = checked_image(image)
     if given.dtype.kind == "f" and max(-float(given.min()), float(given.max())) > _LARGEST:
-        raise InvalidSignal(f"The image holds values beyond {_LARGEST:g}; scale or clip them.")
+        raise InvalidSignal(
+            "The image holds values beyond {most:g}; scale or clip them.", most=_LARGEST
+        )
     return given
 
 

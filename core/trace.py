@@ -32,17 +32,20 @@ OFFSET = 0.001
 """The paper's epsilon: how far towards the face's centre the trace of a vertex begins."""
 
 
-def face_centres(mesh: TriangleMesh) -> tuple[Ints, Floats]:
+def face_centres(mesh: TriangleMesh, progress: Progress) -> tuple[Ints, Floats]:
     """The centre of each face, to trace from: faces (m,), barycentric coordinates (m, 3)."""
-    faces = np.arange(mesh.face_count, dtype=np.int32)
-    return faces, np.full((mesh.face_count, 3), 1.0 / 3.0)
+    faces = np.empty(mesh.face_count, dtype=np.int32)
+    coordinates = np.empty((mesh.face_count, 3))
+    run(_place_at_centres, mesh.face_count, faces, coordinates, progress=progress)
+    return faces, coordinates
 
 
-def corner_offsets(mesh: TriangleMesh) -> tuple[Ints, Floats]:
+def corner_offsets(mesh: TriangleMesh, progress: Progress) -> tuple[Ints, Floats]:
     """A point in each face beside each of its corners: faces (3 m,), coordinates (3 m, 3)."""
-    faces = np.repeat(np.arange(mesh.face_count, dtype=np.int32), 3)
-    at_corners = (1.0 - OFFSET) * np.eye(3) + OFFSET / 3.0
-    return faces, np.tile(at_corners, (mesh.face_count, 1))
+    faces = np.empty(3 * mesh.face_count, dtype=np.int32)
+    coordinates = np.empty((3 * mesh.face_count, 3))
+    run(_place_at_corners, mesh.face_count, faces, coordinates, progress=progress)
+    return faces, coordinates
 
 
 def trace(
@@ -72,16 +75,18 @@ def trace(
         Walk literally, in steps of this length in mean edge lengths; the paper's is
         `PAPER_STEP`. None walks exactly.
     """
+    progress = progress or Progress(None)
     rates = np.empty((mesh.face_count, 3))
     run(_flow_rates, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, potential,
-        rates)  # fmt: skip
+        rates, progress=progress.part(0.0, 0.1, "Tracing flow-lines"))  # fmt: skip
     shape = mesh.scaled_vertices, mesh.faces, mesh.twins
+    walk = progress.part(0.1, 1.0, "Tracing flow-lines")
     if step is None:
         run(_walk_exact, len(faces), float(time), *shape, mesh.areas, potential, rates,
-            faces, coordinates, progress=progress)  # fmt: skip
+            faces, coordinates, progress=walk)  # fmt: skip
     else:
         run(_walk_literal, len(faces), float(time), float(step), *shape, mesh.areas,
-            mesh.normals, rates, faces, coordinates, progress=progress)  # fmt: skip
+            mesh.normals, rates, faces, coordinates, progress=walk)  # fmt: skip
 
 
 def trace_faces(
@@ -93,9 +98,27 @@ def trace_faces(
     progress: Progress | None = None,
 ) -> tuple[Ints, Floats]:
     """Trace from the centre of each face; see `trace`. Returns faces (m,), coordinates (m, 3)."""
-    faces, coordinates = face_centres(mesh)
+    progress = progress or Progress(None)
+    faces, coordinates = face_centres(mesh, progress.part(0.0, 0.0, "Tracing flow-lines"))
     trace(mesh, potential, time, faces, coordinates, step=step, progress=progress)
     return faces, coordinates
+
+
+@kernel
+def _place_at_centres(start, stop, faces, coordinates):
+    for f in range(start, stop):
+        faces[f] = f
+        for k in range(3):
+            coordinates[f, k] = 1.0 / 3.0
+
+
+@kernel
+def _place_at_corners(start, stop, faces, coordinates):
+    for point in range(3 * start, 3 * stop):
+        faces[point] = point // 3
+        for k in range(3):
+            at_corner = 1.0 - OFFSET if k == point % 3 else 0.0
+            coordinates[point, k] = at_corner + OFFSET / 3.0
 
 
 @kernel

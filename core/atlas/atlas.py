@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -138,7 +139,12 @@ class TextureAtlas:
         progress: Progress | ProgressCallback | None = None,
     ) -> None:
         if not (0 < height <= _LARGEST and 0 < width <= _LARGEST):
-            raise InvalidUV(f"The image has {width} x {height} texels; give 1 to {_LARGEST}.")
+            raise InvalidUV(
+                "The image has {width} x {height} texels; give 1 to {most}.",
+                width=width,
+                height=height,
+                most=_LARGEST,
+            )
         self.mesh = mesh
         self.height, self.width = int(height), int(width)
         phases = Progress.of(progress)
@@ -147,18 +153,19 @@ class TextureAtlas:
         phases.update(0.2)
         self.sheet = lay_out(self.charts, self.height, self.width, phases.part(
             0.2, 0.8, "Finding texels"))  # fmt: skip
-        phases.update(0.8)
-        self.surface = measure_surface(mesh, self.charts, self.sheet.points)
-        phases.update(0.85)
-        self.sources = find_sources(self.sheet, self.surface)
-        phases.update(0.95)
-        self.owners = np.full((self.height, self.width), NOTHING, dtype=np.int32)
+        self.surface = measure_surface(mesh, self.charts, self.sheet.points, phases.part(
+            0.8, 0.85, "Finding texels"))  # fmt: skip
+        self.sources = find_sources(self.sheet, self.surface, phases.part(
+            0.85, 0.95, "Finding texels"))  # fmt: skip
+        self.owners = np.empty((self.height, self.width), dtype=np.int32)
         overlapping = self.sheet.overlapping.copy()
         place = self.sheet.nodes, self.charts.labels, self.sheet.shifts
-        run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS)
+        run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS,
+            progress=phases.part(0.95, 1.0, "Finding texels"))  # fmt: skip
         self.copies = _own_elsewhere(*place, self.sheet.points, self.owners, overlapping)
         _own_ghosts(*place, self.sheet.ghosts, self.sheet.ghost_edges, self.sources.cells,
                     self.sheet.points, self.owners)  # fmt: skip
+        phases.update(1.0)
         self.report = UVReport(
             self.charts.count,
             np.flatnonzero(overlapping),
@@ -173,17 +180,21 @@ class TextureAtlas:
         """Mean length of a texel on the surface, in the unit of the mesh."""
         return self.surface.texel_size
 
-    @property
+    @cached_property
     def inside(self) -> npt.NDArray[np.bool_]:
         """Texels whose centre lies in a face: (h, w) bool."""
-        nodes = self.sheet.nodes.reshape(-1)
-        return (self.owners != NOTHING) & (nodes[self.owners] >= 0)
+        found = np.empty(self.owners.shape, dtype=np.bool_)
+        run(_find_inside, self.height, self.sheet.nodes.reshape(-1), self.owners, found, chunk=ROWS)
+        return found
 
-    def gather(self, pixels: npt.NDArray, scale: float) -> npt.NDArray[np.float32]:
+    def gather(
+        self, pixels: npt.NDArray, scale: float, progress: Progress
+    ) -> npt.NDArray[np.float32]:
         """Bring an image (h, w, c) times `scale` into the sheet: (rows, columns, c)."""
         values = np.zeros((*self.sheet.nodes.shape, pixels.shape[2]), dtype=np.float32)
         run(_gather, len(values), self.sheet.nodes, self.charts.labels, self.sheet.shifts,
-            self.sheet.ghost_edges, pixels, scale, values, chunk=ROWS)  # fmt: skip
+            self.sheet.ghost_edges, pixels, scale, values, chunk=ROWS,
+            progress=progress)  # fmt: skip
         return values
 
     def bake(self, values: npt.ArrayLike) -> Floats:
@@ -255,12 +266,19 @@ def _texel(nodes, labels, shifts, edges, y, x, height, width):
 
 
 @kernel
+def _find_inside(start, stop, nodes, owners, found):
+    for y in range(start, stop):
+        for x in range(owners.shape[1]):
+            found[y, x] = owners[y, x] != NOTHING and nodes[owners[y, x]] >= 0
+
+
+@kernel
 def _own_within(start, stop, nodes, owners):
     # Charts that lie in the sheet as in the image.
     for y in range(start, stop):
         for x in range(owners.shape[1]):
-            if nodes[y + 1, x + 1] >= 0:
-                owners[y, x] = (y + 1) * nodes.shape[1] + x + 1
+            inside = nodes[y + 1, x + 1] >= 0
+            owners[y, x] = (y + 1) * nodes.shape[1] + x + 1 if inside else NOTHING
 
 
 @kernel

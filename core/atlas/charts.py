@@ -21,6 +21,7 @@ MOST_REPEATS = 16.0
 
 _SAME = 1e-3  # corners this near, in texels, are one point of the texture
 _FLAT = 1e-9  # area in squared texels below which a face has no area in the texture
+_SLACK = 1e-6  # how far texture coordinates may leave the image unnoticed
 
 
 @dataclass(frozen=True)
@@ -75,29 +76,28 @@ def find_charts(
         If the coordinates do not fit the mesh, are not finite, have no area, or repeat the
         image more than `MOST_REPEATS` times.
     """
-    coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
-    low = coordinates.min(axis=1)
-    high = coordinates.max(axis=1)
-    slack = 1e-6
-    outside = (low < -slack).any(axis=1) | (high > 1 + slack).any(axis=1)
     phase = progress or Progress(None)
-    phase.update(0.3)
+    coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
+    phase.update(0.2)
     points = np.empty_like(coordinates)
-    points[..., 0] = coordinates[..., 1] * height - 0.5
-    points[..., 1] = coordinates[..., 0] * width - 0.5
-    areas = _signed_areas(points)
+    areas = np.empty(mesh.face_count)
+    outside = np.empty(mesh.face_count, dtype=np.bool_)
+    run(_place_faces, mesh.face_count, coordinates, height, width, points, areas, outside,
+        progress=phase.part(0.2, 0.5, "Finding charts"))  # fmt: skip
     repeats = np.abs(areas).sum() / (height * width)
     if not (np.abs(areas) > _FLAT).any():
         raise InvalidUV("All faces have zero area in the texture; unwrap the mesh first.")
     if repeats > MOST_REPEATS:
         raise InvalidUV(
-            f"The faces cover the image {repeats:.0f} times, at most {MOST_REPEATS:.0f} are"
-            " possible; unwrap the mesh into a texture that is not tiled."
+            "The faces cover the image {repeats:.0f} times, at most {most:.0f} are possible; unwrap"
+            " the mesh into a texture that is not tiled.",
+            repeats=repeats,
+            most=MOST_REPEATS,
         )
-    phase.update(0.5)
     labels = np.full(mesh.face_count, -1, dtype=np.int32)
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
-    run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
+    run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams,
+        progress=phase.part(0.5, 0.8, "Finding charts"))  # fmt: skip
     count = _label(mesh.twins, seams, labels)
     phase.update(0.8)
     boxes = np.empty((count, 2, 2))
@@ -106,7 +106,8 @@ def find_charts(
     _measure_boxes(points, labels, boxes)
     tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
     boxes -= tiles[:, None]
-    points -= tiles[labels][:, None]
+    run(shift_charts, mesh.face_count, points, labels, -tiles, points,
+        progress=phase.part(0.9, 1.0, "Finding charts"))  # fmt: skip
     borders = np.flatnonzero(seams).astype(np.int32)
     return Charts(points, labels, boxes, borders, areas, outside)
 
@@ -131,22 +132,43 @@ def _checked_uv(uv: npt.ArrayLike, face_count: int) -> Floats:
             f" each face, ({face_count}, 3, 2)."
         )
     array = array.astype(np.float64, order="C")
-    finite = np.isfinite(array).all(axis=(1, 2))
-    if not finite.all():
+    if not np.isfinite(array).all():
+        finite = np.isfinite(array).all(axis=(1, 2))
         raise InvalidUV(
-            f"Texture coordinates are NaN or infinite at {np.count_nonzero(~finite)} of"
-            f" {face_count} faces, the first is face {int(np.argmin(finite))}; unwrap them again."
+            "Texture coordinates are NaN or infinite at {bad} of {count} faces, the first is face"
+            " {first}; unwrap them again.",
+            bad=np.count_nonzero(~finite),
+            count=face_count,
+            first=int(np.argmin(finite)),
         )
-    if np.abs(array).max() > 1e6:
+    if max(array.max(), -array.min()) > 1e6:
         raise InvalidUV("Texture coordinates reach beyond 1e6; unwrap the mesh again.")
     return array
 
 
-def _signed_areas(points: Floats) -> Floats:
-    a = points[:, 1] - points[:, 0]
-    b = points[:, 2] - points[:, 0]
-    # (row, column) is left-handed: columns go along u, rows along v.
-    return 0.5 * (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1])
+@kernel
+def _place_faces(start, stop, coordinates, height, width, points, areas, outside):
+    for f in range(start, stop):
+        outside[f] = False
+        for k in range(3):
+            u, v = coordinates[f, k, 0], coordinates[f, k, 1]
+            points[f, k, 0] = v * height - 0.5
+            points[f, k, 1] = u * width - 0.5
+            if min(u, v) < -_SLACK or max(u, v) > 1.0 + _SLACK:
+                outside[f] = True
+        ay, ax = points[f, 1, 0] - points[f, 0, 0], points[f, 1, 1] - points[f, 0, 1]
+        by, bx = points[f, 2, 0] - points[f, 0, 0], points[f, 2, 1] - points[f, 0, 1]
+        # (row, column) is left-handed: columns go along u, rows along v.
+        areas[f] = 0.5 * (ax * by - ay * bx)
+
+
+@kernel
+def shift_charts(start, stop, points, labels, shifts, out):
+    """Move the corners of faces by the shifts (charts, 2) of their charts."""
+    for f in range(start, stop):
+        for k in range(3):
+            for axis in range(2):
+                out[f, k, axis] = points[f, k, axis] + shifts[labels[f], axis]
 
 
 @kernel

@@ -51,6 +51,7 @@ def texel_potential(
     (rows, columns) float32
     """
     shape = sheet.nodes.shape
+    message = "Computing the flow"
     energy = np.zeros(shape, dtype=np.float32)
     guides = 1 if channels.brightness.size else channels.stop - channels.start
     together = guides if normals else 1  # directions turn together, others go one by one
@@ -58,21 +59,24 @@ def texel_potential(
     signal = np.zeros((*shape, together), dtype=np.float32)
     spare = np.zeros_like(signal)
     for guide in range(0, guides, together):
+        first = guide / (guides + together)
+        still = progress.part(first, first, message)
         run(_take_guides, shape[0], values, channels.start + guide, channels.alpha,
-            channels.brightness, centre, signal, chunk=ROWS)  # fmt: skip
+            channels.brightness, centre, signal, chunk=ROWS, progress=still)  # fmt: skip
         for _ in range(passes):
-            _smooth(sheet, sources, surface, signal, spare, 0.0 if normals else None)
+            _smooth(sheet, sources, surface, signal, spare, still, 0.0 if normals else None)
             signal, spare = spare, signal
-        run(_add_energy, shape[0] - 1, sheet.cells, surface.metrics, signal, energy, chunk=ROWS)
-        progress.update((guide + together) / (guides + 1))
+        run(_add_energy, shape[0] - 1, sheet.cells, surface.metrics, signal, energy, chunk=ROWS,
+            progress=still)  # fmt: skip
+    still = progress.part(guides / (guides + together), guides / (guides + together), message)
     if normals:
         signal, spare = (np.zeros((*shape, 1), dtype=np.float32) for _ in range(2))
     potential = signal
     run(_average_energy, shape[0], sheet.nodes, sheet.cells, surface.metrics, energy,
-        potential[..., 0], chunk=ROWS)  # fmt: skip
-    fill_ghosts(sheet, sources, potential)
+        potential[..., 0], chunk=ROWS, progress=still)  # fmt: skip
+    fill_ghosts(sheet, sources, potential, still)
     for _ in range(passes):
-        _smooth(sheet, sources, surface, potential, spare)
+        _smooth(sheet, sources, surface, potential, spare, still)
         potential, spare = spare, potential
     progress.update(1.0)
     return potential[..., 0]
@@ -123,11 +127,12 @@ def _smooth(
     surface: Surface,
     values: npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
+    progress: Progress,
     directions: float | None = None,
 ) -> None:
     run(_smooth_rows, values.shape[0], sheet.nodes, sources.cells, surface.metrics, values, out,
-        chunk=ROWS)  # fmt: skip
-    fill_ghosts(sheet, sources, out, directions=directions)
+        chunk=ROWS, progress=progress)  # fmt: skip
+    fill_ghosts(sheet, sources, out, progress, directions=directions)
 
 
 @kernel

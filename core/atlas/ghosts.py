@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..mesh import Ints
-from ..parallel import kernel, run
+from ..parallel import Progress, kernel, run
 from .sheet import NOTHING, Sheet, nearest_on_edge
 from .surface import Surface, carry
 
@@ -41,7 +41,7 @@ class Sources:
     turns: npt.NDArray[np.float32]
 
 
-def find_sources(sheet: Sheet, surface: Surface) -> Sources:
+def find_sources(sheet: Sheet, surface: Surface, progress: Progress) -> Sources:
     """Find the sources of a sheet's ghosts; cells at ghosts without one are taken out."""
     count = len(sheet.ghosts)
     rows, columns = np.divmod(sheet.ghosts.astype(np.int64), sheet.nodes.shape[1])
@@ -52,9 +52,11 @@ def find_sources(sheet: Sheet, surface: Surface) -> Sources:
         np.zeros((count, 2, 2), dtype=np.float32),
     )
     run(_find, count, places, sheet.ghost_edges, surface.points, surface.twins, surface.shapes,
-        surface.to_frame, sheet.cells, sources.cells, sources.places, sources.turns)  # fmt: skip
+        surface.to_frame, sheet.cells, sources.cells, sources.places, sources.turns,
+        progress=progress)  # fmt: skip
     # Those that read nothing but one another would keep what the image holds beside the charts.
-    known = fill_ghosts(sheet, sources, np.zeros((*sheet.nodes.shape, 1), dtype=np.float32))
+    values = np.zeros((*sheet.nodes.shape, 1), dtype=np.float32)
+    known = fill_ghosts(sheet, sources, values, progress)
     sources.cells[~known] = -1
     _close_cells(sheet.ghosts[sources.cells < 0], sheet.cells)
     return sources
@@ -64,6 +66,7 @@ def fill_ghosts(
     sheet: Sheet,
     sources: Sources,
     values: npt.NDArray[np.float32],
+    progress: Progress,
     alpha: int = -1,
     directions: float | None = None,
 ) -> npt.NDArray[np.bool_]:
@@ -73,6 +76,7 @@ def fill_ghosts(
     ----------
     values : (rows, columns, c) float32
         Values of the nodes.
+    progress : Progress
     alpha : int
         The channel that is opacity: other channels count as much as it says. -1: none.
     directions : float, optional
@@ -93,7 +97,7 @@ def fill_ghosts(
         known_next = np.zeros_like(known)
         run(_read_ghosts, len(sheet.ghosts), nodes, sheet.nodes.shape[1], sources.cells,
             sources.places, sources.turns, flat, alpha, turning, centre, known,
-            found, known_next)  # fmt: skip
+            found, known_next, progress=progress)  # fmt: skip
         known = known_next
         flat[sheet.ghosts[known]] = found[known]
     return known

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
 from ..mesh import Ints
-from ..parallel import Progress, kernel, run
+from ..parallel import Progress, kernel, run, run_in_order
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
 from .ghosts import beyond
@@ -53,17 +53,21 @@ def write_texels(
     inside = atlas.inside
     kept = np.zeros((0, 0), dtype=np.bool_) if keep is None else keep & inside
     run(_write_owned, atlas.height, atlas.owners, inside, values.reshape(-1, values.shape[2]),
-        scale, rounded, kept, opacity, out, chunk=ROWS)  # fmt: skip
+        scale, rounded, kept, opacity, out, chunk=ROWS,
+        progress=progress.part(0.0, 0.4, "Filling the gutter"))  # fmt: skip
     filled = atlas.owners != NOTHING
     if not filled.all():
         radius = max(float(settings.gutter), _LEAST)
         around = _leave_image(atlas)
-        edges, squares = _nearest_borders(atlas, around, filled, radius)
+        edges, squares = _nearest_borders(
+            atlas, around, filled, radius, progress.part(0.4, 0.8, "Filling the gutter")
+        )
         run(_write_gutter, atlas.height, edges, squares, filled, radius, atlas.charts.points,
             around, atlas.charts.labels, sheet.shifts, sheet.nodes, sheet.cells,
             atlas.sources.cells,
             surface.points, surface.twins, surface.shapes, surface.to_frame, values, normals, scale,
-            rounded, out, chunk=ROWS, progress=progress)  # fmt: skip
+            rounded, out, chunk=ROWS,
+            progress=progress.part(0.8, 1.0, "Filling the gutter"))  # fmt: skip
     if settings.background == "nearest" and filled.any() and not filled.all():
         rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
         out[~filled] = out[rows[~filled], columns[~filled]]
@@ -78,15 +82,25 @@ def _leave_image(atlas: TextureAtlas) -> npt.NDArray[np.bool_]:
 
 
 def _nearest_borders(
-    atlas: TextureAtlas, around: npt.NDArray[np.bool_], filled: npt.NDArray[np.bool_], reach: float
+    atlas: TextureAtlas,
+    around: npt.NDArray[np.bool_],
+    filled: npt.NDArray[np.bool_],
+    reach: float,
+    progress: Progress,
 ) -> tuple[Ints, npt.NDArray[np.float32]]:
     # The half-edge of a chart's end nearest to each texel that is not filled, -1 where none is
     # in reach, and the squared distance.
     points = atlas.charts.points
     edges = np.full(filled.shape, -1, dtype=np.int32)
     squares = np.full(filled.shape, np.inf, dtype=np.float32)
-    _seed_borders(atlas.charts.borders, points, around, edges, squares)
-    _spread_borders(points, around, filled, (reach + 1.5) ** 2, edges, squares)
+    borders = atlas.charts.borders
+    run_in_order(_seed_borders, len(borders), borders, points, around, edges, squares,
+                 progress=progress.part(0.0, 0.2, "Filling the gutter"))  # fmt: skip
+    for backwards in (False, True):
+        run_in_order(_spread_borders, len(filled), backwards, points, around, filled,
+                     (reach + 1.5) ** 2, edges, squares, chunk=ROWS,
+                     progress=progress.part(0.6 if backwards else 0.2, 1.0 if backwards else 0.6,
+                                            "Filling the gutter"))  # fmt: skip
     return edges, squares
 
 
@@ -114,9 +128,9 @@ def _offer(points, around, edge, y, x, edges, squares):
 
 
 @kernel
-def _seed_borders(borders, points, around, edges, squares):
+def _seed_borders(start, stop, borders, points, around, edges, squares):
     height, width = edges.shape
-    for edge in borders:
+    for edge in borders[start:stop]:
         f = edge // 3
         k = edge - 3 * f
         after = k + 1 if k < 2 else 0
@@ -134,27 +148,26 @@ def _seed_borders(borders, points, around, edges, squares):
 
 
 @kernel
-def _spread_borders(points, around, filled, most, edges, squares):
-    # Two sweeps over the image; each texel is offered the edges that its neighbours found.
+def _spread_borders(start, stop, backwards, points, around, filled, most, edges, squares):
+    # A sweep over the image, down or up; each texel is offered what its neighbours found.
     height, width = edges.shape
-    for sweep in range(2):
-        for i in range(height):
-            y = i if sweep == 0 else height - 1 - i
-            back = y - 1 if sweep == 0 else y + 1
-            if 0 <= back < height:
-                for x in range(width):
-                    if filled[y, x]:
-                        continue
-                    for side in range(max(x - 1, 0), min(x + 2, width)):
-                        if squares[back, side] < most:
-                            _offer(points, around, edges[back, side], y, x, edges, squares)
-            for x in range(1, width):
-                if not filled[y, x] and squares[y, x - 1] < most:
-                    _offer(points, around, edges[y, x - 1], y, x, edges, squares)
-            for j in range(1, width):
-                x = width - 1 - j
-                if not filled[y, x] and squares[y, x + 1] < most:
-                    _offer(points, around, edges[y, x + 1], y, x, edges, squares)
+    for i in range(start, stop):
+        y = height - 1 - i if backwards else i
+        back = y + 1 if backwards else y - 1
+        if 0 <= back < height:
+            for x in range(width):
+                if filled[y, x]:
+                    continue
+                for side in range(max(x - 1, 0), min(x + 2, width)):
+                    if squares[back, side] < most:
+                        _offer(points, around, edges[back, side], y, x, edges, squares)
+        for x in range(1, width):
+            if not filled[y, x] and squares[y, x - 1] < most:
+                _offer(points, around, edges[y, x - 1], y, x, edges, squares)
+        for j in range(1, width):
+            x = width - 1 - j
+            if not filled[y, x] and squares[y, x + 1] < most:
+                _offer(points, around, edges[y, x + 1], y, x, edges, squares)
 
 
 @kernel

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from ..errors import InvalidUV
 from ..mesh import Floats, Ints
-from ..parallel import Progress, kernel, run
-from .charts import Charts
+from ..parallel import Progress, kernel, run, run_in_order
+from .charts import Charts, shift_charts
 
 NOTHING = -1
 """In `Sheet.nodes` and `Sheet.cells`: no chart is here."""
@@ -78,47 +78,57 @@ def lay_out(charts: Charts, height: int, width: int, progress: Progress) -> Shee
     low = np.floor(charts.boxes[:, 0] - _SLACK).astype(np.int64)
     high = np.floor(charts.boxes[:, 1] + _SLACK).astype(np.int64) + 1
     away = (low < -1).any(axis=1) | (high > (height, width)).any(axis=1)
-    away |= _clashing(charts, away, height, width)
-    progress.update(0.2)
+    away |= _clashing(charts, away, height, width, progress.part(0.0, 0.3, "Finding texels"))
     shifts, shape = _shelve(low, high, away, height, width)
     most = min(_MOST_NODES, 64 * height * width + 1024 * charts.count)
     if shape[0] * shape[1] >= most:
         largest = int(np.argmax((high - low).max(axis=1)))
         raise InvalidUV(
-            f"Laid out without overlaps, the charts need {shape[1]} x {shape[0]} texels, too many"
-            f" for an image of {width} x {height}; the longest chart is that of face"
-            f" {int(np.argmax(charts.labels == largest))}. Unwrap the mesh without overlaps."
+            "Laid out without overlaps, the charts need {columns} x {rows} texels, too many for an"
+            " image of {width} x {height}; the longest chart is that of face {face}. Unwrap the"
+            " mesh without overlaps.",
+            columns=shape[1],
+            rows=shape[0],
+            width=width,
+            height=height,
+            face=int(np.argmax(charts.labels == largest)),
         )
-    points = charts.points + shifts[charts.labels][:, None]
-    bands = _face_bands(points)
-    nodes = np.full(shape, NOTHING, dtype=np.int32)
-    cells = np.full(shape, NOTHING, dtype=np.int32)
+    points = np.empty_like(charts.points)
+    run(shift_charts, len(points), charts.points, charts.labels, shifts, points,
+        progress=progress.part(0.3, 0.35, "Finding texels"))  # fmt: skip
+    bands, *faces = _faces_by_rows(points, 0.0, shape[0], progress.part(
+        0.35, 0.4, "Finding texels"))  # fmt: skip
+    nodes, cells = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.int32)
     overlapping = np.zeros(len(points), dtype=np.bool_)
-    run(_draw_faces, shape[0], points, bands, nodes, cells, overlapping, chunk=ROWS,
-        progress=progress.part(0.2, 0.8, "Finding texels"))  # fmt: skip
+    run(_draw_faces, shape[0], points, bands, *faces, nodes, cells, overlapping, chunk=ROWS,
+        progress=progress.part(0.4, 0.8, "Finding texels"))  # fmt: skip
     counts = np.zeros(shape[0], dtype=np.int64)
-    run(_count_ghosts, shape[0], nodes, cells, counts, chunk=ROWS)
+    run(_count_ghosts, shape[0], nodes, cells, counts, chunk=ROWS,
+        progress=progress.part(0.8, 0.9, "Finding texels"))  # fmt: skip
     ends = np.cumsum(counts)
     ghosts = np.empty(ends[-1], dtype=np.int32)
-    run(_number_ghosts, shape[0], nodes, cells, ends - counts, ghosts, chunk=ROWS)
+    last = progress.part(0.9, 1.0, "Finding texels")
+    run(_number_ghosts, shape[0], nodes, cells, ends - counts, ghosts, chunk=ROWS,
+        progress=last)  # fmt: skip
     edges = np.full(len(ghosts), -1, dtype=np.int32)
     nearest = np.full(len(ghosts), np.inf, dtype=np.float32)
-    _find_edges(charts.borders, points, charts.labels, nodes, cells, nearest, edges)
-    progress.update(1.0)
+    run_in_order(_find_edges, len(charts.borders), charts.borders, points, charts.labels, nodes,
+                 cells, nearest, edges, progress=last)  # fmt: skip
     return Sheet(points, shifts, nodes, cells, ghosts, edges, overlapping)
 
 
 def _clashing(
-    charts: Charts, away: npt.NDArray[np.bool_], height: int, width: int
+    charts: Charts, away: npt.NDArray[np.bool_], height: int, width: int, progress: Progress
 ) -> npt.NDArray[np.bool_]:
     # Charts that share a node with one of a lower number.
-    claims = np.full((height + 2, width + 2), charts.count, dtype=np.int32)
-    points = charts.points + 1.0
-    bands = _face_bands(points)
-    labels = np.where(away[charts.labels], -1, charts.labels).astype(np.int32)
+    claims = np.empty((height + 2, width + 2), dtype=np.int32)
+    bands, *faces = _faces_by_rows(charts.points, 1.0, height + 2, progress.part(
+        0.0, 0.2, "Finding texels"))  # fmt: skip
     clashes = np.zeros(charts.count, dtype=np.bool_)
     for check in (False, True):
-        run(_claim, height + 2, points, bands, labels, check, claims, clashes, chunk=ROWS)
+        run(_claim, height + 2, charts.points, bands, *faces, charts.labels, away, check, claims,
+            clashes, chunk=ROWS, progress=progress.part(
+                0.6 if check else 0.2, 1.0 if check else 0.6, "Finding texels"))  # fmt: skip
     return clashes
 
 
@@ -144,12 +154,50 @@ def _shelve(
     return shifts, (int(row + tallest), columns)
 
 
-def _face_bands(points: Floats) -> npt.NDArray[np.int32]:
-    # First and last row of cells that each face touches: (m, 2).
+def _faces_by_rows(
+    points: Floats, shift: float, rows: int, progress: Progress
+) -> tuple[Ints, npt.NDArray[np.int64], Ints]:
+    # First and last row of cells that each face touches: (m, 2). And the faces that touch nodes
+    # of each chunk of rows, in order: faces[start[chunk]:start[chunk + 1]].
     bands = np.empty((len(points), 2), dtype=np.int32)
-    bands[:, 0] = np.floor(points[..., 0].min(axis=1) - _SLACK)
-    bands[:, 1] = np.floor(points[..., 0].max(axis=1) + _SLACK)
-    return bands
+    run(_find_bands, len(points), points, shift, bands, progress=progress)
+    start = np.zeros(-(-rows // ROWS) + 1, dtype=np.int64)
+    run_in_order(_count_faces, len(points), bands, start, progress=progress)
+    np.cumsum(start, out=start)
+    faces = np.empty(start[-1], dtype=np.int32)
+    run_in_order(_list_faces, len(points), bands, start[:-1].copy(), faces, progress=progress)
+    return bands, start, faces
+
+
+@kernel
+def _find_bands(start, stop, points, shift, bands):
+    for f in range(start, stop):
+        a, b, c = points[f, 0, 0], points[f, 1, 0], points[f, 2, 0]
+        bands[f, 0] = int(np.floor(min(a, b, c) + shift - _SLACK))
+        bands[f, 1] = int(np.floor(max(a, b, c) + shift + _SLACK))
+
+
+@kernel
+def _chunks(band, count):
+    # The chunks of rows with nodes that a face touches: first, end.
+    return max(band[0] // ROWS, 0), min((band[1] + 1) // ROWS + 1, count)
+
+
+@kernel
+def _count_faces(start, stop, bands, counts):
+    for f in range(start, stop):
+        first, end = _chunks(bands[f], counts.shape[0] - 1)
+        for chunk in range(first, end):
+            counts[chunk + 1] += 1
+
+
+@kernel
+def _list_faces(start, stop, bands, cursors, faces):
+    for f in range(start, stop):
+        first, end = _chunks(bands[f], cursors.shape[0])
+        for chunk in range(first, end):
+            faces[cursors[chunk]] = f
+            cursors[chunk] += 1
 
 
 @kernel
@@ -178,16 +226,22 @@ def span(triangle, low, high):
 
 
 @kernel
-def _claim(start, stop, points, bands, labels, check, claims, clashes):
-    # Give each node to the lowest chart that touches it; then mark the other ones.
-    for f in range(points.shape[0]):
+def _claim(start, stop, points, bands, listed, faces, labels, away, check, claims, clashes):
+    # Give each node to the lowest chart that touches it; then mark the other ones. Nodes begin
+    # one row and one column before the image.
+    if not check:
+        claims[start:stop] = clashes.shape[0]
+    triangle = np.empty((3, 2))
+    chunk = start // ROWS
+    for f in faces[listed[chunk] : listed[chunk + 1]]:
         label = labels[f]
-        if label < 0 or bands[f, 1] + 1 < start or bands[f, 0] >= stop:
+        if away[label]:
             continue
-        for row in range(bands[f, 0], bands[f, 1] + 1):
-            if row + 1 < start or row >= stop:
-                continue
-            first, last = span(points[f], row - _SLACK, row + 1 + _SLACK)
+        for k in range(3):
+            triangle[k, 0] = points[f, k, 0] + 1.0
+            triangle[k, 1] = points[f, k, 1] + 1.0
+        for row in range(max(bands[f, 0], start - 1), min(bands[f, 1] + 1, stop)):
+            first, last = span(triangle, row - _SLACK, row + 1 + _SLACK)
             if last < first:
                 continue
             left = int(np.floor(first - _SLACK))
@@ -220,11 +274,12 @@ def depth_within(triangle, y, x):
 
 
 @kernel
-def _draw_faces(start, stop, points, bands, nodes, cells, overlapping):
+def _draw_faces(start, stop, points, bands, listed, faces, nodes, cells, overlapping):
     # Rows start .. stop - 1 of nodes and cells; of several faces, the first one stays.
-    for f in range(points.shape[0]):
-        if bands[f, 1] < start or bands[f, 0] >= stop:
-            continue
+    nodes[start:stop] = NOTHING
+    cells[start:stop] = NOTHING
+    chunk = start // ROWS
+    for f in faces[listed[chunk] : listed[chunk + 1]]:
         triangle = points[f]
         for row in range(max(bands[f, 0], start), min(bands[f, 1] + 1, stop)):
             first, last = span(triangle, row - _SLACK, row + 1 + _SLACK)
@@ -299,11 +354,11 @@ def nearest_on_edge(points, edge, y, x):
 
 
 @kernel
-def _find_edges(borders, points, labels, nodes, cells, nearest, edges):
+def _find_edges(start, stop, borders, points, labels, nodes, cells, nearest, edges):
     # A ghost is a corner of a cell that its chart touches, so less than 1.5 texels away.
     reach = 1.5
     rows, columns = nodes.shape
-    for edge in borders:
+    for edge in borders[start:stop]:
         f = edge // 3
         k = edge - 3 * f
         after = k + 1 if k < 2 else 0

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
-from ..parallel import kernel
+from ..parallel import Progress, kernel, run
 from .atlas import TextureAtlas
-from .sheet import NOTHING
+from .sheet import NOTHING, ROWS
 
 _SPACING = 0.5
 """Distance of the samples along a seam, in texels."""
@@ -31,7 +31,9 @@ _SLACK = 0.5
 seen; where it is seen, on the chart, the values mix to ones that both sides have."""
 
 
-def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) -> None:
+def stitch(
+    atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float, progress: Progress
+) -> None:
     """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
     What is seen on the charts stays in the range of what is read along the seam there, and no
@@ -40,7 +42,9 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) ->
     """
     nodes = atlas.sheet.nodes.reshape(-1)
     free = atlas.owners[(atlas.owners != NOTHING) & ~atlas.inside]
+    progress.update(0.0)
     reads, weights = _seam_samples(atlas)
+    progress.update(0.0)
     numbers = np.full(len(nodes), -1, dtype=np.int32)
     numbers[free] = np.arange(len(free), dtype=np.int32)
     columns = numbers[reads]
@@ -49,6 +53,7 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) ->
     if len(reads) == 0:
         return
     flat = values.reshape(len(nodes), -1)
+    progress.update(0.0)
     known = columns >= 0
     rows = np.broadcast_to(np.arange(len(reads))[:, None], columns.shape)
     reading = csr_matrix(
@@ -56,18 +61,30 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) ->
     )
     jumps = np.einsum("sk,skc->sc", weights, flat[reads])
     largest = np.maximum(np.abs(jumps).max(axis=0), _TINY)  # squares of values may not fit
-    adjusted = flat[free] - largest * _least_squares(reading, jumps / largest)
+    adjusted = flat[free] - largest * _least_squares(reading, jumps / largest, progress)
     low = flat[free]
     high = low.copy()
     _widen(reads, columns, flat, low, high)
     slack = np.maximum(_SLACK * (high - low), np.float32(step))
-    charts = flat[atlas.owners[atlas.inside]]
-    low = np.maximum(low - slack, charts.min(axis=0))
-    high = np.minimum(high + slack, charts.max(axis=0))
+    least, most = _range_on_charts(atlas, flat, progress)
+    low = np.maximum(low - slack, least)
+    high = np.minimum(high + slack, most)
     flat[free] = np.clip(adjusted, low, high)
 
 
-def _least_squares(reading: csr_matrix, wanted: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _range_on_charts(
+    atlas: TextureAtlas, values: npt.NDArray[np.float32], progress: Progress
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    shape = -(-atlas.height // ROWS), values.shape[1]
+    lows, highs = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
+    run(_bound, atlas.height, atlas.owners, atlas.inside, values, lows, highs, chunk=ROWS,
+        progress=progress)  # fmt: skip
+    return lows.min(axis=0), highs.max(axis=0)
+
+
+def _least_squares(
+    reading: csr_matrix, wanted: npt.NDArray[np.float32], progress: Progress
+) -> npt.NDArray[np.float32]:
     # min |A x - wanted|^2 + hold |x|^2 by conjugate gradients, all columns at once.
     normal = (reading.T @ reading).tocsr()
     solution = np.zeros((reading.shape[1], wanted.shape[1]), dtype=np.float32)
@@ -75,6 +92,7 @@ def _least_squares(reading: csr_matrix, wanted: npt.NDArray[np.float32]) -> npt.
     direction = residual.copy()
     square = np.einsum("nc,nc->c", residual, residual)
     for _ in range(_STEPS):
+        progress.update(0.0)
         image = normal @ direction + _HOLD * direction
         step = square / np.maximum(np.einsum("nc,nc->c", direction, image), _TINY)
         solution += step * direction
@@ -95,6 +113,18 @@ def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArr
     weights = np.empty((counts.sum(), 8), dtype=np.float32)
     _place_samples(borders, twins, points, atlas.owners, ends - counts, counts, reads, weights)
     return reads, weights
+
+
+@kernel
+def _bound(start, stop, owners, inside, values, lows, highs):
+    low = lows[start // ROWS]
+    high = highs[start // ROWS]
+    for y in range(start, stop):
+        for x in range(owners.shape[1]):
+            if inside[y, x]:
+                for c in range(values.shape[1]):
+                    low[c] = min(low[c], values[owners[y, x], c])
+                    high[c] = max(high[c], values[owners[y, x], c])
 
 
 @kernel

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ..errors import InvalidUV
 from ..mesh import Floats, Ints, TriangleMesh
-from ..parallel import kernel, run
+from ..parallel import Progress, kernel, run
 from .charts import Charts, degenerate_faces
 
 _MOST_FACES = 4000  # that a walk crosses; needed only where texels are larger than the surface
@@ -51,7 +51,9 @@ class Surface:
     texel_size: float
 
 
-def measure_surface(mesh: TriangleMesh, charts: Charts, points: Floats) -> Surface:
+def measure_surface(
+    mesh: TriangleMesh, charts: Charts, points: Floats, progress: Progress | None = None
+) -> Surface:
     """Measure the faces under their texels, which lie at `points` in the sheet."""
     seen = ~degenerate_faces(charts)
     area = mesh.areas[seen].sum()
@@ -66,7 +68,7 @@ def measure_surface(mesh: TriangleMesh, charts: Charts, points: Floats) -> Surfa
     to_texels = np.zeros((count, 2, 2))
     metrics = np.zeros((count, 6), dtype=np.float32)
     run(_measure, count, mesh.scaled_vertices, mesh.faces, mesh.areas, seen, points, 1.0 / size,
-        shapes, to_frame, to_texels, metrics)  # fmt: skip
+        shapes, to_frame, to_texels, metrics, progress=progress)  # fmt: skip
     return Surface(points, mesh.twins, shapes, to_frame, to_texels, metrics,
                    size * mesh.mean_edge_length)  # fmt: skip
 

@@ -61,10 +61,12 @@ def smooth_grid(
     return out
 
 
-def surface_areas(guide: Coordinates, flat: bool) -> npt.NDArray[np.float32]:
+def surface_areas(
+    guide: Coordinates, flat: bool, progress: Progress | None = None
+) -> npt.NDArray[np.float32]:
     """Compute the area element, sqrt(det g), from central differences; parameters as above."""
     areas = np.empty(guide.shape[:2], dtype=np.float32)
-    run(_area_rows, len(guide), guide, np.float32(flat), areas)
+    run(_area_rows, len(guide), guide, np.float32(flat), areas, chunk=_ROWS, progress=progress)
     return areas
 
 

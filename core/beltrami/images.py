@@ -8,8 +8,16 @@ import numpy.typing as npt
 
 from ..calculus import as_array
 from ..errors import InvalidSettings, InvalidSignal
-from ..parallel import Progress, ProgressCallback
-from ..pixels import SCALES, checked_image, checked_weights, mix, opacity_channel
+from ..parallel import Progress, ProgressCallback, blocks
+from ..pixels import (
+    BAND,
+    SCALES,
+    checked_image,
+    checked_weights,
+    copied,
+    mix,
+    opacity_channel,
+)
 from ..settings import BeltramiSettings
 from .grid_smoothing import smooth_grid, surface_areas
 
@@ -124,7 +132,7 @@ def beltrami_manifold(
     if smooth != "image":
         new_places[...] = points * unit + center
         if weights is not None:
-            mix(places, weights, new_places)
+            mix(places, weights, new_places, Progress(None))
     return result, new_places
 
 
@@ -155,21 +163,25 @@ def _smoothed(
     floats = np.float64 if given.dtype == np.float64 else np.float32
     alpha = opacity_channel(pixels.shape[2], settings.alpha)
     count = pixels.shape[2] if alpha < 0 else alpha
-    colors = np.multiply(pixels[..., :count], scale, dtype=floats)
-    opacity = np.multiply(pixels[..., count:], scale, dtype=floats)  # without any: (h, w, 0)
-    np.clip(opacity, 0.0, 1.0, out=opacity)
+    colors = np.empty((*pixels.shape[:2], count), dtype=floats)
+    opacity = np.empty((*pixels.shape[:2], pixels.shape[2] - count), dtype=floats)  # of 0 or 1
+    for band in blocks(len(pixels), BAND, progress.part(0.0, 0.0, "Smoothing")):
+        np.multiply(pixels[band, :, :count], scale, out=colors[band], dtype=floats)
+        np.multiply(pixels[band, :, count:], scale, out=opacity[band], dtype=floats)
+        np.clip(opacity[band], 0.0, 1.0, out=opacity[band])
     for i in range(settings.iterations):
         part = progress.part(i / settings.iterations, (i + 1) / settings.iterations, "Smoothing")
         new_colors, new_points = _step(colors, opacity, points, settings, part)
         colors = colors if smooth == "embedding" else new_colors
         points = points if smooth == "image" else new_points
-    progress.update(1.0)
-    result = pixels.copy()
+    last = progress.part(1.0, 1.0, "Smoothing")
+    result = copied(pixels, last)
     if smooth != "embedding":
-        colors = colors / scale
-        result[..., :count] = np.rint(colors) if scale != 1.0 else colors
+        for band in blocks(len(pixels), BAND, last):
+            values = np.divide(colors[band], scale)
+            result[band, :, :count] = np.rint(values) if scale != 1.0 else values
         if mask is not None:
-            mix(pixels, mask, result)
+            mix(pixels, mask, result, last)
     return result.reshape(given.shape), points
 
 
@@ -181,29 +193,42 @@ def _step(
     progress: Progress,
 ) -> tuple[npt.NDArray, npt.NDArray]:
     # Colors count as much as they are opaque, for distances and for means.
-    transparent = opacity.shape[2] > 0
-    covered = colors * opacity if transparent else colors
-    with np.errstate(over="ignore"):  # too bright for float32: an edge that nothing crosses
-        steep = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
-    guide = np.concatenate([steep, points], axis=2, dtype=np.float32)
-    means = smooth_grid(
-        np.concatenate([covered, opacity, points], axis=2), guide, points.shape[2] == 0,
-        _areas(guide, points, settings), settings, progress)  # fmt: skip
-    count = colors.shape[2]
-    new_colors = means[..., :count]
-    if transparent:
-        share = means[..., count : count + 1]
-        new_colors = np.where(share > 0, new_colors / np.where(share > 0, share, 1), colors)
-    return new_colors, means[..., count + opacity.shape[2] :]
+    (height, width, count), transparent = colors.shape, opacity.shape[2] > 0
+    beside = count + opacity.shape[2]
+    still = progress.part(0.0, 0.0, "Smoothing")
+    kind = np.result_type(colors, points)
+    signal = np.empty((height, width, beside + points.shape[2]), dtype=kind)
+    guide = np.empty((height, width, count + points.shape[2]), dtype=np.float32)
+    for band in blocks(height, BAND, still):
+        covered = colors[band] * opacity[band] if transparent else colors[band]
+        signal[band, :, :count] = covered
+        signal[band, :, count:beside] = opacity[band]
+        signal[band, :, beside:] = points[band]
+        with np.errstate(over="ignore"):  # too bright for float32: an edge that nothing crosses
+            guide[band, :, :count] = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
+        guide[band, :, count:] = points[band]
+    areas = _areas(guide, points, settings, still)
+    still.update(0.0)
+    means = smooth_grid(signal, guide, points.shape[2] == 0, areas, settings, progress)
+    if not transparent:
+        return means[..., :count], means[..., beside:]
+    new_colors = np.empty_like(colors, dtype=means.dtype)
+    for band in blocks(height, BAND, progress.part(1.0, 1.0, "Smoothing")):
+        share = means[band, :, count:beside]
+        shown = means[band, :, :count] / np.where(share > 0, share, 1)
+        new_colors[band] = np.where(share > 0, shown, colors[band])
+    return new_colors, means[..., beside:]
 
 
-def _areas(guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings) -> npt.NDArray:
+def _areas(
+    guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings, progress: Progress
+) -> npt.NDArray:
     flat = points.shape[2] == 0
     if settings.measure == "surface":
-        return surface_areas(guide, flat)
+        return surface_areas(guide, flat, progress)
     if flat:
         return np.ones(guide.shape[:2], dtype=np.float32)
-    return surface_areas(points.astype(np.float32), flat)
+    return surface_areas(points.astype(np.float32), flat, progress)
 
 
 def _mean_distance(embedding: npt.NDArray) -> float:

@@ -17,7 +17,14 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..calculus import average_to_faces, checked_mask, checked_signal, lumped_mass
+from ..calculus import (
+    average_to_faces,
+    blended_normals,
+    checked_mask,
+    checked_signal,
+    lumped_mass,
+    make_unit,
+)
 from ..fit import displacement, moved_vertices
 from ..mesh import Floats, TriangleMesh, split_at_jumps
 from ..order import is_scattered, sorted_along_curve
@@ -81,7 +88,9 @@ def beltrami_vertex_signal(
     settings = settings or BeltramiMeshSettings()
     if settings.time == 0:
         return given.copy()
-    return like(given, values, _painted(mesh, values, settings, Progress.of(progress)), weights)
+    phases = Progress.of(progress)
+    filtered = _painted(mesh, values, settings, phases)
+    return like(given, values, filtered, weights, phases.part(1.0, 1.0, "Denoising"))
 
 
 def beltrami_corner_signal(
@@ -132,7 +141,8 @@ def beltrami_corner_signal(
     filtered = _painted(cut, cut_values, settings, phases)
     result = filtered[cut.own_corners(cut.faces).reshape(-1)]
     corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
-    return from_own_corners(mesh, like(own, values, result, corner_weights), given)
+    mixed = like(own, values, result, corner_weights, phases.part(1.0, 1.0, "Denoising"))
+    return from_own_corners(mesh, mixed, given)
 
 
 def beltrami_joint(
@@ -169,9 +179,11 @@ def beltrami_joint(
     settings = settings or BeltramiMeshSettings()
     if settings.time == 0:
         return mesh.vertices.copy(), given.copy()
-    moved, filtered = _jointly(mesh, values, settings, settings.beta, Progress.of(progress))
+    phases = Progress.of(progress)
+    moved, filtered = _jointly(mesh, values, settings, settings.beta, phases)
     positions = moved_vertices(mesh, _weighed(moved, weights))
-    return positions, like(given, values, filtered, weights)
+    last = phases.part(1.0, 1.0, "Denoising")
+    return positions, like(given, values, filtered, weights, last)
 
 
 def beltrami_mesh(
@@ -243,13 +255,14 @@ def _displaced(
         moved, _ = _jointly(mesh, np.zeros((mesh.vertex_count, 0)), settings, 0.0, progress)
         return _weighed(moved, weights)
     moved, current = np.zeros((0, 3)), mesh
-    noise = noise_of_normals(mesh)
+    noise = noise_of_normals(mesh, progress.part(0.0, 0.0, "Denoising"))
     for turn in range(settings.repeat):
         part = progress.part(turn / settings.repeat, (turn + 1) / settings.repeat, "Denoising")
         normals = _filtered_normals(current, settings, noise, part.part(0.0, 0.7, "Denoising"))
         if weights is not None:
-            share = average_to_faces(mesh, weights)[:, None]
-            normals = _unit(current.normals + share * (normals - current.normals))
+            normals = blended_normals(
+                mesh, current.normals, normals, weights, part.part(0.7, 0.7, "Denoising")
+            )
         step, _ = displacement(
             current, normals, settings, weights, part.part(0.7, 1.0, "Fitting the surface")
         )
@@ -259,40 +272,43 @@ def _displaced(
     return moved
 
 
-def noise_of_normals(mesh: TriangleMesh) -> float:
+def noise_of_normals(mesh: TriangleMesh, progress: Progress | None = None) -> float:
     """How much the normals of neighbouring faces differ where the surface is calm.
 
     The lower quartile over all edges: creases and relief have little say. Between bounds, so
     that a clean mesh is not all noise, and a right angle never is.
     """
-    faces, sides = np.nonzero(mesh.twins >= 0)
-    others = mesh.twins[faces, sides] // 3
-    once = (faces < others) & (mesh.areas[faces] > 0) & (mesh.areas[others] > 0)
-    if not once.any():
+    steps = np.empty(3 * mesh.face_count)
+    run(_normal_steps, mesh.face_count, mesh.twins, mesh.areas, mesh.normals, steps,
+        progress=progress)  # fmt: skip
+    steps = steps[steps >= 0]
+    if not len(steps):
         return MOST_NOISE
-    steps = mesh.normals[faces[once]] - mesh.normals[others[once]]
-    quartile = float(np.quantile(np.linalg.norm(steps, axis=1), 0.25))
+    quartile = float(np.quantile(steps, 0.25, overwrite_input=True))
     return min(max(quartile, LEAST_NOISE), MOST_NOISE)
 
 
 def _filtered_normals(
     mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: float, progress: Progress
 ) -> Floats:
-    centres = mesh.scaled_vertices[mesh.faces].mean(axis=1)
+    still = progress.part(0.0, 0.0, "Denoising")
+    embedding = np.empty((mesh.face_count, 6))
+    embedding[:, :3] = average_to_faces(mesh, mesh.scaled_vertices, still)
     normals = mesh.normals
     for turn in range(settings.iterations):
         part = _iteration(settings, turn, progress)
+        still = part.part(0.0, 0.0, "Denoising")
         guide = normals
         for _ in range(settings.mollify_passes):
             smooth = np.empty_like(guide)
             run(_mollify, mesh.face_count, mesh.faces, *mesh.corners, mesh.areas, guide,
-                MOLLIFIED * noise, smooth)  # fmt: skip
-            guide = _unit(smooth)
-        embedding = np.concatenate([centres, settings.beta / noise * guide], axis=1)
-        averages = _averaged(
-            face_stencils(mesh, embedding), embedding, mesh.areas, normals, settings, part
-        )
-        normals = _unit(averages)
+                MOLLIFIED * noise, smooth, progress=still)  # fmt: skip
+            guide = smooth
+        np.multiply(guide, settings.beta / noise, out=embedding[:, 3:])
+        still.update(0.0)
+        graph = face_stencils(mesh, embedding, still)
+        normals = _averaged(graph, embedding, mesh.areas, normals, settings, part)
+        run(_make_unit, mesh.face_count, normals, progress=part.part(1.0, 1.0, "Denoising"))
     return normals
 
 
@@ -301,11 +317,13 @@ def _painted(
 ) -> Floats:
     # The signal alone is filtered; the mesh is as it was given. Means keep to the range of the
     # input but for rounding.
-    mass, low, high = lumped_mass(mesh), values.min(axis=0), values.max(axis=0)
+    mass = lumped_mass(mesh, progress.part(0.0, 0.0, "Denoising"))
+    low, high = values.min(axis=0), values.max(axis=0)
     for turn in range(settings.iterations):
         part = _iteration(settings, turn, progress)
         embedding = np.concatenate([mesh.scaled_vertices, settings.beta * values], axis=1)
-        means = _averaged(stencils(mesh, embedding), embedding, mass, values, settings, part)
+        graph = stencils(mesh, embedding, part.part(0.0, 0.0, "Denoising"))
+        means = _averaged(graph, embedding, mass, values, settings, part)
         values = np.clip(means, low, high)
     progress.update(1.0)
     return values
@@ -320,12 +338,12 @@ def _jointly(
 ) -> tuple[Floats, Floats]:
     # Mesh and signal are filtered; returns the displacement in the mesh's unit, and the signal.
     # Lengths and areas stay those of the given mesh: only so are the iterations alike.
-    points, mass = mesh.scaled_vertices, lumped_mass(mesh)
+    points, mass = mesh.scaled_vertices, lumped_mass(mesh, progress.part(0.0, 0.0, "Denoising"))
     low, high = values.min(axis=0), values.max(axis=0)
     for turn in range(settings.iterations):
         part = _iteration(settings, turn, progress)
         embedding = np.concatenate([points, beta * values], axis=1)
-        graph = stencils(mesh, embedding)
+        graph = stencils(mesh, embedding, part.part(0.0, 0.0, "Denoising"))
         both = np.concatenate([points, values], axis=1)
         points, means = np.split(_averaged(graph, embedding, mass, both, settings, part), [3], 1)
         values = np.clip(means, low, high)
@@ -365,14 +383,29 @@ def _weighed(moved: Floats, weights: Floats | None) -> Floats:
     return moved if weights is None else weights[:, None] * moved
 
 
-def _unit(vectors: Floats) -> Floats:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(lengths > 1e-12, lengths, np.inf)
+@kernel
+def _normal_steps(start, stop, twins, areas, normals, steps):
+    # How far the normals across each edge are apart; -1 for borders and the second half-edge.
+    for f in range(start, stop):
+        for k in range(3):
+            g = twins[f, k] // 3
+            steps[3 * f + k] = -1.0
+            if f < g and areas[f] > 0 and areas[g] > 0:
+                square = 0.0
+                for x in range(3):
+                    square += (normals[f, x] - normals[g, x]) ** 2
+                steps[3 * f + k] = np.sqrt(square)
+
+
+@kernel
+def _make_unit(start, stop, vectors):
+    for f in range(start, stop):
+        make_unit(vectors[f])
 
 
 @kernel
 def _mollify(start, stop, faces, corner_start, corners, areas, normals, spread, out):
-    # Sums over the faces that share a vertex, those of similar normals; all for zero-area faces.
+    # Means over the faces that share a vertex, those of similar normals; all for zero-area faces.
     for f in range(start, stop):
         out[f] = 0.0
         for k in range(3):
@@ -387,6 +420,7 @@ def _mollify(start, stop, faces, corner_start, corners, areas, normals, spread, 
                     weight *= np.exp(-0.5 * square / (spread * spread))
                 for x in range(3):
                     out[f, x] += weight * normals[g, x]
+        make_unit(out[f])
 
 
 @kernel

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..mesh import Floats, Ints, TriangleMesh
-from ..parallel import kernel, run
+from ..parallel import Progress, kernel, run, run_in_order
 
 UNFOLDED = 30
 """Most faces that are unfolded to split one obtuse corner."""
@@ -33,38 +33,44 @@ class Stencils(NamedTuple):
     shapes: npt.NDArray[np.float32]  # length of v-other; target's place along it and beside it
 
 
-def stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
+def stencils(mesh: TriangleMesh, embedding: Floats, progress: Progress | None = None) -> Stencils:
     """Prepare marching on a mesh whose vertices lie at `embedding` (n, any number).
 
     Each corner takes its distance from the opposite edge. An obtuse corner may be reached before
     both ends of it: faces across that edge are unfolded into its plane until a vertex appears
     that cuts the angle into two acute ones, and the two virtual triangles serve, too.
     """
-    corners = mesh.face_count * 3
-    splits = np.empty(corners, dtype=np.int32)
-    places = np.empty((corners, 2), dtype=np.float32)
-    run(_split_corners, mesh.face_count, mesh.faces, mesh.twins, embedding, splits, places)
+    count, faces = mesh.face_count, mesh.faces
+    splits = np.empty(3 * count, dtype=np.int32)
+    places = np.empty((3 * count, 2), dtype=np.float32)
+    run(_split_corners, count, faces, mesh.twins, embedding, splits, places, progress=progress)
     start = np.zeros(mesh.vertex_count + 1, dtype=np.int64)
-    _count_stencils(mesh.faces, splits, start)
+    run_in_order(_count_stencils, count, faces, splits, start, progress=progress)
+    np.cumsum(start, out=start)
     targets = np.empty(start[-1], dtype=np.int32)
     others = np.empty(start[-1], dtype=np.int32)
     shapes = np.empty((start[-1], 3), dtype=np.float32)
-    _fill_stencils(mesh.faces, embedding, splits, places, start, targets, others, shapes)
+    run_in_order(_fill_stencils, count, faces, embedding, splits, places, start[:-1].copy(),
+                 targets, others, shapes, progress=progress)  # fmt: skip
     return Stencils(start, targets, others, shapes)
 
 
-def face_stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
+def face_stencils(
+    mesh: TriangleMesh, embedding: Floats, progress: Progress | None = None
+) -> Stencils:
     """Prepare marching from face to face, their centres at `embedding` (m, any number).
 
     Distances run straight from centre to centre: between faces there are no triangles to go
     through.
     """
     start = np.zeros(mesh.face_count + 1, dtype=np.int64)
-    np.cumsum((mesh.twins >= 0).sum(axis=1), out=start[1:])
+    run(_count_links, mesh.face_count, mesh.twins, start, progress=progress)
+    np.cumsum(start, out=start)
     targets = np.empty(start[-1], dtype=np.int32)
     others = np.empty(start[-1], dtype=np.int32)
     shapes = np.zeros((start[-1], 3), dtype=np.float32)
-    run(_link_faces, mesh.face_count, mesh.twins, embedding, start, targets, others, shapes)
+    run(_link_faces, mesh.face_count, mesh.twins, embedding, start, targets, others, shapes,
+        progress=progress)  # fmt: skip
     return Stencils(start, targets, others, shapes)
 
 
@@ -231,6 +237,13 @@ def _third(ax, ay, bx, by, square_ac, square_bc):
 
 
 @kernel
+def _count_links(start, stop, twins, row_start):
+    for f in range(start, stop):
+        for k in range(3):
+            row_start[f + 1] += twins[f, k] >= 0
+
+
+@kernel
 def _link_faces(start, stop, twins, embedding, row_start, targets, others, shapes):
     for f in range(start, stop):
         place = row_start[f]
@@ -290,30 +303,27 @@ def _split_corners(start, stop, faces, twins, embedding, splits, places):
 
 
 @kernel
-def _count_stencils(faces, splits, start):
-    for f in range(faces.shape[0]):
+def _count_stencils(start, stop, faces, splits, row_start):
+    for f in range(start, stop):
         for k in range(3):
             a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
             d = splits[3 * f + k]
-            start[a + 1] += 1 if d < 0 else 2
-            start[b + 1] += 1 if d < 0 else 2
+            row_start[a + 1] += 1 if d < 0 else 2
+            row_start[b + 1] += 1 if d < 0 else 2
             if d >= 0:
-                start[d + 1] += 2
-    for v in range(start.shape[0] - 1):
-        start[v + 1] += start[v]
+                row_start[d + 1] += 2
 
 
 @kernel
-def _fill_stencils(faces, embedding, splits, places, start, targets, others, shapes):
-    # start serves as the cursor: it ends one row further, and is moved back.
-    for f in range(faces.shape[0]):
+def _fill_stencils(start, stop, faces, embedding, splits, places, cursors, targets, others, shapes):
+    for f in range(start, stop):
         for k in range(3):
             c, a, b = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
             d = splits[3 * f + k]
             square_a = _squared(embedding, c, a)
             square_b = _squared(embedding, c, b)
             square_ab = _squared(embedding, a, b)
-            _put(a, b, c, square_ab, square_a, square_b, start, targets, others, shapes)
+            _put(a, b, c, square_ab, square_a, square_b, cursors, targets, others, shapes)
             if d < 0:
                 continue
             x, y = float(places[3 * f + k, 0]), float(places[3 * f + k, 1])
@@ -322,23 +332,20 @@ def _fill_stencils(faces, embedding, splits, places, start, targets, others, sha
             square_d = x * x + y * y
             square_ad = (x - ax) ** 2 + y * y
             square_bd = (x - bx) ** 2 + (y - by) ** 2
-            _put(a, d, c, square_ad, square_a, square_d, start, targets, others, shapes)
-            _put(d, b, c, square_bd, square_d, square_b, start, targets, others, shapes)
-    for v in range(start.shape[0] - 1, 0, -1):
-        start[v] = start[v - 1]
-    start[0] = 0
+            _put(a, d, c, square_ad, square_a, square_d, cursors, targets, others, shapes)
+            _put(d, b, c, square_bd, square_d, square_b, cursors, targets, others, shapes)
 
 
 @kernel
-def _put(a, b, c, square_ab, square_ac, square_bc, start, targets, others, shapes):
+def _put(a, b, c, square_ab, square_ac, square_bc, cursors, targets, others, shapes):
     length = np.sqrt(square_ab)
     along, beside = np.sqrt(square_ac), 0.0
     if length > 0.0:
         along = 0.5 * (square_ac - square_bc + square_ab) / length
         beside = np.sqrt(max(square_ac - along * along, 0.0))
     for turn in range(2):
-        i = start[a]
-        start[a] += 1
+        i = cursors[a]
+        cursors[a] += 1
         targets[i] = c
         others[i] = b
         shapes[i, 0] = length

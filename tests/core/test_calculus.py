@@ -4,6 +4,7 @@ import pytest
 from shapes import cube, grid, icosphere, rotation
 from shock_filter import core
 from shock_filter.core import calculus, fit
+from shock_filter.core.parallel import Progress
 
 
 @pytest.fixture(scope="module")
@@ -97,3 +98,15 @@ def test_calculus_on_a_closed_cube_sums_to_zero():
     mesh = core.TriangleMesh(*cube(3))
     field = np.random.default_rng(3).normal(size=(mesh.face_count, 1, 3))
     assert calculus.divergence(mesh, field).sum() == pytest.approx(0)
+
+
+def test_rows_of_a_group_are_averaged_and_others_stay():
+    corners = np.array([0, 1, 2, 0, 2, 3], dtype=np.int32)  # two triangles of a square
+    values = np.arange(18, dtype=np.float32).reshape(6, 3)
+    out = np.full((5, 3), -1, dtype=np.float32)
+    calculus.group_means(corners, values, out, Progress(None))
+    np.testing.assert_array_equal(out[0], (values[0] + values[3]) / 2)
+    np.testing.assert_array_equal(out[1], values[1])
+    np.testing.assert_array_equal(out[2], (values[2] + values[4]) / 2)
+    np.testing.assert_array_equal(out[3], values[5])
+    np.testing.assert_array_equal(out[4], [-1, -1, -1])

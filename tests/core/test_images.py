@@ -348,19 +348,29 @@ class TestOsherRudin:
         assert np.linalg.norm(evolved) == pytest.approx(np.linalg.norm(advected), rel=0.5)
 
     @pytest.mark.parametrize(
-        ("arguments", "error"),
+        ("arguments", "error", "sentence"),
         [
-            ((np.zeros((4, 4), np.uint8), 1), core.InvalidSignal),
-            ((np.zeros((1, 4)), 1), core.InvalidSignal),
-            ((np.full((4, 4), np.nan), 1), core.InvalidSignal),
-            ((np.zeros((4, 4)), -1), core.InvalidSettings),
-            ((np.zeros((4, 4)), 1, 0.6), core.InvalidSettings),
-            ((np.zeros((4, 4)), 1, 0.4, "sobel"), core.InvalidSettings),
+            ((np.zeros((4, 4), np.uint8), 1), core.InvalidSignal, "of float32 or float64"),
+            ((np.zeros((1, 4)), 1), core.InvalidSignal, "at least 2 x 2"),
+            ((np.full((4, 4), np.nan), 1), core.InvalidSignal, "without NaN"),
+            ((np.zeros((4, 4)), -1), core.InvalidSettings, "steps is -1"),
+            ((np.zeros((4, 4)), 1.5), core.InvalidSettings, "steps is 1.5"),
+            ((np.zeros((4, 4)), math.nan), core.InvalidSettings, "steps is nan"),
+            ((np.zeros((4, 4)), math.inf), core.InvalidSettings, "steps is inf"),
+            ((np.zeros((4, 4)), 1, 0.6), core.InvalidSettings, r"value in \(0, 0\.5\]"),
+            ((np.zeros((4, 4)), 1, 0, "flow"), core.InvalidSettings, r"value in \(0, 1e\+09\]"),
+            ((np.zeros((4, 4)), 1, math.inf, "flow"), core.InvalidSettings, "time_step is inf"),
+            ((np.zeros((4, 4)), 1, 0.4, "sobel"), core.InvalidSettings, "edge_detector is"),
         ],
     )
-    def test_bad_input_is_refused(self, arguments, error):
-        with pytest.raises(error):
+    def test_bad_input_is_refused(self, arguments, error, sentence):
+        with pytest.raises(error, match=sentence):
             core.osher_rudin_image(*arguments)
+
+    def test_long_steps_of_flow_are_shortened(self):
+        image = photo(channels=1)
+        longest = core.osher_rudin_image(image, 3, 1e9, "flow")
+        assert image.min() <= longest.min() < longest.max() <= image.max()
 
     def test_cancels(self):
         with pytest.raises(core.Cancelled):

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings refuse what the filters cannot do, and say why."""
 
+import copy
 import dataclasses
 import math
+import pickle
 import subprocess
 import sys
 
@@ -97,7 +99,16 @@ def test_settings_are_frozen_and_comparable():
     settings = core.GeometrySettings(time=16)
     with pytest.raises(dataclasses.FrozenInstanceError):
         settings.time = 3
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        settings.tyme = 3
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        del settings.time
     assert settings == dataclasses.replace(core.GeometrySettings(), time=16.0)
+    assert hash(settings) == hash(core.GeometrySettings(time=16.0))
+    assert settings not in (core.GeometrySettings(), core.ImageSettings(), 16.0)
+    assert repr(settings).startswith("GeometrySettings(time=16.0, smoothing_passes=1, ")
+    assert eval(repr(settings), vars(core)) == settings
+    assert pickle.loads(pickle.dumps(settings)) == copy.deepcopy(settings) == settings
     with pytest.raises(TypeError):
         core.GeometrySettings(64.0)
 
