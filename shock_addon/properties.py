@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..core.settings import (
     BeltramiGeometrySettings,
@@ -24,6 +22,9 @@ from ..core.settings import (
 )
 
 STEADY_STATE = "steady_state"
+
+_WIDE = 100.0
+"""Numbers with a larger range are shown with one digit after the point instead of three."""
 
 
 def annotations_of(settings: type, prefix: str = "") -> dict[str, Any]:
@@ -68,15 +69,19 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
     for name, (kind, _, about) in describe(settings).items():
         value = getattr(owner, prefix + name)
         if kind is float:
-            value = min(max(_shortest(value), about.minimum), about.maximum)
+            value = min(max(shortest(value), about.minimum), about.maximum)
         values[name] = value
+    if values.get("fidelity"):  # the panel grays the radius out, which says the same
+        values.pop("screening_radius")
     if getattr(owner, STEADY_STATE, False):
         values["time"] = math.inf
     return settings(**values)
 
 
-def _shortest(value: float) -> float:
-    # Blender keeps 0.1 as the float32 0.100000001; the person who typed it meant 0.1.
+def shortest(value: float) -> float:
+    """Read a float property: Blender keeps 0.1 as 0.100000001, but 0.1 was typed."""
+    import numpy as np
+
     return float(str(np.float32(value)))
 
 
@@ -95,11 +100,19 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
         return bpy.props.IntProperty(default=default, **limits, **text)
     return bpy.props.FloatProperty(
         default=default,
-        precision=3,
-        step=max(1, round(high - low)) if math.isfinite(high - low) else 100,
+        precision=1 if high - low > _WIDE else 3,
+        step=_step(default, high - low),
         **limits,
         **text,
     )
+
+
+def _step(default: float, width: float) -> float:
+    """Choose what a click on an arrow or a pixel of dragging adds, in hundredths.
+
+    It is a hundredth of the range, but at most a sixteenth of the default.
+    """
+    return min(width, 100.0 * default / 16.0) if default else width
 
 
 _WHERE = {
@@ -274,8 +287,7 @@ COLOR_PREFIX = "color_"
 
 def _then_sharpen(settings: type) -> dict[str, Any]:
     kind, default, about = describe(settings)["time"]
-    about = replace(
-        about,
+    about = about._replace(
         description="How long the result is sharpened. 0 changes nothing;"
         " 4096 pulls wide edges together",
     )

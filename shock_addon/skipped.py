@@ -1,16 +1,47 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The reason why an object is left alone."""
+"""The reason why an object is left alone, in the interface's language."""
 
 from bpy.app.translations import pgettext_rpt
+
+from ..core.errors import ShockError
 
 _MOST_NAMES = 4
 
 
 class Skipped(Exception):
-    """An object cannot be worked on; the message completes "Skipped NAME: ..." and names the fix.
+    """An object cannot be worked on; as text it is in the interface's language.
 
-    The message starts in lower case and has no period at the end.
+    Parameters
+    ----------
+    reason : str
+        Completes "Skipped NAME: ..." and names the fix, in lower case and without a period at the
+        end. It may have fields such as ``{name}``.
+    **values
+        What stands in the fields.
     """
+
+    def __init__(self, reason: str, **values: object) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.values = values
+
+    def __str__(self) -> str:
+        return _said(self.reason, self.values)
+
+
+def explain(error: ShockError) -> str:
+    """Say in the interface's language what the core could not do."""
+    return _said(error.sentence, error.values)
+
+
+def as_reason(sentence: str) -> str:
+    """Take the period from a sentence's end, so that it can stand in another one."""
+    return sentence.rstrip(".。")
+
+
+def _said(sentence: str, values: dict[str, object]) -> str:
+    text = pgettext_rpt(sentence)
+    return text.format(**values) if values else text
 
 
 def sentences(left: list[tuple[str, str]]) -> list[str]:
@@ -19,7 +50,7 @@ def sentences(left: list[tuple[str, str]]) -> list[str]:
     Parameters
     ----------
     left : list of (str, str)
-        Names and reasons.
+        Names and reasons, in the interface's language.
     """
     names: dict[str, list[str]] = {}
     for name, reason in left:
@@ -29,7 +60,7 @@ def sentences(left: list[tuple[str, str]]) -> list[str]:
             "Skipped {names}: {reason}."
             if len(alike) == 1
             else "Skipped {number:,} objects ({names}), each because {reason}."
-        ).format(number=len(alike), names=_listed(alike), reason=pgettext_rpt(reason))
+        ).format(number=len(alike), names=_listed(alike), reason=reason)
         for reason, alike in names.items()
     ]
 

@@ -21,7 +21,7 @@ def write_flow(target: Target, result: Flow) -> bpy.types.Object:
     Raises
     ------
     Skipped
-        If the object was removed or its mesh has changed since it was read.
+        If the object was removed, or its mesh has more or fewer vertices or triangles by now.
     """
     obj = find(target)
     mesh = obj.data
@@ -53,6 +53,17 @@ def read_flow(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray] | None:
     potential.data.foreach_get("value", values)
     flow.data.foreach_get("vector", vectors)
     return values, vectors.reshape(-1, 3)
+
+
+def read_faces(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+    """Read the centers (k, 3), normals (k, 3) and areas (k,) of the faces."""
+    count = len(mesh.polygons)
+    centers, normals = np.empty((2, 3 * count), dtype=np.float32)
+    areas = np.empty(count, dtype=np.float32)
+    mesh.polygons.foreach_get("center", centers)
+    mesh.polygons.foreach_get("normal", normals)
+    mesh.polygons.foreach_get("area", areas)
+    return centers.reshape(-1, 3), normals.reshape(-1, 3), areas
 
 
 def _find(

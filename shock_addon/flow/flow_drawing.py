@@ -44,6 +44,16 @@ def ramp(shares: npt.NDArray) -> Values:
     return np.stack([*channels, _FAINT + (_DENSE - _FAINT) * shares], axis=1).astype(np.float32)
 
 
+def bar(x: float, y: float, width: float, height: float) -> tuple[Values, Values]:
+    """Make a legend of `ramp`: the corners (k, 2) and colors (k, 4) of a strip of triangles."""
+    shares = np.repeat(np.linspace(0.0, 1.0, 9), 2)
+    colors = ramp(shares)
+    colors[:, 3] = 1.0
+    corners = np.stack([x + width * shares, np.full(len(shares), y)], axis=1)
+    corners[1::2, 1] += height
+    return corners.astype(np.float32), colors
+
+
 def strokes(centers: Values, normals: Values, areas: Values, flow: Values) -> tuple[Values, Values]:
     """Make a slim triangle for each face with a flow, at most `MOST_STROKES` in all.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator Show Flow."""
+"""The operators Show Flow and Hide Flow."""
 
 from __future__ import annotations
 
@@ -9,30 +9,23 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from ...core.settings import GeometrySettings, ShockSettings
-from ..data.active_object import read_active
-from ..data.color_data import read_colors
-from ..data.geometry_data import read_geometry
-from ..filters.flowing import flow_of_colors, flow_of_shape
-from ..operators import Filter, MeshOperator
+from .. import data, filters
+from ..operators import Filter, MeshOperator, Steps
 from ..properties import settings_from
 from . import flow_overlay
-from .flow_data import FLOW, POTENTIAL, write_flow
 
-_WORK = {
-    "geometry": (GeometrySettings, read_geometry, flow_of_shape),
-    "colors": (ShockSettings, read_colors, flow_of_colors),
-}
+_SETTINGS = {"geometry": GeometrySettings, "colors": ShockSettings}
 
 
 class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
-    """Show where the filter will pull, or hide it again."""
+    """Show where the filter will pull."""
 
     bl_idname = "shock_filter.show_flow"
     bl_label = "Show Flow"
     bl_description = (
         "Show where the filter will pull, with the panel's settings: the potential in colors over"
         " the active object, and strokes that point where values go. Both are kept in the mesh's"
-        " attributes shock_potential and shock_flow. Press again to hide them; the attributes stay"
+        " attributes shock_potential and shock_flow"
     )
     bl_options = {"UNDO"}
 
@@ -45,8 +38,6 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         ],
     )
 
-    write_object = staticmethod(write_flow)
-
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Want an active mesh object and no other run."""
@@ -57,25 +48,25 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
             return False
         return True
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Hide the flow if it is shown, else compute and show it."""
-        return {"CANCELLED"} if _hidden(context) else super().execute(context)
+    def steps(self) -> Steps:
+        """Compute the mode's flow."""
+        from .flow_data import write_flow
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Do the same, computing on a thread."""
-        return {"CANCELLED"} if _hidden(context) else super().invoke(context, event)
+        if self.mode == "geometry":
+            return Steps(data.read_geometry, filters.flow_of_shape, write_flow)
+        return Steps(data.read_colors, filters.flow_of_colors, write_flow)
 
     def read_settings(self) -> Any:
         """Read those of the panel."""
-        return settings_from(_WORK[self.mode][0], self._parameters())
+        return settings_from(_SETTINGS[self.mode], self._parameters())
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return read_active(context, _WORK[self.mode][1], self._parameters())
+        return data.read_active(context, self.steps().read, self._parameters())
 
     def filter(self, settings: Any) -> Filter:
         """Compute one object's flow."""
-        function, weld = _WORK[self.mode][2], self._parameters().weld
+        function, weld = self.steps().filter, self._parameters().weld
         return lambda surface, progress: function(surface, settings, weld, progress)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
@@ -87,6 +78,8 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the attributes."""
+        from .flow_data import FLOW, POTENTIAL
+
         (obj, _), *_ = written
         return pgettext_rpt("Wrote {potential} and {flow} to {name}, {seconds:.1f} s.").format(
             potential=POTENTIAL, flow=FLOW, name=obj.name, seconds=seconds
@@ -96,11 +89,21 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         return getattr(bpy.context.scene.shock_filter, self.mode)
 
 
-def _hidden(context: bpy.types.Context) -> bool:
-    if flow_overlay.shown_object() != context.object.name:
-        return False
-    flow_overlay.hide()
-    return True
+class SHOCK_FILTER_OT_hide_flow(bpy.types.Operator):
+    """Hide the flow; the mesh keeps it in its attributes shock_potential and shock_flow"""
+
+    bl_idname = "shock_filter.hide_flow"
+    bl_label = "Hide Flow"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a flow that is shown, on whatever object."""
+        return flow_overlay.shown_object() is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Draw it no more."""
+        flow_overlay.hide()
+        return {"FINISHED"}
 
 
-CLASSES = (SHOCK_FILTER_OT_show_flow,)
+CLASSES = (SHOCK_FILTER_OT_show_flow, SHOCK_FILTER_OT_hide_flow)

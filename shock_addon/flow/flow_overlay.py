@@ -8,13 +8,8 @@ shown, nothing is registered.
 from __future__ import annotations
 
 import bpy
-import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 from mathutils import Matrix
-
-from ..data.mesh_data import read_corner_vertices, read_positions, read_triangle_corners
-from .flow_data import read_flow
-from .flow_drawing import potential_colors, ramp, strokes
 
 _MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
 """Modes in which the mesh holds what is seen."""
@@ -100,6 +95,8 @@ def _follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _refresh(*_: object) -> None:
+    from .flow_data import read_flow
+
     obj = _shown.object()
     if obj is None or obj.type != "MESH":
         hide()
@@ -171,6 +168,10 @@ def _batches(mesh: bpy.types.Mesh) -> list:
     from gpu.shader import from_builtin
     from gpu_extras.batch import batch_for_shader
 
+    from ..data.mesh_data import read_corner_vertices, read_positions, read_triangle_corners
+    from .flow_data import read_faces, read_flow
+    from .flow_drawing import potential_colors, strokes
+
     found = read_flow(mesh)
     if found is None:
         return []
@@ -178,21 +179,11 @@ def _batches(mesh: bpy.types.Mesh) -> list:
     shader = from_builtin("SMOOTH_COLOR")
     triangles = read_corner_vertices(mesh)[read_triangle_corners(mesh)]
     colored = {"pos": read_positions(mesh), "color": potential_colors(potential)}
-    corners, colors = strokes(*_faces(mesh), flow)
+    corners, colors = strokes(*read_faces(mesh), flow)
     return [
         batch_for_shader(shader, "TRIS", colored, indices=triangles),
         batch_for_shader(shader, "TRIS", {"pos": corners, "color": colors}),
     ]
-
-
-def _faces(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    count = len(mesh.polygons)
-    centers, normals = np.empty((2, 3 * count), dtype=np.float32)
-    areas = np.empty(count, dtype=np.float32)
-    mesh.polygons.foreach_get("center", centers)
-    mesh.polygons.foreach_get("normal", normals)
-    mesh.polygons.foreach_get("area", areas)
-    return centers.reshape(-1, 3), normals.reshape(-1, 3), areas
 
 
 def _draw_legend(overlay: _Overlay) -> None:
@@ -200,29 +191,36 @@ def _draw_legend(overlay: _Overlay) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
+    from .flow_drawing import bar
+
     context = bpy.context
     if not _is_seen(overlay.object(), context.space_data):
         return
-    scale = context.preferences.system.ui_scale
-    tools = next((r.width for r in context.area.regions if r.type == "TOOLS"), 0)
-    x, y, font = tools + 20 * scale, 24 * scale, 0
+    weak = iface_("{name}: potential weak").format(name=overlay.name)
+    strong = iface_("strong; strokes point where values are pulled")
+    scale, font = context.preferences.system.ui_scale, 0
     blf.size(font, 12 * scale)
     blf.color(font, 1.0, 1.0, 1.0, 1.0)
-    x = _write(font, x, y, iface_("{name}: potential weak").format(name=overlay.name))
-    shares = np.repeat(np.linspace(0.0, 1.0, 9), 2)
-    colors = ramp(shares)
-    colors[:, 3] = 1.0
-    corners = np.stack([x + 8 * scale + 100 * scale * shares, np.full(18, y)], axis=1)
-    corners[1::2, 1] += 10 * scale
+    words = [blf.dimensions(font, text)[0] for text in (weak, strong)]
+    # At the right, since Adjust Last Operation stands at the left.
+    x = context.region.width - _covered(context.area, "UI") - 136 * scale - sum(words)
+    y = 24 * scale + _covered(context.area, "ASSET_SHELF", "ASSET_SHELF_HEADER")
+    _write(font, x, y, weak)
+    x += words[0] + 8 * scale
+    corners, colors = bar(x, y, 100 * scale, 10 * scale)
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    bar = {"pos": corners.astype(np.float32), "color": colors}
-    batch_for_shader(shader, "TRI_STRIP", bar).draw(shader)
-    _write(font, x + 116 * scale, y, iface_("strong; strokes point where values are pulled"))
+    batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "color": colors}).draw(shader)
+    _write(font, x + 108 * scale, y, strong)
 
 
-def _write(font: int, x: float, y: float, text: str) -> float:
+def _covered(area: bpy.types.Area, *kinds: str) -> int:
+    """Return how many pixels of a side regions of these kinds take, which may be hidden."""
+    regions = [region for region in area.regions if region.type in kinds]
+    return sum(region.width if region.type == "UI" else region.height for region in regions)
+
+
+def _write(font: int, x: float, y: float, text: str) -> None:
     import blf
 
     blf.position(font, x, y, 0.0)
     blf.draw(font, text)
-    return x + blf.dimensions(font, text)[0]

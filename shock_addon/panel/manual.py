@@ -37,6 +37,7 @@ _OPERATORS = {
     "dilate_texture": "textures#dilate-texture",
     "preview": "preview",
     "show_flow": "preview#show-flow",
+    "hide_flow": "preview#show-flow",
     "cancel": "panel#while-it-runs",
     "use_preset": "presets",
     **{f"{mode}_preset_add": "presets" for mode in PAGES},

@@ -6,15 +6,11 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core.settings import Setting
-from .. import jobs, kernels, obstacles, operators, statistics
-from ..data.image_data import edited_image
-from ..data.mesh_data import mesh_objects
-from ..data.texture_data import shown_image
-from ..fields import fields_of
+from .. import data, jobs, kernels, obstacles, operators, statistics
 from ..flow import flow_overlay
-from ..properties import DILATE_NAMES, NAMES, STEADY_STATE
+from ..properties import DILATE_NAMES, NAMES
 from ..skipped import Skipped
+from . import sections
 from .presets import PANELS as PRESETS
 from .wrapping import draw_text, fit
 
@@ -24,7 +20,6 @@ _DENOISE = {
 }
 """The words on the buttons that denoise, and on those that sharpen, too."""
 
-_PREVIEWED = {"denoise", "geometry", "colors"}
 _WITH_FLOW = {"geometry", "colors"}
 
 
@@ -65,7 +60,7 @@ class _MainPanel(_Panel):
         mode = self.mode(context)
         settings = self.settings(context)
         self.draw_choice(context)
-        _draw_main_settings(layout, settings, mode)
+        sections.draw_main(layout, settings, mode)
         problem = kernels.problem()
         if problem:
             draw_text(layout, context, problem, icon="ERROR")
@@ -74,6 +69,8 @@ class _MainPanel(_Panel):
             return
         obstacle = obstacles.of_mode(context, mode, settings)
         _draw_buttons(layout, context, mode, enabled=not obstacle)
+        # Else Blender draws the first line as the bar that was there, until the mouse moves.
+        layout.separator(factor=0.01)
         if obstacle:
             draw_text(layout, context, obstacle, icon="INFO")
         elif mode in operators.summaries:
@@ -91,13 +88,14 @@ class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
             settings = scene_settings.denoise
             _draw_choices(self.layout, context, settings, "target")
             if settings.target != "geometry":
-                column = _split(self.layout)
-                _draw_search(column, context, settings, "attribute", "color_attributes")
+                column = sections.split(self.layout)
+                sections.draw_search(column, context, settings, "attribute", "color_attributes")
         elif scene_settings.mode == "COLORS":
-            column = _split(self.layout)
-            _draw_search(column, context, scene_settings.colors, "attribute", "color_attributes")
+            settings, column = scene_settings.colors, sections.split(self.layout)
+            sections.draw_search(column, context, settings, "attribute", "color_attributes")
         elif scene_settings.mode == "TEXTURE":
-            _split(self.layout).prop_search(scene_settings.texture, "image", bpy.data, "images")
+            column = sections.split(self.layout)
+            column.prop_search(scene_settings.texture, "image", bpy.data, "images")
             if not scene_settings.texture.image:
                 _draw_shown_image(self.layout, context)
 
@@ -127,22 +125,8 @@ class _MaskPanel(_SubPanel):
     bl_label = "Mask"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        """Draw the group, and what the current mode adds."""
-        column = _split(self.layout)
-        _draw_search(column, context, settings, "vertex_group", "vertex_groups")
-        masks = [settings.vertex_group]
-        if self.mode(context) == "texture":
-            column.prop_search(settings, "mask_image", bpy.data, "images")
-            masks.append(settings.mask_image)
-        row = column.row()
-        row.active = any(masks)
-        row.prop(settings, "invert_mask")
-        if context.mode == "EDIT_MESH":
-            column.prop(settings, "selected_only")
-        if context.mode == "SCULPT":
-            draw_text(column, context, "The sculpt mask protects, too.", icon="INFO")
-        if context.mode in {"PAINT_VERTEX", "PAINT_TEXTURE", "PAINT_WEIGHT"}:
-            draw_text(column, context, "The paint mask protects, too.", icon="INFO")
+        """Draw what may change."""
+        sections.draw_mask(self.layout, context, settings, self.mode(context))
 
 
 class SHOCK_FILTER_PT_mask(_MaskPanel, _Panel, bpy.types.Panel):
@@ -163,16 +147,7 @@ class _OutputPanel(_SubPanel):
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw the choice."""
-        column = _split(self.layout)
-        mode = self.mode(context)
-        column.prop(settings, "output", expand=True)
-        if mode == "texture":
-            row = column.row()
-            row.active = settings.output == "NEW"
-            row.prop(settings, "assign")
-        if "mark_sharp" in NAMES[mode]:
-            _draw_switched(column, settings, "mark_sharp", "sharp_angle")
-            column.prop(settings, "custom_normals", text="Normals")
+        sections.draw_output(self.layout, settings, self.mode(context))
 
 
 class SHOCK_FILTER_PT_output(_OutputPanel, _Panel, bpy.types.Panel):
@@ -182,11 +157,10 @@ class SHOCK_FILTER_PT_output(_OutputPanel, _Panel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Denoised colors stay where they are."""
-        settings = context.scene.shock_filter
-        if settings.mode == "DENOISE" and settings.denoise.target == "colors":
-            return False
-        return super().poll(context)
+        """Colors stay where they are."""
+        return super().poll(context) and sections.has_output(
+            cls.settings(context), cls.mode(context)
+        )
 
 
 class SHOCK_FILTER_PT_image_output(_OutputPanel, _ImagePanel, bpy.types.Panel):
@@ -199,13 +173,8 @@ class _AdvancedPanel(_SubPanel):
     bl_label = "Advanced"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        """Draw the settings in the order of their description."""
-        column = _split(self.layout)
-        for name, about in _fields(settings, self.mode(context)).items():
-            if about.advanced:
-                column.prop(settings, name)
-        if "weld" in NAMES[self.mode(context)]:
-            column.prop(settings, "weld")
+        """Draw what few need."""
+        sections.draw_advanced(self.layout, settings, self.mode(context))
 
 
 class SHOCK_FILTER_PT_advanced(_AdvancedPanel, _Panel, bpy.types.Panel):
@@ -239,10 +208,12 @@ class _StatisticsPanel(_SubPanel):
         guess = statistics.expected(mode, settings, counts.size)
         if guess is not None:
             column.separator()
-            seconds = statistics.corrected(mode, guess.seconds)
-            _draw_value(column, "Time", iface_("about {}").format(_clock(seconds)))
+            seconds = statistics.corrected(mode, settings, guess.seconds)
+            _draw_value(column, "Duration", iface_("about {}").format(_clock(seconds)))
             _draw_value(column, "Memory", iface_("about {}").format(_megabytes(guess.memory)))
-        seconds = statistics.last_seconds(mode)
+            if not kernels.has_run(mode):
+                draw_text(column, context, "The first run compiles the filter, too: some seconds.")
+        seconds = statistics.last_seconds(mode, settings)
         if seconds is not None:
             column.separator()
             _draw_value(column, "Last Run", _clock(seconds))
@@ -286,17 +257,17 @@ def draw_dilate(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 def _name_edited_image(operator: bpy.types.OperatorProperties, context: bpy.types.Context) -> None:
     # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
-    image = edited_image(context)
+    image = data.edited_image(context)
     if image is not None:
         operator.image = image.name
 
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Say which image will be sharpened."""
-    if not mesh_objects(context):
+    if not data.mesh_objects(context):
         return
     try:
-        name = shown_image(context).name
+        name = data.shown_image(context).name
     except Skipped:  # the line below the button says why
         return
     layout.label(text=iface_("Shown: {}").format(name), icon="IMAGE_DATA", translate=False)
@@ -320,74 +291,30 @@ def _draw_choices(
             row.prop_enum(settings, name, item.identifier)
 
 
-def _split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = False
-    return column
-
-
-def _draw_search(
-    layout: bpy.types.UILayout,
-    context: bpy.types.Context,
-    settings: bpy.types.PropertyGroup,
-    name: str,
-    collection: str,
-) -> None:
-    """Draw a name that is looked up in the active object or its mesh."""
-    obj = context.object
-    if obj is None or obj.type != "MESH":
-        layout.prop(settings, name)
-    else:
-        owner = obj if hasattr(obj, collection) else obj.data
-        layout.prop_search(settings, name, owner, collection)
-
-
-def _draw_main_settings(
-    layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, mode: str
-) -> None:
-    column = _split(layout)
-    for name, about in _fields(settings, mode).items():
-        if about.advanced:
-            continue
-        row = column.row()
-        row.prop(settings, name)
-        if name == "time" and hasattr(settings, STEADY_STATE):
-            row.active = not settings.steady_state
-            column.prop(settings, STEADY_STATE)
-    if "then_sharpen" in NAMES[mode]:
-        _draw_switched(column, settings, "then_sharpen", "sharpen_time")
-
-
-def _draw_switched(
-    column: bpy.types.UILayout, settings: bpy.types.PropertyGroup, switch: str, value: str
-) -> None:
-    """Draw a checkbox and beside it the value that it switches on, on one line."""
-    row = column.row(heading=settings.bl_rna.properties[switch].name)
-    row.prop(settings, switch, text="")
-    field = row.row()
-    field.active = getattr(settings, switch)
-    field.prop(settings, value, text="")
-
-
 def _draw_buttons(
     layout: bpy.types.UILayout, context: bpy.types.Context, mode: str, enabled: bool
 ) -> None:
     column = layout.column()
-    column.enabled = enabled
-    main = column.column()
+    runs = column.column()
+    runs.enabled = enabled
+    main = runs.column()
     main.scale_y = 1.5
     draw_sharpen(main, context, mode)
     if mode == "texture":
-        draw_dilate(column, context)
+        draw_dilate(runs, context)
     row = column.row(align=True)
-    if mode in _PREVIEWED and context.mode == "OBJECT":
-        row.operator("shock_filter.preview").mode = mode
-    if mode in _WITH_FLOW:
-        obj = context.object
-        is_shown = obj is not None and flow_overlay.shown_object() == obj.name
-        text = "Hide Flow" if is_shown else "Show Flow"
-        row.operator("shock_filter.show_flow", text=text, depress=is_shown).mode = mode
+    if context.mode == "OBJECT" or context.space_data.type == "IMAGE_EDITOR":
+        preview = row.row(align=True)
+        preview.enabled = enabled
+        preview.operator("shock_filter.preview").mode = mode
+    shown = flow_overlay.shown_object()
+    is_active = context.object is not None and context.object.name == shown
+    if mode in _WITH_FLOW and not is_active:
+        flow = row.row(align=True)
+        flow.enabled = enabled
+        flow.operator("shock_filter.show_flow").mode = mode
+    if shown is not None and context.space_data.type == "VIEW_3D":
+        (row if is_active else column).operator("shock_filter.hide_flow")
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:
@@ -415,10 +342,6 @@ def _clock(seconds: float) -> str:
 
 def _megabytes(number: float) -> str:
     return f"{max(number / 1e6, 1.0):.0f} MB" if number < 1e9 else f"{number / 1e9:.1f} GB"
-
-
-def _fields(settings: bpy.types.PropertyGroup, mode: str) -> dict[str, Setting]:
-    return fields_of(mode, getattr(settings, "target", ""))
 
 
 CLASSES = (

@@ -10,7 +10,7 @@ from bpy.app.translations import pgettext_tip
 
 from ..fields import filter_names
 from ..properties import NAMES, label
-from .shipped_presets import SHIPPED, ShippedPreset
+from .shipped_presets import DEFAULTS, SHIPPED, ShippedPreset
 
 _OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
 
@@ -39,7 +39,7 @@ class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
         """Set the values, and the defaults of all others."""
         preset = _find(self.mode, self.name)
         if preset is None:
-            names = ", ".join(preset.name for preset in SHIPPED[self.mode])
+            names = ", ".join(preset.name for preset in _presets(self.mode))
             self.report({"ERROR"}, f"There is no preset {self.name!r}; choose one of: {names}.")
             return {"CANCELLED"}
         settings = getattr(context.scene.shock_filter, self.mode)
@@ -50,8 +50,12 @@ class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def _presets(mode: str) -> tuple[ShippedPreset, ...]:
+    return DEFAULTS, *SHIPPED[mode]
+
+
 def _find(mode: str, name: str) -> ShippedPreset | None:
-    return next((preset for preset in SHIPPED[mode] if preset.name == name), None)
+    return next((preset for preset in _presets(mode) if preset.name == name), None)
 
 
 class _ModePresets(PresetPanel):
@@ -67,7 +71,7 @@ class _ModePresets(PresetPanel):
         layout = self.layout
         layout.emboss = "PULLDOWN_MENU"
         column = layout.column(align=True)
-        for preset in SHIPPED[self.mode]:
+        for preset in _presets(self.mode):
             operator = column.operator("shock_filter.use_preset", text=preset.name)
             operator.mode, operator.name = self.mode, preset.name
         layout.separator()

@@ -4,12 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 
-@dataclass(frozen=True)
-class ShippedPreset:
+class ShippedPreset(NamedTuple):
     """A named set of a mode's settings.
 
     Attributes
@@ -26,6 +24,9 @@ class ShippedPreset:
     reason: str
     values: Mapping[str, Any]
 
+
+DEFAULTS = ShippedPreset("Defaults", "Sets everything back to what it is at first", {})
+"""A preset of each mode, above the others."""
 
 _PAINTERLY = {"steady_state": True, "smoothing_passes": 4}
 

@@ -3,44 +3,66 @@
 
 Each file in ``locale/`` is named after Blender's code of a language and maps the English texts
 of the interface to those of the language. Texts that Blender knows itself are shown in Blender's
-words, where it has them.
+words, where it has them. Only the language in use is read.
 """
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import bpy
+from bpy.app.handlers import persistent
 
 _FOLDER = Path(__file__).parent / "locale"
 
 
-def tables() -> dict[str, dict[tuple[str, str], str]]:
-    """Read all languages, as Blender wants them.
+def table(language: str) -> dict[tuple[str, str], str]:
+    """Read a language, as Blender wants it.
+
+    Parameters
+    ----------
+    language : str
+        Blender's code of it.
 
     Returns
     -------
     dict
-        For each code of a language, what ``(context, English)`` means. Blender looks up the
-        words on buttons in another context than all other words.
+        What ``(context, English)`` means; empty if there is no file of the language. Blender
+        looks up the words on buttons in another context than all other words.
     """
+    path = _FOLDER / f"{language}.json"
+    if not path.is_file():
+        return {}
+    import json
+
     contexts = bpy.app.translations.contexts
     return {
-        path.stem: {
-            (context, english): text
-            for english, text in json.loads(path.read_text(encoding="utf-8")).items()
-            for context in (contexts.default, contexts.operator_default)
-        }
-        for path in sorted(_FOLDER.glob("*.json"))
+        (context, english): text
+        for english, text in json.loads(path.read_text(encoding="utf-8")).items()
+        for context in (contexts.default, contexts.operator_default)
     }
 
 
 def register() -> None:
-    """Hand the texts to Blender."""
-    bpy.app.translations.register(__package__, tables())
+    """Hand the texts to Blender, now and whenever another language is chosen."""
+    bpy.app.handlers.translation_update_post.append(_change_language)
+    _hand_over()
 
 
 def unregister() -> None:
     """Take them back."""
+    handlers = bpy.app.handlers.translation_update_post
+    if _change_language in handlers:  # other add-ons may clear such lists
+        handlers.remove(_change_language)
     bpy.app.translations.unregister(__package__)
+
+
+@persistent
+def _change_language(*_: object) -> None:
+    bpy.app.translations.unregister(__package__)
+    _hand_over()
+
+
+def _hand_over() -> None:
+    language = bpy.app.translations.locale
+    bpy.app.translations.register(__package__, {language: table(language)})

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 
 import bpy
 from bpy.app.translations import pgettext_iface
@@ -18,7 +17,8 @@ _ICON = 40.0  # pixels, with some to spare for wide letters
 # Chinese and Japanese may break after each letter, but not before closing marks.
 _WIDE = "\u2e80-\u9fff\uf900-\ufaff\uff00-\uffef"
 _CLOSING = "\u3001\u3002\u300d\u201d\uff09\uff0c\uff1a\uff1b"
-_UNIT = re.compile(rf"(?:[{_WIDE}]|[^\s{_WIDE}]+)[{_CLOSING}]*\s*")
+_UNIT = rf"(?:[{_WIDE}]|[^\s{_WIDE}]+(?:(?<=\d) (?:s\b|秒)[^\s{_WIDE}]*)?)[{_CLOSING}]*\s*"
+"""What stays on one line: a word, or a number of seconds with its unit."""
 
 
 def draw_text(
@@ -46,7 +46,7 @@ def fit(context: bpy.types.Context, words: list[str]) -> bool:
 def wrap(text: str, letters: int) -> list[str]:
     """Break a text into lines; Chinese and Japanese letters are wider."""
     lines = [""]
-    for unit in _UNIT.findall(text):
+    for unit in re.findall(_UNIT, text):
         if lines[-1] and _width(lines[-1] + unit.rstrip()) > letters:
             lines.append("")
         lines[-1] += unit
@@ -58,5 +58,7 @@ def _room(context: bpy.types.Context) -> float:
 
 
 def _width(text: str) -> float:
+    import unicodedata
+
     wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
     return len(text) + (_WIDE_LETTER - 1.0) * wide

@@ -29,14 +29,20 @@ ICONS = FUNCTIONS["label"].parameters["icon"].enum_items.keys()
 class Layout:
     """Records what is drawn; refuses what Blender's layout would refuse."""
 
-    def __init__(self, drawn=None, enabled=None):
-        super().__setattr__("drawn", [] if drawn is None else drawn)
-        super().__setattr__("enabled", [] if enabled is None else enabled)
+    unfolds = False
+
+    def __init__(self, above=None):
+        for name, value in (("drawn", []), ("enabled", []), ("usable", True), ("gray", [])):
+            super().__setattr__(name, getattr(above, name) if above else value)
+
+    def _below(self):
+        return Layout(self)
 
     def __setattr__(self, name, value):
         assert name in bpy.types.UILayout.bl_rna.properties, name
         if name == "enabled":
             self.enabled.append(value)
+            super().__setattr__("usable", self.usable and value)
 
     def __getattr__(self, function):
         known = FUNCTIONS[function].parameters.keys()
@@ -47,15 +53,21 @@ class Layout:
             if function in {"prop", "prop_search"}:
                 assert arguments[1] in arguments[0].bl_rna.properties
                 self.drawn.append((function, arguments[1]))
-                return Layout(self.drawn, self.enabled)
+                return self._below()
             text = options.get("text", arguments[1] if len(arguments) > 1 else arguments[:1])
             text = options.get("panel", text)
             self.drawn.append((function, text))
+            if not self.usable:
+                self.gray.append(text)
+            if function == "panel":
+                assert options["default_closed"]
+                body = self._below() if self.unfolds else None
+                return self._below(), body
             if function == "operator":
                 operator = SimpleNamespace()
                 self.drawn.append(("set", operator))
                 return operator
-            return Layout(self.drawn, self.enabled)
+            return self._below()
 
         return call
 
@@ -94,7 +106,7 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
     assert words(drawn, "operator") == [
         ("shock_filter.sharpen_geometry",),
         ("shock_filter.preview",),
-        "Show Flow",
+        ("shock_filter.show_flow",),
     ]
 
 
@@ -121,21 +133,109 @@ def test_the_closed_panels_show_the_rest(rounded_box):
         draw(panels.SHOCK_FILTER_PT_mask), "label"))  # fmt: skip
 
 
+def test_the_radius_is_gray_while_the_fidelity_counts(monkeypatch):
+    active = []
+    note = Layout.__setattr__
+
+    def record(self, name, value):
+        note(self, name, value)
+        if name == "active":
+            active.append(value)
+
+    monkeypatch.setattr(Layout, "__setattr__", record)
+    draw(panels.SHOCK_FILTER_PT_advanced)
+    assert all(active)
+    bpy.context.scene.shock_filter.geometry.fidelity = 10.0
+    draw(panels.SHOCK_FILTER_PT_advanced)
+    assert active.count(False) == 1
+
+
 def test_the_button_carries_the_panels_settings():
     settings = bpy.context.scene.shock_filter.geometry
     settings.repeat = 7
     settings.output = "SHAPE_KEY"
-    for menu, drawn in enumerate((draw(panels.SHOCK_FILTER_PT_main), entry())):
+    for menu, drawn in enumerate((draw(panels.SHOCK_FILTER_PT_main), filters_menu())):
         carried = words(drawn, "set")[-1 if menu else 0]
         assert carried.repeat == 7
         assert carried.output == "SHAPE_KEY"
         assert carried.time == pytest.approx(ABOUT["time"][1])
 
 
-def entry(menu="VIEW3D_MT_edit_mesh"):
+class Unfolded(Layout):
+    """With all sections open."""
+
+    unfolds = True
+
+
+def after_run(name, layout, **parameters):
+    """Draw what Adjust Last Operation shows."""
+    properties = bpy.context.window_manager.operator_properties_last(f"shock_filter.{name}")
+    for key, value in parameters.items():
+        setattr(properties, key, value)
+    operator = bpy.types.Operator.bl_rna_get_subclass_py(f"SHOCK_FILTER_OT_{name}")
+    context = SimpleNamespace(object=bpy.context.object, mode=bpy.context.mode)
+    self = SimpleNamespace(layout=layout, properties=properties, mode=getattr(operator, "mode", ""))
+    operator.draw(self, context)
+    return [about.identifier for about in properties.bl_rna.properties if not about.is_hidden]
+
+
+def test_the_main_settings_come_first_after_a_run_and_the_others_are_folded():
+    layout = Layout()
+    after_run("sharpen_geometry", layout)
+    main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
+    assert words(layout.drawn, "prop") == [main[0], "steady_state", *main[1:]]
+    assert words(layout.drawn, "label") == ["Mask", "Output", "Advanced"]
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("sharpen_geometry", {}),
+        ("sharpen_colors", {}),
+        ("sharpen_texture", {}),
+        ("dilate_texture", {}),
+        ("sharpen_image", {}),
+        ("denoise_image", {}),
+        ("denoise", {"target": "geometry"}),
+        ("denoise", {"target": "colors"}),
+        ("denoise", {"target": "both"}),
+    ],
+)
+def test_all_parameters_can_be_changed_after_a_run(rounded_box, name, parameters):
+    rounded_box()
+    layout = Unfolded()
+    known = after_run(name, layout, **parameters)
+    shown = words(layout.drawn, "prop") + words(layout.drawn, "prop_search")
+    assert len(set(shown)) == len(shown)
+    if parameters:
+        known = ["target", *properties.denoise_names(parameters["target"])]
+    assert set(known) - set(shown) <= {"selected_only", "rna_type", "target"}
+    assert set(shown) <= set(known)
+
+
+def test_a_selection_can_be_changed_after_a_run_in_edit_mode(rounded_box):
+    rounded_box()
+    bpy.ops.object.mode_set(mode="EDIT")
+    layout = Unfolded()
+    after_run("sharpen_colors", layout)
+    assert "selected_only" in words(layout.drawn, "prop")
+
+
+def filters_menu(mode="EDIT_MESH", space="VIEW_3D"):
+    """Draw the menu of filters."""
+    layout = Layout()
+    context = SimpleNamespace(
+        mode=mode, scene=bpy.context.scene, space_data=SimpleNamespace(type=space, image=None)
+    )
+    menus.SHOCK_FILTER_MT_filters.draw(SimpleNamespace(layout=layout), context)
+    return layout.drawn
+
+
+def entry(menu):
+    """Draw what stands in one of Blender's menus."""
     layout = Layout()
     menus.ENTRIES[menu](SimpleNamespace(layout=layout), bpy.context)
-    return layout.drawn
+    return words(layout.drawn, "menu")
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -145,8 +245,8 @@ def test_each_mode_draws_its_settings_and_its_button(mode, rounded_box):
     drawn = draw(main)
     operators = [(f"shock_filter.sharpen_{mode}",)]
     operators += [("shock_filter.dilate_texture",)] * (mode == "texture")
-    if mode in ("geometry", "colors"):
-        operators += [("shock_filter.preview",), "Show Flow"]
+    operators += [("shock_filter.preview",)]
+    operators += [("shock_filter.show_flow",)] * (mode in ("geometry", "colors"))
     assert words(drawn, "operator") == operators
     for panel in others:
         drawn += draw(panel)
@@ -225,20 +325,27 @@ def test_the_image_editor_says_why_an_image_cannot_be_sharpened():
 
 
 @pytest.mark.parametrize(
-    ("menu", "modes"),
+    ("mode", "space", "modes"),
     [
-        ("VIEW3D_MT_object", ["geometry", "colors", "texture"]),
-        ("VIEW3D_MT_edit_mesh", ["geometry"]),
-        ("VIEW3D_MT_sculpt", ["geometry"]),
-        ("VIEW3D_MT_paint_vertex", ["colors"]),
-        ("IMAGE_MT_image", ["image", "texture"]),
+        ("OBJECT", "VIEW_3D", ["geometry", "colors", "texture"]),
+        ("EDIT_MESH", "VIEW_3D", ["geometry"]),
+        ("SCULPT", "VIEW_3D", ["geometry"]),
+        ("PAINT_VERTEX", "VIEW_3D", ["colors"]),
+        ("OBJECT", "IMAGE_EDITOR", ["image", "texture"]),
+        ("EDIT_MESH", "IMAGE_EDITOR", ["image", "texture"]),
     ],
 )
-def test_each_menu_has_its_entries(menu, modes):
-    drawn = words(entry(menu), "operator")
+def test_the_menu_has_the_modes_filters(mode, space, modes):
+    drawn = words(filters_menu(mode, space), "operator")
     wanted = ["Denoise Image" if "image" in modes else "Denoise"]
     wanted += [(f"shock_filter.sharpen_{mode}",) for mode in modes]
     assert drawn == wanted + [("shock_filter.dilate_texture",)] * ("texture" in modes)
+
+
+def test_the_menu_stands_in_blenders_own():
+    for menu in ("object", "edit_mesh", "sculpt", "paint_vertex"):
+        assert entry(f"VIEW3D_MT_{menu}") == [("SHOCK_FILTER_MT_filters",)]
+    assert entry("IMAGE_MT_image") == [("SHOCK_FILTER_MT_filters",)]
 
 
 def test_the_panel_says_what_is_wrong(monkeypatch, rounded_box):
@@ -268,7 +375,27 @@ def test_the_panel_shows_the_progress(monkeypatch):
 def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):
     box = rounded_box()
     monkeypatch.setattr(flow_overlay, "shown_object", lambda: box.name)
-    assert "Hide Flow" in words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+    assert shown[-1] == ("shock_filter.hide_flow",)
+    assert ("shock_filter.show_flow",) not in shown
+    rounded_box(location=(4, 0, 0))
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+    assert shown[-2:] == [("shock_filter.show_flow",), ("shock_filter.hide_flow",)]
+
+
+@pytest.mark.parametrize("mode", ["GEOMETRY", "COLORS", "TEXTURE", "DENOISE"])
+def test_the_flow_can_be_hidden_in_each_mode_whatever_is_selected(monkeypatch, rounded_box, mode):
+    box = rounded_box()
+    box.select_set(False)
+    box.data.clear_geometry()
+    monkeypatch.setattr(flow_overlay, "shown_object", lambda: box.name)
+    bpy.context.scene.shock_filter.mode = mode
+    layout = Layout()
+    shown = words(draw(panels.SHOCK_FILTER_PT_main, layout=layout), "operator")
+    assert ("shock_filter.hide_flow",) in shown
+    assert ("shock_filter.hide_flow",) not in layout.gray
+    assert ("shock_filter.preview",) in layout.gray
+    assert bpy.ops.shock_filter.hide_flow.poll()
 
 
 def test_preview_is_offered_in_object_mode_only(rounded_box):
@@ -276,7 +403,7 @@ def test_preview_is_offered_in_object_mode_only(rounded_box):
     bpy.ops.object.mode_set(mode="SCULPT")
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
     assert ("shock_filter.preview",) not in shown
-    assert "Show Flow" in shown
+    assert ("shock_filter.show_flow",) in shown
 
 
 def test_no_name_is_wider_than_the_sidebar():
@@ -315,6 +442,49 @@ def test_the_panel_says_why_nothing_can_be_run(rounded_box, monkeypatch):
     assert reason() == ("The mesh has no faces; add some, or select another object.", False)
 
 
+def test_the_panel_says_that_the_mesh_is_linked(rounded_box, tmp_path, monkeypatch):
+    monkeypatch.setattr(operators, "summaries", {})
+    box = rounded_box()
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {box.data})
+    with bpy.data.libraries.load(path, link=True) as (found, wanted):
+        wanted.meshes = found.meshes
+    box.data = wanted.meshes[0]
+    for mode in ("GEOMETRY", "DENOISE"):
+        bpy.context.scene.shock_filter.mode = mode
+        said, can_run = reason()
+        assert said.startswith("Cube: its mesh is linked from another file; make it local first")
+        assert not can_run
+    rounded_box(location=(4, 0, 0)).select_set(True)
+    box.select_set(True)
+    assert reason() == ("", True)
+
+
+def test_the_image_editor_asks_for_a_mesh_with_the_texture():
+    image = bpy.data.images.new("Plain", 4, 4)
+    bpy.context.scene.shock_filter.image_mode = "TEXTURE"
+    said, can_run = reason(panels.SHOCK_FILTER_PT_image_main, image)
+    assert (said, can_run) == ("Select a mesh object that shows this image.", False)
+
+
+def test_the_panel_says_what_failed_and_what_was_left_out(rounded_box, select):
+    good, bad = rounded_box(), rounded_box(location=(4, 0, 0))
+    bad.name = "Bad"
+    bad.data.vertices[0].co.x = float("nan")
+    good.modifiers.new("Finer", "SUBSURF")
+    select(good, bad)
+    bpy.ops.shock_filter.sharpen_geometry()
+    text = operators.summaries["geometry"]
+    assert text.startswith("Sharpened 1 mesh: ")
+    assert "Modifiers were left in place" in text
+    assert "Skipped Bad: " in text
+    assert text == " ".join(words(draw(panels.SHOCK_FILTER_PT_main), "label"))
+    select(bad)
+    with pytest.raises(RuntimeError, match="Skipped Bad"):
+        bpy.ops.shock_filter.sharpen_geometry()
+    assert operators.summaries["geometry"].startswith("Skipped Bad: Vertex 0 has no valid position")
+
+
 def test_the_image_editor_says_why_nothing_can_be_run(monkeypatch):
     monkeypatch.setattr(operators, "summaries", {})
     main = panels.SHOCK_FILTER_PT_image_main
@@ -329,25 +499,27 @@ def test_the_image_editor_says_why_nothing_can_be_run(monkeypatch):
     )
 
 
-def test_statistics_count_and_estimate(rounded_box):
+def test_statistics_count_and_estimate(rounded_box, monkeypatch):
     statistics.forget()
     rounded_box()
     drawn = words(draw(panels.SHOCK_FILTER_PT_statistics), "label")
     assert drawn[:6] == ["Meshes", "1", "Vertices", "866", "Faces", "864"]
-    assert drawn[6:] == ["Time", "about 0.1 s", "Memory", "about 1 MB"]
+    assert drawn[6:] == ["Duration", "about 0.1 s", "Memory", "about 1 MB"]
+    monkeypatch.setattr(kernels, "has_run", lambda mode: mode != "geometry")
+    drawn = words(draw(panels.SHOCK_FILTER_PT_statistics), "label")
+    assert " ".join(drawn[10:]) == "The first run compiles the filter, too: some seconds."
+    monkeypatch.undo()
     bpy.ops.shock_filter.sharpen_geometry()
     drawn = words(draw(panels.SHOCK_FILTER_PT_statistics), "label")
     assert drawn[-2] == "Last Run"
     assert drawn[-1].endswith((" s", " min"))
 
 
-def test_texture_paint_mode_has_a_menu_in_its_header(rounded_box):
+def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
     rounded_box()
     bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
-    assert words(entry("VIEW3D_MT_editor_menus"), "menu") == [("SHOCK_FILTER_MT_texture_paint",)]
-    layout = Layout()
-    menus.SHOCK_FILTER_MT_texture_paint.draw(SimpleNamespace(layout=layout), bpy.context)
-    assert words(layout.drawn, "operator") == [
+    assert entry("VIEW3D_MT_editor_menus") == [("SHOCK_FILTER_MT_filters",)]
+    assert words(filters_menu("PAINT_TEXTURE"), "operator") == [
         ("shock_filter.sharpen_texture",),
         ("shock_filter.dilate_texture",),
     ]
@@ -391,10 +563,12 @@ def test_the_image_editors_buttons_name_the_image_that_is_seen():
     bpy.context.scene.shock_filter.texture.image = "Other"
     bpy.context.scene.shock_filter.texture.gutter = 3
     main, _ = texture_panels(editor=True)
-    for carried in words(draw(main, image=image), "set"):
+    *both, preview = words(draw(main, image=image), "set")
+    for carried in both:
         assert (carried.image, carried.gutter) == ("Seen", 3)
+    assert preview.mode == "texture"
     main, _ = texture_panels(editor=False)
-    for carried in words(draw(main), "set"):
+    for carried in words(draw(main), "set")[:2]:
         assert carried.image == "Other"
 
 

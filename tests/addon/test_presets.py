@@ -100,8 +100,17 @@ def test_a_shipped_preset_sets_the_filter_and_nothing_else(mode, preset):
     assert {name: getattr(settings, name) for name in kept} == kept
 
 
+@pytest.mark.parametrize("mode", NAMES)
+def test_the_first_preset_is_the_defaults(mode):
+    settings = getattr(bpy.context.scene.shock_filter, mode)
+    defaults = {name: getattr(settings, name) for name in filter_names(mode)}
+    settings.time = 77.0
+    assert bpy.ops.shock_filter.use_preset(mode=mode, name="Defaults") == {"FINISHED"}
+    assert {name: getattr(settings, name) for name in filter_names(mode)} == defaults
+
+
 def test_a_preset_that_is_not_there_is_named():
-    with pytest.raises(RuntimeError, match=r"no preset 'Nine'; choose one of: Subtle, Crisp"):
+    with pytest.raises(RuntimeError, match=r"'Nine'; choose one of: Defaults, Subtle, Crisp"):
         bpy.ops.shock_filter.use_preset(mode="geometry", name="Nine")
 
 

@@ -113,5 +113,21 @@ def test_steady_state_is_an_infinite_time():
 
 
 def test_contradictions_are_the_cores_error():
-    with pytest.raises(InvalidSettings, match="give only one"):
-        properties.settings_from(GeometrySettings, values(screening_radius=2.0, fidelity=1.0))
+    of_colors = panel_settings("colors")
+    of_colors.scheme, of_colors.steady_state = "composed", True
+    with pytest.raises(InvalidSettings, match="give at most"):
+        properties.settings_from(ShockSettings, of_colors)
+
+
+def test_fidelity_counts_instead_of_the_radius():
+    read = properties.settings_from(GeometrySettings, values(screening_radius=3.0, fidelity=100.0))
+    assert read == GeometrySettings(fidelity=100.0)
+    read = properties.settings_from(GeometrySettings, values(screening_radius=3.0))
+    assert read == GeometrySettings(screening_radius=3.0)
+
+
+@pytest.mark.parametrize(("mode", "step"), [("geometry", 16.0), ("image", 1.0)])
+def test_a_click_changes_the_time_by_a_part_of_the_default(mode, step):
+    time = getattr(bpy.context.scene.shock_filter, mode).bl_rna.properties["time"]
+    assert time.step / 100 == pytest.approx(step)
+    assert time.precision == 1

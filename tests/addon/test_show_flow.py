@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator Show Flow, and what the overlay draws."""
+"""The operators Show Flow and Hide Flow, and what the overlay draws."""
 
 from types import SimpleNamespace
 
@@ -21,6 +21,7 @@ from shock_filter.shock_addon.flow.flow_data import read_flow
 from shock_filter.shock_addon.flow.flow_drawing import MOST_STROKES, potential_colors, strokes
 
 show_flow = bpy.ops.shock_filter.show_flow
+hide_flow = bpy.ops.shock_filter.hide_flow
 
 
 def centers(mesh):
@@ -171,13 +172,16 @@ def registered():
     ]
 
 
-def test_pressing_again_hides_the_flow_and_keeps_the_attributes(rounded_box, window):
+def test_hiding_the_flow_keeps_the_attributes(rounded_box, window):
     box = rounded_box()
     assert show_flow() == {"FINISHED"}
     assert flow_overlay.shown_object() == box.name
     assert window.handlers == ["POST_VIEW", "POST_PIXEL"]
     assert len(registered()) == 3
-    assert show_flow() == {"CANCELLED"}
+    box.select_set(False)
+    bpy.context.view_layer.objects.active = None
+    assert hide_flow() == {"FINISHED"}
+    assert not hide_flow.poll()
     assert flow_overlay.shown_object() is None
     assert window.handlers == []
     assert registered() == []

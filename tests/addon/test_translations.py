@@ -2,7 +2,7 @@
 """Each text of the interface is there in each language, once, and says the same numbers.
 
 Blender as a Python module is built without languages: that the texts are shown is tested in a real
-Blender, by ``tests/gui/test_words.py``.
+Blender, by ``tests/gui/test_languages.py``.
 """
 
 import ast
@@ -12,12 +12,15 @@ import json
 import re
 import unicodedata
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 import shock_filter
+from shock_filter import core
 from shock_filter.shock_addon.panel import translations
-from shock_filter.shock_addon.panel.shipped_presets import SHIPPED
+from shock_filter.shock_addon.panel.shipped_presets import DEFAULTS, SHIPPED
 
 ROOT = Path(shock_filter.__file__).parent
 FILES = sorted((ROOT / "shock_addon" / "panel" / "locale").glob("*.json"))
@@ -32,6 +35,7 @@ SHOWN_ARGUMENTS = {
     "describe": (1, 2),
     "counted": (1, 2),
     "report": (1,),
+    "tell": (1,),
     "draw_link": (1,),
     "draw_text": (2,),
     "progress": (1,),
@@ -39,11 +43,14 @@ SHOWN_ARGUMENTS = {
 }
 """Functions that look words up or hand them on to Blender, and in which arguments these are."""
 
-SENTENCES = {"flow_operator.py", "jobs.py", "obstacles.py", "operators.py", "preview.py"}
+SENTENCES = {"flow_operator.py", "jobs.py", "obstacles.py", "operators.py", "preview_operator.py"}
 """Files whose sentences are all shown."""
 
-WORDS = {"panels.py"}
+WORDS = {"panels.py", "sections.py"}
 """Files whose words are all shown."""
+
+REASONS = {"chosen.py"}
+"""Files whose reasons to skip something are all shown."""
 
 
 def texts_of(rna):
@@ -137,12 +144,23 @@ def texts_of_code():
                     yield from strings(default)
         if path.name in SENTENCES:
             yield from (text for text in strings(tree) if re.match("[A-Z].* .*[.]$", text))
+        if path.name in REASONS:
+            yield from (text for text in strings(tree) if re.match("it .*; ", text))
         if path.name in WORDS:
             yield from (text for text in strings(tree) if re.match("[A-Z][a-z]", text))
 
 
+def texts_of_errors():
+    """List what the core's errors say, if they carry values, which is for the add-on alone."""
+    for path, tree in code():
+        if "core" in path.relative_to(ROOT).parts:
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Raise) and getattr(node.exc, "keywords", []):
+                    yield from strings(node.exc.args[0])
+
+
 def texts_of_presets():
-    for presets in SHIPPED.values():
+    for presets in ([DEFAULTS], *SHIPPED.values()):
         for preset in presets:
             yield preset.name
             yield preset.reason
@@ -151,7 +169,7 @@ def texts_of_presets():
 @pytest.fixture(scope="module")
 def texts(addon):
     """Return all that is shown."""
-    found = [*texts_of_types(), *texts_of_code(), *texts_of_presets()]
+    found = [*texts_of_types(), *texts_of_code(), *texts_of_errors(), *texts_of_presets()]
     return {text for text in found if re.search("[a-z]{2}", text)}
 
 
@@ -178,6 +196,38 @@ def test_languages_are_those_that_blender_knows():
 def test_no_text_is_missing(path, texts):
     missing = sorted(texts - set(read(path)))
     assert not missing, "\n".join(missing)
+
+
+TRIANGLE, FACES = np.eye(3), [[0, 1, 2]]
+FLAT = np.zeros((1, 3, 2))
+
+
+def atlas(uv):
+    return core.TextureAtlas(core.TriangleMesh(TRIANGLE, FACES), uv, 8, 8)
+
+
+@pytest.mark.parametrize(
+    "fail",
+    [
+        lambda: core.TriangleMesh(TRIANGLE * 1e200, FACES),
+        lambda: core.TriangleMesh(TRIANGLE * np.nan, FACES),
+        lambda: core.TriangleMesh(TRIANGLE, [[0, 1, 1]]),
+        lambda: atlas(FLAT),
+        lambda: atlas(FLAT + np.nan),
+        lambda: atlas(FLAT + 1e7),
+        lambda: atlas(TRIANGLE[None, :, :2] * 1e5),
+        lambda: core.sharpen_image(np.full((4, 4), np.nan)),
+        lambda: core.sharpen_image(np.ones((4, 4)), progress=lambda *_: False),
+        lambda: core.GeometrySettings(fidelity=1.0, screening_radius=2.0),
+        lambda: core.ShockSettings(scheme="composed", time=1e9),
+        lambda: core.BeltramiSettings(window=4),
+    ],
+)
+def test_errors_of_the_core_are_translated(fail):
+    with pytest.raises(core.ShockError) as caught:
+        fail()
+    sentence = caught.value.sentence
+    assert [path.stem for path in FILES if sentence not in read(path)] == [], sentence
 
 
 @each_language
@@ -234,6 +284,28 @@ def test_texts_have_the_same_order_in_all_languages():
 
 def test_blender_finds_words_on_buttons_and_all_others():
     for path in FILES:
-        table = translations.tables()[path.stem]
+        table = translations.table(path.stem)
         for english, text in read(path).items():
             assert table["*", english] == table["Operator", english] == text
+
+
+def test_only_the_language_in_use_is_handed_over(monkeypatch):
+    tables = {}
+    fake = SimpleNamespace(
+        locale="en_US",
+        contexts=bpy.app.translations.contexts,
+        register=lambda name, texts: tables.update({name: texts}),
+        unregister=tables.pop,
+    )
+    app = SimpleNamespace(translations=fake, handlers=bpy.app.handlers)
+    monkeypatch.setattr(translations, "bpy", SimpleNamespace(app=app))
+    tables[translations.__package__] = {}
+    bpy.ops.wm.read_homefile(use_empty=True)  # drops handlers that are not persistent
+    handlers = bpy.app.handlers.translation_update_post
+    (changed,) = [each for each in handlers if each.__module__ == translations.__name__]
+    for language, some in (("de_DE", True), ("en_US", False), ("ja_JP", True)):
+        fake.locale = language
+        changed(None, None)
+        ((handed,),) = [list(texts.items()) for texts in tables.values()]
+        assert handed == (language, translations.table(language))
+        assert bool(handed[1]) == some

@@ -60,3 +60,11 @@ def test_choices_that_blender_would_cut_at_the_default_width_do_not_fit(choices,
 
 def test_nothing_is_nothing():
     assert wrap("", 16) == [""]
+
+
+@pytest.mark.parametrize("text", ["It took about 0.4 s.", "12 s, and 30 s more", "約 0.4 s。"])
+def test_seconds_stay_beside_their_number(text):
+    for letters in range(8, len(text) + 1):
+        lines = wrap(text, letters)
+        assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+        assert not any(line.startswith("s") for line in lines)

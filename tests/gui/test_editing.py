@@ -17,9 +17,21 @@ def test_scenario_ran_to_its_end(report):
 
 def test_dragging_the_time_after_the_run_filters_again(report):
     seen = report["redo_panel"]
-    assert seen["numbers"] >= 3
+    assert 3 <= seen["numbers"] < 8  # the others are folded
     assert seen["first"]["positions"] != report["start"]["positions"]
     assert seen["time"] > 16.0
+    assert seen["dragged"]["positions"] not in {
+        seen["first"]["positions"],
+        report["start"]["positions"],
+    }
+    assert seen["undone"] == report["start"]
+
+
+def test_a_folded_section_opens_and_its_numbers_work(report):
+    seen = report["section"]
+    folded, unfolded = seen["numbers"]
+    assert (folded, unfolded) == (3, 8)
+    assert seen["radius"] != 5.0
     assert seen["dragged"]["positions"] not in {
         seen["first"]["positions"],
         report["start"]["positions"],
@@ -56,3 +68,8 @@ def test_menu_runs_the_operator(report):
 def test_preset_is_chosen_from_the_list(report):
     seen = report["preset"]
     assert seen["chosen"] != seen["start"]
+
+
+def test_repeating_starts_from_the_replaced_pixels(report):
+    seen = report["repeated"]
+    assert seen["repeated"] == seen["twice"] != seen["once"]

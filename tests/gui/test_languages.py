@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tab speaks the language that Blender is set to."""
+"""The extension speaks the language that Blender is set to, while it is enabled."""
 
 import pytest
 
@@ -15,11 +15,23 @@ def test_scenario_ran_to_its_end(report):
     assert "Traceback" not in report["output"]
 
 
-@pytest.mark.parametrize("language", ["de", "ja", "zh_HANS"])
+def test_blender_knows_all_languages(report):
+    assert report["unknown"] == []
+
+
+def test_no_text_stays_english(report):
+    assert len(report["english"]) >= 3
+    assert {language: texts for language, texts in report["english"].items() if texts} == {}
+
+
+@pytest.mark.parametrize("language", ["de_DE", "ja_JP", "zh_HANS"])
 def test_tab_is_translated(report, language):
-    assert report[language]["label"] != "Sharpen Geometry"
-    assert report[language]["changed_pixels"] > 300
+    assert report["changed_pixels"][language] > 300
 
 
 def test_english_comes_back(report):
     assert report["left_pixels"] == 0
+
+
+def test_disabling_takes_the_texts_back(report):
+    assert report["switched"] == ["Geometrie schärfen", "Sharpen Geometry"] * 2

@@ -20,8 +20,10 @@ from harness import (
     over,
     park,
     picture,
+    pixels,
     positions,
     press,
+    region,
     report,
     run,
     type_text,
@@ -39,6 +41,7 @@ def scenario() -> Steps:
     bpy.ops.ed.undo_push(message="Start")
     report["start"] = state()
     yield from drag_in_last_operators_panel()
+    yield from drag_in_folded_section()
     yield from search()
     for mode, operator, settings in (
         ("EDIT", "sharpen_geometry", {}),
@@ -49,6 +52,7 @@ def scenario() -> Steps:
         yield from in_mode(mode, operator, settings, report[mode])
     yield from from_menu()
     yield from from_preset()
+    yield from repeat_on_image()
 
 
 def drag_in_last_operators_panel() -> Steps:
@@ -79,6 +83,34 @@ def drag_in_last_operators_panel() -> Steps:
     x, y = 0.747 * window.width, window.height - 12
     yield from click((x, y, x, y))
     yield DRAWN
+    yield from mark("num", False)
+    yield from park()
+    yield from press("ctrl+z")
+    seen["undone"] = state()
+
+
+def drag_in_folded_section() -> Steps:
+    """Run, open the panel in the view's corner and its last section, drag a number there, undo."""
+    seen = report["section"] = {}
+    run("sharpen_geometry", time=16.0)
+    yield from finished()
+    panel = region("VIEW_3D", "HUD")
+    yield from click((panel.x, panel.y, panel.x + 120, panel.y + panel.height))
+    yield from park()
+    yield DRAWN
+    picture("last-operation", panel)
+    seen["first"] = state()
+    yield from mark("num", True)
+    folded = marked(panel)
+    last_title = panel.x, panel.y + 10, panel.x + 150, panel.y + 22
+    yield from click(last_title)
+    yield from park()
+    yield DRAWN
+    unfolded = marked(panel)
+    seen["numbers"] = len(folded), len(unfolded)
+    yield from drag(unfolded[len(folded)], 60)
+    seen["radius"] = bpy.context.window_manager.operators[-1].properties.screening_radius
+    seen["dragged"] = state()
     yield from mark("num", False)
     yield from park()
     yield from press("ctrl+z")
@@ -127,6 +159,7 @@ def from_preset() -> Steps:
     """Click on the entry of the list of presets that Blender puts under the mouse."""
     seen = report["preset"] = {}
     settings = bpy.context.scene.shock_filter.geometry
+    settings.time = 77.0  # which each of them changes, the defaults, too
     with over():
         bpy.ops.object.mode_set(mode="OBJECT")
     yield from park()
@@ -140,6 +173,26 @@ def from_preset() -> Steps:
     seen["chosen"] = values(settings)
 
 
+def repeat_on_image() -> Steps:
+    """Replace an image's pixels, and once more with Shift R."""
+    seen = report["repeated"] = {}
+    area("VIEW_3D").type = "IMAGE_EDITOR"
+    yield DRAWN
+    photo, twice = scene.add_image("Photo"), scene.add_image("Twice")
+    area("IMAGE_EDITOR").spaces.active.image = photo
+    settings = {"time": 16.0, "output": "REPLACE"}
+    run("sharpen_image", "IMAGE_EDITOR", image="Photo", **settings)
+    yield from finished()
+    seen["once"] = pixels(photo)
+    yield from park("IMAGE_EDITOR")
+    yield from press("shift+r")
+    yield from finished()
+    seen["repeated"] = pixels(photo)
+    for _ in range(2):
+        bpy.ops.shock_filter.sharpen_image(image="Twice", **settings)
+    seen["twice"] = pixels(twice)
+
+
 def values(settings: bpy.types.PropertyGroup) -> dict:
     """Return the values of all settings."""
     names = [p.identifier for p in settings.bl_rna.properties if not p.is_readonly]
@@ -147,7 +200,7 @@ def values(settings: bpy.types.PropertyGroup) -> dict:
 
 
 def from_menu() -> Steps:
-    """Run what stands last in the menu of Vertex Paint."""
+    """Run what stands last in the submenu at the end of the menu of Vertex Paint."""
     seen = report["menu"] = {}
     with over():
         bpy.ops.object.mode_set(mode="VERTEX_PAINT")
@@ -158,7 +211,7 @@ def from_menu() -> Steps:
     with over():
         bpy.ops.wm.call_menu(name="VIEW3D_MT_paint_vertex")
     yield DRAWN
-    yield from press("End", "Return")
+    yield from press("End", "Right", "End", "Return")
     yield from finished()
     seen["last"] = last_operator()
     seen["done"] = state()

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Groups of parameters, as the tab's panels show them, and operators after their runs."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.settings import Setting
+from ..fields import fields_of
+from ..properties import NAMES, STEADY_STATE
+from .wrapping import draw_text
+
+Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
+"""Where the values are: with the scene's settings or the operator's."""
+
+
+def draw_after_run(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    parameters: bpy.types.OperatorProperties,
+    mode: str,
+) -> None:
+    """Draw an operator's parameters: the main ones, and below them the others, folded."""
+    column = split(layout)
+    if hasattr(parameters, "target"):
+        column.prop(parameters, "target")
+    if "attribute" in NAMES[mode] and _target(parameters) != "geometry":
+        draw_search(column, context, parameters, "attribute", "color_attributes")
+    if hasattr(parameters, "image"):
+        column.prop_search(parameters, "image", bpy.data, "images")
+    draw_main(layout, parameters, mode)
+    if "vertex_group" in NAMES[mode]:
+        section = _section(layout, mode, "Mask")
+        if section:
+            draw_mask(section, context, parameters, mode)
+    if has_output(parameters, mode):
+        section = _section(layout, mode, "Output")
+        if section:
+            draw_output(section, parameters, mode)
+    section = _section(layout, mode, "Advanced")
+    if section:
+        draw_advanced(section, parameters, mode)
+
+
+def _section(layout: bpy.types.UILayout, mode: str, title: str) -> bpy.types.UILayout | None:
+    """Draw a section's title; return its layout if it is open."""
+    header, body = layout.panel(f"SHOCK_FILTER_{mode}_{title.lower()}", default_closed=True)
+    header.label(text=title)
+    return body
+
+
+def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: str) -> None:
+    """Draw the settings that most runs differ in."""
+    column = split(layout)
+    for name, about in _fields(parameters, mode).items():
+        if about.advanced:
+            continue
+        row = column.row()
+        row.prop(parameters, name)
+        if name == "time" and hasattr(parameters, STEADY_STATE):
+            row.active = not parameters.steady_state
+            column.prop(parameters, STEADY_STATE)
+    if "then_sharpen" in NAMES[mode]:
+        _draw_switched(column, parameters, "then_sharpen", "sharpen_time")
+
+
+def draw_mask(
+    layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: str
+) -> None:
+    """Draw what says where values may change, and what the current mode adds."""
+    column = split(layout)
+    draw_search(column, context, parameters, "vertex_group", "vertex_groups")
+    masks = [parameters.vertex_group]
+    if mode == "texture":
+        column.prop_search(parameters, "mask_image", bpy.data, "images")
+        masks.append(parameters.mask_image)
+    row = column.row()
+    row.active = any(masks)
+    row.prop(parameters, "invert_mask")
+    if context.mode == "EDIT_MESH":
+        column.prop(parameters, "selected_only")
+    if context.mode == "SCULPT":
+        draw_text(column, context, "The sculpt mask protects, too.", icon="INFO")
+    if context.mode in {"PAINT_VERTEX", "PAINT_TEXTURE", "PAINT_WEIGHT"}:
+        draw_text(column, context, "The paint mask protects, too.", icon="INFO")
+
+
+def has_output(parameters: Parameters, mode: str) -> bool:
+    """Whether there is a choice of where results go; colors stay where they are."""
+    return "output" in NAMES[mode] and _target(parameters) != "colors"
+
+
+def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: str) -> None:
+    """Draw where results go, and what is set anew there."""
+    column = split(layout)
+    column.prop(parameters, "output", expand=True)
+    if mode == "texture":
+        row = column.row()
+        row.active = parameters.output == "NEW"
+        row.prop(parameters, "assign")
+    if "mark_sharp" in NAMES[mode]:
+        _draw_switched(column, parameters, "mark_sharp", "sharp_angle")
+        column.prop(parameters, "custom_normals")
+
+
+def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: str) -> None:
+    """Draw the settings that few need, in the order of their description."""
+    column = split(layout)
+    for name, about in _fields(parameters, mode).items():
+        if about.advanced:
+            row = column.row()
+            row.active = name != "screening_radius" or not parameters.fidelity
+            row.prop(parameters, name)
+    if "weld" in NAMES[mode]:
+        column.prop(parameters, "weld")
+
+
+def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Return a column in which names are left of values."""
+    column = layout.column()
+    column.use_property_split = True
+    column.use_property_decorate = False
+    return column
+
+
+def draw_search(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    parameters: Parameters,
+    name: str,
+    collection: str,
+) -> None:
+    """Draw a name that is looked up in the active object or its mesh."""
+    obj = context.object
+    if obj is None or obj.type != "MESH":
+        layout.prop(parameters, name)
+    else:
+        owner = obj if hasattr(obj, collection) else obj.data
+        layout.prop_search(parameters, name, owner, collection)
+
+
+def _draw_switched(
+    column: bpy.types.UILayout, parameters: Parameters, switch: str, value: str
+) -> None:
+    """Draw a checkbox and beside it the value that it switches on, on one line."""
+    row = column.row(heading=parameters.bl_rna.properties[switch].name)
+    row.prop(parameters, switch, text="")
+    field = row.row()
+    field.active = getattr(parameters, switch)
+    field.prop(parameters, value, text="")
+
+
+def _fields(parameters: Parameters, mode: str) -> dict[str, Setting]:
+    return fields_of(mode, _target(parameters))
+
+
+def _target(parameters: Parameters) -> str:
+    return getattr(parameters, "target", "")
