@@ -65,4 +65,5 @@ def main() -> None:
         sys.exit(code)  # Blender itself would end with 0, even after an error
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -18,11 +19,11 @@ import bpy
 from ..core import cli
 from ..core.errors import Cancelled, InvalidUV, ShockError
 from ..core.output import Outcome, staged
-from . import kernels, operators
+from ..core.reading import check_file
+from . import data, filters, kernels, operators
 from .properties import COLOR_PREFIX
 from .skipped import Skipped
 
-COMMAND = "shock_filter"
 OPEN_FILE = "-"
 
 # Blender's operators by file ending; of several importers the first that this Blender has.
@@ -64,21 +65,7 @@ _IMAGE_FORMATS = {
 }
 
 _ARRAY = ".npy"
-
-_handle: Any = None
-
-
-def register() -> None:
-    """Add ``blender --command shock_filter``."""
-    global _handle
-    _handle = bpy.utils.register_cli_command(COMMAND, _command)
-
-
-def unregister() -> None:
-    """Remove it."""
-    global _handle
-    bpy.utils.unregister_cli_command(_handle)
-    _handle = None
+_AXES = ["x", "y", "z"]
 
 
 def run(arguments: Sequence[str], program: str) -> int:
@@ -87,10 +74,6 @@ def run(arguments: Sequence[str], program: str) -> int:
         return cli.main(arguments, BlenderBackend(program))
     except SystemExit as stop:  # argparse ends so: after --help and on usage errors
         return int(stop.code or 0)
-
-
-def _command(arguments: list[str]) -> int:
-    return run(arguments, f"blender --command {COMMAND}")
 
 
 class BlenderBackend:
@@ -148,6 +131,8 @@ class BlenderBackend:
                 default="",
                 help="color attribute to work on; each mesh's active one if left out",
             )
+        if command in cli.ON_GEOMETRY:
+            _add_shape_flags(parser, command)
 
     def sharpen(
         self,
@@ -168,6 +153,67 @@ class BlenderBackend:
         return _sharpen_meshes(command, source, target, settings, options, progress)
 
 
+def _add_shape_flags(parser: argparse.ArgumentParser, command: cli.Command) -> None:
+    """Add what the operators have beside settings, under their names and in their words."""
+    known = _operator(_operator_name(command)).get_rna_type().properties
+    normals = known["custom_normals"]
+    meanings = [f"{i.identifier.lower()}: {i.description}." for i in normals.enum_items]
+    parser.add_argument(
+        "--custom-normals",
+        choices=[item.identifier.lower() for item in normals.enum_items],
+        default=normals.default.lower(),
+        help=f"{normals.description}. {' '.join(meanings)} (default {normals.default.lower()})",
+    )
+    parser.add_argument(
+        "--mark-sharp", action="store_true", help=f"{known['mark_sharp'].description}."
+    )
+    angle = known["sharp_angle"]
+    parser.add_argument(
+        "--sharp-angle",
+        type=_angle,
+        metavar="N",
+        help=f"{angle.description}. Implies --mark-sharp. (default"
+        f" {math.degrees(angle.default):g}, 0 to 180, degrees)",
+    )
+    parser.add_argument(
+        "--mirror",
+        choices=_AXES,
+        action="append",
+        default=[],
+        help="keep what is symmetric across this plane of the object so, as the mesh's mirror"
+        " option does (may be repeated); meshes whose option is on stay symmetric without it",
+    )
+    parser.add_argument(
+        "--new-shape-key",
+        action="store_true",
+        help="keep the mesh and put the new shape into a new shape key of value 1, whose slider"
+        " sets the strength later; OUT must be of a format with shape keys, or it holds the new"
+        " shape",
+    )
+
+
+def _angle(text: str) -> float:
+    """Radians."""
+    degrees = float(text)
+    if not 0.0 <= degrees <= 180.0:
+        raise ValueError
+    return math.radians(degrees)
+
+
+_angle.__name__ = "angle from 0 to 180"  # argparse says "invalid angle ... value"
+
+
+def _shape_values(options: argparse.Namespace) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "output": "SHAPE_KEY" if options.new_shape_key else "MESH",
+        "custom_normals": options.custom_normals.upper(),
+        "mark_sharp": options.mark_sharp or options.sharp_angle is not None,
+    }
+    if options.sharp_angle is not None:
+        values["sharp_angle"] = options.sharp_angle
+    return values
+
+
 def _sharpen_meshes(
     command: cli.Command,
     source: str,
@@ -180,19 +226,24 @@ def _sharpen_meshes(
     _open(source)
     objects, notes = _chosen(options.objects)
     values: dict[str, Any] = {"vertex_group": options.mask, "invert_mask": options.invert_mask}
-    look, done = _coordinates, "moved {changed} of {total} vertices"
+    axes: list[str] = []
     if command in cli.ON_COLORS:
         values["attribute"] = options.attribute
         look, done = partial(_colors, name=options.attribute), "changed {changed} of {total} colors"
+    else:
+        values |= _shape_values(options)
+        axes = options.mirror
+        look = _visible_shape if options.new_shape_key else _coordinates
+        done = "moved {changed} of {total} vertices"
     before = [look(obj) for obj in objects]
-    with _selected(objects):
+    with _selected(objects), _mirrored(objects, axes):
         _run_operator(command, settings, values, options, progress)
     after = [look(obj) for obj in objects]
     changed = sum(_count_changed(old, new) for old, new in zip(before, after, strict=True))
     if not progress(1.0, "Writing"):
         raise Cancelled("Interrupted before writing.")
     if exporter is None:
-        _save(target)
+        _save(target, options.overwrite)
     else:
         with staged(target, options.overwrite) as path:
             _call(exporter[0], filepath=str(path), **exporter[1])
@@ -212,6 +263,22 @@ def _selected(objects: list[bpy.types.Object]) -> Iterator[None]:
         object=objects[0],
     ):
         yield
+
+
+@contextmanager
+def _mirrored(objects: list[bpy.types.Object], axes: list[str]) -> Iterator[None]:
+    """Turn on the meshes' mirror options for these axes; the file's own ones come back."""
+    names = [f"use_mirror_{axis}" for axis in axes]
+    turned_on = [
+        (obj.data, name) for obj in objects for name in names if not getattr(obj.data, name)
+    ]
+    for mesh, name in turned_on:
+        setattr(mesh, name, True)
+    try:
+        yield
+    finally:
+        for mesh, name in turned_on:
+            setattr(mesh, name, False)
 
 
 def _sharpen_image(
@@ -236,7 +303,7 @@ def _sharpen_image(
         changed = _count_changed(before, _pixels(image))
         with staged(target, options.overwrite) as path:
             if changed:
-                image.save(filepath=str(path))
+                _write_image(image, path)
             else:
                 shutil.copyfile(source, path)
     notes = ("Blender writes no further layers, nor metadata that it does not know",)
@@ -281,14 +348,12 @@ def _draw_mask(
     import numpy as np
 
     from ..core.texture_files import mask_outcome, mask_pixels
-    from .data.texture_data import EVERYWHERE, read_faces
-    from .filters.texturing import analyse
 
     try:
-        faces, _, skipped = read_faces(bpy.context, objects, None, EVERYWHERE)
+        faces, _, skipped = data.read_faces(bpy.context, objects, None, data.EVERYWHERE)
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
-    atlas = analyse(faces, size, progress)
+    atlas = filters.analyse(faces, size, progress)
     shown = mask_pixels(atlas, options.kind, ending)
     with staged(target, options.overwrite) as path:
         if kind is None:
@@ -311,8 +376,15 @@ def _save_picture(path: Path, kind: str, shown: Any) -> None:
     )
     image.pixels.foreach_set(pixels.reshape(-1))
     image.file_format = kind
-    image.save(filepath=str(path))
+    _write_image(image, path)
     bpy.data.images.remove(image)
+
+
+def _write_image(image: bpy.types.Image, path: Path) -> None:
+    try:
+        image.save(filepath=str(path))
+    except RuntimeError as error:
+        raise _unwritten(path, str(error).strip().removeprefix("Error: ")) from error
 
 
 def _image_format(target: Path) -> str:
@@ -327,7 +399,7 @@ def _image_format(target: Path) -> str:
 @contextmanager
 def _loaded_image(source: str) -> Iterator[bpy.types.Image]:
     """Give the image of a file: the open scene's own one, or one that is removed afterwards."""
-    _check_file(source)
+    check_file(Path(source))
     known = set(bpy.data.images)
     try:
         image = bpy.data.images.load(str(Path(source).absolute()), check_existing=True)
@@ -355,7 +427,7 @@ def _exporter(target: Path) -> tuple[str, dict[str, Any]] | None:
 def _open(source: str) -> None:
     if source == OPEN_FILE:
         return
-    _check_file(source)
+    check_file(Path(source))
     path = str(Path(source).absolute())
     ending = Path(source).suffix.lower()
     if ending == ".blend":
@@ -369,16 +441,17 @@ def _open(source: str) -> None:
     _call(importer, filepath=path)
 
 
-def _check_file(source: str) -> None:
-    if Path(source).is_dir():
-        raise ShockError(f"{source} is a folder; name the files in it.")
-    if not Path(source).exists():
-        raise ShockError(f"There is no file {source}; check its name and folder.")
-
-
-def _save(target: Path) -> None:
-    # Blender writes beside the file and renames at the end by itself.
-    _call("wm.save_as_mainfile", filepath=str(target.absolute()), copy=True, check_existing=False)
+def _save(target: Path, overwrite: bool) -> None:
+    with staged(target, overwrite) as path:
+        # In the target's own folder, since the file names others relative to where it is saved.
+        beside = target.absolute().with_name(f"{path.parent.name}.blend")
+        try:
+            _call("wm.save_as_mainfile", filepath=str(beside), copy=True, check_existing=False)
+            os.replace(beside, path)
+        except ShockError as error:
+            raise _unwritten(path, str(error)) from error
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 def _chosen(names: list[str] | None) -> tuple[list[bpy.types.Object], list[str]]:
@@ -406,20 +479,24 @@ _DENOISE = {
 }
 
 
-def _call_of(
-    command: cli.Command, settings: Any, options: argparse.Namespace
-) -> tuple[str, dict[str, Any]]:
-    """Find a command's operator and the values of its properties."""
+def _operator_name(command: cli.Command) -> str:
+    if command in _DENOISE:
+        return _DENOISE[command][0]
+    return f"shock_filter.{command.name.replace('-', '_')}"
+
+
+def _values_of(command: cli.Command, settings: Any, options: argparse.Namespace) -> dict[str, Any]:
+    """Return the values of the operator's properties."""
     values = asdict(settings)
     if command not in _DENOISE:
         if math.isinf(values.get("time", 0.0)):
             values |= {"time": 0.0, "steady_state": True}
-        return f"shock_filter.{command.name.replace('-', '_')}", values
-    name, prefix, more = _DENOISE[command]
+        return values
+    _, prefix, more = _DENOISE[command]
     values = {prefix + key: value for key, value in values.items()} | more
     if options.then_sharpen is not None:
         values |= {"then_sharpen": True, "sharpen_time": options.then_sharpen}
-    return name, values
+    return values
 
 
 def _run_operator(
@@ -429,7 +506,7 @@ def _run_operator(
     options: argparse.Namespace,
     progress: operators.Progress,
 ) -> None:
-    name, values = _call_of(command, settings, options)
+    values = _values_of(command, settings, options)
     cancelled = False
 
     def listen(fraction: float, message: str) -> bool:
@@ -439,7 +516,7 @@ def _run_operator(
 
     operators.listener = listen
     try:
-        _call(name, **more, **values)
+        _call(_operator_name(command), **more, **values)
     except ShockError:
         if cancelled:
             raise Cancelled("Interrupted; nothing was written.") from None
@@ -457,6 +534,16 @@ def _coordinates(obj: bpy.types.Object) -> Any:
     if obj.active_shape_key is not None:
         return _rows(obj.active_shape_key.data, "co", 3)
     return _rows(obj.data.attributes["position"].data, "vector", 3)
+
+
+def _visible_shape(obj: bpy.types.Object) -> Any:
+    """Vertex positions as the shape keys mix them: (n, 3)."""
+    from .data import shape_keys
+
+    keys = obj.data.shape_keys
+    if keys is None or not keys.use_relative:
+        return _coordinates(obj)
+    return shape_keys.visible_shape(obj, "OBJECT")
 
 
 def _colors(obj: bpy.types.Object, name: str) -> Any:
@@ -504,6 +591,14 @@ def _call(name: str, **options: Any) -> None:
         raise ShockError(str(error).strip().removeprefix("Error: ")) from error
     if result != {"FINISHED"}:
         raise ShockError(f"Blender's {name} stopped before its end.")
+
+
+def _unwritten(path: Path, reason: str) -> ShockError:
+    # Blender names no reason for a full disk, or a wrong one.
+    return ShockError(
+        f"{path.name} cannot be written ({reason}); is there room on the disk and in the folder a"
+        " right to write?"
+    )
 
 
 def _unknown(path: str, known: list[str]) -> ShockError:

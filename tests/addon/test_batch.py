@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 from shock_filter import core
 from shock_filter.core.denoise_files import denoise_file
 from shock_filter.core.files import sharpen_colors_file, sharpen_file
-from shock_filter.core.format_exr import read_exr
+from shock_filter.core.format_exr import read_exr, write_exr
+from shock_filter.core.picture import Picture
 from shock_filter.core.texture_files import texture_mask_file
 
 BATCH = Path(__file__).resolve().parents[2] / "shock_addon" / "batch.py"
@@ -600,6 +601,101 @@ def test_images_are_denoised_as_outside_blender(folder):
     assert abs(pixels_of("sharp.png").astype(int) - wanted).max() > 10
 
 
+SMOOTH = """
+from mathutils import Vector
+seen.data.shade_smooth()
+seen.data.normals_split_custom_set([Vector((0, 0, 1))] * len(seen.data.loops))
+"""
+
+LOOK_AT_SHADING = """
+bpy.ops.wm.open_mainfile(filepath={path!r})
+mesh = bpy.data.objects["Seen"].data
+keys = mesh.shape_keys.key_blocks if mesh.shape_keys else []
+print(json.dumps(dict(
+    own_normals=mesh.has_custom_normals,
+    upwards=[c.vector.z for c in mesh.corner_normals],
+    sharp=sum(edge.use_edge_sharp for edge in mesh.edges),
+    points=[list(v.co) for v in mesh.vertices],
+    keys={{key.name: [list(point.co) for point in key.data] for key in keys}},
+    values=[key.value for key in keys],
+    mirror=[mesh.use_mirror_x, mesh.use_mirror_y, mesh.use_mirror_z])))
+"""
+
+
+@pytest.fixture
+def shading(folder):
+    """Return a function that sharpens a scene with smooth faces, and says what the file holds."""
+    run = blender("--version", before=SCENE + SMOOTH + save("smooth.blend"))
+    assert run.code == 0, run.err
+
+    def sharpened(*words, command="sharpen-geometry"):
+        look = LOOK_AT_SHADING.format(path=str(Path("out.blend").absolute()))
+        words = (command, "smooth.blend", "out.blend", "--overwrite", *words)
+        run = blender(*words, after=look)
+        assert run.code == 0, run.err
+        return json.loads(run.out.splitlines()[-1]) | {"said": run.out}
+
+    return sharpened
+
+
+def test_custom_normals_are_kept_set_anew_or_removed(shading):
+    kept = shading()
+    assert kept["own_normals"]
+    assert min(kept["upwards"]) > 0.9
+    assert kept["sharp"] == 0
+    anew = shading("--custom-normals", "recompute")
+    assert anew["own_normals"]
+    assert min(anew["upwards"]) < -0.9
+    assert not shading("--custom-normals", "clear", command="denoise-geometry")["own_normals"]
+
+
+def test_edges_are_marked_sharp_by_their_angle(shading):
+    default, wide = shading("--mark-sharp"), shading("--sharp-angle", "12")
+    assert default["sharp"] == shading("--mark-sharp", "--sharp-angle", "30")["sharp"]
+    assert wide["sharp"] > 0
+    assert default["sharp"] < wide["sharp"]
+    wrong = blender("sharpen-geometry", "smooth.blend", "x.blend", "--sharp-angle", "200")
+    assert wrong.code == 2
+    assert "angle from 0 to 180" in wrong.err
+
+
+def asymmetry(state, axis):
+    points = np.array(state["points"])
+    mirrored = points * np.where(np.arange(3) == axis, -1, 1)
+    return nearest(mirrored, points).max()
+
+
+def test_what_is_symmetric_stays_so_on_request(shading):
+    plain, one = shading(), shading("--mirror", "x")
+    assert asymmetry(plain, 0) > 1e-3
+    assert asymmetry(one, 0) == 0.0
+    both = shading("--mirror", "x", "--mirror", "z", command="denoise-geometry")
+    assert asymmetry(both, 0) == asymmetry(both, 2) == 0.0
+    assert one["mirror"] == both["mirror"] == [False] * 3
+
+
+def test_the_result_may_be_a_new_shape_key(shading):
+    moved, keyed = shading(), shading("--new-shape-key", "--mask", "Left")
+    assert moved["keys"] == {}
+    assert list(keyed["keys"]) == ["Basis", "Sharpened"]
+    assert keyed["values"][1] == 1.0
+    basis, new = map(np.array, keyed["keys"].values())
+    np.testing.assert_array_equal(np.array(keyed["points"]), basis)
+    changed = (basis != new).any(axis=1).sum()
+    assert 0 < changed < len(basis)
+    assert f"moved {changed} of {len(basis)} vertices in " in keyed["said"]
+
+
+def test_other_formats_show_the_new_shape_key(folder):
+    rounded_box().export("in.ply")
+    run = blender("sharpen-geometry", "in.ply", "key.ply", "--new-shape-key")
+    assert run.code == 0, run.err
+    assert blender("sharpen-geometry", "in.ply", "moved.ply").code == 0
+    old, key, moved = (trimesh.load_mesh(f"{n}.ply").vertices for n in ("in", "key", "moved"))
+    assert nearest(old, moved).max() > 0.01
+    np.testing.assert_allclose(key, moved, atol=1e-6)
+
+
 def test_several_inputs_with_a_bad_one(scene, old, folder):
     rounded_box().export("a.obj")
     Path("broken.ply").write_text("ply\n")
@@ -616,6 +712,78 @@ def test_several_inputs_with_a_bad_one(scene, old, folder):
     assert len(failures) == 3
     assert "no file gone.obj" in failures[1]
     assert "song.mp3: this Blender cannot handle this ending; use one of .blend, " in failures[2]
+
+
+# From the moment of writing on, no file may grow further than on a disk that is full by then.
+FULL_DISK = """
+import resource
+from shock_filter.core import output
+staged = output.staged
+def on_a_full_disk(*words):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+    return staged(*words)
+output.staged = on_a_full_disk
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "endings"),
+    [
+        ("sharpen-image", (".png", ".tga", ".jpg", ".exr", ".tif", ".bmp")),
+        ("sharpen-geometry", (".ply", ".obj", ".stl", ".glb")),
+    ],
+)
+def test_half_a_file_is_never_left(folder, command, endings):
+    pixels = np.random.default_rng(0).integers(0, 255, (99, 99, 3), dtype=np.uint8)
+    for ending in endings:
+        if command == "sharpen-geometry":
+            rounded_box().export(f"in{ending}")
+        elif ending == ".exr":
+            write_exr(Path("in.exr"), Picture(pixels, ""), pixels.astype(np.float32))
+        else:
+            Image.fromarray(pixels).save(f"in{ending}")
+    names = [f"in{ending}" for ending in endings]
+    run = blender(command, *names, "out/", before=FULL_DISK)
+    assert run.code == 1
+    failures = [line for line in run.err.splitlines() if line.startswith("Failed: ")]
+    assert len(failures) == len(endings)
+    for line in failures:
+        assert "The disk of" in line
+        assert "is full" in line
+    assert not list(Path("out").iterdir())
+
+
+def test_half_a_blend_file_is_never_left(scene, old, folder):
+    shutil.copyfile(scene, "out.blend")
+    for words in (["new.blend"], ["out.blend", "--overwrite"]):
+        run = blender("sharpen-geometry", scene, *words, before=FULL_DISK)
+        assert run.code == 1
+        assert "The disk of" in run.err
+        assert "is full" in run.err
+    assert [path.name for path in folder.iterdir()] == ["out.blend"]
+    assert Path("out.blend").read_bytes() == scene.read_bytes()
+
+
+def test_a_blend_file_finds_its_textures_from_where_it_is_saved(scene, old, folder):
+    Path("textures").mkdir()
+    Image.fromarray(soft_edge()).save("textures/wood.png")
+    save = """
+bpy.ops.wm.open_mainfile(filepath={scene!r})
+bpy.data.images.load(os.path.abspath("textures/wood.png")).use_fake_user = True
+bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath("in.blend"), relative_remap=True)
+bpy.ops.file.make_paths_relative()
+bpy.ops.wm.save_mainfile()
+"""
+    after = """
+bpy.ops.wm.open_mainfile(filepath=os.path.abspath("deep/out.blend"))
+print(bpy.data.images["wood.png"].filepath)
+"""
+    Path("deep").mkdir()
+    words = ["in.blend", "deep/out.blend"]
+    run = blender("sharpen-geometry", *words, before=save.format(scene=str(scene)), after=after)
+    assert run.code == 0, run.err
+    assert run.out.splitlines()[-1] == "//../textures/wood.png"
+    assert [path.name for path in Path("deep").iterdir()] == ["out.blend"]
 
 
 def test_usage_errors_and_refusals(scene, old, folder):
@@ -679,10 +847,10 @@ import addon_utils
 module = addon_utils.enable("shock_filter")
 """
     after = """
-from shock_filter.shock_addon import command_line
+from shock_filter.shock_addon import command
 print(addon_utils.check("shock_filter")[1], hasattr(bpy.types.Scene, "shock_filter"),
-      command_line._command(["sharpen-geometry", {scene!r}, "by_command.blend"]),
-      command_line._command(["sharpen-geometry"]))
+      command.run(["sharpen-geometry", {scene!r}, "by_command.blend"]),
+      command.run(["sharpen-geometry"]))
 addon_utils.disable("shock_filter")
 """
     run = blender(
