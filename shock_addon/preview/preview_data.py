@@ -8,15 +8,24 @@ from typing import Any
 
 import bpy
 import numpy as np
+import numpy.typing as npt
 
 from ..data import shape_keys
-from ..data.color_data import write_colors
+from ..data.color_data import stored, write_colors
 from ..data.geometry_data import write_geometry
 from ..data.mesh_data import Target, find, read_positions, write_positions
+from ..data.unchanged import check_same
 from ..filters.coloring import ColoredSurface
 from ..filters.denoising import Both, PaintedSurface
 from ..filters.recolored import Recolored
 from ..filters.sharpening import Sharpened
+from ..skipped import Skipped
+
+_Part = tuple[str, str]
+"""What a mesh holds: the kind and the name."""
+
+_KEY, _COLORS = "key", "colors"
+_POSITIONS: _Part = ("positions", "")
 
 
 class Original:
@@ -28,35 +37,75 @@ class Original:
         In an object that is in Object Mode.
     attribute : str or None
         Name of the color attribute that will change.
+
+    Attributes
+    ----------
+    keys : dict
+        Positions by the names of the shape keys.
     """
 
     def __init__(self, mesh: bpy.types.Mesh, attribute: str | None) -> None:
         self._mesh = mesh.session_uid
-        self._positions = read_positions(mesh)
-        keys = mesh.shape_keys.key_blocks if mesh.shape_keys else []
-        self.keys = {key.name: shape_keys.read(key) for key in keys}
         self._attribute = attribute
-        self._colors = None
-        if attribute is not None:
-            colors = mesh.color_attributes[attribute].data
-            self._colors = np.empty(4 * len(colors), dtype=np.float32)
-            colors.foreach_get(_stored(mesh.color_attributes[attribute]), self._colors)
+        self._shown = self._old = self._read(mesh)
+        self.keys = {name: values for (kind, name), values in self._old.items() if kind == _KEY}
+
+    def note_shown(self) -> None:
+        """Take what the mesh holds now as shown by the preview."""
+        mesh = self._find()
+        if mesh is not None:
+            self._shown = self._read(mesh)
+
+    def check_shown(self) -> None:
+        """Raise `Skipped` if something else has changed what is shown."""
+        mesh = self._find()
+        now = {} if mesh is None else self._read(mesh)
+        if now.keys() != self._shown.keys():
+            raise Skipped("it was changed meanwhile; run again")
+        for part, values in now.items():
+            check_same(values, self._shown[part])
 
     def restore(self) -> None:
-        """Bring all of it back, as far as it still fits the mesh."""
-        mesh = next((mesh for mesh in bpy.data.meshes if mesh.session_uid == self._mesh), None)
-        if mesh is None or len(mesh.vertices) != len(self._positions):
+        """Bring all of it back, as far as it still fits; what something else has changed stays."""
+        mesh = self._find()
+        if mesh is None or len(mesh.vertices) != len(self._old[_POSITIONS]):
             return
-        write_positions(mesh, self._positions)
-        for name, positions in self.keys.items():
-            if mesh.shape_keys is not None and name in mesh.shape_keys.key_blocks:
-                shape_keys.write(mesh.shape_keys.key_blocks[name], positions)
+        for part, values in self._read(mesh).items():
+            old, shown = self._old.get(part), self._shown.get(part)
+            if old is None or old.shape != values.shape:
+                continue
+            follows = part == _POSITIONS and mesh.shape_keys is not None  # Blender may set them
+            stays = np.ascontiguousarray(values).view(np.int32) != shown.view(np.int32)
+            _write(mesh, part, old if follows else np.where(stays, values, old))
         if mesh.shape_keys is not None:
             mesh.shape_keys.update_tag()
-        attribute = None if self._attribute is None else mesh.color_attributes.get(self._attribute)
-        if attribute is not None and 4 * len(attribute.data) == len(self._colors):
-            attribute.data.foreach_set(_stored(attribute), self._colors)
         mesh.update()
+        self._shown = self._read(mesh)
+
+    def _find(self) -> bpy.types.Mesh | None:
+        return next((mesh for mesh in bpy.data.meshes if mesh.session_uid == self._mesh), None)
+
+    def _read(self, mesh: bpy.types.Mesh) -> dict[_Part, npt.NDArray[np.float32]]:
+        found = {_POSITIONS: read_positions(mesh)}
+        for key in mesh.shape_keys.key_blocks if mesh.shape_keys else []:
+            found[_KEY, key.name] = shape_keys.read(key)
+        attribute = None if self._attribute is None else mesh.color_attributes.get(self._attribute)
+        if attribute is not None:
+            colors = np.empty(4 * len(attribute.data), dtype=np.float32)
+            attribute.data.foreach_get(stored(attribute), colors)
+            found[_COLORS, attribute.name] = colors
+        return found
+
+
+def _write(mesh: bpy.types.Mesh, part: _Part, values: npt.NDArray[np.float32]) -> None:
+    kind, name = part
+    if kind == _KEY:
+        shape_keys.write(mesh.shape_keys.key_blocks[name], values)
+    elif kind == _COLORS:
+        attribute = mesh.color_attributes[name]
+        attribute.data.foreach_set(stored(attribute), values)
+    else:
+        write_positions(mesh, values)
 
 
 def color_attribute(target: Target) -> str | None:
@@ -74,7 +123,15 @@ def show(target: Target, original: Original, result: Any) -> None:
     Skipped
         If the object was removed, or something else has changed its mesh.
     """
+    original.check_shown()
     original.restore()
+    try:
+        _write_result(target, original, result)
+    finally:
+        original.note_shown()
+
+
+def _write_result(target: Target, original: Original, result: Any) -> None:
     if isinstance(result, Both):
         place, attribute = target.place
         shape = replace(target, place=place, surface=target.surface.shape)
@@ -98,7 +155,3 @@ def _show_shape(target: Target, original: Original, result: Sharpened) -> None:
         shape_keys.write(keys.key_blocks[name], positions + change)
     keys.update_tag()
     find(target).data.update()
-
-
-def _stored(attribute: bpy.types.Attribute) -> str:
-    return "color_srgb" if attribute.data_type == "BYTE_COLOR" else "color"

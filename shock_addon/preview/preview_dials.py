@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings that a preview changes by mouse: the time by dragging, another one by the wheel.
+"""Settings that a preview changes: the time by moving the mouse, another one by the wheel.
 
 Needs no bpy.
 """
@@ -25,12 +25,13 @@ class TimeDial:
     """
 
     def __init__(self, time: float, about: Setting) -> None:
-        self._high = math.log2(16.0 * about.soft_maximum)
+        self._high = math.log2(min(16.0 * about.soft_maximum, about.maximum))
         self._low = math.log2(about.soft_maximum / 2.0**14)
         self._endless = math.isinf(about.maximum)
-        self._place = self._low
-        if time > 0:
-            self._place = min(max(math.log2(time), self._low), self._high)
+        self._place = math.log2(time) if time > 0 else self._low
+        if math.isfinite(self._place):
+            self._low, self._high = min(self._low, self._place), max(self._high, self._place)
+        self._place = min(self._place, self._high)
 
     @property
     def time(self) -> float:
@@ -47,9 +48,14 @@ class TimeDial:
 
 
 def turned(value: float, kind: type, about: Setting, clicks: float) -> float:
-    """Turn the wheel: a click is a twentieth of the useful range, or a whole number."""
-    if kind is int:
-        steps = math.copysign(max(1.0, abs(clicks)), clicks)
-        return int(min(max(value + steps, about.minimum), about.soft_maximum))
+    """Turn the wheel: a click is a twentieth of the useful range, or a whole number.
+
+    A value beyond the useful range stays when it is turned further.
+    """
     step = clicks * about.soft_maximum / 20.0
-    return float(f"{min(max(value + step, about.minimum), about.soft_maximum):.4g}")
+    if kind is int:
+        step = math.copysign(max(1.0, abs(clicks)), clicks)
+    new = min(max(value + step, about.minimum), max(value, about.soft_maximum))
+    if new == value:
+        return value
+    return int(new) if kind is int else float(f"{new:.4g}")

@@ -1,25 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator Preview: try settings by mouse, seen at once on the active object."""
+"""The operator Preview: try settings by mouse, seen at once on the active object or image."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_rpt
 
-from ...core.errors import InvalidMesh
-from .. import jobs, obstacles
-from ..data.active_object import read_active
-from ..data.mesh_data import Target, find, mesh_objects
-from ..filters.denoising import PaintedSurface
+from ...core.errors import ShockError
+from .. import data, jobs, obstacles
 from ..operators import can_run
 from ..properties import NAMES
-from ..skipped import Skipped
-from .preview_patch import Patch, patch_around, seen_vertex, whole_surface
-from .previewing import Preview, kind_of, parameters_of
+from ..skipped import Skipped, explain
+from ..status_text import StatusText
+from .preview_pointing import editors_of, is_over_view
 
 _INTERVAL = 0.03
 _FINE = 0.1
@@ -33,19 +28,22 @@ _PASSED_ON = {
 _CANCELS = {"ESC", "RIGHTMOUSE"}
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
 
+_ON_IMAGES = {"image", "denoise_image", "texture"}
+
 _running: list[SHOCK_FILTER_OT_preview] = []
 
 
 class SHOCK_FILTER_OT_preview(bpy.types.Operator):
-    """Try settings on the active object, seen at once."""
+    """Try settings on the active object or the image, seen at once."""
 
     bl_idname = "shock_filter.preview"
     bl_label = "Preview"
     bl_description = (
-        "Try settings on the active object, seen at once: move the mouse to the right for more"
-        " Time, turn the wheel for the second setting, hold Shift for small steps. Click or Enter"
-        " applies them to what is selected, right click or Esc leaves everything as it was. Of"
-        " large meshes a patch is computed, around what the mouse or the view points at"
+        "Try settings on the active object or on the image, seen at once: move the mouse to the"
+        " right for more Time, turn the wheel for the second setting, hold Shift for small steps."
+        " Click or Enter applies them, to all that is selected, right click or Esc leaves"
+        " everything as it was. Of large meshes and images a patch is computed, around what the"
+        " mouse or the view points at"
     )
     bl_options = {"BLOCKING", "GRAB_CURSOR_X"}
 
@@ -56,17 +54,20 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             ("geometry", "Geometry", "Sharpen Geometry"),
             ("colors", "Colors", "Sharpen Colors"),
             ("denoise", "Denoise", "Denoise"),
+            ("image", "Image", "Sharpen Image"),
+            ("denoise_image", "Denoise Image", "Denoise Image"),
+            ("texture", "Texture", "Sharpen Texture"),
         ],
     )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want an active mesh object in Object Mode, and no run."""
-        obstacle = obstacles.of_meshes(context)
-        if not obstacle and context.mode != "OBJECT":
-            obstacle = "Switch to Object Mode to preview."
-        if not obstacle and context.object not in mesh_objects(context):
-            obstacle = "Make one of the selected mesh objects the active one."
+        """Want an active mesh object in Object Mode or an image, and no run."""
+        space = context.space_data
+        if space is not None and space.type == "IMAGE_EDITOR":
+            obstacle = obstacles.of_images(context)
+        else:
+            obstacle = _of_meshes(context)
         if not obstacle and (jobs.is_settling() or jobs.is_scene_read()):
             obstacle = "Wait until the render, or the last run, has ended."
         if _running:
@@ -82,19 +83,16 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         """Read the object and begin."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        parameters = parameters_of(context, self.mode)
-        self._kind = kind_of(self.mode, parameters)
-        targets, skipped = read_active(context, self._kind.read, parameters)
-        if not targets:
-            self.report({"ERROR"}, " ".join(skipped))
-            return {"CANCELLED"}
+        from . import preview_images, preview_meshes
+
+        begin = preview_images.begin if self.mode in _ON_IMAGES else preview_meshes.begin
         try:
-            patch = _patch(context, event, targets[0], self._kind.patch)
-        except InvalidMesh as error:
-            self.report({"ERROR"}, str(error))
+            self._preview = begin(context, event, self.mode)
+        except ShockError as error:
+            self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
-        self._preview = Preview(self._kind, parameters, targets[0], patch)
-        self._ended, self._text = False, ""
+        self._ended, self._status = False, StatusText()
+        self._entered = is_over_view(context.area, event)
         manager = context.window_manager
         self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
         manager.modal_handler_add(self)
@@ -106,10 +104,13 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         """Follow the mouse; apply or drop what is tried."""
         if self._ended:
             return {"CANCELLED"}
-        if not self._preview.alive():
-            return self._dropped("Preview ended: the object was removed or left Object Mode.")
+        reason = self._preview.stage.lost()
+        if reason:
+            return self._ended_by(reason)
         if event.type in _CANCELS and event.value == "PRESS":
-            return self._dropped("Preview cancelled; nothing was changed.")
+            self.end()
+            self.report({"INFO"}, "Preview cancelled; nothing was changed.")
+            return {"CANCELLED"}
         if event.type in _APPLIES and event.value == "PRESS":
             return self._apply(context)
         if event.type == "TIMER":
@@ -127,16 +128,14 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         self._ended = True
         _running.remove(self)
         bpy.context.window_manager.event_timer_remove(self._timer)
-        for window in bpy.context.window_manager.windows:
-            window.workspace.status_text_set(None)
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.header_text_set(None)
+        self._status.clear(bpy.context)
         self._preview.end()
 
     def _turn(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         pace = _FINE if event.shift else 1.0
-        if event.type == "MOUSEMOVE":
+        if event.type == "MOUSEMOVE" and not self._entered:  # on its way from the button
+            self._entered = is_over_view(context.area, event)
+        elif event.type == "MOUSEMOVE":
             self._preview.drag(pace * (event.mouse_x - event.mouse_prev_x))
         elif event.type in {"WHEELUPMOUSE", "WHEELDOWNMOUSE"}:
             self._preview.roll(pace if event.type == "WHEELUPMOUSE" else -pace)
@@ -151,29 +150,30 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             self._preview.tick()
             sound = True
         except Skipped as reason:
-            return self._dropped(f"Preview ended: {reason}.")
+            return self._ended_by(str(reason))
         finally:
             if not sound:
                 self.end()
         self._show_text(context)
         return {"RUNNING_MODAL"}
 
-    def _dropped(self, text: str) -> set[str]:
+    def _ended_by(self, reason: str) -> set[str]:
         self.end()
+        text = pgettext_rpt("Preview ended: {reason}.").format(reason=pgettext_rpt(reason))
         self.report({"INFO"}, text)
         return {"CANCELLED"}
 
     def _apply(self, context: bpy.types.Context) -> set[str]:
         self.end()
-        parameters = self._preview.parameters
+        kind, parameters = self._preview.kind, self._preview.parameters
         settings = getattr(context.scene.shock_filter, self.mode)
-        for name in (self._kind.time, self._kind.second, "steady_state"):
+        for name in (kind.time, kind.second, "steady_state"):
             if hasattr(parameters, name):
                 setattr(settings, name, getattr(parameters, name))
-        operator = getattr(bpy.ops.shock_filter, self._kind.operator)
+        operator = getattr(bpy.ops.shock_filter, kind.operator)
         chosen = {name: getattr(settings, name) for name in NAMES[self.mode]}
         try:
-            operator("INVOKE_DEFAULT", **chosen)
+            operator("INVOKE_DEFAULT", **{**chosen, **self._preview.stage.chosen})
         except RuntimeError as error:  # what the operator has reported
             self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
             return {"CANCELLED"}
@@ -181,36 +181,29 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
     def _show_text(self, context: bpy.types.Context) -> None:
         text = self._preview.text()
-        if text == self._text:  # drawing can be slow
-            return
-        self._text = text
-        if context.area is not None:
-            context.area.header_text_set(text)
         keys = iface_("Shift: small steps | Enter or Click: apply | Esc or Right Click: cancel")
-        context.workspace.status_text_set(f"{text} | {keys}")
+        self._status.show(context, f"{text} | {keys}", context.area)
 
 
-def _patch(context: bpy.types.Context, event: bpy.types.Event, target: Target, size: int) -> Patch:
-    surface = target.surface
-    if surface.size <= 3 * size:
-        return whole_surface(surface)
-    shape = surface.shape if isinstance(surface, PaintedSurface) else surface
-    vertex = _pointed_at(context, event, find(target), shape.positions)
-    return patch_around(surface, vertex, size)
+def _of_meshes(context: bpy.types.Context) -> str:
+    obstacle = obstacles.of_meshes(context)
+    if not obstacle and context.mode != "OBJECT":
+        obstacle = "Switch to Object Mode to preview."
+    if not obstacle and context.object not in data.mesh_objects(context):
+        obstacle = "Make one of the selected mesh objects the active one."
+    if not obstacle and context.scene.shock_filter.mode == "TEXTURE":
+        obstacle = _of_texture(context)
+    return obstacle
 
 
-def _pointed_at(
-    context: bpy.types.Context, event: bpy.types.Event, obj: bpy.types.Object, positions: Any
-) -> int:
-    # The vertex under the mouse, or in the middle of the view if the mouse is on a panel.
-    if context.area is None or context.area.type != "VIEW_3D":
-        return 0
-    view = next(region for region in context.area.regions if region.type == "WINDOW")
-    mouse = view.width / 2, view.height / 2
-    if context.region is not None and context.region.type == "WINDOW":
-        mouse = event.mouse_x - view.x, event.mouse_y - view.y
-    to_clip = context.space_data.region_3d.perspective_matrix @ obj.matrix_world
-    return seen_vertex(positions, np.array(to_clip), (view.width, view.height), mouse)
+def _of_texture(context: bpy.types.Context) -> str:
+    try:
+        image = data.chosen_image(context, context.scene.shock_filter.texture.image)
+    except Skipped:
+        return "Add an Image Texture node with an image to the material."
+    if any(editors_of(image.session_uid)):
+        return ""
+    return "Open the texture in an Image Editor, which shows the preview."
 
 
 @persistent
@@ -236,7 +229,8 @@ def unregister() -> None:
         jobs.settle(bpy.context.window_manager)
     stop()
     for handlers in _handlers():
-        handlers.remove(_stop)
+        if _stop in handlers:  # other add-ons may clear such lists
+            handlers.remove(_stop)
 
 
 def _handlers() -> list[list]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -34,12 +35,15 @@ class Patch:
         Mean edge length of the whole surface in those of the part.
     share : float
         Part of the triangles.
+    outline : (n, 2, 3) array of float
+        Ends of the edges at the border of the part, in the object's space; none if it is all.
     """
 
     surface: Any
     whole: Callable[[Any], Any]
     lengths: float
     share: float
+    outline: npt.NDArray[np.float32]
 
     def settings(self, settings: Any) -> Any:
         """Turn settings that are meant for the whole surface into the part's units of length."""
@@ -69,11 +73,12 @@ class Patch:
 
 def whole_surface(surface: Any) -> Patch:
     """Take all of a surface."""
-    return Patch(surface, lambda result: result, 1.0, 1.0)
+    nothing = np.empty((0, 2, 3), dtype=np.float32)
+    return Patch(surface, lambda result: result, 1.0, 1.0, nothing)
 
 
 def patch_around(surface: Any, vertex: int, size: int) -> Patch:
-    """Cut out the part of a surface around a vertex.
+    """Cut out the part of a surface around a vertex, and around its mirror images.
 
     Parameters
     ----------
@@ -88,8 +93,7 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
         If nothing there has faces.
     """
     shape = surface.shape if isinstance(surface, PaintedSurface) else surface
-    away = shape.into_world(shape.positions - shape.positions[vertex])
-    distances = np.einsum("ij,ij->i", away, away)
+    distances = _distances(shape, vertex)
     used = np.zeros(len(distances), dtype=bool)
     used[shape.triangles] = True
     distances[~used] = np.inf
@@ -101,16 +105,17 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
     vertices = np.unique(shape.triangles[inside])
     lengths = _mean_edge_length(shape, ...) / _mean_edge_length(shape, inside)
     share = float(inside.mean())
+    outline = shape.positions[_border(shape.triangles[inside])]
     if not isinstance(surface, PaintedSurface):
         part, whole = _cut(surface, inside, vertices)
-        return Patch(part, whole, lengths, share)
+        return Patch(part, whole, lengths, share, outline)
     shape_part, whole_shape = _cut(surface.shape, inside, vertices)
     paint_part, whole_paint = _cut(surface.paint, inside, vertices)
 
     def both(result: Both) -> Both:
         return Both(whole_shape(result.shape), whole_paint(result.paint))
 
-    return Patch(PaintedSurface(shape_part, paint_part), both, lengths, share)
+    return Patch(PaintedSurface(shape_part, paint_part), both, lengths, share, outline)
 
 
 def seen_vertex(
@@ -145,6 +150,25 @@ def seen_vertex(
     return int(close[seen[close, 2].argmin()])
 
 
+def _distances(shape: Surface, vertex: int) -> npt.NDArray:
+    """Square each vertex's distance from the given one, or from its closest mirror image."""
+    mirror = shape.mirror if isinstance(shape, MirroredSurface) else (False, False, False)
+    nearest = np.full(len(shape.positions), np.inf)
+    for signs in product(*((1.0, -1.0) if mirrored else (1.0,) for mirrored in mirror)):
+        away = shape.into_world(shape.positions * np.float32(signs) - shape.positions[vertex])
+        np.minimum(nearest, np.einsum("ij,ij->i", away, away), out=nearest)
+    return nearest
+
+
+def _border(triangles: npt.NDArray) -> npt.NDArray:
+    # The edges that only one of the triangles has.
+    edges = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    )
+    found, times = np.unique(edges, axis=0, return_counts=True)
+    return found[times == 1]
+
+
 def _cut(
     surface: Surface, inside: npt.NDArray[np.bool_], vertices: npt.NDArray
 ) -> tuple[Surface, Callable[[Any], Any]]:
@@ -159,7 +183,7 @@ def _cut(
         "mask": mask,
     }
     if isinstance(surface, MirroredSurface):
-        part = replace(surface, **new, mirror=(False, False, False))
+        part = replace(surface, **new)
         return part, lambda result: _spread(result, "positions", surface.positions, vertices)
     assert isinstance(surface, ColoredSurface)
     colored = vertices

@@ -6,36 +6,23 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Protocol
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
-from ...core.settings import GeometrySettings, ShockSettings, describe
+from ...core.settings import describe
 from .. import kernels
-from ..data.color_data import read_colors
-from ..data.geometry_data import read_geometry
-from ..data.mesh_data import Target, find, object_mode
-from ..denoise_operator import WORK, denoise_settings
-from ..filters.coloring import sharpen_colors
-from ..filters.sharpening import sharpen
 from ..jobs import Job
-from ..operators import filter_targets
-from ..properties import COLOR_PREFIX, NAMES, STEADY_STATE, label, settings_from
-from ..skipped import Skipped
-from .preview_data import Original, color_attribute, show
+from ..operators import Progress, filter_targets
+from ..properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
 from .preview_dials import TimeDial, turned
-from .preview_patch import Patch
 
 _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""
-
-_QUICK, _SLOW = 50_000, 8_000
-"""Vertices that are sharpened, or denoised, in about a quarter of a second."""
 
 
 @dataclass(frozen=True)
@@ -46,41 +33,55 @@ class Kind:
     ----------
     operator : str
         The name of the operator that does it in earnest.
-    read, filter : callable
-        As in `operators.MeshOperator`.
+    filter : callable
+        ``filter(surface, settings, parameters, progress)``, on any thread.
     settings : callable
         ``settings(parameters)`` makes what `filter` wants.
     about : type
         The settings class that describes the dials.
     time, second : str
         The parameters that dragging and the wheel change.
-    patch : int
-        Vertices of the patch that is computed of surfaces with more than three times as many.
     """
 
     operator: str
-    read: Callable[..., tuple]
-    filter: Callable[..., Any]
-    settings: Callable[[Any], Any]
+    filter: Callable[[Any, Any, SimpleNamespace, Progress], Any]
+    settings: Callable[[SimpleNamespace], Any]
     about: type
     time: str
     second: str
-    patch: int
 
 
-def kind_of(mode: str, parameters: Any) -> Kind:
-    """Choose what is previewed by the panel's mode and its settings."""
-    if mode == "geometry":
-        settings = partial(settings_from, GeometrySettings)
-        return Kind("sharpen_geometry", read_geometry, sharpen, settings, GeometrySettings,
-                    "time", "feature_threshold", _QUICK)  # fmt: skip
-    if mode == "colors":
-        settings = partial(settings_from, ShockSettings)
-        return Kind("sharpen_colors", read_colors, sharpen_colors, settings, ShockSettings,
-                    "time", "smoothing_passes", _QUICK)  # fmt: skip
-    work = WORK[parameters.target]
-    return Kind("denoise", work.read, work.filter, denoise_settings, work.settings,
-                work.prefix + "time", work.prefix + "beta", _SLOW)  # fmt: skip
+class Stage(Protocol):
+    """What settings are tried on, and where the result is seen.
+
+    Attributes
+    ----------
+    chosen : dict
+        Parameters of the operator that say what it works on.
+    note : str
+        Says which patch is computed; empty if it is all.
+    """
+
+    chosen: dict[str, Any]
+    note: str
+
+    def settings(self, settings: Any) -> Any:
+        """Turn settings that are meant for all into those for the patch."""
+
+    def part(self, settings: Any) -> tuple[Any, Callable[[Any], Any]]:
+        """Return what is filtered with these settings, all or a patch; on any thread.
+
+        Beside it stands what makes of the filter's result what `show` wants.
+        """
+
+    def show(self, seen: Any) -> None:
+        """Show it instead of what was shown before; raises `Skipped` if that is not possible."""
+
+    def lost(self) -> str:
+        """Say what has happened to what is worked on; empty if it is still there."""
+
+    def end(self) -> None:
+        """Bring everything back bit for bit."""
 
 
 def parameters_of(context: bpy.types.Context, mode: str) -> SimpleNamespace:
@@ -90,33 +91,28 @@ def parameters_of(context: bpy.types.Context, mode: str) -> SimpleNamespace:
 
 
 class Preview:
-    """A preview on one object in Object Mode.
+    """A preview on one object or image.
 
     Parameters
     ----------
     kind : Kind
     parameters : SimpleNamespace
         The panel's settings to begin with.
-    target : Target
-        The object as it was read.
-    patch : Patch
-        What of its surface is computed.
+    stage : Stage
 
     Attributes
     ----------
+    kind, stage
+        As given.
     parameters : SimpleNamespace
         As the dials stand now.
     updates : int
         How many results were shown.
     """
 
-    def __init__(
-        self, kind: Kind, parameters: SimpleNamespace, target: Target, patch: Patch
-    ) -> None:
-        self.parameters = parameters
+    def __init__(self, kind: Kind, parameters: SimpleNamespace, stage: Stage) -> None:
+        self.kind, self.parameters, self.stage = kind, parameters, stage
         self.updates = 0
-        self._kind, self._target, self._patch = kind, target, patch
-        self._original = Original(find(target).data, color_attribute(target))
         self._about = describe(kind.about)
         start = getattr(parameters, kind.time)
         endless = getattr(parameters, STEADY_STATE, False)
@@ -128,36 +124,37 @@ class Preview:
         self._trouble = ""
 
     def drag(self, pixels: float) -> None:
-        """Change the time."""
+        """Change the time; 0 pixels leave it as it is, to the last digit."""
+        if pixels == 0:
+            return
         self._dial.drag(pixels)
         time_ = self._dial.time
         if hasattr(self.parameters, STEADY_STATE):
             self.parameters.steady_state = math.isinf(time_)
         if math.isfinite(time_):
-            setattr(self.parameters, self._kind.time, time_)
+            setattr(self.parameters, self.kind.time, time_)
 
     def roll(self, clicks: float) -> None:
         """Change the second setting."""
-        name = self._kind.second
+        name = self.kind.second
         kind, _, about = self._about[name.removeprefix(COLOR_PREFIX)]
         setattr(self.parameters, name, turned(getattr(self.parameters, name), kind, about, clicks))
 
     def text(self) -> str:
         """Say in one line how the dials stand."""
         endless = getattr(self.parameters, STEADY_STATE, False)
-        time_ = getattr(self.parameters, self._kind.time)
-        second = getattr(self.parameters, self._kind.second)
+        time_ = getattr(self.parameters, self.kind.time)
+        second = getattr(self.parameters, self.kind.second)
         parts = [
-            iface_("Time {time} (drag)").format(
+            iface_("Time {time} (move mouse)").format(
                 time=iface_("Steady State") if endless else f"{time_:g}"
             ),
             iface_("{name} {value:.4g} (wheel)").format(
                 name=iface_(self.second_label()), value=second
             ),
         ]
-        if self._patch.share < 1.0:
-            size = self._patch.surface.size
-            parts.append(iface_("patch of {size:,} vertices").format(size=size))
+        if self.stage.note:
+            parts.append(self.stage.note)
         if self._job is not None and time.perf_counter() - self._began > _PATIENCE:
             parts.append(f"{iface_(self._job.message)}: {self._job.fraction:.0%}")
         elif self._trouble:
@@ -166,15 +163,8 @@ class Preview:
 
     def second_label(self) -> str:
         """Return the words for what the wheel changes."""
-        name = self._kind.second.removeprefix(COLOR_PREFIX)
+        name = self.kind.second.removeprefix(COLOR_PREFIX)
         return self._about[name][2].label or label(name)
-
-    def alive(self) -> bool:
-        """Whether the object is still there, and in Object Mode."""
-        try:
-            return find(self._target).mode == "OBJECT"
-        except Skipped:
-            return False
 
     def tick(self) -> None:
         """Show what is ready and see to it that the newest settings are computed.
@@ -199,22 +189,22 @@ class Preview:
         if self._job is not None:
             self._job.cancel()
             self._job = None
-        with object_mode(bpy.context):
-            self._original.restore()
+        self.stage.end()
 
     def _start(self) -> None:
         parameters = SimpleNamespace(**vars(self.parameters))
         self._computing, self._began = parameters, time.perf_counter()
-        kind, patch, folder = self._kind, self._patch, self._folder
-        part = replace(self._target, surface=patch.surface)
+        kind, stage, folder = self.kind, self.stage, self._folder
 
-        def work(progress: Callable[[float, str], bool]) -> Any:
-            settings = patch.settings(kind.settings(parameters))
+        def work(progress: Progress) -> Any:
+            settings = stage.settings(kind.settings(parameters))
+            part, seen = stage.part(settings)
 
-            def filter_part(surface: Any, phase: Callable[[float, str], bool]) -> Any:
-                return patch.whole(kind.filter(surface, settings, parameters.weld, phase))
+            def filter_part(surface: Any, phase: Progress) -> Any:
+                return seen(kind.filter(surface, settings, parameters, phase))
 
-            (result,) = filter_targets([part], filter_part, folder, progress)
+            target = SimpleNamespace(surface=part)
+            (result,) = filter_targets([target], filter_part, folder, progress)
             return result
 
         self._job = Job(work)
@@ -228,5 +218,5 @@ class Preview:
             result = error
         self._trouble = str(result) if isinstance(result, ShockError) else ""
         if not self._trouble:
-            show(self._target, self._original, result)
+            self.stage.show(result)
             self.updates += 1

@@ -3,19 +3,22 @@
 
 import math
 import time
-from dataclasses import replace
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
-from shock_filter.core.settings import describe
+from shock_filter.core.settings import BeltramiGeometrySettings, describe
 from shock_filter.shock_addon.data.active_object import read_active
+from shock_filter.shock_addon.data.geometry_data import read_geometry
 from shock_filter.shock_addon.data.mesh_data import read_positions, write_positions
-from shock_filter.shock_addon.preview import preview_operator, previewing
+from shock_filter.shock_addon.filters.denoising import Denoising, denoise_shape
+from shock_filter.shock_addon.filters.sharpening import MirroredSurface, sharpen
+from shock_filter.shock_addon.preview import preview_meshes, preview_operator, previewing
 from shock_filter.shock_addon.preview.preview_dials import TimeDial, turned
 from shock_filter.shock_addon.preview.preview_patch import patch_around, seen_vertex, whole_surface
+from shock_filter.shock_addon.skipped import Skipped
 
 ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
 
@@ -23,12 +26,12 @@ ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items
 def begun(mode, size=None):
     """Begin a preview of the active object, on a patch if a size is given."""
     parameters = previewing.parameters_of(bpy.context, mode)
-    kind = previewing.kind_of(mode, parameters)
-    (target,), _ = read_active(bpy.context, kind.read, parameters)
+    kind, read = preview_meshes.kind_of(mode, parameters)
+    (target,), _ = read_active(bpy.context, read, parameters)
     patch = whole_surface(target.surface)
     if size is not None:
         patch = patch_around(target.surface, 0, size)
-    return previewing.Preview(kind, parameters, target, patch)
+    return previewing.Preview(kind, parameters, preview_meshes.MeshStage(target, patch))
 
 
 def settle(running):
@@ -221,6 +224,72 @@ def test_a_patch_moves_alone_and_its_border_stays(rounded_box):
             assert near[[first, second]].max() <= np.sort(near)[400]
 
 
+def test_a_thin_line_is_drawn_around_a_patch_only(rounded_box):
+    rounded_box(cuts=20)
+    running = begun("geometry")
+    assert running.stage._outline._drawing is None
+    running.end()
+    running = begun("geometry", 400)
+    outline = running.stage._outline
+    assert outline._drawing is not None
+    running.end()
+    assert outline._drawing is None
+
+
+def test_the_line_runs_along_the_border_of_the_patch():
+    points, triangles = bumpy_sheet(20, 0.5, 0.0)
+    sheet = MirroredSurface(
+        positions=points.astype(np.float32),
+        triangles=triangles.astype(np.int32),
+        mask=None,
+        to_world=np.identity(3),
+        mirror=(False, False, False),
+        planes=(),
+    )
+    patch = patch_around(sheet, 220, 60)
+    ends = {tuple(point) for point in patch.outline.reshape(-1, 3).tolist()}
+    still = {tuple(point) for point in patch.surface.positions[patch.surface.mask == 0].tolist()}
+    assert ends == still
+    assert len(patch.outline) == len(ends)  # a closed line
+    assert whole_surface(sheet).outline.size == 0
+
+
+def test_a_patch_begun_from_a_panel_is_said_to_be_in_the_middle(rounded_box, monkeypatch):
+    rounded_box(cuts=20)
+    monkeypatch.setattr(preview_meshes, "_QUICK", 400)
+    monkeypatch.setattr(preview_meshes, "_pointed_at", lambda *given: 0)
+    for over_view, words in ((False, "vertices in the middle of the view"), (True, "vertices")):
+        monkeypatch.setattr(preview_meshes, "is_over_view", lambda *given, over=over_view: over)
+        running = preview_meshes.begin(bpy.context, None, "geometry")
+        assert running.stage.note.endswith(words)
+        running.end()
+
+
+def test_a_patch_holds_its_mirror_images(rounded_box):
+    box = rounded_box(cuts=20)
+    before = np.round(read_positions(box.data), 4)  # symmetric in each bit
+    write_positions(box.data, before)
+    box.data.use_mirror_x = box.data.use_mirror_z = True
+    running = begun("geometry", 400)
+    settle(running)
+    after = read_positions(box.data)
+    running.end()
+    moved = (after != before).any(axis=1)
+    assert 100 < moved.sum() <= 420
+    folded = np.linalg.norm(np.abs(before) - np.abs(before[0]), axis=1) + 9.0 * (before[:, 1] > 0)
+    inner = folded < 0.7 * folded[moved].max()  # at its rim, triangles are not symmetric
+    assert inner.sum() > 100
+    for axis in (0, 2):
+        other = after.copy()
+        other[:, axis] *= -1
+        away = np.linalg.norm(other[inner][:, None] - after[inner], axis=2)
+        assert away.min(axis=0).max() < 1e-6
+    assert {tuple(signs) for signs in np.sign(before[moved][:, ::2])} >= {
+        (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)
+    }  # fmt: skip
+    assert (before[moved, 1] < 0).all()
+
+
 def test_the_strength_on_a_patch_is_that_on_the_whole(rounded_box):
     box = rounded_box(cuts=20)
     positions = read_positions(box.data)
@@ -236,12 +305,65 @@ def test_the_strength_on_a_patch_is_that_on_the_whole(rounded_box):
 
     full = moves(begun("geometry"))
     part = begun("geometry", 600)
-    assert part._patch.lengths > 1.05
+    assert part.stage.settings(GeometrySettings(time=1.0)).time > 1.05**4
     error = np.abs(moves(part) - full).max()
     assert error < 0.3 * np.abs(full).max()
     careless = begun("geometry", 600)
-    careless._patch = replace(careless._patch, lengths=1.0)
+    careless.stage.settings = lambda settings: settings
     assert error < 0.9 * np.abs(moves(careless) - full).max()
+
+
+def bumpy_sheet(cells, cell, left):
+    """A sheet with a rounded crease and some noise: points and triangles."""
+    ticks = cell * np.arange(cells + 1)
+    x, y = np.meshgrid(ticks, ticks)
+    noise = np.random.default_rng(0).standard_normal(x.shape)
+    z = -0.5 * np.hypot(x - 0.5 * ticks[-1], 3 * cell) + 0.02 * cell * noise
+    first = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    second, third, fourth = first + 1, first + cells + 2, first + cells + 1
+    triangles = np.stack([first, second, third, first, third, fourth], axis=1).reshape(-1, 3)
+    return np.stack([x + left, y, z], axis=-1).reshape(-1, 3), triangles
+
+
+KERNEL = BeltramiGeometrySettings(repeat=1)
+
+
+@pytest.mark.parametrize(
+    ("function", "settings"),
+    [
+        (sharpen, GeometrySettings(time=16.0)),
+        (sharpen, GeometrySettings(time=16.0, screening_radius=1.0)),
+        (sharpen, GeometrySettings(time=16.0, fidelity=2000.0)),
+        (sharpen, GeometrySettings(time=16.0, max_displacement=0.01)),
+        (denoise_shape, Denoising(KERNEL, None)),
+        (denoise_shape, Denoising(KERNEL, 16.0)),
+    ],
+    ids=["time", "radius", "fidelity", "displacement", "denoising", "sharpened"],
+)
+def test_settings_mean_the_same_on_a_patch_with_shorter_edges(function, settings):
+    """The patch is a fine sheet, alone; the whole has a coarse one beside it."""
+    fine, triangles = bumpy_sheet(20, 0.5, 0.0)
+    coarse, others = bumpy_sheet(20, 1.5, 100.0)
+    whole = MirroredSurface(
+        positions=np.concatenate([fine, coarse]).astype(np.float32),
+        triangles=np.concatenate([triangles, others + len(fine)]).astype(np.int32),
+        mask=None,
+        to_world=np.identity(3),
+        mirror=(False, False, False),
+        planes=(),
+    )
+    patch = patch_around(whole, 0, len(fine))
+    assert patch.lengths == pytest.approx(2.0)
+
+    def moves(surface, chosen):
+        found = function(surface, chosen, True, lambda fraction, message: True)
+        return found.positions[: len(fine)] - fine
+
+    wanted = moves(whole, settings)
+    error = np.abs(moves(patch.surface, patch.settings(settings)) - wanted).max()
+    careless = np.abs(moves(patch.surface, settings) - wanted).max()
+    assert careless > 0.3 * np.abs(wanted).max()
+    assert error < 0.4 * careless
 
 
 def test_loose_vertices_make_no_patch(rounded_box):
@@ -249,7 +371,7 @@ def test_loose_vertices_make_no_patch(rounded_box):
     box.data.vertices.add(1)
     box.data.vertices[len(box.data.vertices) - 1].co = (100, 0, 0)
     (target,), _ = read_active(
-        bpy.context, previewing.read_geometry, previewing.parameters_of(bpy.context, "geometry")
+        bpy.context, read_geometry, previewing.parameters_of(bpy.context, "geometry")
     )
     patch = patch_around(target.surface, len(box.data.vertices) - 1, 200)
     assert patch.surface.size > 100
@@ -297,18 +419,18 @@ def test_old_news_is_cancelled_when_it_takes_long(rounded_box, monkeypatch):
     running.end()
 
 
-def test_an_error_is_said_and_the_preview_goes_on(rounded_box):
-    box = rounded_box()
-    before = stored(box)
-    running = begun("geometry")
-    running.parameters.fidelity = 1.0
-    running.parameters.screening_radius = 3.0
+def test_an_error_is_said_and_the_preview_goes_on(painted_sheet):
+    sheet = painted_sheet()
+    before = stored(sheet)
+    running = begun("colors")
+    running.parameters.time = 200_000.0
+    running.parameters.scheme = "composed"
     settle(running)
-    assert "give only one" in running.text()
-    assert stored(box) == before
-    running.parameters.fidelity = 0.0
+    assert "give at most" in running.text()
+    assert stored(sheet) == before
+    running.parameters.scheme = "fixed"
     settle(running)
-    assert "give only one" not in running.text()
+    assert "give at most" not in running.text()
     assert running.updates == 1
     running.end()
 
@@ -319,9 +441,9 @@ def test_a_removed_object_and_a_changed_mesh_end_it(rounded_box):
     before = read_positions(mesh)
     running = begun("geometry")
     settle(running)
-    assert running.alive()
+    assert not running.stage.lost()
     bpy.data.objects.remove(box)
-    assert not running.alive()
+    assert running.stage.lost()
     running.end()
     assert read_positions(mesh).tobytes() == before.tobytes()
     bpy.data.meshes.remove(mesh)
@@ -335,13 +457,52 @@ def test_a_removed_object_and_a_changed_mesh_end_it(rounded_box):
     assert len(other.data.vertices) == len(before) + 1
 
 
+@pytest.mark.parametrize("mode", ["geometry", "colors", "denoise"])
+def test_what_something_else_writes_meanwhile_ends_it_and_stays(painted_sheet, mode):
+    sheet = painted_sheet()
+    bpy.context.scene.shock_filter.denoise.target = "both"
+    before, paint = read_positions(sheet.data), sheet.data.color_attributes[0].data
+    running = begun(mode)
+    settle(running)
+    if mode == "colors":
+        paint[7].color = (0.25, 0.5, 0.75, 1.0)
+    else:
+        sheet.data.vertices[7].co = (9, 8, 7)
+    running.drag(50)
+    with pytest.raises(Skipped, match="it was changed meanwhile"):
+        settle(running)
+    running.end()
+    after = read_positions(sheet.data)
+    if mode == "colors":
+        assert tuple(paint[7].color) == (0.25, 0.5, 0.75, 1.0)
+        np.testing.assert_array_equal(after, before)
+    else:
+        assert after[7].tolist() == [9, 8, 7]
+        np.testing.assert_array_equal(np.delete(after, 7, axis=0), np.delete(before, 7, axis=0))
+
+
+def test_a_shape_key_that_a_script_moves_meanwhile_stays(keyed):
+    keys = keyed.data.shape_keys.key_blocks
+    before = stored(keyed)
+    running = begun("geometry")
+    settle(running)
+    keys["Wide"].points[3].co = (9, 8, 7)
+    running.drag(50)
+    with pytest.raises(Skipped, match="it was changed meanwhile"):
+        settle(running)
+    running.end()
+    assert tuple(keys["Wide"].points[3].co) == (9, 8, 7)
+    after = stored(keyed)
+    assert [one == other for one, other in zip(before, after, strict=True)].count(False) == 1
+
+
 def test_leaving_object_mode_ends_it_with_the_old_shape(rounded_box):
     box = rounded_box()
     before = stored(box)
     running = begun("geometry")
     settle(running)
     bpy.ops.object.mode_set(mode="EDIT")
-    assert not running.alive()
+    assert running.stage.lost()
     running.end()
     assert box.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
@@ -354,18 +515,19 @@ class _Events:
     def __init__(self, running, monkeypatch):
         cls = preview_operator.SHOCK_FILTER_OT_preview
         self.reports, self.status, self.ran = [], [], []
-        self.mode, self._kind = "geometry", previewing.kind_of("geometry", None)
-        self._preview, self._ended, self._text, self._timer = running, False, "", "timer"
-        for name in ("modal", "end", "cancel", "_turn", "_tick", "_dropped", "_apply"):
+        self.mode = "geometry"
+        self._preview, self._ended, self._timer = running, False, "timer"
+        self._entered = True
+        self._status = SimpleNamespace(
+            show=lambda context, text, area: self.status.append(text),
+            clear=lambda context: self.status.append(None),
+        )
+        for name in ("modal", "end", "cancel", "_turn", "_tick", "_ended_by", "_apply"):
             setattr(self, name, getattr(cls, name).__get__(self))
         self._show_text = cls._show_text.__get__(self)
         self.report = lambda kind, text: self.reports.append(text)
-        workspace = SimpleNamespace(status_text_set=self.status.append)
-        window = SimpleNamespace(workspace=workspace, screen=SimpleNamespace(areas=[]))
-        manager = SimpleNamespace(windows=[window], event_timer_remove=lambda timer: None)
-        self.context = SimpleNamespace(
-            window_manager=manager, workspace=workspace, area=None, scene=bpy.context.scene
-        )
+        manager = SimpleNamespace(event_timer_remove=lambda timer: None)
+        self.context = SimpleNamespace(window_manager=manager, area=None, scene=bpy.context.scene)
         run = SimpleNamespace(
             sharpen_geometry=lambda *given, **settings: self.ran.append((given, settings))
         )
@@ -408,6 +570,28 @@ def test_mouse_and_wheel_turn_the_dials(events):
     assert "Esc or Right Click: cancel" in events.status[-1]
 
 
+def test_values_stay_while_the_mouse_moves_up_or_down(events):
+    events._preview.parameters.time = 1234.5
+    events.send("MOUSEMOVE", x=0)
+    assert events._preview.parameters.time == 1234.5
+
+
+def test_the_way_from_the_button_to_the_view_changes_nothing(events):
+    view = SimpleNamespace(type="WINDOW", x=100, y=-50, width=800, height=600)
+    sidebar = SimpleNamespace(type="UI", x=800, y=-50, width=100, height=600)
+    events.context.area = SimpleNamespace(x=100, width=800, regions=[sidebar, view])
+    events._entered = False
+    for x in (850, 810):
+        events.send("MOUSEMOVE", x=x)
+    events.send("WHEELUPMOUSE")
+    assert events._preview.parameters.time == 256.0
+    assert events._preview.parameters.feature_threshold == pytest.approx(1.2)
+    events.send("MOUSEMOVE", x=790)  # enters
+    assert events._preview.parameters.time == 256.0
+    events.send("MOUSEMOVE", x=50)
+    assert events._preview.parameters.time == 512.0
+
+
 @pytest.mark.parametrize("key", ["ESC", "RIGHTMOUSE"])
 def test_cancelling_changes_nothing(events, key):
     box = bpy.context.object
@@ -439,12 +623,11 @@ def test_applying_runs_the_operator_on_the_old_shape(events, key):
     assert preview_operator._running == []
 
 
-def test_applying_settings_that_clash_is_an_error_in_words(events):
-    settings = bpy.context.scene.shock_filter.geometry
-    settings.fidelity, settings.screening_radius = 1.0, 3.0
+def test_what_cannot_be_applied_is_an_error_in_words(events):
+    bpy.context.scene.shock_filter.geometry.vertex_group = "Nobody"
     preview_operator.bpy.ops = bpy.ops
     assert events.send("RET") == {"CANCELLED"}
-    assert events.reports[-1].startswith("fidelity and screening_radius are two ways to say")
+    assert "it has no vertex group named 'Nobody'" in events.reports[-1]
     assert preview_operator._running == []
 
 
@@ -522,9 +705,33 @@ def test_the_time_dial_reaches_from_zero_to_the_steady_state():
     assert dial.time == math.inf
     assert TimeDial(math.inf, ABOUT["time"]).time == math.inf
     assert TimeDial(0.0, ABOUT["time"]).time == 0.0
+    kernel = describe(BeltramiGeometrySettings)["time"][2]
+    dial = TimeDial(1.0, kernel)
+    dial.drag(1e6)
+    assert dial.time <= kernel.maximum
     bounded = TimeDial(1.0, ABOUT["max_displacement"])
     bounded.drag(1e6)
     assert bounded.time == pytest.approx(80.0)
+
+
+@pytest.mark.parametrize("time", [0.1, 1234.5, 65536.0, 100_000.0])
+def test_small_moves_change_any_time_a_little(time):
+    for pixels in (0.5, -0.5):
+        dial = TimeDial(time, ABOUT["time"])
+        dial.drag(pixels)
+        ends = {math.inf if pixels > 0 else 0.0}
+        assert dial.time in ends or dial.time == pytest.approx(time, rel=0.02)
+    dial = TimeDial(time, ABOUT["time"])
+    dial.drag(-0.5 if time > 1 else 0.5)
+    assert dial.time == pytest.approx(time, rel=0.02)
+
+
+def test_the_wheel_leaves_values_beyond_its_range():
+    threshold, passes = ABOUT["feature_threshold"], ABOUT["smoothing_passes"]
+    assert turned(30, int, passes, 1.0) == 30
+    assert turned(30, int, passes, -1.0) == 29
+    assert turned(5.00001, float, threshold, 1.0) == 5.00001
+    assert turned(5.0, float, threshold, -1.0) == 4.9
 
 
 def test_the_wheel_stays_in_range():

@@ -53,6 +53,7 @@ def scenario() -> Steps:
         bpy.context.scene.shock_filter.mode = mode.upper()
         report[f"preview_{mode}"] = {}
         yield from preview(mode, report[f"preview_{mode}"])
+    yield from change_by_script()
     yield from new_file_during_both()
 
 
@@ -72,8 +73,8 @@ def flow(mode: str, seen: dict) -> Steps:
         seen["attributes"] = sorted(name for name in names if "shock_" in name)
         seen.setdefault("pixels", []).append(different(before, object_seen()))
     picture(f"flow-{mode}", area("VIEW_3D"))
-    run("show_flow", mode=mode)
-    yield from finished()
+    run("hide_flow")
+    yield DRAWN
 
 
 def preview(mode: str, seen: dict) -> Steps:
@@ -81,7 +82,16 @@ def preview(mode: str, seen: dict) -> Steps:
     settings = getattr(bpy.context.scene.shock_filter, mode)
     places = yield from buttons()
     yield from click(places[PREVIEW])
-    yield from drag(places[PREVIEW][0], places[PREVIEW][1])
+    yield DRAWN
+    seen["start_values"] = values()
+    for way in (0.2, 0.4, 0.6, 0.8, 1.0):
+        (left, bottom, *_), (x, y) = places[PREVIEW], middle()
+        move(left + way * (x - left), bottom + way * (y - bottom))
+        yield 0.2
+    seen["values_at_the_model"] = values()
+    seen["said"] = said()
+    yield from drag(*middle())
+    seen["values_dragged"] = values()
     seen["dragged"] = state()
     picture(f"preview-{mode}", area("VIEW_3D"), width=1400)
     yield from press("Escape")
@@ -102,6 +112,51 @@ def preview(mode: str, seen: dict) -> Steps:
     yield from park()
     yield from press("ctrl+z")
     seen["undone"] = state()
+
+
+def change_by_script() -> Steps:
+    """Begin with values out of the dials' ranges, move a vertex meanwhile, and see what is left."""
+    vertices, settings = (
+        bpy.data.objects["Monkey"].data.vertices,
+        bpy.context.scene.shock_filter.geometry,
+    )
+    settings.time, settings.feature_threshold = 65536.0, 5.0
+    before = [tuple(vertices[number].co) for number in (0, 1)]
+    yield from park()
+    run("preview", mode="geometry")
+    x, y = middle()
+    for up in (10, 20, 30):
+        move(x, y + up)
+        yield 0.2
+    button("click", 4)
+    yield DRAWN
+    report["script"] = seen = {"values": values()}
+    vertices[0].co = (0, 0, 3)
+    move(x - 100, y + 30)
+    yield 3 * DRAWN
+    seen["running"] = len(addon("preview_operator")._running)
+    seen["kept"] = tuple(vertices[0].co)
+    seen["back"] = tuple(vertices[1].co) == before[1]
+    picture("preview-script", area("VIEW_3D"), width=1400)
+    vertices[0].co = before[0]
+    settings.time, settings.feature_threshold = 256.0, 1.1
+    yield DRAWN
+
+
+def values() -> list[float]:
+    """Return the two values of the preview that is under way."""
+    preview = running_preview()
+    return [getattr(preview.parameters, n) for n in (preview.kind.time, preview.kind.second)]
+
+
+def said() -> str:
+    """Return what the preview says about itself."""
+    return running_preview().text()
+
+
+def running_preview() -> object:
+    """Return the preview that is under way."""
+    return addon("preview_operator")._running[0]._preview
 
 
 def drag(x: float, y: float) -> Steps:

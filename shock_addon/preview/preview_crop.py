@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A patch of a large image, to preview on. Needs no bpy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy.typing as npt
+
+from ...core.settings import BeltramiSettings
+from ..filters.picture import Picture
+
+_MARGIN = 16
+"""Most pixels around a patch that are filtered with it and not shown: they lack neighbors."""
+
+_REACHED = 6_000_000
+"""Pixels that kernels reach in about a quarter of a second."""
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of a picture, or all of it.
+
+    Attributes
+    ----------
+    picture : Picture
+        What is filtered.
+    rows, columns : slice
+        What of it is shown.
+    corner : tuple of int
+        The column and the row of the whole picture that are the part's first.
+    whole : tuple of int
+        Width and height of the whole picture.
+    """
+
+    picture: Picture
+    rows: slice
+    columns: slice
+    corner: tuple[int, int]
+    whole: tuple[int, int]
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, bottom, right and top of what is shown, in parts of the whole picture."""
+        (left, bottom), (width, height) = self.corner, self.whole
+        return (
+            (left + self.columns.start) / width,
+            (bottom + self.rows.start) / height,
+            (left + self.columns.stop) / width,
+            (bottom + self.rows.stop) / height,
+        )
+
+    @property
+    def is_all(self) -> bool:
+        """Whether nothing was cut off."""
+        return self.box == (0.0, 0.0, 1.0, 1.0)
+
+    def shown(self, pixels: npt.NDArray) -> npt.NDArray:
+        """Return what is shown of the filtered pixels."""
+        return pixels[self.rows, self.columns]
+
+    def shrunk(self, place: tuple[float, float], size: int) -> Crop:
+        """Cut out less around the same place of the whole picture, if `size` is less."""
+        if self.picture.size <= size:
+            return self
+        height, width = self.picture.pixels.shape[:2]
+        inside = (
+            (place[0] * self.whole[0] - self.corner[0]) / width,
+            (place[1] * self.whole[1] - self.corner[1]) / height,
+        )
+        part = crop_around(self.picture, inside, size)
+        corner = self.corner[0] + part.corner[0], self.corner[1] + part.corner[1]
+        return replace(part, corner=corner, whole=self.whole)
+
+
+def crop_around(picture: Picture, place: tuple[float, float], size: int) -> Crop:
+    """Cut out the part of a picture around a place.
+
+    Parameters
+    ----------
+    picture : Picture
+        If it has no more pixels than `size`, all of it is taken.
+    place : tuple of float
+        From the left and from the bottom, in parts of the picture.
+    size : int
+        About how many pixels are filtered; around those that are shown there is a margin.
+    """
+    height, width = picture.pixels.shape[:2]
+    side = max(height, width) if picture.size <= size else math.isqrt(size)
+    margin = 0 if picture.size <= size else min(side // 4, _MARGIN)
+    left, right = _range(place[0], width, side - 2 * margin)
+    bottom, top = _range(place[1], height, side - 2 * margin)
+    first_row, first_column = max(bottom - margin, 0), max(left - margin, 0)
+    pixels = picture.pixels[first_row : top + margin, first_column : right + margin]
+    return Crop(
+        replace(picture, pixels=pixels.copy()),
+        slice(bottom - first_row, top - first_row),
+        slice(left - first_column, right - first_column),
+        (first_column, first_row),
+        (width, height),
+    )
+
+
+def smoothed_at_once(kernel: BeltramiSettings) -> int:
+    """Return how many pixels a kernel smooths in about a quarter of a second."""
+    reach = max(-4.0 * math.pi * kernel.time * math.log(kernel.threshold), 1.0)
+    if kernel.window:
+        reach = min(reach, kernel.window**2)
+    work = _REACHED / kernel.iterations
+    return max(int(work / reach), math.isqrt(int(work)))  # none reaches beyond the patch
+
+
+def _range(place: float, length: int, side: int) -> tuple[int, int]:
+    side = min(side, length)
+    first = min(max(round(place * length - side / 2), 0), length - side)
+    return first, first + side

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Previews on images and textures, drawn over the image in the Image Editor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import bpy
+from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_rpt
+
+from ...core.errors import InvalidSignal
+from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
+from .. import data, filters
+from ..denoise_operator import denoising
+from ..filters.picture import Picture
+from ..properties import settings_from
+from ..skipped import Skipped
+from .preview_crop import Crop, crop_around, smoothed_at_once
+from .preview_overlay import Overlay, Piece
+from .preview_pointing import editors_of, pointed_at
+from .preview_screen_colors import is_transparent, screen_colors
+from .previewing import Kind, Preview, parameters_of
+
+_QUICK, _SLOW = 500_000, 25_000
+"""Most pixels that are sharpened, or denoised, for each look: a quarter of a second."""
+
+_FIRST_TILE = 1001
+"""The number of the first UDIM tile; an image without tiles lies in its place."""
+
+
+class ImageStage:
+    """An image over which the result is drawn; see `Stage`.
+
+    Parameters
+    ----------
+    image : bpy.types.Image
+    part : callable
+        As in `Stage`; what is shown are pieces.
+    """
+
+    def __init__(
+        self,
+        image: bpy.types.Image,
+        part: Callable[[Any], tuple[Any, Callable[[Any], list[Piece]]]],
+    ) -> None:
+        self.part, self.note = part, ""
+        self.chosen = {"image": image.name}
+        self._uid, self._size = image.session_uid, tuple(image.size)
+        self._overlay = Overlay(image)
+
+    def settings(self, settings: Any) -> Any:
+        """Leave them: pixels are as large in a patch."""
+        return settings
+
+    def show(self, seen: list[Piece]) -> None:
+        """Draw it."""
+        self.note = _note(seen[0])
+        self._overlay.show(seen)
+
+    def lost(self) -> str:
+        """Ask for the image, and for an Image Editor that shows it."""
+        image = next((i for i in bpy.data.images if i.session_uid == self._uid), None)
+        if image is None or tuple(image.size) != self._size:
+            return "the image was removed or changed"
+        if not any(editors_of(self._uid)):
+            return "the image is not shown any more"
+        return ""
+
+    def end(self) -> None:
+        """Draw nothing any more; the image was never touched."""
+        self._overlay.end()
+
+
+def begin(context: bpy.types.Context, event: bpy.types.Event, mode: str) -> Preview:
+    """Begin on the image in the Image Editor or, in the 3D view, on the active object's texture.
+
+    Raises
+    ------
+    core.InvalidSignal
+        If it cannot be read.
+    """
+    parameters = parameters_of(context, mode)
+    read = _read_texture if mode == "texture" else _read_image
+    try:
+        stage = read(context, event, mode, parameters)
+    except Skipped as reason:
+        text = pgettext_rpt("There is nothing to preview: {reason}.")
+        raise InvalidSignal(text.format(reason=pgettext_rpt(str(reason)))) from None
+    return Preview(_KINDS[mode], parameters, stage)
+
+
+def _read_image(
+    context: bpy.types.Context, event: bpy.types.Event, mode: str, parameters: Any
+) -> ImageStage:
+    image = data.shown_image(context)
+    most = _QUICK if mode == "image" else _SLOW
+    picture = data.read_image(image).surface
+    place = _place(context, event)
+    crop = crop_around(picture, place, most)
+    colors = _colors_of(image)
+
+    def part(settings: Any) -> tuple[Picture, Callable[[Any], list[Piece]]]:
+        smaller = crop
+        if mode == "denoise_image":
+            smaller = crop.shrunk(place, smoothed_at_once(settings.kernel))
+        return smaller.picture, partial(_pieces, smaller, colors)
+
+    return ImageStage(image, part)
+
+
+def _read_texture(
+    context: bpy.types.Context, event: bpy.types.Event, mode: str, parameters: Any
+) -> ImageStage:
+    image = data.chosen_image(context, parameters.image)
+    target, _ = data.read_texture(context, image, parameters, parameters.gutter + 1)
+    colors = _colors_of(image)
+
+    def pieces(result: filters.Retextured) -> list[Piece]:
+        whole = result.recolored.colors
+        tiles = {_FIRST_TILE: whole} if target.mosaic is None else target.mosaic.cut(whole)
+        pictures = {n: replace(target.surface.picture, pixels=tiles[n]) for n in tiles}
+        return [
+            Piece(_tile_box(number), colors(picture), False, is_transparent(picture))
+            for number, picture in pictures.items()
+        ]
+
+    return ImageStage(image, lambda settings: (target.surface, pieces))
+
+
+def _tile_box(number: int) -> tuple[float, float, float, float]:
+    row, column = divmod(number - _FIRST_TILE, 10)
+    return column, row, column + 1, row + 1
+
+
+def _place(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, float]:
+    view, mouse = pointed_at(context, event)
+    return view.view2d.region_to_view(*mouse)
+
+
+def _note(piece: Piece) -> str:
+    if not piece.framed:
+        return ""
+    height, width = piece.colors.shape[:2]
+    return iface_("patch of {width:,} x {height:,} pixels").format(width=width, height=height)
+
+
+def _pieces(crop: Crop, colors: Callable[[Picture], Any], result: filters.Recolored) -> list[Piece]:
+    part = replace(crop.picture, pixels=crop.shown(result.colors))
+    return [Piece(crop.box, colors(part), not crop.is_all, is_transparent(part))]
+
+
+def _colors_of(image: bpy.types.Image) -> Callable[[Picture], Any]:
+    space = image.colorspace_settings
+    linear = image.is_float or space.is_data or space.name.startswith("Linear")
+    return partial(screen_colors, encoded=not linear, multiply_encoded=bpy.app.version < (5, 0, 0))
+
+
+def _sharpened(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
+    return filters.sharpen_picture(picture, settings, progress)
+
+
+def _denoised(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
+    return filters.denoise_picture(picture, settings, progress)
+
+
+def _on_surface(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
+    return filters.sharpen_texture(surface, settings, progress)
+
+
+def _denoising(parameters: Any) -> Any:
+    return denoising(settings_from(BeltramiSettings, parameters), parameters)
+
+
+_KINDS = {
+    "image": Kind("sharpen_image", _sharpened, partial(settings_from, ImageSettings),
+                  ImageSettings, "time", "smoothing_passes"),
+    "denoise_image": Kind("denoise_image", _denoised, _denoising, BeltramiSettings,
+                          "time", "beta"),
+    "texture": Kind("sharpen_texture", _on_surface, partial(settings_from, TextureSettings),
+                    TextureSettings, "time", "smoothing_passes"),
+}  # fmt: skip

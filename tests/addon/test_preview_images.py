@@ -1,0 +1,351 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The preview of images and textures: patches, what is drawn, and that the image stays."""
+
+import contextlib
+import time
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter.core import BeltramiSettings, InvalidSignal
+from shock_filter.shock_addon.data import image_data
+from shock_filter.shock_addon.filters.picture import Picture
+from shock_filter.shock_addon.preview import preview_images, preview_operator
+from shock_filter.shock_addon.preview.preview_crop import crop_around, smoothed_at_once
+from shock_filter.shock_addon.preview.preview_overlay import Overlay
+from shock_filter.shock_addon.preview.preview_pointing import is_over_view, pointed_at
+from shock_filter.shock_addon.preview.preview_screen_colors import decoded, screen_colors
+
+
+def soft(height=96, width=120):
+    """Soft stripes with some noise, opaque."""
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    pixels = np.ones((height, width, 4), dtype=np.float32)
+    pixels[..., 0] = 0.5 + 0.4 * np.tanh(2.0 * np.sin(x / 6 + y / 15))
+    pixels[..., 1] = 0.5 + 0.3 * np.sin(y / 5)
+    pixels[..., 2] = 0.4
+    pixels[..., :3] += np.random.default_rng(0).normal(scale=0.02, size=(height, width, 3))
+    return pixels.clip(0.0, 1.0)
+
+
+def add_image(pixels=None, name="Photo", **kind):
+    pixels = soft() if pixels is None else pixels
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=True, **kind)
+    image.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
+    image.update()
+    return image
+
+
+@pytest.fixture
+def editor():
+    """Return a function that shows an image in an Image Editor, and the context over it."""
+    (window,) = bpy.context.window_manager.windows
+    area = max(window.screen.areas, key=lambda area: area.width * area.height)
+    before = area.type
+    area.type = "IMAGE_EDITOR"
+
+    def show(image):
+        area.spaces.active.image = image
+        return SimpleNamespace(
+            area=area,
+            mode="OBJECT",
+            region=None,
+            scene=bpy.context.scene,
+            space_data=area.spaces.active,
+            tool_settings=bpy.context.tool_settings,
+        )
+
+    yield show
+    area.type = before
+
+
+@pytest.fixture
+def begun(editor, monkeypatch):
+    """Return a function that begins a preview on an image; it is ended with the test."""
+    running = []
+
+    def begin(image, mode="image", size=None):
+        if size is not None:
+            monkeypatch.setattr(preview_images, "_QUICK", size)
+            monkeypatch.setattr(preview_images, "_SLOW", size)
+        monkeypatch.setattr(preview_images, "_place", lambda context, event: (0.5, 0.5))
+        running.append(preview_images.begin(editor(image), None, mode))
+        return running[-1]
+
+    yield begin
+    for preview in running:
+        with contextlib.suppress(ValueError):  # it was ended by the test
+            preview.end()
+
+
+def shown(preview):
+    """Tick until the newest settings are drawn, and return what is."""
+    for _ in range(6000):
+        preview.tick()
+        if preview._job is None:
+            return preview.stage._overlay._pieces
+        time.sleep(0.01)
+    raise AssertionError("The preview did not settle.")
+
+
+def state(image):
+    packed = image.packed_file.data if image.packed_file else None
+    return image_data.read_pixels(image).tobytes(), image.is_dirty, packed, len(bpy.data.images)
+
+
+@pytest.mark.parametrize("mode", ["image", "denoise_image"])
+@pytest.mark.parametrize("size", [None, 72**2])
+def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
+    photo = add_image()
+    preview = begun(photo, mode, size)
+    preview.drag(200 if mode == "image" else 20)
+    preview.roll(-1)
+    (piece,) = shown(preview)
+    parameters = {name: getattr(preview.parameters, name) for name in ("time", preview.kind.second)}
+    assert ("patch of 40 x 40 pixels" in preview.text()) == (size is not None)
+    assert piece.framed == (size is not None)
+    preview.end()
+    run = getattr(bpy.ops.shock_filter, preview.kind.operator)
+    assert run(image="Photo", output="REPLACE", **parameters) == {"FINISHED"}
+    left, bottom, right, top = np.round(np.array(piece.box) * (120, 96, 120, 96)).astype(int)
+    made = decoded(image_data.read_pixels(photo)[bottom:top, left:right, :3])
+    np.testing.assert_allclose(piece.colors[..., :3], made, atol=1e-6)
+    assert np.abs(made - decoded(soft()[bottom:top, left:right, :3])).max() > 0.02
+
+
+@pytest.mark.parametrize("float_buffer", [False, True])
+@pytest.mark.parametrize("packed", [False, True])
+def test_the_image_is_not_touched(begun, float_buffer, packed):
+    photo = add_image(float_buffer=float_buffer)
+    if packed:
+        photo.pack()
+    before = state(photo)
+    preview = begun(photo)
+    preview.drag(200)
+    shown(preview)
+    assert preview.updates == 1
+    assert state(photo) == before
+    preview.end()
+    assert state(photo) == before
+    assert bpy.context.scene.shock_filter.image.time == 16.0
+
+
+def test_nothing_is_drawn_at_time_0(begun):
+    preview = begun(add_image())
+    preview.drag(-1e6)
+    (piece,) = shown(preview)
+    stored = np.round(soft() * 255) / 255
+    np.testing.assert_allclose(piece.colors[..., :3], decoded(stored[..., :3]), atol=1e-6)
+
+
+def test_it_ends_when_the_image_is_gone_or_seen_no_more(begun, editor):
+    photo, other = add_image(), add_image(name="Other")
+    preview = begun(photo)
+    assert preview.stage.lost() == ""
+    editor(other)
+    assert preview.stage.lost() == "the image is not shown any more"
+    editor(photo)
+    photo.scale(30, 30)
+    assert preview.stage.lost() == "the image was removed or changed"
+    bpy.data.images.remove(photo)
+    assert preview.stage.lost() == "the image was removed or changed"
+
+
+def test_images_that_cannot_be_sharpened_are_refused_in_words(editor):
+    with pytest.raises(InvalidSignal, match="no image is open here"):
+        preview_images.begin(editor(None), None, "image")
+    tiled = bpy.data.images.new("Tiled", 8, 8, tiled=True)
+    with pytest.raises(InvalidSignal, match="There is nothing to preview: it has UDIM tiles"):
+        preview_images.begin(editor(tiled), None, "image")
+
+
+@pytest.mark.parametrize(
+    ("place", "box"),
+    [
+        ((0.5, 0.5), (40, 30, 60, 50)),
+        ((0.0, 1.0), (0, 60, 20, 80)),
+        ((7.0, -7.0), (80, 0, 100, 20)),
+    ],
+)
+def test_a_patch_lies_inside_and_around_the_place(place, box):
+    pixels = np.random.default_rng(0).random((80, 100, 4)).astype(np.float32)
+    crop = crop_around(Picture(pixels, "STRAIGHT", False, 0), place, 1600)
+    left, bottom, right, top = box
+    assert crop.box == (left / 100, bottom / 80, right / 100, top / 80)
+    assert not crop.is_all
+    np.testing.assert_array_equal(crop.shown(crop.picture.pixels), pixels[bottom:top, left:right])
+    height, width = crop.picture.pixels.shape[:2]
+    assert 20 < height <= 40
+    assert 20 < width <= 40
+    assert not np.shares_memory(crop.picture.pixels, pixels)
+
+
+@pytest.mark.parametrize("place", [(0.5, 0.5), (0.3, 0.7), (0.0, 1.0)])
+def test_a_patch_shrinks_around_its_place(place):
+    pixels = np.random.default_rng(0).random((80, 100, 4)).astype(np.float32)
+    picture = Picture(pixels, "STRAIGHT", False, 0)
+    less = crop_around(picture, place, 400)
+    for size in (3000, pixels.size):
+        shrunk = crop_around(picture, place, size).shrunk(place, 400)
+        assert shrunk.box == less.box
+        np.testing.assert_array_equal(shrunk.picture.pixels, less.picture.pixels)
+    assert less.shrunk(place, 400) is less
+
+
+def test_the_longer_a_kernel_works_the_smaller_is_the_patch_and_no_less_fast():
+    def work(pixels, time, iterations):
+        return pixels * min(58 * time, pixels) * iterations  # pixels that are reached
+
+    sizes = [smoothed_at_once(BeltramiSettings(time=time)) for time in (0.5, 1, 4, 16, 100)]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] > 16_000
+    assert sizes[-1] > 36**2
+    for long, size in zip((0.5, 1, 4, 16, 100), sizes, strict=True):
+        assert work(size, long, 2) < 7e6
+    assert smoothed_at_once(BeltramiSettings(time=4, iterations=8)) < 0.3 * sizes[2]
+    assert smoothed_at_once(BeltramiSettings(time=100, window=7)) > 10_000
+    assert smoothed_at_once(BeltramiSettings(time=0)) > 1_000_000
+
+
+def test_denoising_longer_draws_a_smaller_patch(begun):
+    pixels = np.full((200, 200, 4), 0.5, dtype=np.float32)
+    preview = begun(add_image(pixels), "denoise_image")
+    sides = []
+    for kernel_time in (1.0, 24.0):
+        preview.parameters.time = kernel_time
+        (piece,) = shown(preview)
+        sides.append(piece.colors.shape[0])
+        assert f"patch of {sides[-1]} x {sides[-1]} pixels" in preview.text()
+    assert sides[1] < 0.4 * sides[0]
+
+
+def test_small_images_are_no_patch():
+    pixels = np.zeros((4, 100, 4), dtype=np.float32)
+    crop = crop_around(Picture(pixels, "STRAIGHT", False, 0), (0.9, 0.9), 400)
+    assert crop.is_all
+    assert crop.shown(crop.picture.pixels).shape == pixels.shape
+
+
+def pixel(*values):
+    return np.array(values, dtype=np.float32).reshape(1, 1, -1)
+
+
+@pytest.mark.parametrize(
+    ("picture", "encoded", "early", "seen"),
+    [
+        (Picture(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, False, (0.107, 0, 0.5)),
+        (Picture(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, True, (0.0509, 0, 0.214)),
+        (Picture(pixel(0.5, 0, 1, 0.5), "NONE", False, 255), True, True, (0.214, 0, 1)),
+        (Picture(pixel(0.5, 0, 1, 0.5), "CHANNEL_PACKED", False, 255), False, True, (0.5, 0, 1)),
+        (Picture(pixel(0.5, 0, 2, 0.5), "PREMUL", True, 0), False, True, (0.5, 0, 2)),
+        (Picture(pixel(0.5, 0, 1), "STRAIGHT", True, 0), False, False, (0.5, 0, 1)),
+        (Picture(pixel(0.5), "STRAIGHT", True, 0), False, False, (0.5, 0.5, 0.5)),
+    ],
+)
+def test_screens_show_linear_colors_times_opacity(picture, encoded, early, seen):
+    ((color,),) = screen_colors(picture, encoded, early)
+    np.testing.assert_allclose(color[:3], seen, atol=1e-3)
+    assert color[3] == (0.5 if picture.pixels.shape[2] == 4 else 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "encoded"),
+    [({}, True), ({"is_data": True}, False), ({"float_buffer": True}, False)],
+)
+def test_colors_are_decoded_as_the_image_is(begun, kind, encoded):
+    preview = begun(add_image(np.full((8, 8, 4), 0.5, np.float32), **kind))
+    (piece,) = shown(preview)
+    expected = 0.25 if not encoded else 0.107 if bpy.app.version >= (5, 0, 0) else 0.0509
+    if kind.get("float_buffer"):
+        expected = 0.5  # Blender keeps these multiplied
+    np.testing.assert_allclose(piece.colors[..., :3], expected, atol=2e-3)
+    assert piece.transparent
+
+
+def test_a_mouse_that_is_held_in_the_area_comes_in_at_the_other_side():
+    view = SimpleNamespace(type="WINDOW", x=100, y=50, width=800, height=600)
+    sidebar = SimpleNamespace(type="UI", x=800, y=50, width=100, height=600)
+    area = SimpleNamespace(x=100, width=800, regions=[sidebar, view])
+    for x, over in ((790, True), (890, False), (910, True), (90, False), (-10, True)):
+        event = SimpleNamespace(mouse_x=x, mouse_y=70)
+        assert is_over_view(area, event) == over
+    assert not is_over_view(area, SimpleNamespace(mouse_x=790, mouse_y=700))
+    assert is_over_view(None, None)
+
+
+@pytest.mark.parametrize(
+    ("mouse", "place"),
+    [((130, 70), (30, 20)), ((850, 70), (400, 300)), ((950, 70), (400, 300))],
+    ids=["view", "sidebar", "elsewhere"],
+)
+def test_the_mouse_points_or_else_the_middle_of_the_view(mouse, place):
+    view = SimpleNamespace(type="WINDOW", x=100, y=50, width=800, height=600)
+    sidebar = SimpleNamespace(type="UI", x=800, y=50, width=100, height=600)
+    area = SimpleNamespace(x=100, width=800, regions=[sidebar, view])
+    context = SimpleNamespace(area=area, region=view)
+    event = SimpleNamespace(mouse_x=mouse[0], mouse_y=mouse[1])
+    assert pointed_at(context, event) == (view, place)
+
+
+def textured_sheet(image, left=0.0):
+    """A sheet of 16 quads whose UVs fill a tile."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, calc_uvs=True)
+    obj = bpy.context.object
+    for loop in obj.data.uv_layers.active.uv:
+        loop.vector.x += left
+    material = bpy.data.materials.new("Paint")
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    material.node_tree.nodes.active = node
+    obj.data.materials.append(material)
+    return obj
+
+
+def test_a_texture_is_drawn_as_the_operator_makes_it(editor):
+    wood = add_image(soft(64, 64), "Wood")
+    textured_sheet(wood)
+    editor(wood)
+    before = state(wood)
+    preview = preview_images.begin(bpy.context, None, "texture")
+    try:
+        preview.drag(100)
+        (piece,) = shown(preview)
+        assert state(wood) == before
+        assert piece.box == (0, 0, 1, 1)
+        assert preview.stage.chosen == {"image": "Wood"}
+    finally:
+        preview.end()
+    bpy.ops.shock_filter.sharpen_texture(output="REPLACE", time=preview.parameters.time)
+    made = decoded(image_data.read_pixels(wood)[..., :3])
+    np.testing.assert_allclose(piece.colors[..., :3], made, atol=1e-6)
+
+
+def test_tiles_of_a_texture_are_drawn_side_by_side():
+    assert preview_images._tile_box(1001) == (0, 0, 1, 1)
+    assert preview_images._tile_box(1003) == (2, 0, 3, 1)
+    assert preview_images._tile_box(1020) == (9, 1, 10, 2)
+
+
+def test_a_texture_needs_an_image_editor_for_its_preview(rounded_box, editor):
+    scene = bpy.context.scene.shock_filter
+    scene.mode = "TEXTURE"
+    rounded_box()
+    obstacle = preview_operator._of_meshes
+    assert obstacle(bpy.context) == "Add an Image Texture node with an image to the material."
+    bpy.data.objects.remove(bpy.context.object)
+    wood = add_image(soft(16, 16), "Wood")
+    textured_sheet(wood)
+    assert "Open the texture in an Image Editor" in obstacle(bpy.context)
+    editor(wood)
+    assert obstacle(bpy.context) == ""
+
+
+def test_drawing_ends_with_the_preview():
+    overlay = Overlay(add_image())
+    overlay.end()
+    with pytest.raises(ValueError):
+        bpy.types.SpaceImageEditor.draw_handler_remove(overlay._drawing, "WINDOW")
