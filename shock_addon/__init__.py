@@ -11,8 +11,9 @@ from bpy.app.handlers import persistent
 
 from . import (
     colors_operator,
-    command_line,
+    command,
     denoise_operator,
+    forgetting,
     geometry_operator,
     image_operator,
     jobs,
@@ -22,8 +23,6 @@ from . import (
     statistics,
     texture_operator,
 )
-from .data import image_data
-from .filters import surface
 from .flow import flow_operator, flow_overlay
 from .panel import manual, menus, panels, presets, translations
 from .preview import preview_operator
@@ -47,9 +46,19 @@ _CLASSES = (
 @persistent
 def _forget_file(*_: object) -> None:
     # What was read from the file that is left, and what was said about it.
-    surface.forget()
-    image_data.forget()
+    forgetting.forget_file()
     operators.summaries.clear()
+
+
+@persistent
+def _forget_summaries(*_: object) -> None:
+    # What was undone is not there any more.
+    operators.summaries.clear()
+
+
+def _handlers() -> list[tuple]:
+    handlers = bpy.app.handlers
+    return [(handlers.load_pre, _forget_file), (handlers.undo_post, _forget_summaries)]
 
 
 def _unregister_at_exit() -> None:
@@ -69,9 +78,10 @@ def register() -> None:
         bpy.utils.register_class(cls)
     menus.register()
     manual.register()
-    command_line.register()
+    command.register()
     preview_operator.register()
-    bpy.app.handlers.load_pre.append(_forget_file)
+    for handlers, function in _handlers():
+        handlers.append(function)
 
 
 def unregister() -> None:
@@ -80,8 +90,10 @@ def unregister() -> None:
     preview_operator.unregister()
     jobs.stop_all()
     flow_overlay.hide()
-    bpy.app.handlers.load_pre.remove(_forget_file)
-    command_line.unregister()
+    for handlers, function in _handlers():
+        if function in handlers:  # other add-ons may clear such lists
+            handlers.remove(function)
+    command.unregister()
     manual.unregister()
     menus.unregister()
     for cls in reversed(_CLASSES):

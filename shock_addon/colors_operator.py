@@ -7,9 +7,8 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import ShockSettings
-from .data.color_data import read_colors, write_colors
-from .filters.coloring import sharpen_colors
-from .operators import MeshOperator, counted, describe_colors
+from . import data, filters
+from .operators import MeshOperator, Steps, counted, describe_colors
 from .properties import ColorProperties
 
 
@@ -22,9 +21,10 @@ class SHOCK_FILTER_OT_sharpen_colors(MeshOperator, ColorProperties, bpy.types.Op
 
     mode = "colors"
     settings_type = ShockSettings
-    read_object = staticmethod(read_colors)
-    filter_surface = staticmethod(sharpen_colors)
-    write_object = staticmethod(write_colors)
+
+    def steps(self) -> Steps:
+        """Sharpen the colors of an attribute."""
+        return Steps(data.read_colors, filters.sharpen_colors, data.write_colors)
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes and colors."""

@@ -3,37 +3,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
-from .data.color_data import check_unchanged, read_colors, write_colors
-from .data.geometry_data import Place, read_geometry, write_geometry
-from .data.mesh_data import Target, find
-from .filters.denoising import (
-    Both,
-    Denoising,
-    PaintedSurface,
-    denoise_both,
-    denoise_colors,
-    denoise_picture,
-    denoise_shape,
-)
-from .filters.recolored import Recolored
+from . import data, filters
 from .geometry_operator import describe_moves, notes
 from .image_operator import ImageOperator
-from .operators import Filter, MeshOperator, counted, describe_colors
+from .operators import Filter, MeshOperator, Steps, counted, describe_colors
 from .properties import (
     COLOR_PREFIX,
     DenoiseImageProperties,
     DenoiseProperties,
-    denoise_names,
     settings_from,
+    shortest,
 )
 
 _ADVICE = "for more noise raise Time or lower Keep Edges"
@@ -41,41 +27,41 @@ _ADVICE = "for more noise raise Time or lower Keep Edges"
 
 def read_both(
     obj: bpy.types.Object, mode: str, parameters: Any
-) -> tuple[tuple[Place, str], PaintedSurface]:
+) -> tuple[tuple[data.Place, str], filters.PaintedSurface]:
     """Read shape and colors; parameters are those of `read_geometry` and `read_colors`."""
-    place, shape = read_geometry(obj, mode, parameters)
-    attribute, paint = read_colors(obj, mode, parameters)
-    return (place, attribute), PaintedSurface(shape, paint)
+    place, shape = data.read_geometry(obj, mode, parameters)
+    attribute, paint = data.read_colors(obj, mode, parameters)
+    return (place, attribute), filters.PaintedSurface(shape, paint)
 
 
-def write_both(target: Target, result: Both) -> bpy.types.Object:
+def write_both(target: data.Target, result: filters.Both) -> bpy.types.Object:
     """Write shape and colors, or raise `Skipped` before either is written."""
     place, attribute = target.place
     paint = replace(target, place=attribute, surface=target.surface.paint)
-    check_unchanged(find(target), paint)
+    data.check_unchanged(data.find(target), paint)
     _write_shape(replace(target, place=place, surface=target.surface.shape), result.shape)
-    return write_colors(paint, result.paint)
+    return data.write_colors(paint, result.paint)
 
 
-_write_shape = partial(write_geometry, key_name="Denoised")
+def _write_shape(target: data.Target, result: filters.Sharpened) -> bpy.types.Object:
+    return data.write_geometry(target, result, key_name="Denoised")
 
 
-@dataclass(frozen=True)
-class Work:
-    """What differs between the targets; `settings` have names that begin with `prefix`."""
-
-    settings: type
-    prefix: str
-    read: Callable[[bpy.types.Object, str, Any], tuple]
-    filter: Callable[..., Any]
-    write: Callable[[Target, Any], bpy.types.Object]
-
-
-WORK = {
-    "geometry": Work(BeltramiGeometrySettings, "", read_geometry, denoise_shape, _write_shape),
-    "colors": Work(BeltramiMeshSettings, COLOR_PREFIX, read_colors, denoise_colors, write_colors),
-    "both": Work(BeltramiMeshSettings, COLOR_PREFIX, read_both, denoise_both, write_both),
+SETTINGS = {
+    "geometry": (BeltramiGeometrySettings, ""),
+    "colors": (BeltramiMeshSettings, COLOR_PREFIX),
+    "both": (BeltramiMeshSettings, COLOR_PREFIX),
 }
+"""The settings of each target, and what the names of their properties begin with."""
+
+
+def steps_of(target: str) -> Steps:
+    """Choose by the target how an object is read, filtered and written."""
+    if target == "geometry":
+        return Steps(data.read_geometry, filters.denoise_shape, _write_shape)
+    if target == "colors":
+        return Steps(data.read_colors, filters.denoise_colors, data.write_colors)
+    return Steps(read_both, filters.denoise_both, write_both)
 
 
 class SHOCK_FILTER_OT_denoise(MeshOperator, DenoiseProperties, bpy.types.Operator):
@@ -87,31 +73,13 @@ class SHOCK_FILTER_OT_denoise(MeshOperator, DenoiseProperties, bpy.types.Operato
 
     mode = "denoise"
 
-    @property
-    def read_object(self) -> Callable[[bpy.types.Object, str, Any], tuple]:
-        """Read what the target asks for."""
-        return WORK[self.target].read
-
-    @property
-    def filter_surface(self) -> Callable[..., Any]:
+    def steps(self) -> Steps:
         """Denoise what the target asks for."""
-        return WORK[self.target].filter
+        return steps_of(self.target)
 
-    @property
-    def write_object(self) -> Callable[[Target, Any], bpy.types.Object]:
-        """Write what the target asks for."""
-        return WORK[self.target].write
-
-    def read_settings(self) -> Denoising:
+    def read_settings(self) -> filters.Denoising:
         """Read those of the target."""
         return denoise_settings(self)
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Show the target's parameters after the run."""
-        column = self.layout.column()
-        column.use_property_split = True
-        for name in denoise_names(self.target):
-            column.prop(self, name)
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes, and what has changed of them."""
@@ -148,31 +116,33 @@ class SHOCK_FILTER_OT_denoise_image(ImageOperator, DenoiseImageProperties, bpy.t
     settings_type = BeltramiSettings
     suffix = "denoised"
 
-    def read_settings(self) -> Denoising:
+    def read_settings(self) -> filters.Denoising:
         """Read the kernel's settings, and the sharpening's time."""
-        return _denoising(super().read_settings(), self)
+        return denoising(super().read_settings(), self)
 
-    def filter(self, settings: Denoising) -> Filter:
+    def filter(self, settings: filters.Denoising) -> Filter:
         """Denoise one image."""
-        return lambda picture, progress: denoise_picture(picture, settings, progress)
+        return lambda picture, progress: filters.denoise_picture(picture, settings, progress)
 
     def done(self) -> str:
         """Say what was done."""
         return _done(self)
 
-    def changes(self, result: Recolored) -> str:
+    def changes(self, result: filters.Recolored) -> str:
         """Say how much has changed."""
         return describe_colors([result], "pixels", _ADVICE)
 
 
-def denoise_settings(parameters: Any) -> Denoising:
+def denoise_settings(parameters: Any) -> filters.Denoising:
     """Read the target's settings from the properties of the operator or of the panel."""
-    work = WORK[parameters.target]
-    return _denoising(settings_from(work.settings, parameters, work.prefix), parameters)
+    kind, prefix = SETTINGS[parameters.target]
+    return denoising(settings_from(kind, parameters, prefix), parameters)
 
 
-def _denoising(kernel: Any, operator: bpy.types.Operator) -> Denoising:
-    return Denoising(kernel, operator.sharpen_time if operator.then_sharpen else None)
+def denoising(kernel: Any, parameters: Any) -> filters.Denoising:
+    """Add to the kernel's settings those of the sharpening that may follow."""
+    time = shortest(parameters.sharpen_time) if parameters.then_sharpen else None
+    return filters.Denoising(kernel, time)
 
 
 def _done(operator: bpy.types.Operator) -> str:

@@ -6,16 +6,12 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.app.translations import pgettext_rpt
 
 from ..core.settings import GeometrySettings
-from .data.geometry_data import read_geometry, write_geometry
-from .filters.sharpening import Sharpened, sharpen
-from .operators import MeshOperator, counted
+from . import data, filters
+from .operators import MeshOperator, Steps, counted
 from .properties import GeometryProperties
-
-_HARDLY_SEEN = 0.02  # mean edge lengths
 
 
 class SHOCK_FILTER_OT_sharpen_geometry(MeshOperator, GeometryProperties, bpy.types.Operator):
@@ -27,19 +23,25 @@ class SHOCK_FILTER_OT_sharpen_geometry(MeshOperator, GeometryProperties, bpy.typ
 
     mode = "geometry"
     settings_type = GeometrySettings
-    read_object = staticmethod(read_geometry)
-    filter_surface = staticmethod(sharpen)
-    write_object = staticmethod(write_geometry)
+
+    def steps(self) -> Steps:
+        """Sharpen the shape."""
+        return Steps(data.read_geometry, filters.sharpen, data.write_geometry)
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes and vertices."""
         results = [result for _, result in written]
-        text = pgettext_rpt("Sharpened {meshes}: {changes}, {seconds:.1f} s.").format(
+        moved = any(result.moved for result in results)
+        text = pgettext_rpt(
+            "Sharpened {meshes}: {changes}, {seconds:.1f} s."
+            if moved
+            else "Found nothing to sharpen in {meshes}: {changes}, {seconds:.1f} s."
+        ).format(
             meshes=counted(len(written), "1 mesh", "{:,} meshes"),
             changes=describe_moves(results),
             seconds=seconds,
         )
-        if max(result.largest_move for result in results) < _HARDLY_SEEN:
+        if not moved:
             advice = pgettext_rpt("For wide or gentle creases raise Time or lower Threshold.")
             text = f"{text} {advice}"
         return text
@@ -49,8 +51,8 @@ class SHOCK_FILTER_OT_sharpen_geometry(MeshOperator, GeometryProperties, bpy.typ
         return notes([obj for obj, _ in written], self)
 
 
-def describe_moves(results: list[Sharpened]) -> str:
-    """Count vertices, and say how many moved and how far."""
+def describe_moves(results: list[filters.Sharpened]) -> str:
+    """Count vertices, and say how many moved visibly, and how far."""
     return pgettext_rpt(
         "{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
     ).format(
@@ -91,6 +93,8 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
 
 
 def _is_flat(mesh: bpy.types.Mesh) -> bool:
+    import numpy as np
+
     flags = np.empty(len(mesh.polygons), dtype=bool)
     mesh.polygons.foreach_get("use_smooth", flags)
     return not flags.any()

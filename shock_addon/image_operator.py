@@ -8,18 +8,61 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+from ..core.errors import InvalidSettings
 from ..core.settings import ImageSettings
-from . import obstacles
-from .data import image_data
-from .data.image_data import edited_image
-from .filters.picture import sharpen_picture
-from .filters.recolored import Recolored
+from . import data, filters, obstacles
 from .operators import Filter, SharpenOperator, can_run, describe_colors, write_results
 from .properties import ImageProperties
 from .skipped import Skipped, sentences
 
+RESULT = bpy.props.StringProperty(
+    name="Result",
+    description="Image that an earlier run has written, which redo writes again",
+    options={"HIDDEN", "SKIP_SAVE"},
+)
 
-class ImageOperator(SharpenOperator):
+
+class OneImageOperator(SharpenOperator):
+    """Mixin for operators that write one image; they have the properties `image` and `result`."""
+
+    def shown(self, context: bpy.types.Context) -> bpy.types.Image:
+        """Return the image that is meant where none is named, or raise `InvalidSettings`."""
+        raise NotImplementedError
+
+    def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
+        """Return the target, and reasons for what does not take part; or raise `Skipped`."""
+        raise NotImplementedError
+
+    def write_one(self, target: Any, result: Any) -> bpy.types.Image:
+        """Return the image that was written, or raise `Skipped`."""
+        raise NotImplementedError
+
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Read the named image, or the one that is shown."""
+        if self.image and self.image not in bpy.data.images:
+            text = "There is no image named {name!r}; name one of the file's images."
+            raise InvalidSettings(text, name=self.image)
+        image = bpy.data.images[self.image] if self.image else self.shown(context)
+        if self.result == image.name and not self.options.is_repeat_last:
+            data.restore(image)  # F9 undoes the run, Shift R adds one
+        try:
+            target, skipped = self.read_one(context, image)
+        except Skipped as reason:
+            return [], sentences([(image.name, str(reason))])
+        self.image = image.name  # redo must not take the result, which is shown by then
+        return [target], skipped
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+        """Write the image and show it in the Image Editor."""
+        written, skipped = write_results(self.targets, results, self.write_one)
+        for image, _ in written:
+            self.result = image.name
+            if data.edited_image(context) is not None:
+                context.space_data.image = image
+        return written, skipped
+
+
+class ImageOperator(OneImageOperator):
     """Mixin for operators on one image; they have the properties `of_one_run`, too.
 
     Attributes
@@ -35,18 +78,14 @@ class ImageOperator(SharpenOperator):
             description="Image to work on. Empty takes the one in the Image Editor",
             options={"SKIP_SAVE"},
         ),
-        "result": bpy.props.StringProperty(
-            name="Result",
-            description="Image that an earlier run has written, which redo writes again",
-            options={"HIDDEN", "SKIP_SAVE"},
-        ),
+        "result": RESULT,
     }
 
     def done(self) -> str:
         """Say what was done, in a verb."""
         raise NotImplementedError
 
-    def changes(self, result: Recolored) -> str:
+    def changes(self, result: filters.Recolored) -> str:
         """Say how much has changed."""
         raise NotImplementedError
 
@@ -55,39 +94,26 @@ class ImageOperator(SharpenOperator):
         """Want an image and no other run."""
         return can_run(cls, obstacles.of_images(context))
 
-    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
-        """Read the named image, or the one in the Image Editor."""
-        named = bpy.data.images.get(self.image)
-        image = named if self.image else edited_image(context)
+    def shown(self, context: bpy.types.Context) -> bpy.types.Image:
+        """Return the one in the Image Editor."""
+        image = data.edited_image(context)
         if image is None:
-            missing = f"There is no image named {self.image!r}; name one of the file's images."
-            return [], [missing if self.image else "Open an image in the Image Editor."]
-        if self.result == image.name:
-            image_data.restore(image)
-        try:
-            target = image_data.read_image(image)
-        except Skipped as reason:
-            return [], sentences([(image.name, str(reason))])
-        self.image = image.name  # redo must not take the result, which the editor shows by then
-        return [target], []
+            raise InvalidSettings("Open an image in the Image Editor, or name one.")
+        return image
 
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
-        """Write the image and show it in the Image Editor."""
-        written, skipped = write_results(self.targets, results, self._write)
-        for image, _ in written:
-            self.result = image.name
-            if edited_image(context) is not None:
-                context.space_data.image = image
-        return written, skipped
+    def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
+        """Read the image."""
+        return data.read_image(image), []
 
-    def _write(self, target: image_data.ImageTarget, result: Recolored) -> bpy.types.Image:
-        source = image_data.find(target)
-        new = {image_data.UNTILED: result.colors}
+    def write_one(self, target: data.ImageTarget, result: filters.Recolored) -> bpy.types.Image:
+        """Write the image, or a new one beside it."""
+        source = data.find_image(target)
+        new = {data.UNTILED: result.colors}
         if self.output == "REPLACE":
             if result.changed:
-                image_data.overwrite(source, target.parts, new)
+                data.overwrite(source, target.parts, new)
             return source
-        return image_data.add_or_reuse(source, f"{source.name} {self.suffix}", self.result, new)
+        return data.add_or_reuse(source, self.suffix, self.result, new)
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the image and count pixels."""
@@ -121,13 +147,13 @@ class SHOCK_FILTER_OT_sharpen_image(ImageOperator, ImageProperties, bpy.types.Op
 
     def filter(self, settings: ImageSettings) -> Filter:
         """Sharpen one image."""
-        return lambda picture, progress: sharpen_picture(picture, settings, progress)
+        return lambda picture, progress: filters.sharpen_picture(picture, settings, progress)
 
     def done(self) -> str:
         """Say what was done."""
         return pgettext_rpt("Sharpened")
 
-    def changes(self, result: Recolored) -> str:
+    def changes(self, result: filters.Recolored) -> str:
         """Say how much has changed."""
         return describe_colors([result], "pixels")
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
+
+from .status_text import StatusText
 
 Work = Callable[[Callable[[float, str], bool]], Any]
 
@@ -44,6 +44,8 @@ class Job:
     """
 
     def __init__(self, work: Work) -> None:
+        from concurrent.futures import ThreadPoolExecutor
+
         self.fraction = 0.0
         self.message = "Preparing"
         self._cancelled = threading.Event()
@@ -95,8 +97,7 @@ class ModalJob:
             return {"CANCELLED"}
         manager = context.window_manager
         self._job = Job(work)
-        self._status = ""
-        self._told: set[int] = set()
+        self._status = StatusText()
         self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
         manager.modal_handler_add(self)
         _modal.append(self)
@@ -110,19 +111,25 @@ class ModalJob:
             self._job.cancel()
         if self._job.cancelled:
             self.cancel(context)
-            self.report({"INFO"}, "Cancelled; nothing was changed.")
+            self.tell("INFO", "Cancelled; nothing was changed.")
             return {"CANCELLED"}
         if event.type == "TIMER":
             if self._job.done and not is_scene_read():
+                compute = self._job.result
                 self._close(context)
-                return self.finish(context, self._job.result)
+                return self.finish(context, compute)
             self._show(context)
         return {"RUNNING_MODAL"} if _is_held_back(context, event) else {"PASS_THROUGH"}
 
+    def tell(self, kind: str, text: str) -> None:
+        """Say how it ended: ``INFO``, ``WARNING`` or ``ERROR``."""
+        self.report({kind}, text)
+
     def cancel(self, context: bpy.types.Context) -> None:
         """Drop the work; Blender calls this too, when a window closes or a file is loaded."""
-        self._job.cancel()
-        self._close(context)
+        if self in _modal:
+            self._job.cancel()
+            self._close(context)
 
     def _show(self, context: bpy.types.Context) -> None:
         job = self._job
@@ -131,25 +138,13 @@ class ModalJob:
         )
         if job.done:
             status = iface_("Waiting for the render to end (Esc cancels)")
-        windows = context.window_manager.windows
-        seen = {window.workspace.session_uid for window in windows}
-        if status == self._status and seen <= self._told:  # drawing can be slow
-            return
-        self._status = status
-        self._told |= seen
-        for window in windows:
-            _set_status(window, window.workspace, status)
-        _redraw_sidebars(context)
+        if self._status.show(context, status):
+            _redraw_sidebars(context)
 
     def _close(self, context: bpy.types.Context) -> None:
-        if self not in _modal:
-            return
         _modal.remove(self)
         context.window_manager.event_timer_remove(self._timer)
-        if context.window in list(context.window_manager.windows):
-            _clear_status(self._told)
-        else:  # a window that closes; Blender crashes if the context is overridden meanwhile
-            bpy.app.timers.register(partial(_clear_status, self._told), persistent=True)
+        self._status.clear(context)
         _redraw_sidebars(context)
 
 
@@ -209,20 +204,6 @@ def _settled() -> None:
         if window.as_pointer() in _unsettled:  # the timer of a window that was closed is gone
             manager.event_timer_remove(_unsettled[window.as_pointer()])
     _unsettled.clear()
-
-
-def _clear_status(told: set[int]) -> None:
-    """Take the text away from the workspaces whose numbers are given."""
-    for window in bpy.context.window_manager.windows:
-        for workspace in bpy.data.workspaces:
-            if workspace.session_uid in told:
-                _set_status(window, workspace, None)
-
-
-def _set_status(window: bpy.types.Window, workspace: bpy.types.WorkSpace, text: str | None) -> None:
-    # Blender sets the text of the context's workspace, and redraws the context's window.
-    with bpy.context.temp_override(window=window, workspace=workspace):
-        workspace.status_text_set(text)
 
 
 def is_scene_read() -> bool:

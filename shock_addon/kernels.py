@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import importlib.util
-import logging
 import os
-import tempfile
 import threading
+from contextlib import suppress
 from functools import cache
 
 import bpy
@@ -20,8 +19,6 @@ _REMEDY = (
     "what is missing comes inside the Shock Filter zip; install the zip that was made for this"
     " Blender version and platform"
 )
-
-log = logging.getLogger(__name__)
 
 _LIBRARIES = ("llvmlite", "numba", "scipy")
 
@@ -66,13 +63,35 @@ def cache_folder() -> str | None:
     """
     if not _PACKAGE.startswith("bl_ext."):
         return None
-    folder = bpy.utils.extension_path_user(_PACKAGE, path=f"kernels-{__version__}")
+    import tempfile
+
+    folder = _user_folder()
     try:
         os.makedirs(folder, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
         return os.path.join(bpy.app.tempdir, "shock_filter_kernels")
+
+
+def has_run(mode: str) -> bool:
+    """Whether a mode's kernels are compiled already, as far as is known."""
+    return not _PACKAGE.startswith("bl_ext.") or os.path.exists(_mark(mode))
+
+
+def remember_run(mode: str) -> None:
+    """Note beside the compiled code that it has what the mode needs."""
+    if not has_run(mode):
+        with suppress(OSError):  # a folder that cannot be written keeps no compiled code either
+            open(_mark(mode), "wb").close()
+
+
+def _mark(mode: str) -> str:
+    return os.path.join(_user_folder(), f"{mode}.compiled")
+
+
+def _user_folder() -> str:
+    return bpy.utils.extension_path_user(_PACKAGE, path=f"kernels-{__version__}")
 
 
 def load(folder: str | None) -> None:
@@ -101,7 +120,9 @@ def load(folder: str | None) -> None:
             finally:
                 numba.config.CACHE_DIR = chosen_by_user
         except _UNUSABLE as error:
-            log.exception("The compiled kernels cannot be loaded.")
+            import logging
+
+            logging.getLogger(__name__).exception("The compiled kernels cannot be loaded.")
             _import_error = (
                 f"The compiled kernels cannot be loaded ({error}): {_REMEDY}, and remove other"
                 f" copies. Found: {_places()}."

@@ -8,12 +8,8 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from .data.image_data import edited_image, refusal
-from .data.mesh_data import mesh_objects
-from .data.texture_data import chosen_image
+from . import data
 from .skipped import Skipped
-
-_CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 
 
 def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:
@@ -33,10 +29,10 @@ def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:
         Empty if there is no obstacle.
     """
     if mode in {"image", "denoise_image"}:
-        return of_images(context) or _of_image(edited_image(context), tiles=False)
+        return of_images(context) or _of_image(data.edited_image(context), tiles=False)
     if mode == "texture":
         return of_textures(context) or _of_texture(context, settings)
-    obstacle = of_meshes(context) or _of_faces(context)
+    obstacle = of_meshes(context) or _of_links(context) or _of_faces(context)
     if not obstacle and (mode == "colors" or (mode == "denoise" and settings.target != "geometry")):
         obstacle = _of_colors(context)
     return obstacle
@@ -44,10 +40,10 @@ def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:
 
 def of_meshes(context: bpy.types.Context) -> str:
     """Say what to select."""
-    if mesh_objects(context):
+    if data.mesh_objects(context):
         return ""
     obj = context.object
-    if obj is not None and obj.type in _CONVERTIBLE:
+    if obj is not None and obj.type in data.CONVERTIBLE:
         return "Convert the object to a mesh first (Object > Convert > Mesh)."
     return "Select a mesh object."
 
@@ -62,37 +58,45 @@ def of_images(context: bpy.types.Context) -> str:
 
 def of_textures(context: bpy.types.Context) -> str:
     """Say what a texture's surface lacks."""
+    if not data.mesh_objects(context) and data.edited_image(context) is not None:
+        return "Select a mesh object that shows this image."
     obstacle = of_meshes(context)
     if obstacle:
         return obstacle
-    if not any(obj.data.uv_layers for obj in mesh_objects(context)):
+    if not any(obj.data.uv_layers for obj in data.mesh_objects(context)):
         return "Unwrap the mesh in Edit Mode (UV > Unwrap): it has no UV map."
     if not bpy.data.images:
         return "Add an Image Texture node with an image to the material."
     return ""
 
 
+def _of_links(context: bpy.types.Context) -> str:
+    objects = data.mesh_objects(context)
+    reasons = [data.mesh_refusal(obj.data) for obj in objects]
+    return f"{objects[0].name}: {pgettext_rpt(reasons[0])}." if all(reasons) else ""
+
+
 def _of_faces(context: bpy.types.Context) -> str:
     # Blender counts what is edited only when Edit Mode is left.
-    if context.mode == "EDIT_MESH" or any(obj.data.polygons for obj in mesh_objects(context)):
+    if context.mode == "EDIT_MESH" or any(obj.data.polygons for obj in data.mesh_objects(context)):
         return ""
     return "The mesh has no faces; add some, or select another object."
 
 
 def _of_colors(context: bpy.types.Context) -> str:
-    if any(obj.data.color_attributes for obj in mesh_objects(context)):
+    if any(obj.data.color_attributes for obj in data.mesh_objects(context)):
         return ""
     return "The mesh has no colors; paint some in Vertex Paint Mode."
 
 
 def _of_texture(context: bpy.types.Context, settings: Any) -> str:
     try:
-        image = chosen_image(context, settings.image)
+        image = data.chosen_image(context, settings.image)
     except Skipped as reason:
-        return f"{mesh_objects(context)[0].name}: {pgettext_rpt(str(reason))}."
+        return f"{data.mesh_objects(context)[0].name}: {reason}."
     return _of_image(image, tiles=True)
 
 
 def _of_image(image: bpy.types.Image, tiles: bool) -> str:
-    reason = refusal(image, tiles)
+    reason = data.refusal(image, tiles)
     return f"{image.name}: {pgettext_rpt(reason)}." if reason else ""

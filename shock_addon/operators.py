@@ -3,31 +3,27 @@
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
 
 import bpy
-from bpy.app.translations import pgettext_rpt
+from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ..core.errors import (
     Cancelled,
     InvalidMesh,
-    InvalidSettings,
     InvalidSignal,
     InvalidUV,
     ShockError,
     SolverError,
 )
-from . import kernels, obstacles, statistics
-from .data.mesh_data import object_mode, read_targets
-from .filters.recolored import Recolored
-from .jobs import ModalJob, Work, current
+from . import data, filters, kernels, obstacles, statistics
+from .jobs import ModalJob, Work, current, is_scene_read
+from .panel import sections
 from .properties import settings_from
-from .skipped import Skipped, sentences
-
-log = logging.getLogger(__name__)
+from .skipped import Skipped, as_reason, explain, sentences
 
 Progress = Callable[[float, str], bool]
 Filter = Callable[[Any, Progress], Any]
@@ -36,10 +32,16 @@ _HARDLY_SEEN = 0.01
 """A change of colors that people hardly see."""
 
 summaries: dict[str, str] = {}
-"""What each mode has done last."""
+"""What each mode has done last, or why it has not."""
 
 listener: Progress | None = None
 """Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C."""
+
+
+_FAILED = "{operator} failed: {reason}; the console has the details."
+_FAILED_WRITING = (
+    "{operator} failed while writing: {reason}; undo it, and see the console for the details."
+)
 
 
 class SharpenOperator(ModalJob):
@@ -63,7 +65,8 @@ class SharpenOperator(ModalJob):
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Return the targets, which have `name` and `surface`, and reasons for what is no target.
 
-        What is handed to the filter is ``target.surface``, which has `size`.
+        What is handed to the filter is ``target.surface``, which has `size`. A `ShockError` that
+        is raised is reported.
         """
         raise NotImplementedError
 
@@ -82,6 +85,10 @@ class SharpenOperator(ModalJob):
     def notes(self, written: list[tuple]) -> str:
         """Say what was left as it is although it shapes what is seen."""
         return ""
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Show the parameters after the run, as the tab does."""
+        sections.draw_after_run(self.layout, context, self.properties, self.mode)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end: for scripts, background and redo."""
@@ -104,66 +111,96 @@ class SharpenOperator(ModalJob):
 
     def _prepare(self, context: bpy.types.Context) -> Work | None:
         self._began = time.perf_counter()
-        try:
+        with self._errors_reported(_FAILED):
             settings = self.read_settings()
-        except InvalidSettings as error:
-            self.report({"ERROR"}, str(error))
-            return None
-        self.targets, self._skipped = self.read(context)
-        if not self.targets:
-            self.report({"ERROR"}, " ".join(self._skipped))
-            return None
-        targets, function, folder = self.targets, self.filter(settings), kernels.cache_folder()
-        return lambda progress: filter_targets(targets, function, folder, progress)
+            self.targets, self._skipped = self.read(context)
+            if self.targets:
+                targets, function = self.targets, self.filter(settings)
+                folder = kernels.cache_folder()
+                return lambda progress: filter_targets(targets, function, folder, progress)
+            self.tell("ERROR", " ".join(self._skipped))
+        return None
 
     def finish(self, context: bpy.types.Context, compute: Callable[[], Any]) -> set[str]:
         """Write the results and say what was done."""
         try:
-            results = compute()
+            with self._errors_reported(_FAILED):
+                results = compute()
+                with self._errors_reported(_FAILED_WRITING):
+                    return self._write_and_tell(context, results)
+                return {"FINISHED"}  # what was written until then can be undone
+            return {"CANCELLED"}
+        finally:
+            self._forget()
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Drop the work and what it was done for."""
+        super().cancel(context)
+        self._forget()
+
+    def tell(self, kind: str, text: str) -> None:
+        """Say how it ended, also in the panel."""
+        super().tell(kind, text)
+        summaries[self.mode] = text
+
+    def _forget(self) -> None:
+        # Blender keeps the last 32 operators, so what a run has read and computed goes.
+        vars(self).clear()
+
+    @contextmanager
+    def _errors_reported(self, text: str) -> Iterator[None]:
+        """End the block at any error and report it; bugs and lack of memory are logged, too."""
+        try:
+            yield
         except Cancelled as error:
-            self.report({"INFO"}, str(error))
-            return {"CANCELLED"}
+            self.tell("INFO", explain(error))
         except ShockError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except Exception as error:  # a bug or no memory: the job ends, and says so
-            log.exception("%s failed.", self.bl_label)
+            self.tell("ERROR", explain(error))
+        except Exception as error:
+            import logging
+
+            logging.getLogger(__name__).exception("%s failed.", self.bl_label)
             reason = str(error) or type(error).__name__
-            self.report(
-                {"ERROR"}, f"{self.bl_label} failed: {reason}; the console has the details."
-            )
-            return {"CANCELLED"}
+            label = pgettext_iface(self.bl_label, "Operator")
+            self.tell("ERROR", pgettext_rpt(text).format(operator=label, reason=reason))
+
+    def _write_and_tell(self, context: bpy.types.Context, results: list[Any]) -> set[str]:
         written, skipped = self.write(context, results)
         skipped = self._skipped + skipped
         if not written:
-            self.report({"ERROR"}, " ".join(skipped))
+            self.tell("ERROR", " ".join(skipped))
             return {"CANCELLED"}
         seconds = time.perf_counter() - self._began
         statistics.learn(self, seconds)
-        text = self.summary(written, seconds)
-        summaries[self.mode] = text
         # In one line: Blender's status bar shows only the last report.
-        line = " ".join(filter(None, [text, self.notes(written), *skipped]))
-        self.report({"WARNING"} if skipped else {"INFO"}, line)
+        parts = [self.summary(written, seconds), self.notes(written), *skipped]
+        self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
         return {"FINISHED"}
+
+
+class Steps(NamedTuple):
+    """What is done with each mesh object.
+
+    Attributes
+    ----------
+    read : callable
+        ``read(obj, mode, parameters)``; see `data.read_targets`.
+    filter : callable
+        ``filter(surface, settings, weld, progress)``, on any thread.
+    write : callable
+        ``write(target, result)``, in Object Mode; returns the object, or raises `Skipped`.
+    """
+
+    read: Callable
+    filter: Callable
+    write: Callable
 
 
 class MeshOperator(SharpenOperator):
     """Mixin for operators on mesh objects."""
 
-    @staticmethod
-    def read_object(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str, Any]:
-        """Read one object; see `read_targets`."""
-        raise NotImplementedError
-
-    @staticmethod
-    def write_object(target: Any, result: Any) -> bpy.types.Object:
-        """Write one result, in Object Mode; returns the object, or raises `Skipped`."""
-        raise NotImplementedError
-
-    @staticmethod
-    def filter_surface(surface: Any, settings: Any, weld: bool, progress: Progress) -> Any:
-        """Filter one object's surface, on any thread."""
+    def steps(self) -> Steps:
+        """Say how one object is read, filtered and written."""
         raise NotImplementedError
 
     @classmethod
@@ -173,21 +210,23 @@ class MeshOperator(SharpenOperator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current mode."""
-        return read_targets(context, self.read_object, self)
+        return data.read_targets(context, self.steps().read, self)
 
     def filter(self, settings: Any) -> Filter:
         """Filter one object's surface."""
-        function, weld = self.filter_surface, self.weld
+        function, weld = self.steps().filter, self.weld
         return lambda surface, progress: function(surface, settings, weld, progress)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
         """Write them, and return to the current mode."""
-        with object_mode(context):
-            return write_results(self.targets, results, self.write_object)
+        with data.object_mode(context):
+            return write_results(self.targets, results, self.steps().write)
 
 
 def can_run(operator: type, obstacle: str) -> bool:
     """Whether there is no obstacle and no other run; else the operator's button says what is."""
+    if is_scene_read():
+        obstacle = "Wait until the render, or the last run, has ended."
     if current() is not None:
         obstacle = "A run is under way; wait for it, or press Esc to cancel it."
     if obstacle:
@@ -233,7 +272,7 @@ def write_results(
     written, skipped = [], []
     for target, result in zip(targets, results, strict=True):
         if isinstance(result, ShockError):
-            skipped += sentences([(target.name, str(result).removesuffix("."))])
+            skipped += sentences([(target.name, as_reason(explain(result)))])
             continue
         try:
             written.append((write(target, result), result))
@@ -248,9 +287,9 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def describe_colors(
-    results: Sequence[Recolored],
+    results: Sequence[filters.Recolored],
     things: str,
-    advice: str = "for wide edges raise Time or Smoothing",
+    advice: str = "for wide edges raise Time",
 ) -> str:
     """Say how many things changed and how much, and what to do if it was little."""
     total = sum(result.colors[..., 0].size for result in results)

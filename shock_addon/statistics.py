@@ -7,12 +7,11 @@ All of this is asked for at each redraw, so it only counts: nothing is read from
 from __future__ import annotations
 
 import math
-import os
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
+from ..core.cores import thread_count
 from ..core.errors import InvalidSettings
 from ..core.estimate import Estimate, estimate, wall_seconds
 from ..core.settings import (
@@ -24,9 +23,7 @@ from ..core.settings import (
     ShockSettings,
     TextureSettings,
 )
-from .data.image_data import edited_image
-from .data.mesh_data import mesh_objects
-from .data.texture_data import chosen_image
+from . import data, kernels
 from .properties import COLOR_PREFIX, settings_from
 from .skipped import Skipped
 
@@ -44,8 +41,7 @@ _SHORTEST = 0.2
 """Seconds below which a run says nothing about the machine's speed."""
 
 
-@dataclass(frozen=True)
-class Counts:
+class Counts(NamedTuple):
     """What would be filtered; a mesh with several users counts once."""
 
     meshes: int = 0
@@ -59,9 +55,8 @@ class Counts:
         return self.pixels or self.vertices
 
 
-@dataclass
-class _History:
-    """The runs of one mode in this session."""
+class _History(NamedTuple):
+    """The runs of one kind in this session."""
 
     seconds: float
     slowness: float | None = None  # how many times longer than estimated
@@ -82,8 +77,9 @@ def count(context: bpy.types.Context, mode: str, settings: Any) -> Counts:
         The mode's settings.
     """
     if mode in {"image", "denoise_image"}:
-        return Counts(pixels=_pixels(edited_image(context)))
-    meshes = {obj.data.session_uid: obj.data for obj in mesh_objects(context)}.values()
+        return Counts(pixels=_pixels(data.edited_image(context)))
+    found = {obj.data.session_uid: obj.data for obj in data.mesh_objects(context)}.values()
+    meshes = [mesh for mesh in found if mesh.polygons or mesh.is_editmode]
     counts = Counts(
         meshes=len(meshes),
         vertices=sum(len(mesh.vertices) for mesh in meshes),
@@ -91,7 +87,7 @@ def count(context: bpy.types.Context, mode: str, settings: Any) -> Counts:
     )
     if mode == "texture" and meshes:
         pixels = _pixels(_texture(context, settings))
-        return replace(counts, pixels=pixels) if pixels else Counts()
+        return counts._replace(pixels=pixels) if pixels else Counts()
     return counts
 
 
@@ -113,42 +109,50 @@ def expected(mode: str, settings: Any, size: int) -> Estimate | None:
         parts = [estimate(part, size) for part in _parts(mode, settings)]
     except InvalidSettings:
         return None
-    seconds = wall_seconds(sum(part.seconds for part in parts), os.cpu_count() or 1)
+    seconds = wall_seconds(sum(part.seconds for part in parts), thread_count())
     return Estimate(seconds, max(part.memory for part in parts))
 
 
-def corrected(mode: str, seconds: float) -> float:
-    """Correct an estimate by the mode's last run in this session."""
-    known = _history.get(mode)
+def corrected(mode: str, settings: Any, seconds: float) -> float:
+    """Correct an estimate by the last such run in this session."""
+    known = _history.get(_kind(mode, settings))
     return seconds * known.slowness if known and known.slowness else seconds
 
 
-def last_seconds(mode: str) -> float | None:
-    """Return how long the mode's last run in this session took, if there was one."""
-    return _history[mode].seconds if mode in _history else None
+def last_seconds(mode: str, settings: Any) -> float | None:
+    """Return how long the last such run in this session took, if there was one."""
+    known = _history.get(_kind(mode, settings))
+    return known.seconds if known else None
 
 
 def learn(operator: bpy.types.Operator, seconds: float) -> None:
     """Remember how long an operator's run took, beside what was expected.
 
-    The first run of a mode corrects nothing: it may have compiled the kernels.
+    The first run of a kind corrects nothing: it may have compiled the kernels.
     """
     mode = _MODES.get(operator.bl_idname)
     if mode is None:
         return
-    known = _history.get(mode)
-    if known is None:
-        _history[mode] = _History(seconds)
+    kernels.remember_run(mode)
+    kind = _kind(mode, operator)
+    if kind not in _history:
+        _history[kind] = _History(seconds)
         return
-    known.seconds = seconds
+    slowness = _history[kind].slowness
     guess = expected(mode, operator, sum(target.surface.size for target in operator.targets))
     if guess is not None and seconds > _SHORTEST:
-        known.slowness = seconds / guess.seconds
+        slowness = seconds / guess.seconds
+    _history[kind] = _History(seconds, slowness)
 
 
 def forget() -> None:
     """Forget all runs."""
     _history.clear()
+
+
+def _kind(mode: str, settings: Any) -> str:
+    """Tell runs apart that take times of their own."""
+    return f"{mode} {settings.target}" if mode == "denoise" else mode
 
 
 def _parts(mode: str, settings: Any) -> list[Any]:
@@ -175,7 +179,7 @@ def _parts(mode: str, settings: Any) -> list[Any]:
 
 def _texture(context: bpy.types.Context, settings: Any) -> bpy.types.Image | None:
     try:
-        return chosen_image(context, settings.image)
+        return data.chosen_image(context, settings.image)
     except Skipped:
         return None
 

@@ -3,54 +3,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+from ..core.errors import InvalidSettings
 from ..core.settings import DilateSettings, TextureSettings
-from . import obstacles
-from .data import image_data
-from .data.image_data import edited_image
-from .data.mesh_data import mesh_objects
-from .data.texture_data import EVERYWHERE, TextureTarget, assign, read_texture, shown_image
-from .filters.recolored import Recolored, recolored
-from .filters.texturing import Retextured, dilate_texture, sharpen_texture
-from .operators import (
-    Filter,
-    SharpenOperator,
-    can_run,
-    counted,
-    describe_colors,
-    write_results,
-)
-from .properties import DilateProperties, TextureProperties, texture_image
-from .skipped import Skipped, sentences
+from . import data, filters, obstacles
+from .image_operator import RESULT, OneImageOperator
+from .operators import Filter, can_run, counted, describe_colors
+from .panel import sections
+from .properties import DILATE_NAMES, DilateProperties, TextureProperties, texture_image
+from .skipped import Skipped
 
-_OF_ONE_RUN = {
-    "image": texture_image({"SKIP_SAVE"}),
-    "result": bpy.props.StringProperty(
-        name="Result",
-        description="Image that an earlier run has written, which redo writes again",
-        options={"HIDDEN", "SKIP_SAVE"},
-    ),
-}
+_OF_ONE_RUN = {"image": texture_image({"SKIP_SAVE"}), "result": RESULT}
 
 
-class _TextureOperator(SharpenOperator):
+class _TextureOperator(OneImageOperator):
     """Mixin for operators on an image and the faces that show it.
 
     Attributes
     ----------
-    filter_surface : callable
-        ``filter_surface(surface, settings, progress)``, run on any thread.
     done : str
         What was done to the texture, for the summary and, in lower case, new names.
     """
 
     mode = "texture"
-    filter_surface: Callable[..., Retextured]
     done: str
 
     @classmethod
@@ -62,53 +41,34 @@ class _TextureOperator(SharpenOperator):
         """Return what masks are read from."""
         return self
 
-    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
-        """Read the image, and the faces of all objects that show it."""
-        image = bpy.data.images.get(self.image) if self.image else None
-        if self.image and image is None:
-            return [], [f"There is no image named {self.image!r}; name one of the file's images."]
-        if image is None:
-            try:
-                image = shown_image(context)
-            except Skipped as reason:
-                name = mesh_objects(context)[0].name
-                return [], [f"No texture was found for {name}: {reason}."]
-        if self.result == image.name:
-            image_data.restore(image)
+    def shown(self, context: bpy.types.Context) -> bpy.types.Image:
+        """Return the one that is edited, painted on, or in the active object's material."""
         try:
-            target, skipped = read_texture(context, image, self.where(), self.gutter + 1)
+            return data.shown_image(context)
         except Skipped as reason:
-            return [], sentences([(image.name, str(reason))])
-        self.image = image.name  # redo must not take the result, which is shown by then
-        return [target], skipped
+            text = "No texture was found for {name}: {reason}."
+            name = data.mesh_objects(context)[0].name
+            raise InvalidSettings(text, name=name, reason=reason) from reason
 
-    def filter(self, settings: Any) -> Filter:
-        """Filter one texture."""
-        function = type(self).filter_surface
-        return lambda surface, progress: function(surface, settings, progress)
+    def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
+        """Read the image, and the faces of all objects that show it."""
+        return data.read_texture(context, image, self.where(), self.gutter + 1)
 
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
-        """Write the image, and show it in the materials and the Image Editor."""
-        written, skipped = write_results(self.targets, results, self._write)
-        for image, _ in written:
-            self.result = image.name
-            if edited_image(context) is not None:
-                context.space_data.image = image
-        return written, skipped
-
-    def _write(self, target: TextureTarget, result: Retextured) -> bpy.types.Image:
-        source = image_data.find(target)
+    def write_one(self, target: data.TextureTarget, result: filters.Retextured) -> bpy.types.Image:
+        """Write the image, or a new one that the materials show."""
+        source = data.find_image(target)
         self._notes = [*target.notes, *result.notes]
         self._parts = _parts(target, result.recolored)
         new = {number: part.colors for number, part in self._parts.items()}
         if self.output == "REPLACE":
             if result.recolored.changed:
-                image_data.overwrite(source, target.parts, new)
+                data.overwrite(source, target.parts, new)
             return source
-        name = f"{source.name} {self.done.lower()}"
-        image = image_data.add_or_reuse(source, name, self.result, new)
+        image = data.add_or_reuse(source, self.done.lower(), self.result, new)
         if self.assign:
-            self._notes += assign(target, source, image)
+            # Texture Paint Mode looks for the materials' images when it is entered.
+            with data.object_mode(bpy.context):
+                self._notes += data.assign(target, source, image)
         return image
 
     def summary(self, written: list[tuple], seconds: float) -> str:
@@ -129,7 +89,7 @@ class _TextureOperator(SharpenOperator):
             seconds=seconds,
         )
 
-    def changes(self, parts: list[Recolored]) -> str:
+    def changes(self, parts: list[filters.Recolored]) -> str:
         """Say how much has changed."""
         return describe_colors(parts, "pixels")
 
@@ -138,10 +98,12 @@ class _TextureOperator(SharpenOperator):
         return " ".join(self._notes)
 
 
-def _parts(target: TextureTarget, result: Recolored) -> dict[int, Recolored]:
+def _parts(target: data.TextureTarget, result: filters.Recolored) -> dict[int, filters.Recolored]:
     """Compare each tile with what it was."""
+    from .filters.recolored import recolored
+
     if target.mosaic is None:
-        return {image_data.UNTILED: result}
+        return {data.UNTILED: result}
     levels = target.surface.picture.levels
     return {
         number: recolored(target.parts[number], new, levels)
@@ -159,8 +121,11 @@ class SHOCK_FILTER_OT_sharpen_texture(_TextureOperator, TextureProperties, bpy.t
     __annotations__ = {**TextureProperties.__annotations__, **_OF_ONE_RUN}
 
     settings_type = TextureSettings
-    filter_surface = staticmethod(sharpen_texture)
     done = "Sharpened"
+
+    def filter(self, settings: TextureSettings) -> Filter:
+        """Sharpen one texture."""
+        return lambda surface, progress: filters.sharpen_texture(surface, settings, progress)
 
 
 class SHOCK_FILTER_OT_dilate_texture(_TextureOperator, DilateProperties, bpy.types.Operator):
@@ -173,14 +138,23 @@ class SHOCK_FILTER_OT_dilate_texture(_TextureOperator, DilateProperties, bpy.typ
     __annotations__ = {**DilateProperties.__annotations__, **_OF_ONE_RUN}
 
     settings_type = DilateSettings
-    filter_surface = staticmethod(dilate_texture)
     done = "Dilated"
+
+    def filter(self, settings: DilateSettings) -> Filter:
+        """Dilate one texture."""
+        return lambda surface, progress: filters.dilate_texture(surface, settings, progress)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Show all parameters after the run; they are few."""
+        column = sections.split(self.layout)
+        for name in DILATE_NAMES:
+            column.prop(self.properties, name)
 
     def where(self) -> Any:
         """Dilate around all faces."""
-        return EVERYWHERE
+        return data.EVERYWHERE
 
-    def changes(self, parts: list[Recolored]) -> str:
+    def changes(self, parts: list[filters.Recolored]) -> str:
         """Say how much was filled."""
         return pgettext_rpt("filled {filled:,} of {total:,} pixels").format(
             filled=sum(part.changed for part in parts),

@@ -24,6 +24,7 @@ from .mesh_data import (
     read_positions,
     read_triangle_corners,
 )
+from .unchanged import check_same
 
 
 def read_colors(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str, ColoredSurface]:
@@ -64,7 +65,7 @@ def write_colors(target: Target, result: Recolored) -> bpy.types.Object:
     attribute = obj.data.color_attributes[target.place]
     values = _read(attribute)
     values[:, :3] = result.colors
-    attribute.data.foreach_set(_stored(attribute), values.reshape(-1))
+    attribute.data.foreach_set(stored(attribute), values.reshape(-1))
     obj.data.update()
     return obj
 
@@ -72,8 +73,10 @@ def write_colors(target: Target, result: Recolored) -> bpy.types.Object:
 def check_unchanged(obj: bpy.types.Object, target: Target) -> None:
     """Raise `Skipped` if the colors have changed since they were read."""
     attribute = obj.data.color_attributes.get(target.place)
-    if attribute is None or not np.array_equal(_read(attribute)[:, :3], target.surface.colors):
-        raise Skipped("its colors were changed meanwhile; run again")
+    reason = "its colors were changed meanwhile; run again"
+    if attribute is None:
+        raise Skipped(reason)
+    check_same(_read(attribute)[:, :3], target.surface.colors, reason)
 
 
 def _attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:
@@ -86,15 +89,21 @@ def _attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:
             "it has no color attribute; add one (Object Data > Color Attributes), or paint in"
             " Vertex Paint Mode"
         )
-    wanted = f"no color attribute named {name!r}" if name else "no active color attribute"
-    raise Skipped(f"it has {wanted}; choose one of: {', '.join(attributes.keys())}")
+    raise Skipped(
+        "it has no color attribute named {name!r}; choose one of: {names}"
+        if name
+        else "it has no active color attribute; choose one of: {names}",
+        name=name,
+        names=", ".join(attributes.keys()),
+    )
 
 
-def _stored(attribute: bpy.types.Attribute) -> str:
+def stored(attribute: bpy.types.Attribute) -> str:
+    """Name the property under which an attribute's colors are read and written."""
     return "color_srgb" if attribute.data_type == "BYTE_COLOR" else "color"
 
 
 def _read(attribute: bpy.types.Attribute) -> Colors:
     flat = np.empty(4 * len(attribute.data), dtype=np.float32)
-    attribute.data.foreach_get(_stored(attribute), flat)
+    attribute.data.foreach_get(stored(attribute), flat)
     return flat.reshape(-1, 4)

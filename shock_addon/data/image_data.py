@@ -7,24 +7,21 @@ linear in the scene's color space and multiplied by their opacity.
 
 from __future__ import annotations
 
+import hashlib
+import os
+import re
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 import numpy.typing as npt
 
+from .. import forgetting
 from ..filters.picture import Picture
 from ..skipped import Skipped
-from .tiles import Tiles, linear_space, new_tiled_like, read_tiles, write_tiles
-
-_REFUSED = {
-    "MOVIE": "it is a movie; save the frame as an image and open that",
-    "SEQUENCE": "it is an image sequence; open its files one by one as single images",
-    "TILED": "it has UDIM tiles; Sharpen Texture takes these, or open them one by one as single"
-    " images",
-    "VIEWER": "it is a render result or a viewer; save it (Image > Save As) and open the file",
-}
-
+from .chosen import refusal
+from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
+from .unchanged import check_same
 
 UNTILED = 0
 """The number under which `read_parts` gives the pixels of an image without tiles."""
@@ -53,27 +50,11 @@ class _Overwritten:
 _overwritten: _Overwritten | None = None
 """The image that was replaced last, as it was before: Blender's undo does not bring it back."""
 
+_undone = False
+"""Whether something was undone since; Adjust Last Operation does, Repeat Last does not."""
 
-def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
-    """Return the image that the Image Editor shows, if the context is one."""
-    space = context.space_data
-    return space.image if space is not None and space.type == "IMAGE_EDITOR" else None
-
-
-def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
-    """Say why an image cannot be sharpened; empty if it can. UDIM tiles can be allowed."""
-    if image.library is not None or image.override_library is not None:
-        return "it is linked from another file; make it local first"
-    if image.type == "MULTILAYER":
-        return "it has several layers; save the one you want as an image of its own"
-    if image.source in _REFUSED and not (tiles and image.source == "TILED"):
-        return _REFUSED[image.source]
-    is_saved = image.filepath_raw or image.packed_files
-    if image.source == "TILED" and (image.is_dirty or not is_saved):
-        return "it has tiles that are not saved; save it first (Image > Save)"
-    if not image.size[0] * image.size[1]:
-        return "it has no pixels; check that its file exists"
-    return ""
+_written: dict[int, bytes] = {}
+"""Digests of what was written, by the images' uids: what people have changed since is theirs."""
 
 
 def read_image(image: bpy.types.Image) -> ImageTarget:
@@ -101,7 +82,7 @@ def picture_of(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> Pictu
     )
 
 
-def find(target: ImageTarget) -> bpy.types.Image:
+def find_image(target: ImageTarget) -> bpy.types.Image:
     """Return the image that was read.
 
     Raises
@@ -146,27 +127,41 @@ def read_pixels(image: bpy.types.Image) -> npt.NDArray[np.float32]:
 
 def write_pixels(image: bpy.types.Image, pixels: npt.NDArray[np.float32], pack: bool) -> None:
     """Write the pixels, and pack them into the blend file if asked to."""
-    if pack and image.is_float and not image.colorspace_settings.is_data:
-        # Blender packs floats as they are in memory: linear, whatever their file was.
-        image.colorspace_settings.name = linear_space()
+    if pack:
+        dress(image, image)
     image.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
     image.update()
     if pack:
         image.pack()
 
 
-def add_or_reuse(source: bpy.types.Image, name: str, used: str, parts: Tiles) -> bpy.types.Image:
-    """Write the parts into an image like `source`: the one named `used` if it can take them."""
-    pack = source.packed_file is not None
+def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) -> bpy.types.Image:
+    """Write the parts into an image like `source`.
+
+    It is the one named `used`, if that can take them and holds what an earlier run has written.
+    Else a new one gets the name of `source` with the suffix. It is packed, since Blender saves no
+    pixels that are in neither the blend file nor a file.
+    """
     image = bpy.data.images.get(used)
-    if image is not None and image != source and is_like(image, source):
-        write_parts(image, parts, pack)
-        return image
-    if source.source == "TILED":
-        return new_tiled_like(source, name, parts)
-    image = new_like(source, name)
-    write_pixels(image, parts[UNTILED], pack)
+    fits = image is not None and image != source and is_like(image, source)
+    if fits and _is_as_written(image):
+        write_parts(image, parts, pack=True)
+    elif source.source == "TILED":
+        image = new_tiled_like(source, _name(source.name, suffix), parts)
+    else:
+        image = new_like(source, _name(source.name, suffix))
+        write_pixels(image, parts[UNTILED], pack=True)
+    _written[image.session_uid] = _digest(image)
     return image
+
+
+def _name(old: str, suffix: str) -> str:
+    """Put the suffix after a name without file ending, unless it is there."""
+    unnumbered = re.sub(r"\.\d{3}$", "", old)  # Blender adds such numbers
+    if unnumbered.endswith(f" {suffix}"):
+        return unnumbered
+    stem, ending = os.path.splitext(unnumbered)
+    return f"{stem if ending.lower() in bpy.path.extensions_image else old} {suffix}"
 
 
 def new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
@@ -198,19 +193,52 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
     Skipped
         If the image does not hold the old parts any more.
     """
-    global _overwritten
+    global _overwritten, _undone
     now = read_parts(image)
-    if not all(np.array_equal(now[number], pixels) for number, pixels in old.items()):
+    if now.keys() != old.keys():
         raise Skipped("it was changed meanwhile; run again")
-    _overwritten = _Overwritten(image.session_uid, old)
+    for number, pixels in old.items():
+        check_same(now[number], pixels)
+    _overwritten, _undone = _Overwritten(image.session_uid, old), False
+    _listen_to_undo(True)
     write_parts(image, new, image.packed_file is not None)
+    _written[image.session_uid] = _digest(image)
 
 
 def restore(image: bpy.types.Image) -> None:
-    """Undo the last `overwrite`, if it was of this image."""
+    """Undo the last `overwrite`, if it was of this image and Blender has undone the rest of it.
+
+    Whatever was painted on the image since stays.
+    """
     known = _overwritten is not None and _overwritten.image_uid == image.session_uid
-    if known and part_sizes(image) == sizes_of(_overwritten.parts):
+    if known and _undone and _is_as_written(image):
         write_parts(image, _overwritten.parts, image.packed_file is not None)
+
+
+def _is_as_written(image: bpy.types.Image) -> bool:
+    written = _written.get(image.session_uid)
+    return written is not None and written == _digest(image)
+
+
+def _digest(image: bpy.types.Image) -> bytes:
+    digest = hashlib.blake2b(digest_size=16)
+    for number, pixels in read_parts(image).items():
+        digest.update(f"{number} {pixels.shape} ".encode())
+        digest.update(pixels.data)
+    return digest.digest()
+
+
+def _note_undo(*_: object) -> None:
+    global _undone
+    _undone = True
+
+
+def _listen_to_undo(listen: bool) -> None:
+    handlers = bpy.app.handlers.undo_post
+    if _note_undo in handlers:  # Blender drops it when it loads a file
+        handlers.remove(_note_undo)
+    if listen:
+        handlers.append(_note_undo)
 
 
 def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
@@ -218,7 +246,10 @@ def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
     return {number: pixels.shape[:2] for number, pixels in parts.items()}
 
 
+@forgetting.with_file
 def forget() -> None:
-    """Drop what is kept for `restore`."""
+    """Drop what is known about images that were written."""
     global _overwritten
     _overwritten = None
+    _written.clear()
+    _listen_to_undo(False)

@@ -93,8 +93,8 @@ def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt
         masks.append(_flags(mesh.vertices, "select"))
     if mode in {"PAINT_VERTEX", "PAINT_WEIGHT"} and mesh.use_paint_mask_vertex:
         masks.append(_flags(mesh.vertices, "select"))
-    if mode == "SCULPT" and ".sculpt_mask" in mesh.attributes:
-        masks.append(1.0 - _sculpt_mask(mesh))
+    if mode == "SCULPT":
+        masks += _sculpt_masks(mesh)
     return masks
 
 
@@ -135,7 +135,11 @@ def _flags(elements: Any, name: str) -> npt.NDArray[np.bool_]:
     return flags
 
 
-def _sculpt_mask(mesh: bpy.types.Mesh) -> npt.NDArray[np.float32]:
+def _sculpt_masks(mesh: bpy.types.Mesh) -> list[npt.NDArray[np.float32]]:
+    attribute = mesh.attributes.get(".sculpt_mask")
+    # One of another kind may have come from a file; Blender does not sculpt with it.
+    if attribute is None or (attribute.domain, attribute.data_type) != ("POINT", "FLOAT"):
+        return []
     values = np.empty(len(mesh.vertices), dtype=np.float32)
-    mesh.attributes[".sculpt_mask"].data.foreach_get("value", values)
-    return values
+    attribute.data.foreach_get("value", values)
+    return [1.0 - values]

@@ -11,13 +11,14 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
+from bpy.app.translations import pgettext_iface
 
 from ..filters.surface import Surface
 from ..skipped import Skipped, sentences
+from .chosen import CONVERTIBLE, mesh_objects, mesh_refusal
 
 _SINGULAR = 1e-6
 _UNIFORM = 1e-5
-_CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 
 
 @dataclass(frozen=True)
@@ -37,18 +38,6 @@ class Target:
     mesh_uid: int
     place: Any
     surface: Surface
-
-
-def mesh_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """List the mesh objects that an operator acts on; the active one comes first."""
-    if context.mode == "OBJECT":
-        objects = list(context.selected_objects)
-    elif context.mode == "EDIT_MESH":
-        objects = list(context.objects_in_mode)
-    else:
-        objects = [context.object]
-    meshes = [obj for obj in objects if obj is not None and obj.type == "MESH"]
-    return sorted(meshes, key=lambda obj: obj != context.object)
 
 
 @contextmanager
@@ -96,7 +85,7 @@ def read_targets(
         A sentence for each object that was left alone.
     """
     mode = context.mode
-    left = [(obj.name, reason) for obj, reason in _no_meshes(context)]
+    left = _no_meshes(context)
     users: dict[int, bpy.types.Object] = {}
     for obj in mesh_objects(context):
         users.setdefault(obj.data.session_uid, obj)
@@ -108,7 +97,7 @@ def read_targets(
     with object_mode(context):
         for uid, obj in users.items():
             try:
-                _check_writable(obj)
+                _check_writable(obj.data)
                 check_readable(obj)
                 targets.append(Target(obj.name, obj.session_uid, uid, *read(obj, mode, parameters)))
             except Skipped as reason:
@@ -116,20 +105,20 @@ def read_targets(
     return targets, sentences(left)
 
 
-def _no_meshes(context: bpy.types.Context) -> list[tuple[bpy.types.Object, str]]:
-    """List selected objects that show a surface but are no meshes, and what makes them such."""
+def _no_meshes(context: bpy.types.Context) -> list[tuple[str, str]]:
+    """Name selected objects that show a surface but are no meshes, and say what makes them such."""
     found = []
     for obj in context.selected_objects if context.mode == "OBJECT" else []:
-        if obj.type in _CONVERTIBLE:
-            found.append((obj, "it is no mesh; convert it first (Object > Convert > Mesh)"))
+        if obj.type in CONVERTIBLE:
+            reason = Skipped("it is no mesh; convert it first (Object > Convert > Mesh)")
         elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
-            found.append(
-                (
-                    obj,
-                    "it shows instances of a collection; make them real (Object > Apply > Make"
-                    " Instances Real), or select the objects in the collection",
-                )
+            reason = Skipped(
+                "it shows instances of a collection; make them real (Object > Apply > Make"
+                " Instances Real), or select the objects in the collection"
             )
+        else:
+            continue
+        found.append((obj.name, str(reason)))
     return found
 
 
@@ -210,12 +199,10 @@ def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     return matrix
 
 
-def _check_writable(obj: bpy.types.Object) -> None:
-    how = "make it local first (Object > Relations > Make Local > Selected Objects and Data)"
-    if obj.data.library is not None:
-        raise Skipped(f"its mesh is linked from another file; {how}")
-    if obj.data.override_library is not None:
-        raise Skipped(f"its mesh is a library override, which Blender keeps as it is; {how}")
+def _check_writable(mesh: bpy.types.Mesh) -> None:
+    reason = mesh_refusal(mesh)
+    if reason:
+        raise Skipped(reason)
 
 
 def check_sculpting(context: bpy.types.Context) -> None:
@@ -227,8 +214,8 @@ def check_sculpting(context: bpy.types.Context) -> None:
 def check_readable(obj: bpy.types.Object) -> None:
     """Raise `Skipped` for an object whose faces cannot be read."""
     if obj.mode != "OBJECT":
-        mode = f"{obj.mode.replace('_', ' ').title()} Mode"  # the words on screen
-        raise Skipped(f"it is in {mode}; switch it to Object Mode first")
+        mode = pgettext_iface(f"{obj.mode.replace('_', ' ').title()} Mode")  # as on screen
+        raise Skipped("it is in {mode}; switch it to Object Mode first", mode=mode)
     if obj.data.is_editmode:
         raise Skipped("another object with its mesh is in Edit Mode; switch that to Object Mode")
     if not obj.data.polygons:

@@ -42,7 +42,9 @@ def active_key(obj: bpy.types.Object) -> bpy.types.ShapeKey:
     """
     key = _active(obj)
     if key.lock_shape:
-        raise Skipped(f"its shape key {key.name!r} is locked; unlock it or choose New Shape Key")
+        raise Skipped(
+            "its shape key {name!r} is locked; unlock it or choose New Shape Key", name=key.name
+        )
     return key
 
 

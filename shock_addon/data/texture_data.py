@@ -10,17 +10,19 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
+from bpy.app.translations import pgettext_rpt
 
 from ..filters.mosaic import Mosaic
 from ..filters.texturing import TexturedFaces, TexturedSurface
-from ..skipped import Skipped, sentences
+from ..skipped import Skipped, as_reason, sentences
 from . import image_data
+from .chosen import mesh_objects, refusal
 from .masks import color_mask
+from .materials import image_nodes
 from .mesh_data import (
     check_readable,
     check_sculpting,
     matrix_in_world,
-    mesh_objects,
     object_mode,
     read_corner_vertices,
     read_positions,
@@ -62,55 +64,6 @@ EVERYWHERE = SimpleNamespace(vertex_group="", invert_mask=False, selected_only=F
 """Parameters without any mask."""
 
 
-def shown_image(context: bpy.types.Context) -> bpy.types.Image:
-    """Return the image that is worked on.
-
-    It is the one in the Image Editor, the one that is painted on in Texture Paint Mode, or that
-    of the active image texture node in the active object's material. If another node is active, it
-    is the one that the base color is made from, or the only one.
-
-    Raises
-    ------
-    Skipped
-        If there is none.
-    """
-    space = context.space_data
-    if space is not None and space.type == "IMAGE_EDITOR":
-        if space.image is None:
-            raise Skipped("no image is open here; open one in the Image Editor")
-        return space.image
-    paint = context.tool_settings.image_paint
-    if context.mode == "PAINT_TEXTURE" and paint.mode == "IMAGE":
-        if paint.canvas is None:
-            raise Skipped("nothing is painted on; choose an image in the Texture Slots")
-        return paint.canvas
-    material = mesh_objects(context)[0].active_material
-    if material is None:
-        raise Skipped("it has no material; add one with an Image Texture node, or name an image")
-    if context.mode == "PAINT_TEXTURE" and material.texture_paint_images:
-        return material.texture_paint_images[material.paint_active_slot]
-    return _active_image(material)
-
-
-def chosen_image(context: bpy.types.Context, name: str) -> bpy.types.Image:
-    """Return the image that the panel's buttons work on.
-
-    In the Image Editor it is the one that is seen, elsewhere the one of this name, if any, or else
-    that of `shown_image`.
-
-    Raises
-    ------
-    Skipped
-        If there is none.
-    """
-    if not name or image_data.edited_image(context) is not None:
-        return shown_image(context)
-    image = bpy.data.images.get(name)
-    if image is None:
-        raise Skipped(f"there is no image named {name!r}; choose one of the file's images")
-    return image
-
-
 def read_texture(
     context: bpy.types.Context, image: bpy.types.Image, parameters: Any, margin: int
 ) -> tuple[TextureTarget, list[str]]:
@@ -136,9 +89,9 @@ def read_texture(
     Skipped
         If the image or its mask cannot be used, or no object shows it.
     """
-    refusal = image_data.refusal(image, tiles=True)
-    if refusal:
-        raise Skipped(refusal)
+    reason = refusal(image, tiles=True)
+    if reason:
+        raise Skipped(reason)
     objects = list({obj.data: obj for obj in reversed(mesh_objects(context))}.values())[::-1]
     named = any(_uses(obj, image) for obj in objects)
     faces, names, skipped = read_faces(context, objects, image if named else None, parameters)
@@ -191,12 +144,12 @@ def read_faces(
                 left.append((obj.name, str(reason)))
     skipped = sentences(left)
     if not read:
-        raise Skipped("no object could be read. " + " ".join(skipped).removesuffix("."))
+        raise Skipped("no object could be read. {reasons}", reasons=as_reason(" ".join(skipped)))
     return _joined(read), names, skipped
 
 
 def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) -> list[str]:
-    """Show another image in the materials of the objects that were read.
+    """Show another image in the materials of the objects that were read, and paint on it.
 
     Returns
     -------
@@ -205,15 +158,18 @@ def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) ->
     """
     notes = []
     for material in _materials([obj for obj in bpy.data.objects if obj.name in target.objects]):
-        nodes = [node for node in _image_nodes(material) if node.image == old]
+        nodes = [node for node in image_nodes(material) if node.image == old]
         for node in nodes:
             if node.id_data.library is None and material.library is None:
                 node.image = new
         if any(node.image == old for node in nodes):
-            notes.append(
-                f"The material {material.name} is linked from another file, so it still shows"
-                f" {old.name}."
+            text = pgettext_rpt(
+                "The material {name} is linked from another file, so it still shows {image}."
             )
+            notes.append(text.format(name=material.name, image=old.name))
+    paint = bpy.context.tool_settings.image_paint
+    if paint.canvas == old:
+        paint.canvas = new
     return notes
 
 
@@ -224,64 +180,13 @@ def _whole(parts: Tiles, mosaic: Mosaic | None) -> npt.NDArray[np.float32]:
 # ---------------------------------------------------------------------------------------- materials
 
 
-def _active_image(material: bpy.types.Material) -> bpy.types.Image:
-    nodes = [node for node in _image_nodes(material) if node.image is not None]
-    if not nodes:
-        raise Skipped(
-            f"its material {material.name} has no Image Texture node with an image; add one, or"
-            " name an image"
-        )
-    active = material.node_tree.nodes.active
-    chosen = [node for node in nodes if node == active]
-    chosen = chosen or _colors_surface(material.node_tree) or nodes
-    if len({node.image for node in chosen}) > 1:
-        names = ", ".join(sorted({node.image.name for node in chosen}))
-        raise Skipped(
-            f"its material {material.name} has several images ({names}); click the node of the one"
-            " that is meant, or name it"
-        )
-    return chosen[0].image
-
-
-def _colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImage]:
-    """The image texture nodes that a shader's base color is made from."""
-    ahead = [
-        socket
-        for node in tree.nodes
-        for socket in node.inputs
-        if socket.name == "Base Color" and socket.is_linked
-    ]
-    found: list[bpy.types.ShaderNodeTexImage] = []
-    for socket in ahead:
-        for node in (link.from_node for link in socket.links):
-            if node.type == "TEX_IMAGE" and node.image is not None:
-                found.append(node)
-            ahead += [each for each in node.inputs if each.is_linked and each not in ahead]
-    return found
-
-
-def _image_nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTexImage]:
-    """The image texture nodes of a material, those in its groups included."""
-    # From Blender 5.0 on, all materials use nodes, and asking is deprecated.
-    if material.node_tree is None or not (bpy.app.version >= (5, 0, 0) or material.use_nodes):
-        return []
-    found, trees = [], [material.node_tree]
-    for tree in trees:
-        for node in tree.nodes:
-            if node.type == "TEX_IMAGE":
-                found.append(node)
-            elif node.type == "GROUP" and node.node_tree not in [None, *trees]:
-                trees.append(node.node_tree)
-    return found
-
-
 def _materials(objects: list[bpy.types.Object]) -> list[bpy.types.Material]:
     slots = [slot.material for obj in objects for slot in obj.material_slots]
     return [material for material in dict.fromkeys(slots) if material is not None]
 
 
 def _shows(material: bpy.types.Material | None, image: bpy.types.Image) -> bool:
-    return material is not None and any(n.image == image for n in _image_nodes(material))
+    return material is not None and any(n.image == image for n in image_nodes(material))
 
 
 def _uses(obj: bpy.types.Object, image: bpy.types.Image) -> bool:
@@ -299,10 +204,11 @@ def _other_users(
     ]
     if not others:
         return []
-    return [
-        f"{image.name} is also on {', '.join(others)}, which took no part; select all of them, or"
-        " the gutter may run into their charts."
-    ]
+    text = pgettext_rpt(
+        "{image} is also on {names}, which took no part; select all of them, or the gutter may run"
+        " into their charts."
+    )
+    return [text.format(image=image.name, names=", ".join(others))]
 
 
 # -------------------------------------------------------------------------------------------- faces
@@ -321,7 +227,9 @@ def _read_faces(
     if image is not None:
         corners = corners[_faces_with(obj, image)]
     if not len(corners):
-        raise Skipped(f"no face of it has a material that shows {image.name}; assign one")
+        raise Skipped(
+            "no face of it has a material that shows {image}; assign one", image=image.name
+        )
     flat = np.empty(2 * len(mesh.loops), dtype=np.float32)
     layer.uv.foreach_get("vector", flat)
     matrix = matrix_in_world(obj)
@@ -379,7 +287,10 @@ def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list
     if not inside.any():
         raise Skipped("no face lies in one of its tiles; move the UVs into them")
     left = int(np.count_nonzero(~inside))
-    notes = [f"{left:,} triangles lie in no tile, or across the rim of one; they took no part."]
+    text = pgettext_rpt(
+        "{number:,} triangles lie in no tile, or across the rim of one; they took no part."
+    )
+    notes = [text.format(number=left)]
     weights = None if faces.weights is None else faces.weights[inside]
     kept = replace(faces, triangles=faces.triangles[inside], uv=uv[inside], weights=weights)
     return kept, notes if left else []
@@ -390,19 +301,29 @@ def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -
         return None
     mask = bpy.data.images.get(parameters.mask_image)
     if mask is None:
-        raise Skipped(f"there is no mask image named {parameters.mask_image!r}; name another")
-    refusal = image_data.refusal(mask, tiles=True)
-    if refusal:
-        raise Skipped(f"its mask {mask.name} cannot be used: {refusal}")
+        raise Skipped(
+            "there is no mask image named {name!r}; name another", name=parameters.mask_image
+        )
+    reason = refusal(mask, tiles=True)
+    if reason:
+        raise Skipped(
+            "its mask {name} cannot be used: {reason}", name=mask.name, reason=pgettext_rpt(reason)
+        )
     if image_data.part_sizes(mask) != image_data.part_sizes(image):
-        raise Skipped(f"its mask {mask.name} has another size; scale it to {_sizes(image)}")
+        raise Skipped(
+            "its mask {name} has another size; scale it to {size}",
+            name=mask.name,
+            size=_sizes(image),
+        )
     pixels = _whole(image_data.read_parts(mask), mosaic)[..., :3]
     weights = np.clip(pixels.mean(axis=-1, dtype=np.float64), 0.0, 1.0)
     if not np.isfinite(weights).all():
-        raise Skipped(f"its mask {mask.name} holds NaN; paint over it first")
+        raise Skipped("its mask {name} holds NaN; paint over it first", name=mask.name)
     weights = 1.0 - weights if parameters.invert_mask else weights
     if not weights.any():
-        raise Skipped(f"its mask {mask.name} leaves nothing to sharpen; paint some of it white")
+        raise Skipped(
+            "its mask {name} leaves nothing to sharpen; paint some of it white", name=mask.name
+        )
     return weights
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..skipped import Skipped
+from .unchanged import check_same
 
 Tiles = dict[int, npt.NDArray[np.float32]]
 """The pixels of each tile, from the bottom up, under the tile's number."""
@@ -48,12 +49,18 @@ def read_tiles(image: bpy.types.Image) -> Tiles:
 
 
 def write_tiles(image: bpy.types.Image, tiles: Tiles) -> None:
-    """Replace the pixels of all tiles, and pack them into the blend file."""
+    """Replace the pixels of all tiles, and pack them into the blend file.
+
+    Raises
+    ------
+    Skipped
+        Before anything has changed, if the disk has no room for the tiles.
+    """
     path = image.filepath_raw
     with _files(image, tiles) as pattern:
         if image.packed_files:
             image.unpack(method="REMOVE")
-        _dress(image, image)
+        dress(image, image)
         image.filepath_raw = str(pattern)
         image.reload()
         image.pack()
@@ -66,7 +73,7 @@ def new_tiled_like(image: bpy.types.Image, name: str, tiles: Tiles) -> bpy.types
         new = bpy.data.images.load(_numbered(pattern, min(tiles)))
         new.name = name
         new.source = "TILED"
-        _dress(new, image)
+        dress(new, image)
         new.pack()
     _name_files(new, "")
     return new
@@ -82,15 +89,12 @@ def _name_files(image: bpy.types.Image, path: str) -> None:
         packed.filepath = _numbered(image.filepath_raw, packed.tile_number)
 
 
-def _dress(new: bpy.types.Image, image: bpy.types.Image) -> None:
-    """Have the files of `_files` mean in `new` what their pixels mean in `image`."""
+def dress(new: bpy.types.Image, image: bpy.types.Image) -> None:
+    """Have pixels of `image`, saved as they are in memory, mean in `new` what they mean there."""
     space, alpha = image.colorspace_settings.name, image.alpha_mode
     if image.is_float and not image.colorspace_settings.is_data:
-        space = linear_space()
-    if alpha in {
-        "STRAIGHT",
-        "PREMUL",
-    }:  # in memory, and so in the files, only floats are multiplied
+        space = _linear_space()
+    if alpha in {"STRAIGHT", "PREMUL"}:  # in memory, and so in files, only floats are multiplied
         alpha = "PREMUL" if image.is_float else "STRAIGHT"
     new.colorspace_settings.name = space
     new.alpha_mode = alpha
@@ -107,11 +111,34 @@ def _files(image: bpy.types.Image, tiles: Tiles) -> Iterator[Path]:
             part = bpy.data.images.new(
                 "tile", width, height, alpha=True, float_buffer=image.is_float, is_data=True
             )
-            part.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
-            part.file_format = file_format
-            part.save(filepath=_numbered(pattern, number))
-            bpy.data.images.remove(part)
+            try:
+                part.alpha_mode = "CHANNEL_PACKED"  # nothing is multiplied
+                part.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
+                part.file_format = file_format
+                _save(part, _numbered(pattern, number), number)
+            finally:
+                bpy.data.images.remove(part)
         yield pattern
+
+
+def _save(part: bpy.types.Image, path: str, number: int) -> None:
+    """Save a tile and read it again: Blender does not always say that a disk is full.
+
+    Raises
+    ------
+    Skipped
+        If the file does not hold the tile.
+    """
+    try:
+        part.save(filepath=path)
+        saved = _read(path, number, part)
+        check_same(saved, _pixels(part))
+    except (RuntimeError, Skipped) as error:
+        raise Skipped(
+            "its tile {number} cannot be saved; make room on the disk of {folder}",
+            number=number,
+            folder=tempfile.gettempdir(),
+        ) from error
 
 
 def _numbered(pattern: Path | str, number: int) -> str:
@@ -124,23 +151,35 @@ def _read(path: str, number: int, image: bpy.types.Image) -> npt.NDArray[np.floa
     try:
         part = bpy.data.images.load(path)
     except RuntimeError as error:
-        raise Skipped(f"its tile {number} cannot be read; check that {path} exists") from error
+        raise Skipped(
+            "its tile {number} cannot be read; check that {path} exists", number=number, path=path
+        ) from error
     try:
         part.colorspace_settings.name = image.colorspace_settings.name
         part.alpha_mode = image.alpha_mode
-        width, height = part.size
-        if not width * height:
-            raise Skipped(f"its tile {number} cannot be read; check that {path} is an image")
+        if not part.size[0] * part.size[1]:
+            raise Skipped(
+                "its tile {number} cannot be read; check that {path} is an image",
+                number=number,
+                path=path,
+            )
         if part.is_float != image.is_float:
-            raise Skipped(f"its tile {number} has another depth than the first; save them alike")
-        flat = np.empty(len(part.pixels), dtype=np.float32)
-        part.pixels.foreach_get(flat)
+            raise Skipped(
+                "its tile {number} has another depth than the first; save them alike",
+                number=number,
+            )
+        return _pixels(part)
     finally:
         bpy.data.images.remove(part)
-    return flat.reshape(height, width, -1)
 
 
-def linear_space() -> str:
+def _pixels(part: bpy.types.Image) -> npt.NDArray[np.float32]:
+    flat = np.empty(len(part.pixels), dtype=np.float32)
+    part.pixels.foreach_get(flat)
+    return flat.reshape(part.size[1], part.size[0], -1)
+
+
+def _linear_space() -> str:
     """Return the color space that floats have in memory."""
     sample = bpy.data.images.new("sample", 1, 1, float_buffer=True)
     name = sample.colorspace_settings.name

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ..skipped import Skipped
 
 _NAME = "shock_filter"
-_GROUP, _WEIGHTS = "shock_filter group", "shock_filter weights"
+_WEIGHTS = "shock_filter weights"
 
 
 def group_weights(obj: bpy.types.Object, name: str) -> npt.NDArray[np.float64]:
@@ -29,11 +29,14 @@ def group_weights(obj: bpy.types.Object, name: str) -> npt.NDArray[np.float64]:
         If the object has no such group.
     """
     if name not in obj.vertex_groups:
-        raise Skipped(f"it has no vertex group named {name!r}; add it, or leave the field empty")
+        raise Skipped(
+            "it has no vertex group named {name!r}; add it, or leave the field empty", name=name
+        )
     weights = np.empty(len(obj.data.vertices), dtype=np.float32)
     with _copy(obj.data) as copy:
-        copy.vertex_groups[name].name = _GROUP  # an attribute's name would hide it
-        with _weights_as_attribute(copy) as mesh:
+        group = copy.vertex_groups[name]
+        group.name = "shock_filter group"  # an attribute's name would hide it
+        with _weights_as_attribute(copy, group.name) as mesh:
             mesh.attributes[_WEIGHTS].data.foreach_get("value", weights)
     return weights.astype(np.float64)
 
@@ -53,12 +56,12 @@ def _copy(mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
 
 
 @contextmanager
-def _weights_as_attribute(obj: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
-    """Give the evaluated mesh of an object, with its vertex group as an attribute."""
+def _weights_as_attribute(obj: bpy.types.Object, group: str) -> Iterator[bpy.types.Mesh]:
+    """Give the evaluated mesh of an object, with a vertex group as an attribute."""
     scene = bpy.data.scenes.new(_NAME)
     tree = bpy.data.node_groups.new(_NAME, "GeometryNodeTree")
     try:
-        _build(tree)
+        _build(tree, group)
         obj.modifiers.new(_NAME, "NODES").node_group = tree
         scene.collection.objects.link(obj)
         layer = scene.view_layers[0]
@@ -69,7 +72,7 @@ def _weights_as_attribute(obj: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
         bpy.data.node_groups.remove(tree)
 
 
-def _build(tree: bpy.types.NodeTree) -> None:
+def _build(tree: bpy.types.NodeTree, name: str) -> None:
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
@@ -77,7 +80,7 @@ def _build(tree: bpy.types.NodeTree) -> None:
     store = tree.nodes.new("GeometryNodeStoreNamedAttribute")
     group.data_type = store.data_type = "FLOAT"
     store.domain = "POINT"
-    group.inputs["Name"].default_value = _GROUP
+    group.inputs["Name"].default_value = name
     store.inputs["Name"].default_value = _WEIGHTS
     tree.links.new(start.outputs["Geometry"], store.inputs["Geometry"])
     tree.links.new(group.outputs["Attribute"], store.inputs["Value"])

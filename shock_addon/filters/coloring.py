@@ -123,29 +123,13 @@ def repainted_corners(
     progress: Callable[[float, str], bool] | None,
 ) -> Recolored:
     """Bring new colors of the corners of triangles back; `corners` says which color each has."""
-    new = surface.colors.copy()
-    _gather(corners, values, new, progress)
-    return _repainted(surface, new, progress)
-
-
-def _gather(
-    corners: npt.NDArray[np.int32],
-    values: Colors,
-    new: Colors,
-    progress: Callable[[float, str], bool] | None = None,
-) -> None:
+    from ...core.calculus import group_means
     from ...core.parallel import Progress
 
+    new = surface.colors.copy()
     phase = Progress.of(progress).part(1.0, 1.0, "Placing colors")
-    flat = corners.reshape(-1)
-    count = np.bincount(flat, minlength=len(new))
-    inside = count > 0
-    for channel in range(new.shape[1]):
-        phase.update(1.0)
-        weights = values[..., channel].reshape(-1)
-        total = np.bincount(flat, weights, minlength=len(new))
-        new[inside, channel] = total[inside] / count[inside]
-    phase.update(1.0)
+    group_means(corners.reshape(-1), values.reshape(corners.size, -1), new, phase)
+    return _repainted(surface, new, progress)
 
 
 def _repainted(

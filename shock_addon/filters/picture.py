@@ -14,6 +14,9 @@ from .recolored import Recolored, recolored
 
 Pixels = npt.NDArray[np.float32]
 
+_ROWS = 256
+"""Rows of an image that are divided or multiplied by opacity at once."""
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -101,19 +104,32 @@ def filter_picture(
         new = old.copy()
         new[..., :3] = function(old[..., :3], "none")
     elif picture.premultiplied:
-        new = _filter_multiplied(old, function)
+        new = _filter_multiplied(old, function, progress)
     else:
         new = function(old, "auto")
     return recolored(old, new, picture.levels, progress)
 
 
-def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]) -> Pixels:
-    straight = pixels.copy()
-    straight[..., :3] /= _factor(pixels)
+def _filter_multiplied(
+    pixels: Pixels,
+    function: Callable[[Pixels, str], Pixels],
+    progress: Callable[[float, str], bool] | None,
+) -> Pixels:
+    from ...core.parallel import Progress, blocks
+
+    phases = Progress.of(progress)
+    straight = np.empty_like(pixels)
+    for band in blocks(len(pixels), _ROWS, phases.part(0.0, 0.0, "Preparing")):
+        straight[band] = pixels[band]
+        straight[band, :, :3] /= _factor(pixels[band])
     new = function(straight, "auto")
-    same = (new == straight).all(axis=-1, keepdims=True)
-    multiplied = np.concatenate([new[..., :3] * _factor(new), new[..., 3:]], axis=-1)
-    return np.where(same, pixels, multiplied)
+    result = np.empty_like(pixels)
+    for band in blocks(len(pixels), _ROWS, phases.part(1.0, 1.0, "Comparing colors")):
+        same = (new[band] == straight[band]).all(axis=-1, keepdims=True)
+        multiplied = new[band].copy()
+        multiplied[..., :3] *= _factor(multiplied)
+        result[band] = np.where(same, pixels[band], multiplied)
+    return result
 
 
 def _factor(pixels: Pixels) -> Pixels:

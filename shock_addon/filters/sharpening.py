@@ -13,6 +13,9 @@ from ... import core
 from .surface import Surface, Welded, welded
 from .symmetry import MirrorPlane, mirror_pairs, symmetrise
 
+_VISIBLE = 0.02
+"""A move, in mean edge lengths, that people see."""
+
 
 @dataclass(frozen=True)
 class MirroredSurface(Surface):
@@ -32,7 +35,7 @@ class MirroredSurface(Surface):
 
 @dataclass(frozen=True)
 class Sharpened:
-    """New positions, how many vertices moved, and the largest move in mean edge lengths."""
+    """New positions, how many vertices moved visibly, and the largest move in mean edge lengths."""
 
     positions: npt.NDArray[np.float32]
     moved: int
@@ -85,8 +88,10 @@ def placed(
     moves = surface.from_world(positions - mesh.vertices)
     old = surface.positions[part.used]
     points = old[part.representatives].astype(np.float64)
+    phase.update(1.0)
     for axis in np.flatnonzero(surface.mirror):
-        moves = symmetrise(moves, _pairs(part, points, axis), axis)
+        moves = symmetrise(moves, _pairs(part, points, axis, progress), axis)
+        phase.update(1.0)
     for plane in surface.planes:
         moves = plane.hold(moves, points)
         phase.update(1.0)
@@ -94,18 +99,24 @@ def placed(
     new = surface.positions.copy()
     stays = moves == 0.0
     new[part.used] = np.where(stays[part.index], old, old + moves[part.index])
-    lengths = np.linalg.norm(surface.into_world(moves), axis=1)
+    phase.update(1.0)
+    lengths = np.linalg.norm(surface.into_world(moves), axis=1) / mesh.mean_edge_length
     return Sharpened(
         positions=new,
-        moved=int(np.count_nonzero((new != surface.positions).any(axis=1))),
-        largest_move=float(lengths.max() / mesh.mean_edge_length),
+        moved=int(np.count_nonzero(lengths[part.index] > _VISIBLE)),
+        largest_move=float(lengths.max()),
     )
 
 
-def _pairs(part: Welded, points: npt.NDArray, axis: np.intp) -> npt.NDArray[np.intp]:
+def _pairs(
+    part: Welded,
+    points: npt.NDArray,
+    axis: np.intp,
+    progress: Callable[[float, str], bool] | None,
+) -> npt.NDArray[np.intp]:
     from ...core.kept import kept
 
     def find() -> npt.NDArray[np.intp]:
-        return mirror_pairs(points, part.mesh.faces, part.mask, axis)
+        return mirror_pairs(points, part.mesh.faces, part.mask, axis, progress)
 
     return kept(part.mesh, f"mirror {axis}", (points, part.mask), find)

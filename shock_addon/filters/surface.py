@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ... import core
+from .. import forgetting
 
 Progress = Callable[[float, str], bool]
 
@@ -127,6 +128,7 @@ def welded(
     return entry[1]
 
 
+@forgetting.with_file
 def forget() -> None:
     """Drop the surfaces that are kept."""
     with _lock:
@@ -143,10 +145,15 @@ def _welded(
     progress: Progress | None,
     colors: npt.NDArray[np.float32] | None,
 ) -> Welded:
+    from ...core.mesh import check_finite
+    from ...core.parallel import Progress as Phases
+
+    check_finite(surface.positions)  # of loose vertices, too, under the numbers that Blender shows
+    phase = Phases.of(progress).part(0.0, 0.0, "Preparing the mesh")
     used = np.zeros(len(surface.positions), dtype=bool)
     used[surface.triangles] = True
     points = surface.positions[used].astype(np.float64)
-    triangles = (np.cumsum(used, dtype=np.int32) - 1)[surface.triangles]
+    phase.update(0.0)
     representatives = index = np.arange(len(points))
     if weld:
         representatives, index = core.weld(points, progress)
@@ -158,7 +165,11 @@ def _welded(
     if surface.mask is not None:
         mask = _lowest(surface.mask[used], representatives, index)
     vertices = surface.into_world(points[representatives])
-    mesh = core.TriangleMesh(vertices, index[triangles], progress)
+    phase.update(0.0)
+    places = np.zeros(len(used), dtype=np.int32)
+    places[used] = index
+    triangles = places[surface.triangles]
+    mesh = core.TriangleMesh(vertices, triangles, progress)
     return Welded(mesh, mask, used, representatives, index)
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,16 @@ Floats = npt.NDArray[np.float64]
 _TOLERANCE = 0.01
 """How far from its partner's mirror image a vertex may lie, in edge lengths."""
 
+_ROWS = 1 << 16
+"""Rows that numpy and scipy get at once."""
+
 
 def mirror_pairs(
-    points: Floats, triangles: npt.NDArray[np.integer], mask: Floats | None, axis: int
+    points: Floats,
+    triangles: npt.NDArray[np.integer],
+    mask: Floats | None,
+    axis: int,
+    progress: Callable[[float, str], bool] | None = None,
 ) -> npt.NDArray[np.intp]:
     """Find each vertex's partner across the plane through the origin.
 
@@ -27,6 +35,8 @@ def mirror_pairs(
         Vertices with different masks are no pair: the person wants them to differ.
     axis : int
         0, 1 or 2: the plane's normal.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
@@ -35,12 +45,23 @@ def mirror_pairs(
     """
     from scipy.spatial import cKDTree
 
-    edges = points[triangles[:, 0]] - points[triangles[:, 1]]
-    tolerance = _TOLERANCE * np.linalg.norm(edges, axis=1).mean()
+    from ...core.parallel import Progress, blocks
+
+    phase = Progress.of(progress).part(1.0, 1.0, "Placing vertices")
+    lengths = np.empty(len(triangles))
+    for rows in blocks(len(triangles), _ROWS, phase):
+        steps = points[triangles[rows, 0]] - points[triangles[rows, 1]]
+        lengths[rows] = np.linalg.norm(steps, axis=1)
+    tolerance = _TOLERANCE * lengths.mean()
     mirrored = points.copy()
     mirrored[:, axis] *= -1
-    tree = cKDTree(points, compact_nodes=False)
-    distance, partner = tree.query(mirrored, workers=-1, distance_upper_bound=2.0 * tolerance)
+    tree = cKDTree(points, compact_nodes=False, balanced_tree=False)
+    distance = np.empty(len(points))
+    partner = np.empty(len(points), dtype=np.intp)
+    for rows in blocks(len(points), _ROWS, phase):
+        distance[rows], partner[rows] = tree.query(
+            mirrored[rows], workers=-1, distance_upper_bound=2.0 * tolerance
+        )
     partner[partner == len(points)] = 0  # none is near
     mutual = partner[partner] == np.arange(len(points))
     paired = mutual & (distance <= tolerance)

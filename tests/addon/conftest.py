@@ -56,6 +56,47 @@ def select():
 
 
 @pytest.fixture
+def over_view():
+    """Return a function that calls an operator as a key does that is pressed over the 3D view."""
+
+    def call(operator):
+        window = bpy.context.window_manager.windows[0]
+        area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            operator()
+
+    return call
+
+
+@pytest.fixture
+def adjust(over_view):
+    """Return a function that does what other settings under Adjust Last Operation do."""
+
+    def change(**settings):
+        properties = bpy.context.window_manager.operators[-1].properties
+        for name, value in settings.items():
+            setattr(properties, name, value)
+        over_view(bpy.ops.ed.undo_redo)
+
+    return change
+
+
+@pytest.fixture(params=["Repeat Last", "Repeat History"])
+def repeat(over_view, request):
+    """Return a function that runs the last operator once more."""
+
+    def run():
+        if request.param == "Repeat Last":
+            over_view(bpy.ops.screen.repeat_last)
+        else:
+            last = len(bpy.context.window_manager.operators) - 1
+            over_view(lambda: bpy.ops.screen.repeat_history(index=last))
+
+    return run
+
+
+@pytest.fixture
 def painted_sheet():
     """Return a function that adds a flat sheet whose colors blend along x, and selects it."""
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from shock_filter import core
 from shock_filter.core import Cancelled, GeometrySettings
-from shock_filter.shock_addon import jobs, operators
+from shock_filter.shock_addon import data, jobs, operators, status_text
 from shock_filter.shock_addon.data.geometry_data import read_geometry, write_geometry
 from shock_filter.shock_addon.data.mesh_data import read_positions, read_targets, write_positions
 from shock_filter.shock_addon.filters.sharpening import sharpen
@@ -82,14 +82,18 @@ class Context(SimpleNamespace):
         self.workspaces = [Workspace(uid, self) for uid in range(3)]
         windows = [Window(uid, self.workspaces[uid]) for uid in range(2)]
         super().__init__(
-            window=windows[0], window_manager=Manager(windows), object=bpy.context.object
+            window=windows[0],
+            workspace=windows[0].workspace,
+            window_manager=Manager(windows),
+            object=bpy.context.object,
         )
 
     @contextmanager
-    def temp_override(self, window, workspace):
-        self.workspace = workspace
+    def temp_override(self, window=None, workspace=None):
+        before = self.workspace
+        self.workspace = workspace if window is None else window.workspace  # as Blender does
         yield
-        self.workspace = self.window.workspace
+        self.workspace = before
 
     def is_clean(self):
         return not self.window_manager.timers and not any(w.status for w in self.workspaces)
@@ -114,6 +118,7 @@ def context(monkeypatch):
     context = Context()
     context.blender = Blender(context)
     monkeypatch.setattr(jobs, "bpy", context.blender)
+    monkeypatch.setattr(status_text, "bpy", context.blender)
     yield context
     assert context.is_clean()
     assert jobs.current() is None
@@ -201,14 +206,20 @@ def test_keys_and_clicks_are_held_back_but_not_in_the_sidebar(context):
 
 
 def test_esc_answers_at_once_and_stops_the_thread(context):
+    may_end = threading.Event()
+
+    def work(progress):
+        may_end.wait(60)
+        waiting_work(progress)
+
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.start(context, work)
     job = operator._job
-    began = time.perf_counter()
     assert operator.modal(context, ESC) == {"CANCELLED"}
-    assert time.perf_counter() - began < 0.5
+    assert not job.done
     assert operator.reports == [({"INFO"}, "Cancelled; nothing was changed.")]
     assert context.is_clean()
+    may_end.set()
     job.wait()
     with pytest.raises(Cancelled):
         job.result()
@@ -269,7 +280,12 @@ def test_what_the_work_raises_reaches_finish(context):
 
 
 @pytest.mark.parametrize("kind", ["RENDER", "OBJECT_BAKE"])
-def test_nothing_is_written_while_a_render_reads_the_scene(context, kind):
+def test_nothing_is_written_while_a_render_reads_the_scene(context, kind, rounded_box):
+    rounded_box()
+    context.blender.jobs.add(kind)
+    assert not bpy.ops.shock_filter.sharpen_geometry.poll()
+    context.blender.jobs.clear()
+    assert bpy.ops.shock_filter.sharpen_geometry.poll()
     operator = Operator()
     operator.start(context, lambda progress: 42)
     jobs.current().wait()
@@ -343,6 +359,73 @@ def test_an_unexpected_error_ends_the_run_with_a_sentence(
     assert record.exc_info[0] is kind
 
 
+def test_an_unexpected_error_while_reading_changes_nothing(rounded_box, monkeypatch, caplog):
+    box = rounded_box()
+    before = read_positions(box.data)
+
+    def broken(*arguments):
+        raise MemoryError
+
+    monkeypatch.setattr(data, "read_geometry", broken)
+    with pytest.raises(RuntimeError, match="Sharpen Geometry failed: MemoryError; the console"):
+        bpy.ops.shock_filter.sharpen_geometry()
+    np.testing.assert_array_equal(read_positions(box.data), before)
+    assert len(caplog.records) == 1
+
+
+def test_an_unexpected_error_while_writing_can_be_undone(rounded_box, select, monkeypatch, caplog):
+    names = [rounded_box().name, rounded_box(location=(5.0, 0.0, 0.0)).name]
+
+    def positions():
+        return [read_positions(bpy.data.objects[name].data) for name in names]
+
+    def changed():
+        return [(now != then).any() for now, then in zip(positions(), before, strict=True)]
+
+    def broken(target, result):
+        if target.name == names[1]:
+            raise MemoryError
+        return write_geometry(target, result)
+
+    select(*(bpy.data.objects[name] for name in names))
+    bpy.ops.ed.undo_push(message="Start")
+    before = positions()
+    monkeypatch.setattr(data, "write_geometry", broken)
+    with pytest.raises(RuntimeError, match="failed while writing: MemoryError; undo it, and see"):
+        bpy.ops.shock_filter.sharpen_geometry("EXEC_DEFAULT", True)
+    assert changed() == [True, False]
+    assert len(caplog.records) == 1
+    bpy.ops.ed.undo_push(message="Later")
+    bpy.ops.ed.undo()
+    assert changed() == [True, False]
+    bpy.ops.ed.undo()
+    assert changed() == [False, False]
+
+
+class Sharpening(operators.SharpenOperator):
+    """As much of an operator as a modal run needs."""
+
+    bl_label, mode = "Sharpen", "geometry"
+    reports = []
+
+    def __init__(self):
+        self.targets = ["much"]
+
+    def report(self, kind, text):
+        self.reports.append(text)
+
+
+def test_a_run_that_ends_lets_go_of_what_it_has_read(context, monkeypatch):
+    monkeypatch.setattr(operators, "summaries", {})
+    cancelled, failed = Sharpening(), Sharpening()
+    cancelled.start(context, waiting_work)
+    assert cancelled.modal(context, ESC) == {"CANCELLED"}
+    failed.start(context, lambda progress: 1 / 0)
+    assert run_to_the_end(failed, context) == {"CANCELLED"}
+    assert vars(cancelled) == vars(failed) == {}
+    cancelled.cancel(context)  # so does Blender when a window closes
+
+
 @pytest.fixture
 def target(rounded_box):
     box = rounded_box()
@@ -386,6 +469,19 @@ def test_progress_stays_in_range_and_ends_at_one(target):
     assert min(fractions) >= 0.0
     assert max(fractions) <= 1.0
     assert fractions[-1] == pytest.approx(1.0)
+
+
+def test_progress_counts_targets_by_their_size():
+    targets = [SimpleNamespace(name="", surface=SimpleNamespace(size=size)) for size in (10, 30)]
+    seen = []
+
+    def function(surface, part):
+        part(0.5, "Half")
+        part(1.0, "All")
+
+    operators.filter_targets(targets, function, None, lambda *now: seen.append(now) or True)
+    steps = [fraction for fraction, message in seen if message in {"Half", "All"}]
+    assert steps == pytest.approx([0.125, 0.25, 0.625, 1.0])
 
 
 def test_the_bar_never_goes_back():

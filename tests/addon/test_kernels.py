@@ -23,6 +23,7 @@ assert addon_utils.enable(NAME, default_set=True) is not None
 bpy.ops.wm.read_homefile(use_empty=True)
 import importlib
 kernels = importlib.import_module(NAME + ".shock_addon.kernels")
+ran = [kernels.has_run(mode) for mode in ("geometry", "texture")]
 if sys.argv[1:] == ["load only"]:
     kernels.load(kernels.cache_folder())
     result = []
@@ -33,6 +34,7 @@ mesh = importlib.import_module(NAME + ".core.mesh")
 import numba
 state = {
     "result": list(result),
+    "ran": ran,
     "folder": kernels.cache_folder(),
     "kept": mesh._pair.stats.cache_path,
     "misses": sum(mesh._pair.stats.cache_misses.values()),
@@ -97,6 +99,7 @@ def test_compiled_code_goes_to_the_user_folder_and_is_used_again(resources):
 
     second = run(resources)
     assert second["misses"] == 0
+    assert (first["ran"], second["ran"]) == ([False, False], [True, False])
     assert written(extension) == before
 
 

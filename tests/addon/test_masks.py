@@ -141,6 +141,17 @@ def test_the_sculpt_mask_protects_in_sculpt_mode_only(half):
     assert moved[right].any()
 
 
+@pytest.mark.parametrize(("kind", "domain"), [("FLOAT", "FACE"), ("FLOAT_COLOR", "POINT")])
+def test_a_sculpt_mask_that_blender_does_not_know_does_not_count(half, kind, domain):
+    box, _ = half
+    before = read_positions(box.data)
+    box.data.attributes.new(".sculpt_mask", kind, domain)
+    bpy.ops.object.mode_set(mode="SCULPT")
+    assert sharpen() == {"FINISHED"}
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert (read_positions(box.data) != before).any()
+
+
 def test_of_welded_vertices_the_most_protected_counts(rounded_box):
     box = rounded_box()
     bpy.ops.object.mode_set(mode="EDIT")

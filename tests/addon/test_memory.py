@@ -1,9 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Many runs of the operators leave no memory behind, with undo and without."""
 
+import gc
+
 import bpy
 import pytest
 from memory import assert_flat
+from shock_filter.shock_addon.data.image_data import ImageTarget
+from shock_filter.shock_addon.data.mesh_data import Target
+from shock_filter.shock_addon.data.texture_data import TextureTarget
+from shock_filter.shock_addon.filters.recolored import Recolored
+from shock_filter.shock_addon.filters.sharpening import Sharpened
+from shock_filter.shock_addon.filters.texturing import Retextured
+
+OF_A_RUN = Target, ImageTarget, TextureTarget, Sharpened, Recolored, Retextured
 
 
 @pytest.mark.parametrize("undo", [False, True])
@@ -31,3 +41,21 @@ def test_memory_stays_flat(rounded_box, undo):
         assert_flat(run)
     finally:
         preferences.use_global_undo, preferences.undo_steps = kept
+
+
+def test_the_history_of_operators_holds_none_of_their_runs(rounded_box):
+    """Blender keeps the last operators, with all that they keep, for Repeat Last."""
+    obj = rounded_box(cuts=3)
+    colors = obj.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    obj.data.color_attributes.active_color = colors
+    image = bpy.data.images.new("Around", 16, 16)
+    run = bpy.ops.shock_filter
+    run.sharpen_geometry("EXEC_DEFAULT", True)
+    run.sharpen_colors("EXEC_DEFAULT", True)
+    run.denoise("EXEC_DEFAULT", True, target="both", repeat=1, iterations=1)
+    run.sharpen_image("EXEC_DEFAULT", True, image=image.name)
+    run.denoise_image("EXEC_DEFAULT", True, image=image.name)
+    run.sharpen_texture("EXEC_DEFAULT", True, image=image.name)
+    assert len(bpy.context.window_manager.operators) >= 6
+    gc.collect()
+    assert [type(kept) for kept in gc.get_objects() if isinstance(kept, OF_A_RUN)] == []

@@ -25,6 +25,10 @@ def inventory():
         "scene": sorted(bpy.types.Scene.bl_rna.properties.keys()),
         "manager": sorted(bpy.types.WindowManager.bl_rna.properties.keys()),
         "operators": sorted(dir(bpy.ops.shock_filter)),
+        "handlers": [
+            [function.__module__ for function in handlers]
+            for handlers in (bpy.app.handlers.load_pre, bpy.app.handlers.translation_update_post)
+        ],
         "entries": [
             [function.__module__ for function in getattr(bpy.types, name)._dyn_ui_initialize()]
             for name in menus
@@ -70,26 +74,43 @@ print(json.dumps(states))
     assert before["types"] == []
     assert enabled["operators"] == [
         "cancel", "colors_preset_add", "denoise", "denoise_image", "denoise_image_preset_add",
-        "denoise_preset_add", "dilate_texture", "geometry_preset_add", "image_preset_add",
-        "preview", "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture",
-        "show_flow", "texture_preset_add", "use_preset",
+        "denoise_preset_add", "dilate_texture", "geometry_preset_add", "hide_flow",
+        "image_preset_add", "preview", "sharpen_colors", "sharpen_geometry", "sharpen_image",
+        "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
+    ours = "shock_filter.shock_addon", "shock_filter.shock_addon.panel.translations"
+    assert all(name in found for name, found in zip(ours, enabled["handlers"], strict=True))
     assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}
     assert [len(now) - len(old) for now, old in zip(enabled["entries"], before["entries"],
                                                     strict=True)] == [1] * 5  # fmt: skip
 
 
-def test_enabling_imports_neither_numba_nor_scipy(blender):
-    heavy = blender(
+def test_enabling_imports_little(blender):
+    enabled, asked, runnable = blender(
         """
+names = ["numpy", "numba", "llvmlite", "scipy", "argparse", "concurrent.futures", "ctypes", "json",
+         "logging", "pickle", "tempfile", "traceback", "unicodedata"]
+for name in names:
+    sys.modules[name] = None  # importing it fails
+def imported():
+    parts = "core.", "shock_addon.command_", "shock_addon.data.", "shock_addon.filters."
+    ours = [name.removeprefix("shock_filter.") for name in sys.modules]
+    return sorted(name for name in ours if name.startswith(parts))
+bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
-heavy = ["numba", "llvmlite", "scipy", "trimesh", "shock_filter.core.parallel"]
-print(json.dumps([name for name in heavy if name in sys.modules]))
+enabled = imported()
+filters = ["sharpen_geometry", "sharpen_colors", "sharpen_texture", "sharpen_image", "denoise",
+           "denoise_image", "dilate_texture", "preview", "show_flow", "cancel"]
+runnable = [name for name in filters if getattr(bpy.ops.shock_filter, name).poll()]
+print(json.dumps([enabled, imported(), runnable]))
 shock_filter.unregister()
 """
     )
-    assert heavy == []
+    assert enabled == ["core.cores", "core.errors", "core.estimate", "core.lazy", "core.settings"]
+    # With nothing selected, menus and panels ask what could be run.
+    assert asked == [*enabled, "shock_addon.data.chosen", "shock_addon.data.materials"]
+    assert runnable == []
 
 
 def imported(path):
@@ -171,6 +192,23 @@ shock_filter.unregister()
     assert kept == [[1, True, 1], [0, False, 0]]
 
 
+def test_handlers_that_others_have_removed_do_not_matter(blender):
+    before, after = blender(
+        """
+states = [inventory()]
+shock_filter.register()
+handlers = bpy.app.handlers
+for cleared in (handlers.load_pre, handlers.save_pre, handlers.undo_pre, handlers.undo_post,
+                handlers.redo_pre, handlers.translation_update_post):
+    cleared.clear()
+shock_filter.unregister()
+states.append(inventory())
+print(json.dumps(states))
+"""
+    )
+    assert {**after, "handlers": None} == {**before, "handlers": None}
+
+
 def test_disabling_during_a_run_stops_it(blender):
     stopped = blender(
         """
@@ -208,7 +246,7 @@ def test_a_process_that_forgets_to_unregister_ends_well(tmp_path, enable):
 REFUSAL = "NotImplementedError"
 HOOKS = {
     "finish", "read", "filter", "write", "summary", "done", "changes",
-    "read_object", "filter_surface", "write_object",
+    "steps",
 }  # fmt: skip
 
 

@@ -112,6 +112,23 @@ def test_keys_move_along_with_the_basis(keyed, sharpened):
     np.testing.assert_array_equal(seen(keyed), expected)
 
 
+def test_keys_move_along_with_those_that_they_rest_on(keyed, sharpened):
+    """Over several steps, but not with one that rests on the other."""
+    for name, base in (("Second", "Lifted"), ("Third", "Second"), ("Apart", "Basis")):
+        key = keyed.shape_key_add(name=name, from_mix=False)
+        key.relative_key = keyed.data.shape_keys.key_blocks[base]
+    keyed.active_shape_key_index = 1
+    before = keys_of(keyed)
+    change = sharpened(before["Lifted"]) - before["Lifted"]
+    assert (change != 0).any()
+    sharpen()
+    after = keys_of(keyed)
+    for name in ("Lifted", "Second", "Third"):
+        np.testing.assert_allclose(after[name], before[name] + change, atol=1e-6)
+    for name in ("Basis", "Apart"):
+        np.testing.assert_array_equal(after[name], before[name])
+
+
 def test_edit_mode_writes_the_active_key(keyed):
     keyed.active_shape_key_index = 1
     before = keys_of(keyed)

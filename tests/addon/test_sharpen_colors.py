@@ -163,19 +163,6 @@ def test_n_gons_go_through(painted_sheet, kind, domain):
     np.testing.assert_array_equal(read(sheet)[:, 3], before[:, 3])
 
 
-def test_a_corner_of_an_n_gon_gets_the_mean_over_its_triangles():
-    from shock_filter.shock_addon.filters.coloring import _gather
-
-    corners = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-    values = np.arange(18, dtype=np.float32).reshape(2, 3, 3)
-    new = np.full((5, 3), -1, dtype=np.float32)
-    _gather(corners, values, new)
-    np.testing.assert_array_equal(new[0], (values[0, 0] + values[1, 0]) / 2)
-    np.testing.assert_array_equal(new[1], values[0, 1])
-    np.testing.assert_array_equal(new[3], values[1, 2])
-    np.testing.assert_array_equal(new[4], [-1, -1, -1])
-
-
 def test_high_dynamic_range_is_kept(painted_sheet):
     sheet = painted_sheet("FLOAT_COLOR")
     colors = read(sheet)
@@ -305,3 +292,13 @@ def test_undo_brings_the_old_colors_back(painted_sheet):
     assert (read(bpy.data.objects[name]) != before).any()
     bpy.ops.ed.undo()
     np.testing.assert_array_equal(read(bpy.data.objects[name]), before)
+
+
+def test_contradicting_settings_are_named(painted_sheet):
+    sheet = painted_sheet()
+    before = read(sheet)
+    with pytest.raises(
+        RuntimeError, match="the scheme 'composed' walks in steps of 1; give at most"
+    ):
+        sharpen(scheme="composed", steady_state=True)
+    np.testing.assert_array_equal(read(sheet), before)

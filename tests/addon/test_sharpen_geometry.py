@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operator Sharpen Geometry."""
 
+import re
 from types import SimpleNamespace
 
 import bpy
@@ -8,7 +9,12 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter.shock_addon import operators
-from shock_filter.shock_addon.data.mesh_data import read_positions, write_positions
+from shock_filter.shock_addon.data.mesh_data import (
+    read_corner_vertices,
+    read_positions,
+    read_triangle_corners,
+    write_positions,
+)
 from shock_filter.shock_addon.geometry_operator import notes
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
@@ -179,9 +185,31 @@ def test_a_nan_is_named_and_nothing_changes(rounded_box):
     before = read_positions(mesh)
     before[7, 1] = np.nan
     write_positions(mesh, before)
-    with pytest.raises(RuntimeError, match=r"Vertex 7 .* NaN"):
+    with pytest.raises(RuntimeError, match=r"Vertex 7 .*NaN"):
         sharpen()
     np.testing.assert_array_equal(read_positions(mesh), before)
+
+
+@pytest.mark.parametrize("operator", [sharpen, bpy.ops.shock_filter.denoise])
+def test_a_nan_in_a_loose_vertex_is_named(rounded_box, operator):
+    """Loose vertices that come before do not shift its number."""
+    mesh = rounded_box().data
+    count = len(mesh.vertices)
+    mesh.vertices.add(3)
+    before = read_positions(mesh)
+    before[count + 1] = np.nan
+    write_positions(mesh, before)
+    with pytest.raises(RuntimeError, match=f"Vertex {count + 1} has no valid position"):
+        operator()
+    np.testing.assert_array_equal(read_positions(mesh), before)
+    before[count + 1] = 0.0
+    before[7] = np.inf
+    order = np.r_[count : count + 3, :count]
+    faces = [[int(v) + 3 for v in face.vertices] for face in mesh.polygons]
+    mesh.clear_geometry()
+    mesh.from_pydata(before[order].tolist(), [], faces)
+    with pytest.raises(RuntimeError, match=r"Vertex 10 has no valid position"):
+        operator()
 
 
 def test_a_bad_mesh_does_not_stop_the_good_one(rounded_box, select):
@@ -196,12 +224,35 @@ def test_a_bad_mesh_does_not_stop_the_good_one(rounded_box, select):
     np.testing.assert_array_equal(read_positions(bad.data), broken)
 
 
-def test_contradicting_settings_are_named(rounded_box):
-    box = rounded_box()
+def test_only_moves_that_are_seen_count(rounded_box):
+    box = rounded_box(cuts=31)
     before = read_positions(box.data)
-    with pytest.raises(RuntimeError, match="give only one"):
-        sharpen(screening_radius=3.0, fidelity=100.0)
-    np.testing.assert_array_equal(read_positions(box.data), before)
+    sharpen(time=4.0)
+    moves = np.linalg.norm(read_positions(box.data) - before, axis=1)
+    triangles = before[read_corner_vertices(box.data)[read_triangle_corners(box.data)]]
+    edge = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).mean()
+    seen = np.count_nonzero(moves > 0.02 * edge)
+    said = int(re.search(r"moved ([\d,]+),", operators.summaries["geometry"])[1].replace(",", ""))
+    assert 0.9 * seen < said < 1.1 * seen
+    assert 0 < said < 0.9 * np.count_nonzero(moves)
+
+
+def test_a_mesh_may_have_nothing_to_sharpen():
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=4)
+    assert sharpen() == {"FINISHED"}
+    said = operators.summaries["geometry"]
+    assert said.startswith("Found nothing to sharpen in 1 mesh: 642 vertices, moved 0, ")
+    assert said.endswith(" s. For wide or gentle creases raise Time or lower Threshold.")
+
+
+def test_fidelity_counts_instead_of_the_radius(rounded_box):
+    with_radius, without = rounded_box(), rounded_box()
+    assert sharpen(fidelity=100.0) == {"FINISHED"}
+    bpy.context.view_layer.objects.active = with_radius
+    with_radius.select_set(True)
+    without.select_set(False)
+    sharpen(screening_radius=3.0, fidelity=100.0)
+    np.testing.assert_array_equal(read_positions(with_radius.data), read_positions(without.data))
 
 
 def test_linked_meshes_are_skipped(rounded_box, select, tmp_path):
@@ -265,6 +316,15 @@ def test_undo_brings_the_old_shape_back(rounded_box):
     np.testing.assert_array_equal(read_positions(bpy.data.objects[name].data), before)
     bpy.ops.ed.redo()
     np.testing.assert_array_equal(read_positions(bpy.data.objects[name].data), after)
+
+
+def test_undo_takes_back_what_was_said(rounded_box):
+    rounded_box()
+    bpy.ops.ed.undo_push(message="Before")
+    sharpen("EXEC_DEFAULT", True)
+    assert operators.summaries["geometry"].startswith("Sharpened 1 mesh")
+    bpy.ops.ed.undo()
+    assert operators.summaries == {}
 
 
 def test_redo_with_other_settings_starts_from_the_old_shape(rounded_box):

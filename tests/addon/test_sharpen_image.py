@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon import image_operator, operators
-from shock_filter.shock_addon.data import image_data
+from shock_filter.shock_addon.data import chosen, image_data
 
 sharpen = bpy.ops.shock_filter.sharpen_image
 
@@ -97,7 +97,15 @@ def test_time_zero_changes_no_bit_of_any_kind(kind, packed):
     sharpen(image="Photo", time=0.0)
     result = bpy.data.images["Photo sharpened"]
     assert bits(result) == before
-    assert state_of(result) == state
+    assert state_of(result) == packed_state(photo)
+
+
+def packed_state(image):
+    """The state of its packed copy: floats are packed as they are in memory, multiplied."""
+    *rest, alpha, depth, space, _ = state_of(image)
+    if alpha in {"STRAIGHT", "PREMUL"}:
+        alpha = "PREMUL" if image.is_float else "STRAIGHT"
+    return *rest, alpha, depth, space, True
 
 
 def state_of(image):
@@ -147,7 +155,7 @@ def test_files_and_color_spaces_come_through(tmp_path):
     loaded = bpy.data.images.load(path)
     loaded.colorspace_settings.name = "Linear Rec.709"
     sharpen(image=loaded.name, time=256.0)
-    result = bpy.data.images[f"{loaded.name} sharpened"]
+    result = bpy.data.images["photo sharpened"]
     assert result.colorspace_settings.name == "Linear Rec.709"
     assert result.filepath == ""
     assert (read(result) != read(loaded)).any()
@@ -174,10 +182,21 @@ def test_a_packed_image_comes_back_from_the_file(output, float_buffer, tmp_path)
     np.testing.assert_allclose(read(bpy.data.images["Kept"]), sharp, atol=1e-6)
 
 
-def test_a_new_image_of_an_unpacked_one_is_not_packed():
-    add()
-    sharpen(image="Photo")
-    assert bpy.data.images["Photo sharpened"].packed_file is None
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: "-".join(map(str, kind.values())))
+def test_a_new_image_comes_back_from_the_file(kind, tmp_path):
+    pixels = blend()
+    pixels[..., 3] = np.linspace(0.2, 1.0, 40)
+    add(pixels=pixels, **kind)
+    sharpen(image="Photo", time=256.0)
+    result = bpy.data.images["Photo sharpened"]
+    result.use_fake_user = True
+    sharp = read(result)
+    path = str(tmp_path / "kept.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    seen = slice(3 if kind["alpha_mode"] == "NONE" else 4)  # its opacity is not read again
+    found = read(bpy.data.images["Photo sharpened"])[..., seen]
+    np.testing.assert_allclose(found, sharp[..., seen], atol=1e-6)
 
 
 @pytest.mark.parametrize("float_buffer", [False, True])
@@ -266,6 +285,24 @@ def test_redo_writes_the_same_image_again():
     assert bpy.data.images.keys() == ["Photo", "Photo sharpened", "Photo sharpened.001"]
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Photo.001", "Photo.001 sharpened"),
+        ("photo.old.PNG", "photo.old sharpened"),
+        ("photo.exr.002", "photo sharpened"),
+        ("Photo sharpened", "Photo sharpened.001"),
+        ("Photo sharpened.004", "Photo sharpened"),
+        ("Photo denoised", "Photo denoised sharpened"),
+        (".png", ".png sharpened"),
+    ],
+)
+def test_new_names_have_no_file_ending_and_one_suffix(old, new):
+    add(old)
+    sharpen(image=old)
+    assert bpy.data.images.keys() == sorted([old, new])
+
+
 def test_redo_makes_another_image_if_the_first_cannot_take_it():
     add()
     bpy.data.images.new("Photo sharpened", 3, 3)
@@ -274,25 +311,113 @@ def test_redo_makes_another_image_if_the_first_cannot_take_it():
     assert bpy.data.images["Photo sharpened.001"].size[0] == 40
 
 
-def test_redo_of_a_replaced_image_starts_from_the_old_pixels():
-    photo = add()
-    once = add("Once")
-    sharpen(image="Once", time=256.0, output="REPLACE")
-    sharpen(image="Photo", time=16.0, output="REPLACE")
-    sharpen(image="Photo", result="Photo", time=256.0, output="REPLACE")
-    np.testing.assert_array_equal(read(photo), read(once))
-    sharpen(image="Photo", result="Photo", time=256.0, output="NEW")
-    np.testing.assert_array_equal(read(photo), read(add("Untouched")))
+def filtered(pixels, kind, **settings):
+    """What a run makes of pixels in an image of its own."""
+    image = add("Sample", pixels, **kind)
+    sharpen(image="Sample", output="REPLACE", **settings)
+    result = read(image)
+    bpy.data.images.remove(image)
+    return result
 
 
-def test_undo_takes_the_new_image_away():
+def replaced(kind, packed):
+    """Sharpen an image in place, from the interface; returns the old pixels."""
+    photo = add(**kind)
+    photo.use_fake_user = True
+    if packed:
+        photo.pack()
+    old = read(photo)
+    bpy.ops.ed.undo_push(message="Start")
+    sharpen("EXEC_DEFAULT", True, image="Photo", time=16.0, output="REPLACE")
+    assert (read(photo) != old).any()
+    return old
+
+
+def pixels_of(name):
+    return read(bpy.data.images[name])
+
+
+def paint(image):
+    """A stroke, which Blender's undo does not know; returns all pixels."""
+    pixels = read(image)
+    pixels[:4, :, :3] = (1.0, 0.0, 0.0)
+    image.pixels.foreach_set(pixels.reshape(-1))
+    return read(image)
+
+
+REPLACED = pytest.mark.parametrize(
+    ("kind", "packed"),
+    [({"float_buffer": floats}, packed) for floats in (False, True) for packed in (False, True)],
+    ids=["bytes", "packed-bytes", "floats", "packed-floats"],
+)
+
+
+@REPLACED
+def test_redo_of_a_replaced_image_starts_from_the_old_pixels(adjust, kind, packed):
+    expected = filtered(blend(), kind, time=256.0)
+    old = replaced(kind, packed)
+    for _ in range(2):
+        adjust(time=256.0)
+        np.testing.assert_array_equal(pixels_of("Photo"), expected)
+    adjust(output="NEW")
+    np.testing.assert_array_equal(pixels_of("Photo"), old)
+    np.testing.assert_array_equal(pixels_of("Photo sharpened"), expected)
+
+
+@REPLACED
+def test_repeating_a_replacement_sharpens_what_is_there(repeat, kind, packed):
+    replaced(kind, packed)
+    for now in (pixels_of("Photo"), paint(bpy.data.images["Photo"])):
+        bpy.data.images["Photo"].pixels.foreach_set(now.reshape(-1))
+        repeat()
+        found = pixels_of("Photo")
+        np.testing.assert_array_equal(found, filtered(now, kind, time=16.0))
+
+
+def test_strokes_on_a_replaced_image_outlive_a_redo(adjust):
+    replaced({}, packed=False)
+    painted = paint(bpy.data.images["Photo"])
+    adjust(time=256.0)
+    found = pixels_of("Photo")
+    np.testing.assert_array_equal(found, filtered(painted, {}, time=256.0))
+
+
+def test_strokes_on_a_result_outlive_a_repetition(repeat):
+    add()
+    sharpen("EXEC_DEFAULT", True, image="Photo", time=16.0)
+    made = pixels_of("Photo sharpened")
+    repeat()
+    assert bpy.data.images.keys() == ["Photo", "Photo sharpened"]
+    painted = paint(bpy.data.images["Photo sharpened"])
+    repeat()
+    np.testing.assert_array_equal(pixels_of("Photo sharpened"), painted)
+    np.testing.assert_array_equal(pixels_of("Photo sharpened.001"), made)
+    repeat()
+    assert bpy.data.images.keys() == ["Photo", "Photo sharpened", "Photo sharpened.001"]
+
+
+def test_a_result_of_another_depth_is_not_reused():
+    """Nor does the source's depth change what an earlier result can take."""
+    add()
+    sharpen(image="Photo")
+    bpy.data.images.remove(bpy.data.images["Photo"])
+    photo = add(float_buffer=True)
+    sharpen(image="Photo", result="Photo sharpened")
+    assert not bpy.data.images["Photo sharpened"].is_float
+    assert bpy.data.images["Photo sharpened.001"].is_float == photo.is_float
+
+
+def test_undo_takes_the_new_image_away_and_redo_brings_it_back():
     add().use_fake_user = True
     bpy.ops.ed.undo_push(message="Before")
     sharpen(image="Photo")
+    bpy.data.images["Photo sharpened"].use_fake_user = True
     bpy.ops.ed.undo_push(message="After")
-    assert "Photo sharpened" in bpy.data.images
+    sharp = bits(bpy.data.images["Photo sharpened"])
     bpy.ops.ed.undo()
     assert bpy.data.images.keys() == ["Photo"]
+    bpy.ops.ed.redo()
+    assert bits(bpy.data.images["Photo sharpened"]) == sharp
 
 
 def with_source(source):
@@ -366,7 +491,7 @@ def test_an_image_that_was_removed_meanwhile_is_skipped():
     target = image_data.read_image(photo)
     bpy.data.images.remove(photo)
     with pytest.raises(image_operator.Skipped, match="it was removed meanwhile"):
-        image_data.find(target)
+        image_data.find_image(target)
 
 
 def test_an_image_of_another_size_is_skipped():
@@ -374,7 +499,7 @@ def test_an_image_of_another_size_is_skipped():
     target = image_data.read_image(photo)
     photo.scale(10, 10)
     with pytest.raises(image_operator.Skipped, match="it was changed meanwhile"):
-        image_data.find(target)
+        image_data.find_image(target)
 
 
 def test_an_image_that_was_painted_on_meanwhile_is_not_replaced():
@@ -392,16 +517,16 @@ def test_an_image_that_was_renamed_meanwhile_is_found():
     photo = add()
     target = image_data.read_image(photo)
     photo.name = "Another"
-    assert image_data.find(target) == photo
+    assert image_data.find_image(target) == photo
 
 
 def test_only_the_image_editor_has_an_edited_image():
     photo = add()
     editor = SimpleNamespace(type="IMAGE_EDITOR", image=photo)
-    assert image_operator.edited_image(SimpleNamespace(space_data=editor)) == photo
+    assert chosen.edited_image(SimpleNamespace(space_data=editor)) == photo
     editor.type = "VIEW_3D"
-    assert image_operator.edited_image(SimpleNamespace(space_data=editor)) is None
-    assert image_operator.edited_image(SimpleNamespace(space_data=None)) is None
+    assert chosen.edited_image(SimpleNamespace(space_data=editor)) is None
+    assert chosen.edited_image(SimpleNamespace(space_data=None)) is None
 
 
 def test_the_image_editor_shows_the_result():

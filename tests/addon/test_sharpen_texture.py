@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Sharpen Texture and Dilate Texture."""
 
+import os
 from types import SimpleNamespace
 
 import bpy
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from shock_filter.core import Cancelled, TextureSettings
 from shock_filter.shock_addon import operators, texture_operator
-from shock_filter.shock_addon.data import image_data, texture_data, tiles
+from shock_filter.shock_addon.data import chosen, image_data, texture_data, tiles
 from shock_filter.shock_addon.filters.mosaic import Mosaic
 from shock_filter.shock_addon.filters.texturing import sharpen_texture
 
@@ -212,11 +213,14 @@ def test_redo_writes_the_same_image_again(sheet):
     assert (read(bpy.data.images["Wood sharpened"]) != first).any()
 
 
-def test_redo_of_a_replaced_image_starts_from_the_old_pixels(sheet):
-    sharpen(time=256.0, output="REPLACE")
-    once = read(sheet.image)
-    sharpen(image="Wood", result="Wood", time=256.0, output="REPLACE")
-    np.testing.assert_array_equal(read(sheet.image), once)
+def test_redo_of_a_replaced_image_starts_from_the_old_pixels(sheet, adjust, repeat):
+    bpy.ops.ed.undo_push(message="Start")
+    sharpen("EXEC_DEFAULT", True, time=256.0, output="REPLACE")
+    once = read(bpy.data.images["Wood"])
+    adjust(time=256.0)
+    np.testing.assert_array_equal(read(bpy.data.images["Wood"]), once)
+    repeat()
+    assert softness(read(bpy.data.images["Wood"])) < softness(once)
 
 
 def test_undo_takes_image_and_assignment_back(sheet):
@@ -421,7 +425,7 @@ def test_without_an_active_one_the_base_color_chooses_the_image():
     tree.links.new(node.outputs["Color"], mix.inputs["Color"])
     tree.links.new(mix.outputs["Color"], shader.inputs["Base Color"])
     tree.nodes.active = shader
-    assert texture_data.shown_image(bpy.context) == wood
+    assert chosen.shown_image(bpy.context) == wood
 
 
 def test_a_named_image_that_no_material_shows_is_on_all_faces():
@@ -437,11 +441,32 @@ def test_texture_paint_mode_takes_what_is_painted_on(sheet):
     bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
     paint.mode = "IMAGE"
     paint.canvas = canvas
-    assert texture_data.shown_image(bpy.context) == canvas
+    assert chosen.shown_image(bpy.context) == canvas
     paint.mode = "MATERIAL"
-    assert texture_data.shown_image(bpy.context) == sheet.image
+    assert chosen.shown_image(bpy.context) == sheet.image
     assert sharpen(time=64.0) == {"FINISHED"}
     assert bpy.context.mode == "PAINT_TEXTURE"
+
+
+@pytest.mark.parametrize("mode", ["MATERIAL", "IMAGE"])
+def test_texture_paint_mode_paints_on_the_new_image_from_then_on(sheet, mode):
+    bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+    paint = bpy.context.tool_settings.image_paint
+    paint.mode, paint.canvas = mode, sheet.image
+    for name in ("Wood sharpened", "Wood sharpened.001"):
+        sharpen(time=256.0)
+        assert bpy.context.mode == "PAINT_TEXTURE"
+        assert chosen.shown_image(bpy.context).name == name
+        assert node_images(sheet.obj) == [name]
+        assert paint.canvas.name == name
+    assert softness(read(paint.canvas)) < softness(read(bpy.data.images["Wood sharpened"]))
+
+
+def test_another_canvas_stays(sheet):
+    paint = bpy.context.tool_settings.image_paint
+    paint.canvas = add_image("Canvas")
+    sharpen(image="Wood", time=256.0)
+    assert paint.canvas.name == "Canvas"
 
 
 def test_the_paint_mask_of_texture_paint_mode_protects(sheet):
@@ -588,7 +613,7 @@ def test_a_linked_material_keeps_its_image_and_says_so(tmp_path, capfd):
 
 def target_of(obj):
     parameters = texture_data.EVERYWHERE
-    image = texture_data.shown_image(bpy.context)
+    image = chosen.shown_image(bpy.context)
     return texture_data.read_texture(bpy.context, image, parameters, 17)[0]
 
 
@@ -622,10 +647,10 @@ def test_an_image_that_was_removed_or_scaled_meanwhile_is_skipped(sheet):
     target = target_of(sheet.obj)
     sheet.image.scale(10, 10)
     with pytest.raises(texture_operator.Skipped, match="it was changed meanwhile"):
-        image_data.find(target)
+        image_data.find_image(target)
     bpy.data.images.remove(sheet.image)
     with pytest.raises(texture_operator.Skipped, match="it was removed meanwhile"):
-        image_data.find(target)
+        image_data.find_image(target)
 
 
 # ---------------------------------------------------------------------------------------- dilation
@@ -733,13 +758,25 @@ def test_tiles_are_sharpened_together(tmp_path, output, float_buffer, packed):
     assert f"{2 * SIZE * SIZE + 32 * 32:,} pixels" in operators.summaries["texture"]
     if output == "REPLACE":
         assert result.filepath_raw == path
-        sharpen(image="Wood", result="Wood", time=0.0, output="REPLACE")
-        for number, pixels in tiles.read_tiles(image).items():
-            np.testing.assert_array_equal(pixels, before[number])
     else:
         assert node_images(obj) == ["Wood sharpened"]
         for number, pixels in tiles.read_tiles(image).items():
             np.testing.assert_array_equal(pixels, before[number])
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("float_buffer", [False, True])
+def test_redo_of_replaced_tiles_starts_from_the_old_pixels(tmp_path, adjust, float_buffer, packed):
+    image = add_tiled(tmp_path, {1001: blend(), 1002: blend(center=0.6)}, float_buffer, packed)
+    add_sheet(material=add_material(image), right=2.0)
+    before = tiles.read_tiles(image)
+    bpy.ops.ed.undo_push(message="Start")
+    sharpen("EXEC_DEFAULT", True, time=4096.0, output="REPLACE")
+    after = tiles.read_tiles(bpy.data.images["Wood"])
+    assert all((after[number] != pixels).any() for number, pixels in before.items())
+    adjust(time=0.0)
+    for number, pixels in tiles.read_tiles(bpy.data.images["Wood"]).items():
+        np.testing.assert_array_equal(pixels, before[number])
 
 
 def test_sharpened_tiles_come_back_from_the_file(tmp_path):
@@ -754,6 +791,31 @@ def test_sharpened_tiles_come_back_from_the_file(tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path)
     for number, pixels in tiles.read_tiles(bpy.data.images["Wood sharpened"]).items():
         np.testing.assert_array_equal(pixels, sharp[number])
+
+
+@pytest.mark.parametrize("kept", [0, 100])
+@pytest.mark.parametrize("output", ["NEW", "REPLACE"])
+def test_tiles_are_not_lost_on_a_full_disk(tmp_path, monkeypatch, output, kept):
+    """Blender writes empty or broken files then."""
+    image = add_tiled(tmp_path, {1001: blend(), 1002: blend()}, packed=True)
+    add_sheet(material=add_material(image), right=2.0)
+    before = tiles.read_tiles(image)
+    names = bpy.data.images.keys()
+    read_again = tiles._read
+
+    def truncated(path, number, part):
+        if number == 1002 and part.name.startswith("tile"):
+            os.truncate(path, kept)
+        return read_again(path, number, part)
+
+    monkeypatch.setattr(tiles, "_read", truncated)
+    with pytest.raises(RuntimeError, match="Skipped Wood: its tile 1002 cannot be saved; make"):
+        sharpen(time=64.0, output=output)
+    monkeypatch.undo()
+    assert bpy.data.images.keys() == names
+    assert len(image.packed_files) == 2
+    for number, pixels in tiles.read_tiles(image).items():
+        np.testing.assert_array_equal(pixels, before[number])
 
 
 @pytest.mark.parametrize("output", ["NEW", "REPLACE"])

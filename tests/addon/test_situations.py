@@ -75,7 +75,7 @@ ELSEWHERE = {
     "split-seams": "test_sharpen_geometry.py::test_seams_of_split_meshes_stay_closed_if_welded",
     "nan": "test_sharpen_geometry.py::test_a_nan_is_named_and_nothing_changes",
     "time-zero": "test_sharpen_geometry.py::test_time_zero_changes_no_bit",
-    "settings": "test_sharpen_geometry.py::test_contradicting_settings_are_named",
+    "settings": "test_sharpen_colors.py::test_contradicting_settings_are_named",
     # Colors
     "color-kinds": "test_sharpen_colors.py::test_a_blend_becomes_an_edge_within_its_range",
     "color-jumps": "test_sharpen_colors.py::test_jumps_between_corners_stay",
@@ -93,6 +93,10 @@ ELSEWHERE = {
     ),
     "image-linked": "test_sharpen_image.py::test_linked_images_are_refused",
     "image-packed": "test_sharpen_image.py::test_a_packed_image_comes_back_from_the_file",
+    "image-new": "test_sharpen_image.py::test_a_new_image_comes_back_from_the_file",
+    "image-name": "test_sharpen_image.py::test_new_names_have_no_file_ending_and_one_suffix",
+    "texture-paint-new": "test_sharpen_texture.py::"
+    "test_texture_paint_mode_paints_on_the_new_image_from_then_on",
     "image-data": "test_sharpen_image.py::test_non_color_data_is_filtered_as_it_is",
     "image-hdr": "test_sharpen_image.py::test_high_dynamic_range_is_kept",
     "image-alpha": "test_sharpen_image.py::test_opacity_stays_and_transparent_pixels_lend_no_color",
@@ -103,6 +107,11 @@ ELSEWHERE = {
     "image-replace": (
         "test_sharpen_image.py::test_redo_of_a_replaced_image_starts_from_the_old_pixels"
     ),
+    "image-replace-painted": (
+        "test_sharpen_image.py::test_strokes_on_a_replaced_image_outlive_a_redo"
+    ),
+    "image-repeat": ("test_sharpen_image.py::test_repeating_a_replacement_sharpens_what_is_there"),
+    "image-repeat-new": "test_sharpen_image.py::test_strokes_on_a_result_outlive_a_repetition",
     "image-removed": ("test_sharpen_image.py::test_an_image_that_was_removed_meanwhile_is_skipped"),
     # Textures
     "texture-bad": "test_sharpen_texture.py::test_bad_input_is_named_and_nothing_changes",
@@ -121,15 +130,33 @@ ELSEWHERE = {
     "texture-tiles-unsaved": (
         "test_sharpen_texture.py::test_tiles_that_are_not_saved_are_refused_and_missing_ones_left_out"
     ),
+    "texture-tiles-full-disk": ("test_sharpen_texture.py::test_tiles_are_not_lost_on_a_full_disk"),
     "texture-outside-tiles": ("test_sharpen_texture.py::test_faces_outside_the_tiles_take_no_part"),
     # Runs
     "undo": "test_sharpen_geometry.py::test_undo_brings_the_old_shape_back",
     "redo": "test_sharpen_geometry.py::test_redo_with_other_settings_starts_from_the_old_shape",
     "esc": "test_jobs.py::test_cancelling_the_filter_leaves_the_mesh_alone",
     "render": "test_jobs.py::test_nothing_is_written_while_a_render_reads_the_scene",
+    "failed-writing": "test_jobs.py::test_an_unexpected_error_while_writing_can_be_undone",
     "second-run": "test_jobs.py::test_a_second_run_is_refused_meanwhile",
     "changed-meanwhile": "test_jobs.py::test_an_object_that_was_changed_meanwhile_is_skipped",
     "removed-meanwhile": "test_jobs.py::test_an_object_that_was_removed_meanwhile_is_skipped",
+    # Preview
+    "preview-esc": "test_preview.py::test_cancelling_changes_nothing",
+    "preview-patch": "test_preview.py::test_a_patch_moves_alone_and_its_border_stays",
+    "preview-mirror": "test_preview.py::test_a_patch_holds_its_mirror_images",
+    "preview-image": "test_preview_images.py::test_the_image_is_not_touched",
+    "preview-image-patch": (
+        "test_preview_images.py::test_what_is_drawn_is_what_the_operator_makes"
+    ),
+    "preview-texture": (
+        "test_preview_images.py::test_a_texture_needs_an_image_editor_for_its_preview"
+    ),
+    "preview-handlers": "test_preview.py::test_blenders_handlers_end_it_first",
+    "preview-gone": "test_preview.py::test_a_removed_object_ends_the_operator",
+    "preview-image-gone": (
+        "test_preview_images.py::test_it_ends_when_the_image_is_gone_or_seen_no_more"
+    ),
 }
 """Rows that other files test."""
 

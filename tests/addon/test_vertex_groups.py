@@ -65,6 +65,13 @@ def test_linked_meshes_can_be_read(weighted, tmp_path):
     np.testing.assert_array_equal(group_weights(wanted.objects[0], "Mask"), weights)
 
 
+def test_a_group_may_have_the_name_that_reading_uses(weighted):
+    box, weights = weighted
+    box.vertex_groups["Other"].name = "shock_filter group"
+    np.testing.assert_array_equal(group_weights(box, "Mask"), weights)
+    assert group_weights(box, "shock_filter group").max() == 0.5
+
+
 def test_a_missing_group_is_named(rounded_box):
     with pytest.raises(Skipped, match="no vertex group named 'Mask'; add it"):
         group_weights(rounded_box(), "Mask")

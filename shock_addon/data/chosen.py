@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which objects and which image an operator acts on; reads none of their data."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..skipped import Skipped
+from .materials import active_image
+
+CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
+"""Types of objects that Blender can make meshes of."""
+
+_REFUSED = {
+    "MOVIE": "it is a movie; save the frame as an image and open that",
+    "SEQUENCE": "it is an image sequence; open its files one by one as single images",
+    "TILED": "it has UDIM tiles; Sharpen Texture takes these, or open them one by one as single"
+    " images",
+    "VIEWER": "it is a render result or a viewer; save it (Image > Save As) and open the file",
+}
+
+
+def mesh_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """List the mesh objects that an operator acts on; the active one comes first."""
+    if context.mode == "OBJECT":
+        objects = list(context.selected_objects)
+    elif context.mode == "EDIT_MESH":
+        objects = list(context.objects_in_mode)
+    else:
+        objects = [context.object]
+    meshes = [obj for obj in objects if obj is not None and obj.type == "MESH"]
+    return sorted(meshes, key=lambda obj: obj != context.object)
+
+
+def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
+    """Return the image that the Image Editor shows, if the context is one."""
+    space = context.space_data
+    return space.image if space is not None and space.type == "IMAGE_EDITOR" else None
+
+
+def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
+    """Say why an image cannot be sharpened; empty if it can. UDIM tiles can be allowed."""
+    if image.library is not None or image.override_library is not None:
+        return "it is linked from another file; make it local first"
+    if image.type == "MULTILAYER":
+        return "it has several layers; save the one you want as an image of its own"
+    if image.source in _REFUSED and not (tiles and image.source == "TILED"):
+        return _REFUSED[image.source]
+    is_saved = image.filepath_raw or image.packed_files
+    if image.source == "TILED" and (image.is_dirty or not is_saved):
+        return "it has tiles that are not saved; save it first (Image > Save)"
+    if not image.size[0] * image.size[1]:
+        return "it has no pixels; check that its file exists"
+    return ""
+
+
+def mesh_refusal(mesh: bpy.types.Mesh) -> str:
+    """Say why a mesh cannot be changed; empty if it can."""
+    if mesh.library is not None:
+        return (
+            "its mesh is linked from another file; make it local first (Object > Relations > Make"
+            " Local > Selected Objects and Data)"
+        )
+    if mesh.override_library is not None:
+        return (
+            "its mesh is a library override, which Blender keeps as it is; make it local first"
+            " (Object > Relations > Make Local > Selected Objects and Data)"
+        )
+    return ""
+
+
+def shown_image(context: bpy.types.Context) -> bpy.types.Image:
+    """Return the image that is worked on.
+
+    It is the one in the Image Editor, the one that is painted on in Texture Paint Mode, or that
+    of the active image texture node in the active object's material. If another node is active, it
+    is the one that the base color is made from, or the only one.
+
+    Raises
+    ------
+    Skipped
+        If there is none.
+    """
+    space = context.space_data
+    if space is not None and space.type == "IMAGE_EDITOR":
+        if space.image is None:
+            raise Skipped("no image is open here; open one in the Image Editor")
+        return space.image
+    paint = context.tool_settings.image_paint
+    if context.mode == "PAINT_TEXTURE" and paint.mode == "IMAGE":
+        if paint.canvas is None:
+            raise Skipped("nothing is painted on; choose an image in the Texture Slots")
+        return paint.canvas
+    material = mesh_objects(context)[0].active_material
+    if material is None:
+        raise Skipped("it has no material; add one with an Image Texture node, or name an image")
+    if context.mode == "PAINT_TEXTURE" and material.texture_paint_images:
+        return material.texture_paint_images[material.paint_active_slot]
+    return active_image(material)
+
+
+def chosen_image(context: bpy.types.Context, name: str) -> bpy.types.Image:
+    """Return the image that the panel's buttons work on.
+
+    In the Image Editor it is the one that is seen, elsewhere the one of this name, if any, or else
+    that of `shown_image`.
+
+    Raises
+    ------
+    Skipped
+        If there is none.
+    """
+    if not name or edited_image(context) is not None:
+        return shown_image(context)
+    image = bpy.data.images.get(name)
+    if image is None:
+        raise Skipped(
+            "there is no image named {name!r}; choose one of the file's images", name=name
+        )
+    return image

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The images in the nodes of materials."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..skipped import Skipped
+
+
+def active_image(material: bpy.types.Material) -> bpy.types.Image:
+    """Return the image of the active node, or the one that the base color is made from.
+
+    Raises
+    ------
+    Skipped
+        If there is none, or more than one.
+    """
+    nodes = [node for node in image_nodes(material) if node.image is not None]
+    if not nodes:
+        raise Skipped(
+            "its material {name} has no Image Texture node with an image; add one, or name an"
+            " image",
+            name=material.name,
+        )
+    active = material.node_tree.nodes.active
+    chosen = [node for node in nodes if node == active]
+    chosen = chosen or _colors_surface(material.node_tree) or nodes
+    if len({node.image for node in chosen}) > 1:
+        raise Skipped(
+            "its material {name} has several images ({images}); click the node of the one that is"
+            " meant, or name it",
+            name=material.name,
+            images=", ".join(sorted({node.image.name for node in chosen})),
+        )
+    return chosen[0].image
+
+
+def _colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImage]:
+    """The image texture nodes that a shader's base color is made from."""
+    ahead = [
+        socket
+        for node in tree.nodes
+        for socket in node.inputs
+        if socket.name == "Base Color" and socket.is_linked
+    ]
+    found: list[bpy.types.ShaderNodeTexImage] = []
+    for socket in ahead:
+        for node in (link.from_node for link in socket.links):
+            if node.type == "TEX_IMAGE" and node.image is not None:
+                found.append(node)
+            ahead += [each for each in node.inputs if each.is_linked and each not in ahead]
+    return found
+
+
+def image_nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTexImage]:
+    """The image texture nodes of a material, those in its groups included."""
+    # From Blender 5.0 on, all materials use nodes, and asking is deprecated.
+    if material.node_tree is None or not (bpy.app.version >= (5, 0, 0) or material.use_nodes):
+        return []
+    found, trees = [], [material.node_tree]
+    for tree in trees:
+        for node in tree.nodes:
+            if node.type == "TEX_IMAGE":
+                found.append(node)
+            elif node.type == "GROUP" and node.node_tree not in [None, *trees]:
+                trees.append(node.node_tree)
+    return found
