@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
-from shock_filter.core.settings import BeltramiGeometrySettings, describe
+from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
 from shock_filter.shock_addon.data.active_object import read_active
 from shock_filter.shock_addon.data.geometry_data import read_geometry
 from shock_filter.shock_addon.data.mesh_data import read_positions, write_positions
@@ -705,7 +705,7 @@ def test_the_time_dial_reaches_from_zero_to_the_steady_state():
     assert dial.time == math.inf
     assert TimeDial(math.inf, ABOUT["time"]).time == math.inf
     assert TimeDial(0.0, ABOUT["time"]).time == 0.0
-    kernel = describe(BeltramiGeometrySettings)["time"][2]
+    kernel = describe(BeltramiSettings)["time"][2]
     dial = TimeDial(1.0, kernel)
     dial.drag(1e6)
     assert dial.time <= kernel.maximum
