@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+
 import bpy
 from bpy.app.handlers import persistent
 from bpy.app.translations import pgettext_iface as iface_
@@ -18,6 +21,8 @@ from .preview_pointing import editors_of, is_over_view
 
 _INTERVAL = 0.03
 _FINE = 0.1
+_REST = 0.25
+"""Seconds in which the mouse rests in the view, when it comes from the button, before it counts."""
 _PASSED_ON = {
     "MIDDLEMOUSE",
     "TRACKPADPAN",
@@ -92,7 +97,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
         self._ended, self._status = False, StatusText()
-        self._entered = is_over_view(context.area, event)
+        self._arrived, self._last_move = is_over_view(context.area, event), math.inf
         manager = context.window_manager
         self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
         manager.modal_handler_add(self)
@@ -133,8 +138,9 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
     def _turn(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         pace = _FINE if event.shift else 1.0
-        if event.type == "MOUSEMOVE" and not self._entered:  # on its way from the button
-            self._entered = is_over_view(context.area, event)
+        if event.type == "MOUSEMOVE" and not self._arrived:  # on its way from the button
+            over_view = is_over_view(context.area, event)
+            self._last_move = time.perf_counter() if over_view else math.inf
         elif event.type == "MOUSEMOVE":
             self._preview.drag(pace * (event.mouse_x - event.mouse_prev_x))
         elif event.type in {"WHEELUPMOUSE", "WHEELDOWNMOUSE"}:
@@ -145,6 +151,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _tick(self, context: bpy.types.Context) -> set[str]:
+        self._arrived |= time.perf_counter() - self._last_move > _REST
         sound = False
         try:
             self._preview.tick()

@@ -517,7 +517,7 @@ class _Events:
         self.reports, self.status, self.ran = [], [], []
         self.mode = "geometry"
         self._preview, self._ended, self._timer = running, False, "timer"
-        self._entered = True
+        self._arrived, self._last_move = True, math.inf
         self._status = SimpleNamespace(
             show=lambda context, text, area: self.status.append(text),
             clear=lambda context: self.status.append(None),
@@ -576,20 +576,33 @@ def test_values_stay_while_the_mouse_moves_up_or_down(events):
     assert events._preview.parameters.time == 1234.5
 
 
-def test_the_way_from_the_button_to_the_view_changes_nothing(events):
+def test_the_way_from_the_button_to_the_view_changes_nothing(events, monkeypatch):
     view = SimpleNamespace(type="WINDOW", x=100, y=-50, width=800, height=600)
     sidebar = SimpleNamespace(type="UI", x=800, y=-50, width=100, height=600)
     events.context.area = SimpleNamespace(x=100, width=800, regions=[sidebar, view])
-    events._entered = False
-    for x in (850, 810):
+    events._arrived = False
+    monkeypatch.setattr(preview_operator, "_REST", 60.0)
+    for x in (850, 810, 790, 500):
         events.send("MOUSEMOVE", x=x)
+        events.send("TIMER")
     events.send("WHEELUPMOUSE")
-    assert events._preview.parameters.time == 256.0
+    assert "Time 256 (move mouse)" in events.status[-1]
     assert events._preview.parameters.feature_threshold == pytest.approx(1.2)
-    events.send("MOUSEMOVE", x=790)  # enters
-    assert events._preview.parameters.time == 256.0
+    monkeypatch.setattr(preview_operator, "_REST", -1.0)  # it has rested in the view
+    events.send("TIMER")
     events.send("MOUSEMOVE", x=50)
     assert events._preview.parameters.time == 512.0
+
+
+def test_a_mouse_that_rests_on_the_button_has_not_come_to_the_view(events, monkeypatch):
+    sidebar = SimpleNamespace(type="UI", x=800, y=-50, width=100, height=600)
+    events.context.area = SimpleNamespace(x=100, width=800, regions=[sidebar])
+    events._arrived = False
+    monkeypatch.setattr(preview_operator, "_REST", -1.0)
+    for x in (850, 810):
+        events.send("TIMER")
+        events.send("MOUSEMOVE", x=x)
+    assert "Time 256 (move mouse)" in events.status[-1]
 
 
 @pytest.mark.parametrize("key", ["ESC", "RIGHTMOUSE"])

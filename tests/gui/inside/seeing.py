@@ -87,7 +87,8 @@ def preview(mode: str, seen: dict) -> Steps:
     for way in (0.2, 0.4, 0.6, 0.8, 1.0):
         (left, bottom, *_), (x, y) = places[PREVIEW], middle()
         move(left + way * (x - left), bottom + way * (y - bottom))
-        yield 0.2
+        yield 0.05
+    yield DRAWN
     seen["values_at_the_model"] = values()
     seen["said"] = said()
     yield from drag(*middle())
@@ -126,7 +127,7 @@ def change_by_script() -> Steps:
     run("preview", mode="geometry")
     x, y = middle()
     for up in (10, 20, 30):
-        move(x, y + up)
+        move(x + 5, y + up)  # park() ends 5 pixels beside the middle
         yield 0.2
     button("click", 4)
     yield DRAWN

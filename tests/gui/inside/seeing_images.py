@@ -72,6 +72,8 @@ def preview(mode: str, name: str, seen: dict) -> Steps:
     yield from park("IMAGE_EDITOR")
     seen["start"], before = state(name), image_seen()
     yield from click(places[PREVIEW[mode]])
+    move(*middle())
+    yield 2 * DRAWN  # only when it has rested there, the mouse counts
     yield from drag(*middle(), 4 * OCTAVE if mode != "denoise_image" else OCTAVE)
     yield from drawn(before)
     seen["shown"] = different(before, image_seen())
