@@ -14,7 +14,7 @@ class ShockError(Exception):
         languages; a message without values holds no fields.
     """
 
-    def __init__(self, sentence: str = "", **values: object) -> None:
+    def __init__(self, sentence: str = "", /, **values: object) -> None:
         super().__init__(sentence.format(**values) if values else sentence)
         self.sentence = sentence
         self.values = values

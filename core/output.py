@@ -144,7 +144,8 @@ def _check_room(folder: Path) -> None:
             probe.flush()
             os.fsync(probe.fileno())
     except OSError as error:
-        raise _full(folder, error) from error
+        if error.errno in _FULL:
+            raise _full(folder, error) from error
 
 
 def _full(folder: Path, error: Exception) -> ShockError:

@@ -47,4 +47,5 @@ def reading(path: Path) -> Iterator[None]:
     except (OSError, *_DAMAGED) as error:
         if getattr(error, "errno", None) is not None:
             raise  # the system's: no such file, no right to read it
-        raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+        reason = str(error) or type(error).__name__
+        raise ShockError(f"{path} cannot be read; is it damaged? ({reason})") from error

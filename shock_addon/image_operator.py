@@ -43,9 +43,9 @@ class OneImageOperator(SharpenOperator):
             text = "There is no image named {name!r}; name one of the file's images."
             raise InvalidSettings(text, name=self.image)
         image = bpy.data.images[self.image] if self.image else self.shown(context)
-        if self.result == image.name and not self.options.is_repeat_last:
-            data.restore(image)  # F9 undoes the run, Shift R adds one
         try:
+            if self.result == image.name and not self.options.is_repeat_last:
+                data.restore(image)  # F9 undoes the run, Shift R adds one
             target, skipped = self.read_one(context, image)
         except Skipped as reason:
             return [], sentences([(image.name, str(reason))])

@@ -29,6 +29,8 @@ _UNUSABLE = (
 
 _loading = threading.Lock()
 _import_error = ""
+_known: set[str] = set()
+"""The kinds of runs that `has_run` said yes to."""
 
 
 class KernelsUnavailable(ShockError):
@@ -74,20 +76,23 @@ def cache_folder() -> str | None:
         return os.path.join(bpy.app.tempdir, "shock_filter_kernels")
 
 
-def has_run(mode: str) -> bool:
-    """Whether a mode's kernels are compiled already, as far as is known."""
-    return not _PACKAGE.startswith("bl_ext.") or os.path.exists(_mark(mode))
+def has_run(kind: str) -> bool:
+    """Whether the kernels of a kind of run are compiled already, as far as is known."""
+    if kind not in _known and (not _PACKAGE.startswith("bl_ext.") or os.path.exists(_mark(kind))):
+        _known.add(kind)
+    return kind in _known
 
 
-def remember_run(mode: str) -> None:
-    """Note beside the compiled code that it has what the mode needs."""
-    if not has_run(mode):
+def remember_run(kind: str) -> None:
+    """Note beside the compiled code that it has what such runs need."""
+    if not has_run(kind):
+        _known.add(kind)
         with suppress(OSError):  # a folder that cannot be written keeps no compiled code either
-            open(_mark(mode), "wb").close()
+            open(_mark(kind), "wb").close()
 
 
-def _mark(mode: str) -> str:
-    return os.path.join(_user_folder(), f"{mode}.compiled")
+def _mark(kind: str) -> str:
+    return os.path.join(_user_folder(), f"{kind}.compiled")
 
 
 def _user_folder() -> str:
@@ -135,3 +140,4 @@ def forget() -> None:
     global _import_error
     _import_error = ""
     _missing.cache_clear()
+    _known.clear()

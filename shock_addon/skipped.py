@@ -20,7 +20,7 @@ class Skipped(Exception):
         What stands in the fields.
     """
 
-    def __init__(self, reason: str, **values: object) -> None:
+    def __init__(self, reason: str, /, **values: object) -> None:
         super().__init__(reason)
         self.reason = reason
         self.values = values

@@ -125,6 +125,11 @@ def last_seconds(mode: str, settings: Any) -> float | None:
     return known.seconds if known else None
 
 
+def compiles(mode: str, settings: Any) -> bool:
+    """Whether the next such run has to compile its kernels, as far as is known."""
+    return not kernels.has_run(_kind(mode, settings))
+
+
 def learn(operator: bpy.types.Operator, seconds: float) -> None:
     """Remember how long an operator's run took, beside what was expected.
 
@@ -133,8 +138,8 @@ def learn(operator: bpy.types.Operator, seconds: float) -> None:
     mode = _MODES.get(operator.bl_idname)
     if mode is None:
         return
-    kernels.remember_run(mode)
     kind = _kind(mode, operator)
+    kernels.remember_run(kind)
     if kind not in _history:
         _history[kind] = _History(seconds)
         return

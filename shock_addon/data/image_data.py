@@ -211,7 +211,8 @@ def restore(image: bpy.types.Image) -> None:
     Whatever was painted on the image since stays.
     """
     known = _overwritten is not None and _overwritten.image_uid == image.session_uid
-    if known and _undone and _is_as_written(image):
+    painted = image.source == "TILED" and image.is_dirty  # its files are read, not its pixels
+    if known and _undone and not painted and _is_as_written(image):
         write_parts(image, _overwritten.parts, image.packed_file is not None)
 
 

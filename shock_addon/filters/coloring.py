@@ -112,8 +112,14 @@ def filter_colors(
 
 def check_colors(surface: ColoredSurface) -> None:
     """Refuse what no filter can work on."""
+    from ...core.calculus import LARGEST
+
     if not np.isfinite(surface.colors).all():
         raise core.InvalidSignal("The colors hold NaN or infinity; paint over these first.")
+    if np.abs(surface.colors).max(initial=0.0) > LARGEST:
+        raise core.InvalidSignal(
+            "The colors hold values beyond {most:g}; paint over these first.", most=LARGEST
+        )
 
 
 def repainted_corners(

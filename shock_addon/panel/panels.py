@@ -211,7 +211,7 @@ class _StatisticsPanel(_SubPanel):
             seconds = statistics.corrected(mode, settings, guess.seconds)
             _draw_value(column, "Duration", iface_("about {}").format(_clock(seconds)))
             _draw_value(column, "Memory", iface_("about {}").format(_megabytes(guess.memory)))
-            if not kernels.has_run(mode):
+            if statistics.compiles(mode, settings):
                 draw_text(column, context, "The first run compiles the filter, too: some seconds.")
         seconds = statistics.last_seconds(mode, settings)
         if seconds is not None:
@@ -306,7 +306,7 @@ def _draw_buttons(
     if context.mode == "OBJECT" or context.space_data.type == "IMAGE_EDITOR":
         preview = row.row(align=True)
         preview.enabled = enabled
-        preview.operator("shock_filter.preview").mode = mode
+        preview.operator("shock_filter.preview")
     shown = flow_overlay.shown_object()
     is_active = context.object is not None and context.object.name == shown
     if mode in _WITH_FLOW and not is_active:

@@ -89,7 +89,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: str) -> Prev
         stage = read(context, event, mode, parameters)
     except Skipped as reason:
         text = pgettext_rpt("There is nothing to preview: {reason}.")
-        raise InvalidSignal(text.format(reason=pgettext_rpt(str(reason)))) from None
+        raise InvalidSignal(text.format(reason=reason)) from None
     return Preview(_KINDS[mode], parameters, stage)
 
 

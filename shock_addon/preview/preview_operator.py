@@ -52,27 +52,10 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     )
     bl_options = {"BLOCKING", "GRAB_CURSOR_X"}
 
-    mode: bpy.props.EnumProperty(
-        name="Mode",
-        description="What to preview",
-        items=[
-            ("geometry", "Geometry", "Sharpen Geometry"),
-            ("colors", "Colors", "Sharpen Colors"),
-            ("denoise", "Denoise", "Denoise"),
-            ("image", "Image", "Sharpen Image"),
-            ("denoise_image", "Denoise Image", "Denoise Image"),
-            ("texture", "Texture", "Sharpen Texture"),
-        ],
-    )
-
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Want an active mesh object in Object Mode or an image, and no run."""
-        space = context.space_data
-        if space is not None and space.type == "IMAGE_EDITOR":
-            obstacle = obstacles.of_images(context)
-        else:
-            obstacle = _of_meshes(context)
+        obstacle = obstacles.of_images(context) if _in_images(context) else _of_meshes(context)
         if not obstacle and (jobs.is_settling() or jobs.is_scene_read()):
             obstacle = "Wait until the render, or the last run, has ended."
         if _running:
@@ -85,14 +68,15 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Read the object and begin."""
+        """Read the object or image that the tab here is about, and begin."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
         from . import preview_images, preview_meshes
 
-        begin = preview_images.begin if self.mode in _ON_IMAGES else preview_meshes.begin
+        self._mode = _shown_mode(context)
+        begin = preview_images.begin if self._mode in _ON_IMAGES else preview_meshes.begin
         try:
-            self._preview = begin(context, event, self.mode)
+            self._preview = begin(context, event, self._mode)
         except ShockError as error:
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
@@ -173,12 +157,12 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     def _apply(self, context: bpy.types.Context) -> set[str]:
         self.end()
         kind, parameters = self._preview.kind, self._preview.parameters
-        settings = getattr(context.scene.shock_filter, self.mode)
+        settings = getattr(context.scene.shock_filter, self._mode)
         for name in (kind.time, kind.second, "steady_state"):
             if hasattr(parameters, name):
                 setattr(settings, name, getattr(parameters, name))
         operator = getattr(bpy.ops.shock_filter, kind.operator)
-        chosen = {name: getattr(settings, name) for name in NAMES[self.mode]}
+        chosen = {name: getattr(settings, name) for name in NAMES[self._mode]}
         try:
             operator("INVOKE_DEFAULT", **{**chosen, **self._preview.stage.chosen})
         except RuntimeError as error:  # what the operator has reported
@@ -190,6 +174,16 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         text = self._preview.text()
         keys = iface_("Shift: small steps | Enter or Click: apply | Esc or Right Click: cancel")
         self._status.show(context, f"{text} | {keys}", context.area)
+
+
+def _shown_mode(context: bpy.types.Context) -> str:
+    chosen = context.scene.shock_filter
+    return (chosen.image_mode if _in_images(context) else chosen.mode).lower()
+
+
+def _in_images(context: bpy.types.Context) -> bool:
+    space = context.space_data
+    return space is not None and space.type == "IMAGE_EDITOR"
 
 
 def _of_meshes(context: bpy.types.Context) -> str:

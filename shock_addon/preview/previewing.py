@@ -19,6 +19,7 @@ from .. import kernels
 from ..jobs import Job
 from ..operators import Progress, filter_targets
 from ..properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
+from ..skipped import explain
 from .preview_dials import TimeDial, turned
 
 _PATIENCE = 0.5
@@ -216,7 +217,7 @@ class Preview:
             return
         except ShockError as error:
             result = error
-        self._trouble = str(result) if isinstance(result, ShockError) else ""
+        self._trouble = explain(result) if isinstance(result, ShockError) else ""
         if not self._trouble:
             self.stage.show(result)
             self.updates += 1

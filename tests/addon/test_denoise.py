@@ -458,6 +458,9 @@ def test_missing_and_broken_colors_are_named(noisy_cube, target):
     points = read_positions(cube.data)
     with pytest.raises(RuntimeError, match="colors hold NaN or infinity; paint over"):
         denoise(target=target)
+    data[3].color = (2e30, 0.0, 0.0, 1.0)
+    with pytest.raises(RuntimeError, match="colors hold values beyond 1e\\+30; paint over"):
+        denoise(target=target)
     cube.data.color_attributes.remove(cube.data.color_attributes["Paint"])
     with pytest.raises(RuntimeError, match="it has no color attribute; add one"):
         denoise(target=target)

@@ -515,7 +515,7 @@ class _Events:
     def __init__(self, running, monkeypatch):
         cls = preview_operator.SHOCK_FILTER_OT_preview
         self.reports, self.status, self.ran = [], [], []
-        self.mode = "geometry"
+        self._mode = "geometry"
         self._preview, self._ended, self._timer = running, False, "timer"
         self._arrived, self._last_move = True, math.inf
         self._status = SimpleNamespace(
@@ -703,7 +703,7 @@ def test_the_button_says_what_is_missing(rounded_box):
 def test_without_a_window_it_names_the_filter(rounded_box):
     rounded_box()
     with pytest.raises(RuntimeError, match="run the filter itself"):
-        bpy.ops.shock_filter.preview("INVOKE_DEFAULT", mode="geometry")
+        bpy.ops.shock_filter.preview("INVOKE_DEFAULT")
     assert preview_operator._running == []
 
 

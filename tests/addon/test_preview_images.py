@@ -344,6 +344,14 @@ def test_a_texture_needs_an_image_editor_for_its_preview(rounded_box, editor):
     assert obstacle(bpy.context) == ""
 
 
+def test_what_the_tab_shows_is_previewed():
+    scene = bpy.context.scene.shock_filter
+    scene.mode, scene.image_mode = "COLORS", "DENOISE_IMAGE"
+    for kind, mode in (("VIEW_3D", "colors"), ("IMAGE_EDITOR", "denoise_image")):
+        context = SimpleNamespace(scene=bpy.context.scene, space_data=SimpleNamespace(type=kind))
+        assert preview_operator._shown_mode(context) == mode
+
+
 def test_drawing_ends_with_the_preview():
     overlay = Overlay(add_image())
     overlay.end()

@@ -387,6 +387,11 @@ def test_a_mask_image_protects(sheet):
             {"mask_image": "Black"},
             "its mask Black leaves nothing to sharpen",
         ),
+        (
+            lambda: setattr(add_image("Film", blend(SIZE)), "source", "MOVIE"),
+            {"mask_image": "Film"},
+            "its mask Film cannot be used: it is a movie",
+        ),
         (lambda: None, {"vertex_group": "Gone"}, "it has no vertex group named 'Gone'"),
     ],
 )

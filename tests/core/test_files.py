@@ -4,6 +4,7 @@
 import errno
 import json
 import os
+import shutil
 import struct
 import sys
 
@@ -786,6 +787,17 @@ def test_a_full_disk_is_named_also_if_the_writer_does_not_say_so(tmp_path, monke
             raise full
     assert (tmp_path / "out.obj").read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["out.obj"]
+
+
+def test_a_folder_that_goes_is_not_called_full(tmp_path):
+    (tmp_path / "out").mkdir()
+    with (
+        pytest.raises(FileNotFoundError, match="gone"),
+        staged(tmp_path / "out" / "out.obj", True) as path,
+    ):
+        shutil.rmtree(path.parent)
+        (tmp_path / "out").rmdir()
+        raise FileNotFoundError(errno.ENOENT, "gone")
 
 
 def test_a_writer_that_writes_nothing_fails(tmp_path):

@@ -100,7 +100,7 @@ def preview(mode: str, seen: dict) -> Steps:
     seen["dropped"] = state()
     before = settings.time
     yield from park()
-    seen["started"] = run("preview", mode=mode)
+    seen["started"] = run("preview")
     yield from drag(*middle())
     for _ in range(2):
         button("click", 4)
@@ -124,7 +124,8 @@ def change_by_script() -> Steps:
     settings.time, settings.feature_threshold = 65536.0, 5.0
     before = [tuple(vertices[number].co) for number in (0, 1)]
     yield from park()
-    run("preview", mode="geometry")
+    bpy.context.scene.shock_filter.mode = "GEOMETRY"
+    run("preview")
     x, y = middle()
     for up in (10, 20, 30):
         move(x + 5, y + up)  # park() ends 5 pixels beside the middle
@@ -183,7 +184,8 @@ def new_file_during_both() -> Steps:
     """Start a new file while the flow is shown and a preview is under way."""
     run("show_flow", mode="geometry")
     yield from finished()
-    run("preview", mode="geometry")
+    bpy.context.scene.shock_filter.mode = "GEOMETRY"
+    run("preview")
     yield from drag(*middle())
     bpy.ops.wm.read_homefile(app_template="")
     yield DRAWN

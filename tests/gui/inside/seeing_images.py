@@ -83,7 +83,7 @@ def preview(mode: str, name: str, seen: dict) -> Steps:
     yield from park("IMAGE_EDITOR")
     seen["left"] = different(before, image_seen())
     seen["dropped"] = state(name)
-    seen["started"] = run("preview", "IMAGE_EDITOR", mode=mode)
+    seen["started"] = run("preview", "IMAGE_EDITOR")
     yield from drag(*middle(), 2 * OCTAVE)
     yield from press("Return")
     yield from finished()
@@ -111,7 +111,7 @@ def kinds() -> Steps:
             yield DRAWN
             before = inside_seen()
             bpy.context.scene.shock_filter.image.time = 0.0
-            run("preview", "IMAGE_EDITOR", mode="image")
+            run("preview", "IMAGE_EDITOR")
             yield 2 * DRAWN
             report["kinds"][f"{kind} {channels}"] = different_but_for_rounding(before)
             yield from press("Escape")
@@ -128,7 +128,7 @@ def patch() -> Steps:
     yield 2 * DRAWN
     before = image_seen()
     bpy.context.scene.shock_filter.image.time = 1024.0
-    run("preview", "IMAGE_EDITOR", mode="image")
+    run("preview", "IMAGE_EDITOR")
     yield from drawn(before)
     picture("preview-patch", area("IMAGE_EDITOR"), width=1400)
     changed = np.abs(image_seen().astype(int) - before).max(axis=2) > 24
@@ -149,10 +149,11 @@ def endings() -> Steps:
     for end in (undo, other_image, other_workspace, extension_disabled, new_file):
         area("IMAGE_EDITOR").spaces.active.image = bpy.data.images["Photo"]
         bpy.context.scene.shock_filter.image.time = 256.0
+        bpy.context.scene.shock_filter.image_mode = "IMAGE"
         yield from park("IMAGE_EDITOR")
         yield DRAWN
         before = words_seen()
-        run("preview", "IMAGE_EDITOR", mode="image")
+        run("preview", "IMAGE_EDITOR")
         yield from drag(*middle(), OCTAVE)
         yield DRAWN
         report["endings"][end.__name__] = {"said": different_words(before)}
