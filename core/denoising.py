@@ -178,8 +178,8 @@ def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh:
 
 
 def _has_shrunk(moved: TriangleMesh, mesh: TriangleMesh) -> bool:
-    # A long time draws all vertices to one point, where nothing is left to sharpen.
-    return moved.mean_edge_length < 1e-9 * mesh.mean_edge_length
+    # A long time draws all vertices to a point or a line, where nothing is left to sharpen.
+    return moved.mean_edge_length < 1e-9 * mesh.mean_edge_length or not moved.areas.any()
 
 
 def _sharpened(

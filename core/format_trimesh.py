@@ -35,7 +35,12 @@ def load_scene(path: Path, fix_texture: bool = False) -> Any:
     options: dict[str, Any] = {}
     if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
         options = {"fix_texture": fix_texture, "skip_materials": True}
-    return trimesh.load_scene(path, process=False, **options)
+    scene = trimesh.load_scene(path, process=False, **options)
+    for mesh in scene.geometry.values():
+        uv = getattr(getattr(mesh, "visual", None), "uv", None)
+        if uv is not None and np.shape(uv)[1] < 2:
+            raise ValueError("texture coordinates of one number")
+    return scene
 
 
 class SceneFile:

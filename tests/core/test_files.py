@@ -1087,3 +1087,13 @@ def test_gltf_nodes_that_contain_each_other_are_refused(tmp_path):
     path.write_text(json.dumps(tree))
     with pytest.raises(core.ShockError, match="contain each other"):
         sharpen_file(path, tmp_path / "out.gltf", core.GeometrySettings())
+
+
+def test_texture_coordinates_of_one_number_are_refused(tmp_path):
+    text = (
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/2\n"
+    )
+    (tmp_path / "in.obj").write_text(text)
+    with pytest.raises(core.ShockError, match=r"in\.obj cannot be read; is it damaged\? \(texture"):
+        sharpen_file(tmp_path / "in.obj", tmp_path / "out.glb", STRONG)
+    assert not (tmp_path / "out.glb").exists()

@@ -15,12 +15,13 @@ class Watch:
     """A progress callback that looks at what it gets; with `stop`, cancels at that call.
 
     Runs on several threads differ in their calls: so it cancels at the latest beyond `fraction`,
-    what the call number `stop` got in another run, or at the end.
+    what the call number `stop` got in another run, or at `end`, what the last call got there.
     """
 
-    def __init__(self, stop=None, fraction=1.0):
+    def __init__(self, stop=None, fraction=1.0, end=1.0):
         self.stop = stop
         self.fraction = fraction
+        self.end = end
         self.seen = []
 
     def __call__(self, fraction, message):
@@ -30,7 +31,7 @@ class Watch:
         self.seen.append(fraction)
         if self.stop is None:
             return True
-        return len(self.seen) < self.stop and fraction <= self.fraction and fraction < 1.0
+        return len(self.seen) < self.stop and fraction <= self.fraction and fraction < self.end
 
 
 def call(function, *arrays, stop_at=0.5):
@@ -59,7 +60,7 @@ def call(function, *arrays, stop_at=0.5):
     if watch.seen:
         number = int(stop_at * (len(watch.seen) - 1))
         with pytest.raises(core.Cancelled):
-            function(Watch(number + 1, watch.seen[number]))
+            function(Watch(number + 1, watch.seen[number], watch.seen[-1]))
         assert unchanged()
     assert time.perf_counter() - start < LONGEST
     return result

@@ -6,6 +6,7 @@ import pytest
 from checks import Watch
 from shapes import grid
 from shock_filter import core
+from shock_filter.core import denoising
 from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
 
 
@@ -95,6 +96,14 @@ def test_a_mesh_that_denoising_draws_to_a_point_is_not_sharpened(wings):
     positions, result = denoise_jointly(mesh, np.full_like(colors, 0.5), joint, 16.0)
     assert np.ptp(positions, axis=0).max() < 1e-6
     assert (result == 0.5).all()
+
+
+def test_a_mesh_that_denoising_draws_to_a_line_is_not_sharpened(wings, monkeypatch):
+    mesh, colors = wings
+    line = mesh.vertices * (1.0, 0.0, 0.0)
+    monkeypatch.setattr(denoising, "moved_vertices", lambda mesh, moved: line)
+    positions, _ = denoise_jointly(mesh, colors, core.BeltramiMeshSettings(), 16.0)
+    assert (positions == line).all()
 
 
 @pytest.mark.parametrize("radius", [5.0, 1e6])
