@@ -139,7 +139,6 @@ def change_by_script() -> Steps:
     seen["running"] = len(addon("preview_operator")._running)
     seen["kept"] = tuple(vertices[0].co)
     seen["back"] = tuple(vertices[1].co) == before[1]
-    picture("preview-script", area("VIEW_3D"), width=1400)
     vertices[0].co = before[0]
     settings.time, settings.feature_threshold = 256.0, 1.1
     yield DRAWN
