@@ -181,3 +181,5 @@ def run(
     finally:
         for future in futures:
             future.result()
+    if progress is not None:  # the last chunks may have been those of other threads
+        progress.update(1.0)
