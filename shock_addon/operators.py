@@ -156,7 +156,7 @@ class SharpenOperator(ModalJob):
             self.tell("INFO", explain(error))
         except ShockError as error:
             self.tell("ERROR", explain(error))
-        except Exception as error:
+        except Exception as error:  # the boundary of a run: a bug, or Blender's own refusal
             import logging
 
             logging.getLogger(__name__).exception("%s failed.", self.bl_label)
