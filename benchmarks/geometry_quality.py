@@ -13,9 +13,9 @@ import numpy as np
 import peers
 from report import Target, table, targets
 from shock_filter import core
+from shock_filter.core.base.parallel import Progress
 from shock_filter.core.calculus import average_to_vertices, smooth_vertices
 from shock_filter.core.flow import flow_potential
-from shock_filter.core.parallel import Progress
 
 SOFTENED = [
     *(("fandisk.obj", passes) for passes in (1, 3, 10)),

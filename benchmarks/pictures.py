@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from shock_filter import core
-from shock_filter.core.parallel import kernel
+from shock_filter.core.base.parallel import kernel
 
 _TITLE = 22
 _GAP = 4

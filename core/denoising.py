@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from .base.parallel import Progress, ProgressCallback
 from .beltrami.images import beltrami_image
 from .beltrami.meshes import (
     beltrami_corner_signal,
@@ -20,7 +21,6 @@ from .calculus import checked_mask, checked_signal, group_means
 from .fit import moved_vertices
 from .images import sharpen_image
 from .mesh import Floats, TriangleMesh, split_at_jumps
-from .parallel import Progress, ProgressCallback
 from .settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,

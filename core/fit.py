@@ -8,11 +8,11 @@ import logging
 import numpy as np
 import numpy.typing as npt
 
+from .base.memo import kept
+from .base.parallel import Progress, ProgressCallback, kernel, run
 from .calculus import checked_mask, checked_signal, cotangents, lumped_mass
 from .errors import InvalidSignal
-from .kept import kept
 from .mesh import Floats, TriangleMesh
-from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import FitSettings
 from .solve import ScreenedLaplacian, SolveReport, solve
 

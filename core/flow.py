@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from .base.parallel import Progress, ProgressCallback, kernel, run
 from .calculus import average_to_vertices, checked_signal, gradient, smooth_vertices
 from .mesh import Floats, TriangleMesh
-from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import ShockSettings
 
 

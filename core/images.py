@@ -6,9 +6,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .grid import Channels, Sources, advect_pixels, image_potential
-from .parallel import Progress, ProgressCallback, blocks
-from .pixels import (
+from .base.parallel import Progress, ProgressCallback, blocks
+from .base.pixels import (
     BAND,
     SCALES,
     channel_groups,
@@ -18,6 +17,7 @@ from .pixels import (
     copied,
     mix,
 )
+from .grid import Channels, Sources, advect_pixels, image_potential
 from .settings import ImageSettings
 from .signals import step_durations
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from .base.parallel import Progress, ProgressCallback, kernel, run
 from .calculus import as_array
 from .errors import InvalidSettings, InvalidSignal
-from .parallel import Progress, ProgressCallback, kernel, run
 
 DETECTORS = {
     "laplacian": 0,

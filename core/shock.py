@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .advect import advect_faces
+from .base.memo import kept
+from .base.parallel import Progress, ProgressCallback, kernel, run
 from .calculus import (
     average_to_faces,
     average_to_vertices,
@@ -16,10 +18,8 @@ from .calculus import (
 )
 from .fit import displacement, moved_vertices
 from .flow import above_surroundings, flow_from_potential, flow_potential
-from .kept import kept
 from .mesh import Floats, TriangleMesh
 from .order import is_scattered, sorted_along_curve
-from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import GeometrySettings
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from .advect import average_corners, read_points
+from .base.memo import kept
+from .base.parallel import Progress, ProgressCallback, kernel, run
 from .calculus import as_array, checked_mask, checked_signal
 from .errors import InvalidSignal
 from .flow import flow_potential
-from .kept import kept
 from .mesh import Floats, TriangleMesh, split_at_jumps
-from .parallel import Progress, ProgressCallback, kernel, run
 from .settings import ShockSettings
 from .trace import corner_offsets, trace
 

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse
 
+from .base.parallel import Progress, blocks, chunk_size, kernel, run, sum_kernel
 from .errors import SolverError
 from .mesh import Floats, Ints
-from .parallel import Progress, blocks, chunk_size, kernel, run, sum_kernel
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from .atlas.ghosts import fill_ghosts
 from .atlas.gutter import unit_normals, write_texels
 from .atlas.sheet import ROWS
 from .atlas.stitch import stitch
+from .base.parallel import Progress, ProgressCallback, blocks, run
+from .base.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
 from .errors import InvalidSignal
 from .grid import Channels
 from .mesh import TriangleMesh
-from .parallel import Progress, ProgressCallback, blocks, run
-from .pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
 from .settings import DilateSettings, TextureSettings
 from .signals import mix_rows
 

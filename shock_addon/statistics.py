@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..core.cores import thread_count
+from ..core.base.cores import thread_count
 from ..core.errors import InvalidSettings
 from ..core.estimate import Estimate, estimate, wall_seconds
 from ..core.settings import (

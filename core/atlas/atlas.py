@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, ProgressCallback, kernel, run
 from ..errors import InvalidSignal, InvalidUV
 from ..mesh import Floats, Ints, TriangleMesh
-from ..parallel import Progress, ProgressCallback, kernel, run
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
 from .sheet import CLEARLY, NOTHING, ROWS, depth_within, lay_out, nearest_on_edge, span

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, kernel, run
 from ..errors import InvalidUV
 from ..mesh import Floats, Ints, TriangleMesh
-from ..parallel import Progress, kernel, run
 
 MOST_REPEATS = 16.0
 """Largest area of all faces in the texture, in areas of the image."""

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, kernel, run
 from ..grid import OFFSET, Channels, add_sample, reach
 from ..mesh import Ints
-from ..parallel import Progress, kernel, run
 from .ghosts import Sources, beyond, fill_ghosts
 from .sheet import NOTHING, ROWS, Sheet
 from .surface import Surface

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, kernel, run
 from ..mesh import Ints
-from ..parallel import Progress, kernel, run
 from .sheet import NOTHING, Sheet, nearest_on_edge
 from .surface import Surface, carry
 

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
+from ..base.parallel import Progress, kernel, run, run_in_order
 from ..mesh import Ints
-from ..parallel import Progress, kernel, run, run_in_order
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
 from .ghosts import beyond

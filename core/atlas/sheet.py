@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, kernel, run, run_in_order
 from ..errors import InvalidUV
 from ..mesh import Floats, Ints
-from ..parallel import Progress, kernel, run, run_in_order
 from .charts import Charts, shift_charts
 
 NOTHING = -1

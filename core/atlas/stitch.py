@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
-from ..parallel import Progress, kernel, run
+from ..base.parallel import Progress, kernel, run
 from .atlas import TextureAtlas
 from .sheet import NOTHING, ROWS
 

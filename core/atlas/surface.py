@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, kernel, run
 from ..errors import InvalidUV
 from ..mesh import Floats, Ints, TriangleMesh
-from ..parallel import Progress, kernel, run
 from .charts import Charts, degenerate_faces
 
 _MOST_FACES = 4000  # that a walk crosses; needed only where texels are larger than the surface

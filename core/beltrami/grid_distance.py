@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..parallel import kernel
+from ..base.parallel import kernel
 
 # The neighbours of a pixel, clockwise from the right: even ones along the axes, odd diagonal.
 _DOWN = np.array([0, 1, 1, 1, 0, -1, -1, -1])

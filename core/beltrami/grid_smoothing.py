@@ -8,7 +8,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..parallel import Progress, kernel, run
+from ..base.parallel import Progress, kernel, run
 from ..settings import BeltramiSettings
 from .grid_distance import chord, march, open_band
 

@@ -17,6 +17,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, ProgressCallback, chunk_size, kernel, run
 from ..calculus import (
     average_to_faces,
     blended_normals,
@@ -28,7 +29,6 @@ from ..calculus import (
 from ..fit import displacement, moved_vertices
 from ..mesh import Floats, TriangleMesh, split_at_jumps
 from ..order import is_scattered, sorted_along_curve
-from ..parallel import Progress, ProgressCallback, chunk_size, kernel, run
 from ..settings import BeltramiGeometrySettings, BeltramiMeshSettings
 from ..signals import checked_type, from_own_corners, like, to_own_corners
 from .surface_distance import Stencils, face_stencils, march, march_scratch, stencils

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, kernel, run, run_in_order
 from ..mesh import Floats, Ints, TriangleMesh
-from ..parallel import Progress, kernel, run, run_in_order
 
 UNFOLDED = 30
 """Most faces that are unfolded to split one obtuse corner."""

@@ -20,7 +20,7 @@ def check_same(
     Skipped
         With the reason, if they differ.
     """
-    from ...core.kept import equal
+    from ...core.base.memo import equal
 
     if not equal((now,), (then,)):
         raise Skipped(reason)

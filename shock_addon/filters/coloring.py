@@ -129,8 +129,8 @@ def repainted_corners(
     progress: Callable[[float, str], bool] | None,
 ) -> Recolored:
     """Bring new colors of the corners of triangles back; `corners` says which color each has."""
+    from ...core.base.parallel import Progress
     from ...core.calculus import group_means
-    from ...core.parallel import Progress
 
     new = surface.colors.copy()
     phase = Progress.of(progress).part(1.0, 1.0, "Placing colors")

@@ -47,8 +47,8 @@ def flow_of_colors(
     With independent channels, this is the flow of all of them together. Where corners at a
     vertex differ, the highest potential counts.
     """
+    from ...core.base.parallel import Progress
     from ...core.mesh import split_at_jumps
-    from ...core.parallel import Progress
     from ...core.signals import luminance, to_own_corners
 
     check_colors(surface)

@@ -113,7 +113,7 @@ def welded(
     core.InvalidMesh, core.Cancelled
         See `core.TriangleMesh`.
     """
-    from ...core.kept import equal
+    from ...core.base.memo import equal
 
     key = surface.positions, surface.triangles, surface.mask, surface.to_world, weld, colors
     with _lock:
@@ -145,8 +145,8 @@ def _welded(
     progress: Progress | None,
     colors: npt.NDArray[np.float32] | None,
 ) -> Welded:
+    from ...core.base.parallel import Progress as Phases
     from ...core.mesh import check_finite
-    from ...core.parallel import Progress as Phases
 
     check_finite(surface.positions)  # of loose vertices, too, under the numbers that Blender shows
     phase = Phases.of(progress).part(0.0, 0.0, "Preparing the mesh")

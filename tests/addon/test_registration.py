@@ -107,7 +107,13 @@ print(json.dumps([enabled, imported(), runnable]))
 shock_filter.unregister()
 """
     )
-    assert enabled == ["core.cores", "core.errors", "core.estimate", "core.lazy", "core.settings"]
+    assert enabled == [
+        "core.base.cores",
+        "core.errors",
+        "core.estimate",
+        "core.lazy",
+        "core.settings",
+    ]
     # With nothing selected, menus and panels ask what could be run.
     assert asked == [*enabled, "shock_addon.data.chosen", "shock_addon.data.materials"]
     assert runnable == []

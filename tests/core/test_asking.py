@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from shapes import cube, grid
 from shock_filter import core
-from shock_filter.core import parallel, solve
+from shock_filter.core import solve
+from shock_filter.core.base import parallel
 from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
 from shock_filter.core.mesh import weld_borders
 from shock_filter.core.order import sorted_along_curve

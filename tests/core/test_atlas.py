@@ -328,7 +328,7 @@ def test_one_texel_and_charts_without_texels_stay_bit_for_bit():
 
 
 def test_results_are_the_same_on_any_number_of_threads(monkeypatch):
-    from shock_filter.core import parallel
+    from shock_filter.core.base import parallel
 
     mesh, uv = messy()
     image = np.random.default_rng(0).random((128, 128, 3)).astype(np.float32)

@@ -4,7 +4,7 @@ import pytest
 from shapes import cube, grid, icosphere, rotation
 from shock_filter import core
 from shock_filter.core import calculus, fit
-from shock_filter.core.parallel import Progress
+from shock_filter.core.base.parallel import Progress
 
 
 @pytest.fixture(scope="module")

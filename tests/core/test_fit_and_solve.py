@@ -5,7 +5,7 @@ import scipy.sparse.linalg
 from shapes import angles, cube, grid, icosphere
 from shock_filter import core
 from shock_filter.core import calculus, fit, solve
-from shock_filter.core.parallel import Progress
+from shock_filter.core.base.parallel import Progress
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from shapes import cube, grid, icosphere
 from shock_filter import core
 from shock_filter.core import calculus, flow, trace
-from shock_filter.core.parallel import Progress
+from shock_filter.core.base.parallel import Progress
 
 
 def points(mesh, faces, coordinates):

@@ -8,7 +8,7 @@ import pytest
 import shapes
 from shock_filter import core
 from shock_filter.core import order
-from shock_filter.core.kept import equal, kept
+from shock_filter.core.base.memo import equal, kept
 
 SETTINGS = core.GeometrySettings(time=64.0)
 

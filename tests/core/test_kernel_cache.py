@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 SOURCE = """
-from shock_filter.core.parallel import kernel
+from shock_filter.core.base.parallel import kernel
 
 
 @kernel

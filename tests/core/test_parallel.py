@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from shapes import icosphere
 from shock_filter import core
-from shock_filter.core import parallel
+from shock_filter.core.base import parallel
 
 
 def test_every_index_is_visited_once():

@@ -17,8 +17,8 @@ from typing import Any
 
 from numba import njit
 
+from ..errors import Cancelled
 from .cores import thread_count
-from .errors import Cancelled
 from .kernel_cache import keep_on_disk
 
 LARGEST_CHUNK = 1 << 15
