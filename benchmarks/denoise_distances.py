@@ -12,7 +12,7 @@ import trimesh
 from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.beltrami.grid_distance import march, open_band
-from shock_filter.core.beltrami.surface_distance import distances_from
+from shock_filter.core.mesh.triangle_mesh.geodesics import distances_from
 
 ORDER = 0.9
 ROUNDING = 1e-5

@@ -47,7 +47,7 @@ if _TYPE_CHECKING:
     from .fit import fit_to_normals
     from .flow import flow_field
     from .images import sharpen_image
-    from .mesh import TriangleMesh, weld, weld_borders
+    from .mesh.triangle_mesh import TriangleMesh, weld, weld_borders
     from .pde import osher_rudin_image
     from .shock import geometry_flow, sharpen_geometry, sharpen_normals
     from .signals import sharpen_corner_signal, sharpen_vertex_signal
@@ -65,7 +65,7 @@ _MODULES = {
     "fit": ("fit_to_normals",),
     "flow": ("flow_field",),
     "images": ("sharpen_image",),
-    "mesh": ("TriangleMesh", "weld", "weld_borders"),
+    "mesh.triangle_mesh": ("TriangleMesh", "weld", "weld_borders"),
     "pde": ("osher_rudin_image",),
     "shock": ("geometry_flow", "sharpen_geometry", "sharpen_normals"),
     "signals": ("sharpen_corner_signal", "sharpen_vertex_signal"),

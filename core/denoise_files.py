@@ -12,7 +12,7 @@ from .denoising import denoise_geometry, denoise_image, denoise_vertex_signal
 from .files import filter_colors_file, filter_mesh_file
 from .formats import Floats
 from .image_files import Pixels, filter_image_file, read_mask
-from .mesh import TriangleMesh
+from .mesh.triangle_mesh import TriangleMesh
 from .output import Outcome
 from .settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
 

@@ -17,10 +17,10 @@ from .beltrami.meshes import (
     beltrami_mesh,
     beltrami_vertex_signal,
 )
-from .calculus import checked_mask, checked_signal, group_means
 from .fit import moved_vertices
 from .images import sharpen_image
-from .mesh import Floats, TriangleMesh, split_at_jumps
+from .mesh.calculus import checked_mask, checked_signal, group_means
+from .mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
 from .settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,

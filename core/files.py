@@ -21,7 +21,7 @@ from .format_obj import ObjFile
 from .format_ply import PlyFile, PlyVertices
 from .format_trimesh import KEEPS, SceneFile
 from .formats import Document, Floats, Ints, TexturedDocument
-from .mesh import TriangleMesh, weld
+from .mesh.triangle_mesh import TriangleMesh, weld
 from .output import Outcome, check_folder, staged
 from .reading import check_file, reading
 from .settings import GeometrySettings, ShockSettings

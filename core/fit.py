@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from .base.memo import kept
 from .base.parallel import Progress, ProgressCallback, kernel, run
-from .calculus import checked_mask, checked_signal, cotangents, lumped_mass
 from .errors import InvalidSignal
-from .mesh import Floats, TriangleMesh
+from .mesh.calculus import checked_mask, checked_signal, cotangents, lumped_mass
+from .mesh.triangle_mesh import Floats, TriangleMesh
 from .settings import FitSettings
 from .solve import ScreenedLaplacian, SolveReport, solve
 

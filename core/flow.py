@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .base.parallel import Progress, ProgressCallback, kernel, run
-from .calculus import average_to_vertices, checked_signal, gradient, smooth_vertices
-from .mesh import Floats, TriangleMesh
+from .mesh.calculus import average_to_vertices, checked_signal, gradient, smooth_vertices
+from .mesh.triangle_mesh import Floats, TriangleMesh
 from .settings import ShockSettings
 
 

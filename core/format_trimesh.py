@@ -11,7 +11,7 @@ import numpy as np
 
 from .errors import ShockError
 from .formats import NO_FACES, NO_PARTS, NO_VERTICES, Bools, Floats, transformed
-from .mesh import weld
+from .mesh.triangle_mesh import weld
 
 # What each format can hold besides triangles, as far as trimesh writes it.
 KEEPS: dict[str, set[str]] = {

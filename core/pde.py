@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .base.parallel import Progress, ProgressCallback, kernel, run
-from .calculus import as_array
 from .errors import InvalidSettings, InvalidSignal
+from .mesh.calculus import as_array
 
 DETECTORS = {
     "laplacian": 0,

@@ -9,17 +9,17 @@ import numpy.typing as npt
 from .advect import advect_faces
 from .base.memo import kept
 from .base.parallel import Progress, ProgressCallback, kernel, run
-from .calculus import (
+from .fit import displacement, moved_vertices
+from .flow import above_surroundings, flow_from_potential, flow_potential
+from .mesh.calculus import (
     average_to_faces,
     average_to_vertices,
     blended_normals,
     checked_mask,
     smooth_vertices,
 )
-from .fit import displacement, moved_vertices
-from .flow import above_surroundings, flow_from_potential, flow_potential
-from .mesh import Floats, TriangleMesh
-from .order import is_scattered, sorted_along_curve
+from .mesh.order import is_scattered, sorted_along_curve
+from .mesh.triangle_mesh import Floats, TriangleMesh
 from .settings import GeometrySettings
 
 

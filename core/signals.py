@@ -12,10 +12,10 @@ import numpy.typing as npt
 from .advect import average_corners, read_points
 from .base.memo import kept
 from .base.parallel import Progress, ProgressCallback, kernel, run
-from .calculus import as_array, checked_mask, checked_signal
 from .errors import InvalidSignal
 from .flow import flow_potential
-from .mesh import Floats, TriangleMesh, split_at_jumps
+from .mesh.calculus import as_array, checked_mask, checked_signal
+from .mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
 from .settings import ShockSettings
 from .trace import corner_offsets, trace
 

@@ -18,7 +18,7 @@ import scipy.sparse
 
 from .base.parallel import Progress, blocks, chunk_size, kernel, run, sum_kernel
 from .errors import SolverError
-from .mesh import Floats, Ints
+from .mesh.triangle_mesh import Floats, Ints
 
 
 @dataclass(frozen=True)

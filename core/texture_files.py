@@ -21,7 +21,7 @@ from .image_files import (
     read_mask,
     write_image_file,
 )
-from .mesh import TriangleMesh, weld_borders
+from .mesh.triangle_mesh import TriangleMesh, weld_borders
 from .output import Outcome
 from .reading import reading
 from .settings import DilateSettings, TextureSettings

@@ -16,7 +16,7 @@ from .base.parallel import Progress, ProgressCallback, blocks, run
 from .base.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
 from .errors import InvalidSignal
 from .grid import Channels
-from .mesh import TriangleMesh
+from .mesh.triangle_mesh import TriangleMesh
 from .settings import DilateSettings, TextureSettings
 from .signals import mix_rows
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ..base.parallel import Progress, ProgressCallback, kernel, run
 from ..errors import InvalidSignal, InvalidUV
-from ..mesh import Floats, Ints, TriangleMesh
+from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
 from .sheet import CLEARLY, NOTHING, ROWS, depth_within, lay_out, nearest_on_edge, span

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ..base.parallel import Progress, kernel, run
 from ..errors import InvalidUV
-from ..mesh import Floats, Ints, TriangleMesh
+from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 MOST_REPEATS = 16.0
 """Largest area of all faces in the texture, in areas of the image."""

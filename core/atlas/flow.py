@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ..base.parallel import Progress, kernel, run
 from ..grid import OFFSET, Channels, add_sample, reach
-from ..mesh import Ints
+from ..mesh.triangle_mesh import Ints
 from .ghosts import Sources, beyond, fill_ghosts
 from .sheet import NOTHING, ROWS, Sheet
 from .surface import Surface

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import Progress, kernel, run
-from ..mesh import Ints
+from ..mesh.triangle_mesh import Ints
 from .sheet import NOTHING, Sheet, nearest_on_edge
 from .surface import Surface, carry
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
 from ..base.parallel import Progress, kernel, run, run_in_order
-from ..mesh import Ints
+from ..mesh.triangle_mesh import Ints
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
 from .ghosts import beyond

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ..base.parallel import Progress, kernel, run, run_in_order
 from ..errors import InvalidUV
-from ..mesh import Floats, Ints
+from ..mesh.triangle_mesh import Floats, Ints
 from .charts import Charts, shift_charts
 
 NOTHING = -1

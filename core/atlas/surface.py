@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ..base.parallel import Progress, kernel, run
 from ..errors import InvalidUV
-from ..mesh import Floats, Ints, TriangleMesh
+from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
 _MOST_FACES = 4000  # that a walk crosses; needed only where texels are larger than the surface

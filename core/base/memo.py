@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ..mesh import TriangleMesh
+from ..mesh.triangle_mesh import TriangleMesh
 
 Result = TypeVar("Result")
 

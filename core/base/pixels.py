@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..calculus import as_array
 from ..errors import InvalidSignal
 from ..grid import Channels
+from ..mesh.calculus import as_array
 from ..settings import ImageSettings, TextureSettings
 from ..signals import LUMINANCE
 from .parallel import Progress, blocks

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from ..base.parallel import Progress, ProgressCallback, blocks
 from ..base.pixels import BAND, SCALES, checked_image, checked_weights, copied, mix, opacity_channel
-from ..calculus import as_array
 from ..errors import InvalidSettings, InvalidSignal
+from ..mesh.calculus import as_array
 from ..settings import BeltramiSettings
 from .grid_smoothing import smooth_grid, surface_areas
 

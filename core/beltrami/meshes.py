@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import Progress, ProgressCallback, chunk_size, kernel, run
-from ..calculus import (
+from ..fit import displacement, moved_vertices
+from ..mesh.calculus import (
     average_to_faces,
     blended_normals,
     checked_mask,
@@ -26,12 +27,11 @@ from ..calculus import (
     lumped_mass,
     make_unit,
 )
-from ..fit import displacement, moved_vertices
-from ..mesh import Floats, TriangleMesh, split_at_jumps
-from ..order import is_scattered, sorted_along_curve
+from ..mesh.geodesics import Stencils, face_stencils, march, march_scratch, stencils
+from ..mesh.order import is_scattered, sorted_along_curve
+from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
 from ..settings import BeltramiGeometrySettings, BeltramiMeshSettings
 from ..signals import checked_type, from_own_corners, like, to_own_corners
-from .surface_distance import Stencils, face_stencils, march, march_scratch, stencils
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
 """Bounds of what the normals of neighbouring faces differ by for noise."""

@@ -48,7 +48,7 @@ def flow_of_colors(
     vertex differ, the highest potential counts.
     """
     from ...core.base.parallel import Progress
-    from ...core.mesh import split_at_jumps
+    from ...core.mesh.triangle_mesh import split_at_jumps
     from ...core.signals import luminance, to_own_corners
 
     check_colors(surface)

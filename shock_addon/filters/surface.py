@@ -146,7 +146,7 @@ def _welded(
     colors: npt.NDArray[np.float32] | None,
 ) -> Welded:
     from ...core.base.parallel import Progress as Phases
-    from ...core.mesh import check_finite
+    from ...core.mesh.triangle_mesh import check_finite
 
     check_finite(surface.positions)  # of loose vertices, too, under the numbers that Blender shows
     phase = Phases.of(progress).part(0.0, 0.0, "Preparing the mesh")

@@ -6,13 +6,13 @@ from scipy.sparse.csgraph import dijkstra
 from shapes import angles, cube, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.beltrami.meshes import noise_of_normals
-from shock_filter.core.beltrami.surface_distance import (
+from shock_filter.core.mesh.triangle_mesh.calculus import average_to_vertices, lumped_mass
+from shock_filter.core.mesh.triangle_mesh.geodesics import (
     distances_from,
     face_stencils,
     march,
     march_scratch,
 )
-from shock_filter.core.calculus import average_to_vertices, lumped_mass
 
 
 def noisy(vertices, faces, amount, seed=0):

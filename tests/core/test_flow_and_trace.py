@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere
 from shock_filter import core
-from shock_filter.core import calculus, flow, trace
+from shock_filter.core import flow, trace
 from shock_filter.core.base.parallel import Progress
+from shock_filter.core.mesh.triangle_mesh import calculus
 
 
 def points(mesh, faces, coordinates):

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import Progress, kernel, run, run_in_order
-from ..mesh import Floats, Ints, TriangleMesh
+from .triangle_mesh import Floats, Ints, TriangleMesh
 
 UNFOLDED = 30
 """Most faces that are unfolded to split one obtuse corner."""

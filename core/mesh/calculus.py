@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress, kernel, run, run_in_order
-from .errors import InvalidSignal
-from .mesh import Floats, TriangleMesh
+from ..base.parallel import Progress, kernel, run, run_in_order
+from ..errors import InvalidSignal
+from .triangle_mesh import Floats, TriangleMesh
 
 LARGEST = 1e30
 """Largest values of signals: flows are made of squares of squares of them."""

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress, ProgressCallback, kernel, run, run_in_order
-from .errors import InvalidMesh
+from ..base.parallel import Progress, ProgressCallback, kernel, run, run_in_order
+from ..errors import InvalidMesh
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress
-from .mesh import TriangleMesh, count_sort
+from ..base.parallel import Progress
+from .triangle_mesh import TriangleMesh, count_sort
 
 _SMALL = 100_000
 """Faces below which everything fits into the processor's caches anyway."""
