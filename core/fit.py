@@ -11,10 +11,10 @@ import numpy.typing as npt
 from .base.memo import kept
 from .base.parallel import Progress, ProgressCallback, kernel, run
 from .errors import InvalidSignal
+from .linear.cg import ScreenedLaplacian, SolveReport, solve
 from .mesh.calculus import checked_mask, checked_signal, cotangents, lumped_mass
 from .mesh.triangle_mesh import Floats, TriangleMesh
 from .settings import FitSettings
-from .solve import ScreenedLaplacian, SolveReport, solve
 
 log = logging.getLogger(__name__)
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from shapes import cube, grid
 from shock_filter import core
-from shock_filter.core import solve
 from shock_filter.core.base import parallel
 from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
+from shock_filter.core.linear import cg as solve
 from shock_filter.core.mesh.triangle_mesh.order import sorted_along_curve
 from shock_filter.core.mesh.triangle_mesh.triangle_mesh import weld_borders
 

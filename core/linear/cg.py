@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse
 
-from .base.parallel import Progress, blocks, chunk_size, kernel, run, sum_kernel
-from .errors import SolverError
-from .mesh.triangle_mesh import Floats, Ints
+from ..base.parallel import Progress, blocks, chunk_size, kernel, run, sum_kernel
+from ..errors import SolverError
+from ..mesh.triangle_mesh import Floats, Ints
 
 
 @dataclass(frozen=True)
