@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .base.parallel import Progress, ProgressCallback, blocks
-from .base.pixels import (
+from .grid.pixels import (
     BAND,
     SCALES,
     channel_groups,
@@ -17,7 +17,7 @@ from .base.pixels import (
     copied,
     mix,
 )
-from .grid import Channels, Sources, advect_pixels, image_potential
+from .grid.walk import Channels, Sources, advect_pixels, image_potential
 from .settings import ImageSettings
 from .signals import step_durations
 

@@ -13,9 +13,9 @@ from .atlas.gutter import unit_normals, write_texels
 from .atlas.sheet import ROWS
 from .atlas.stitch import stitch
 from .base.parallel import Progress, ProgressCallback, blocks, run
-from .base.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
 from .errors import InvalidSignal
-from .grid import Channels
+from .grid.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
+from .grid.walk import Channels
 from .mesh.triangle_mesh import TriangleMesh
 from .settings import DilateSettings, TextureSettings
 from .signals import mix_rows

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Flow and advection in a sheet of texels, on the surface's metric and across seams.
 
-The scheme is that for images (`core.grid`): texels are vertices of a mesh of squares, the flow
+The scheme is that for images (`core.grid.walk`): texels are vertices of a mesh of squares, the flow
 is constant in a cell. Here it is u = h^-1 dP / 2 with the metric h of a face in the cell, and
 a flow-line that leaves its chart goes on where the surface does.
 """
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import Progress, kernel, run
-from ..grid import OFFSET, Channels, add_sample, reach
+from ..grid.walk import OFFSET, Channels, add_sample, reach
 from ..mesh.triangle_mesh import Ints
 from .ghosts import Sources, beyond, fill_ghosts
 from .sheet import NOTHING, ROWS, Sheet
@@ -277,7 +277,7 @@ def _hop(points, twins, shapes, to_frame, to_texels, edge, y, x, vy, vx, cells, 
 
 @kernel
 def _walk(potential, cells, metrics, time, row, column, down, across):
-    # From cell to cell inside a chart. The same walk as in `core.grid`, but on the surface's metric
+    # From cell to cell inside a chart. The same walk as in `core.grid.walk`, but on the surface's metric
     # and among cells that may be closed; that one stays free of both for speed. Returns where it
     # ends: (row, column, down, across), the time that is left, the velocity (down, across),
     # and the axis along which it leaves its chart: 1 down, 2 across, 0 if it does not.

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import Progress, ProgressCallback, blocks
-from ..base.pixels import BAND, SCALES, checked_image, checked_weights, copied, mix, opacity_channel
 from ..errors import InvalidSettings, InvalidSignal
+from ..grid.pixels import BAND, SCALES, checked_image, checked_weights, copied, mix, opacity_channel
 from ..mesh.calculus import as_array
 from ..settings import BeltramiSettings
 from .grid_smoothing import smooth_grid, surface_areas

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from shock_filter import core
-from shock_filter.core import grid
 from shock_filter.core.base.parallel import Progress
+from shock_filter.core.grid.walk import walk as grid
 
 NONE = np.empty(0, dtype=np.float32)
 GRAY = grid.Channels(0, 1, -1, NONE)

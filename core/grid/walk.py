@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress, kernel, run
+from ..base.parallel import Progress, kernel, run
 
 OFFSET = 0.001
 """How far into each adjacent square the trace of a pixel begins: the paper's epsilon."""

@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import Progress, blocks
 from ..errors import InvalidSignal
-from ..grid import Channels
 from ..mesh.calculus import as_array
 from ..settings import ImageSettings, TextureSettings
 from ..signals import LUMINANCE
-from .parallel import Progress, blocks
+from .walk import Channels
 
 SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float64": 1.0}
 """The types of images, with what brings their values to [0, 1]."""
