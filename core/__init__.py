@@ -45,7 +45,7 @@ if _TYPE_CHECKING:
         beltrami_vertex_signal,
     )
     from .fit import fit_to_normals
-    from .flow import flow_field
+    from .flow.potential import flow_field
     from .images import sharpen_image
     from .mesh.triangle_mesh import TriangleMesh, weld, weld_borders
     from .pde import osher_rudin_image
@@ -63,7 +63,7 @@ _MODULES = {
         "beltrami_vertex_signal",
     ),
     "fit": ("fit_to_normals",),
-    "flow": ("flow_field",),
+    "flow.potential": ("flow_field",),
     "images": ("sharpen_image",),
     "mesh.triangle_mesh": ("TriangleMesh", "weld", "weld_borders"),
     "pde": ("osher_rudin_image",),

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .advect import advect_faces
 from .base.memo import kept
 from .base.parallel import Progress, ProgressCallback, kernel, run
 from .fit import displacement, moved_vertices
-from .flow import above_surroundings, flow_from_potential, flow_potential
+from .flow.advect import advect_faces
+from .flow.potential import above_surroundings, flow_from_potential, flow_potential
 from .mesh.calculus import (
     average_to_faces,
     average_to_vertices,

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere
 from shock_filter import core
-from shock_filter.core import flow, trace
 from shock_filter.core.base.parallel import Progress
+from shock_filter.core.flow.potential import potential as flow
+from shock_filter.core.flow.potential import trace
 from shock_filter.core.mesh.triangle_mesh import calculus
 
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress, ProgressCallback, kernel, run
-from .mesh.calculus import average_to_vertices, checked_signal, gradient, smooth_vertices
-from .mesh.triangle_mesh import Floats, TriangleMesh
-from .settings import ShockSettings
+from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..mesh.calculus import average_to_vertices, checked_signal, gradient, smooth_vertices
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..settings import ShockSettings
 
 
 def flow_field(

@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .base.parallel import Progress, kernel, run
-from .mesh.triangle_mesh import Floats, Ints, TriangleMesh
+from ..base.parallel import Progress, kernel, run
+from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 PAPER_STEP = 0.1
 """The paper's delta: length of a literal step, in mean edge lengths."""

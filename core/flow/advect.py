@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .base.parallel import Progress, kernel, run
-from .mesh.triangle_mesh import Floats, Ints, TriangleMesh
+from ..base.parallel import Progress, kernel, run
+from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .trace import trace_faces
 
 _SAMPLING = {"nearest": 0, "linear": 1, "detail": 2}
