@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from .atlas import TextureAtlas
-from .atlas.flow import advect_texels, texel_potential
 from .atlas.ghosts import fill_ghosts
 from .atlas.gutter import unit_normals, write_texels
+from .atlas.seam_fit import stitch
 from .atlas.sheet import ROWS
-from .atlas.stitch import stitch
+from .atlas.walk import advect_texels, texel_potential
 from .base.parallel import Progress, ProgressCallback, blocks, run
 from .errors import InvalidSignal
 from .grid.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied

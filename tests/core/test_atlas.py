@@ -4,7 +4,8 @@ import pytest
 from atlases import Blocks, apart
 from shapes import grid, icosphere
 from shock_filter import core
-from shock_filter.core.atlas import charts, flow, surface
+from shock_filter.core.atlas import charts, surface
+from shock_filter.core.atlas import walk as flow
 from shock_filter.core.atlas.surface import carry
 
 
