@@ -18,8 +18,8 @@ import common
 import numpy as np
 from report import table
 from shock_filter import core
-from shock_filter.core import denoising
 from shock_filter.core.estimate import estimate, wall_seconds
+from shock_filter.core.filters import denoising
 from shock_filter.core.settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,

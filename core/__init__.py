@@ -37,39 +37,39 @@ from .settings import (
 
 if _TYPE_CHECKING:
     from .atlas import TextureAtlas, UVReport
-    from .beltrami.images import beltrami_image, beltrami_manifold
-    from .beltrami.meshes import (
+    from .filters.beltrami.images import beltrami_image, beltrami_manifold
+    from .filters.beltrami.meshes import (
         beltrami_corner_signal,
         beltrami_joint,
         beltrami_mesh,
         beltrami_vertex_signal,
     )
-    from .fit import fit_to_normals
+    from .filters.fit import fit_to_normals
+    from .filters.geometry import geometry_flow, sharpen_geometry, sharpen_normals
+    from .filters.images import sharpen_image
+    from .filters.pde import osher_rudin_image
+    from .filters.signals import sharpen_corner_signal, sharpen_vertex_signal
+    from .filters.textures import dilate_texture, sharpen_texture
     from .flow.potential import flow_field
-    from .images import sharpen_image
     from .mesh.triangle_mesh import TriangleMesh, weld, weld_borders
-    from .pde import osher_rudin_image
-    from .shock import geometry_flow, sharpen_geometry, sharpen_normals
-    from .signals import sharpen_corner_signal, sharpen_vertex_signal
-    from .textures import dilate_texture, sharpen_texture
 
 _MODULES = {
     "atlas": ("TextureAtlas", "UVReport"),
-    "beltrami.images": ("beltrami_image", "beltrami_manifold"),
-    "beltrami.meshes": (
+    "filters.beltrami.images": ("beltrami_image", "beltrami_manifold"),
+    "filters.beltrami.meshes": (
         "beltrami_corner_signal",
         "beltrami_joint",
         "beltrami_mesh",
         "beltrami_vertex_signal",
     ),
-    "fit": ("fit_to_normals",),
+    "filters.fit": ("fit_to_normals",),
     "flow.potential": ("flow_field",),
-    "images": ("sharpen_image",),
+    "filters.images": ("sharpen_image",),
     "mesh.triangle_mesh": ("TriangleMesh", "weld", "weld_borders"),
-    "pde": ("osher_rudin_image",),
-    "shock": ("geometry_flow", "sharpen_geometry", "sharpen_normals"),
-    "signals": ("sharpen_corner_signal", "sharpen_vertex_signal"),
-    "textures": ("dilate_texture", "sharpen_texture"),
+    "filters.pde": ("osher_rudin_image",),
+    "filters.geometry": ("geometry_flow", "sharpen_geometry", "sharpen_normals"),
+    "filters.signals": ("sharpen_corner_signal", "sharpen_vertex_signal"),
+    "filters.textures": ("dilate_texture", "sharpen_texture"),
 }
 
 __all__ = [

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .denoising import denoise_geometry, denoise_image, denoise_vertex_signal
 from .files import filter_colors_file, filter_mesh_file
+from .filters.denoising import denoise_geometry, denoise_image, denoise_vertex_signal
 from .formats import Floats
 from .image_files import Pixels, filter_image_file, read_mask
 from .mesh.triangle_mesh import TriangleMesh

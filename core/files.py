@@ -14,8 +14,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from . import shock
 from .errors import InvalidMesh, InvalidSignal, ShockError
+from .filters import geometry as shock
+from .filters.signals import sharpen_vertex_signal
 from .format_gltf import GltfFile
 from .format_obj import ObjFile
 from .format_ply import PlyFile, PlyVertices
@@ -25,7 +26,6 @@ from .mesh.triangle_mesh import TriangleMesh, weld
 from .output import Outcome, check_folder, staged
 from .reading import check_file, reading
 from .settings import GeometrySettings, ShockSettings
-from .signals import sharpen_vertex_signal
 
 Progress = Callable[[float, str], bool]
 MeshFilter = Callable[[TriangleMesh, Floats | None, Progress | None], Floats]

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import ShockError
+from .filters.images import sharpen_image
 from .format_exr import read_exr, write_exr
 from .format_pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .format_tiff import read_tiff, write_tiff
-from .images import sharpen_image
 from .output import Outcome, check_folder, staged
 from .picture import Picture, lost
 from .reading import check_file, reading

@@ -12,6 +12,7 @@ import numpy as np
 from .atlas import TextureAtlas
 from .errors import InvalidSettings, InvalidUV, ShockError
 from .files import IN_PLACE, check_mesh_file, read_document
+from .filters.textures import dilate_texture, sharpen_texture
 from .formats import Floats
 from .image_files import (
     Pixels,
@@ -25,7 +26,6 @@ from .mesh.triangle_mesh import TriangleMesh, weld_borders
 from .output import Outcome
 from .reading import reading
 from .settings import DilateSettings, TextureSettings
-from .textures import dilate_texture, sharpen_texture
 
 RAW = (".npy", ".tif", ".tiff", ".exr")
 """Endings of files that hold a mask's numbers; all others hold a picture of it."""

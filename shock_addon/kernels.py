@@ -121,7 +121,8 @@ def load(folder: str | None) -> None:
             chosen_by_user = numba.config.CACHE_DIR
             numba.config.CACHE_DIR = chosen_by_user or folder or ""
             try:
-                from ..core import denoising, images, shock, signals, textures  # noqa: F401
+                from ..core.filters import denoising, images, signals, textures  # noqa: F401
+                from ..core.filters import geometry as shock
             finally:
                 numba.config.CACHE_DIR = chosen_by_user
         except _UNUSABLE as error:

@@ -277,7 +277,7 @@ def _hop(points, twins, shapes, to_frame, to_texels, edge, y, x, vy, vx, cells, 
 
 @kernel
 def _walk(potential, cells, metrics, time, row, column, down, across):
-    # From cell to cell inside a chart. The same walk as in `core.grid.walk`, but on the surface's metric
+    # From cell to cell inside a chart. The same walk as in `core.grid`, but on the surface's metric
     # and among cells that may be closed; that one stays free of both for speed. Returns where it
     # ends: (row, column, down, across), the time that is left, the velocity (down, across),
     # and the axis along which it leaves its chart: 1 down, 2 across, 0 if it does not.

@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from ..base.parallel import Progress, blocks
 from ..errors import InvalidSignal
+from ..filters.signals import LUMINANCE
 from ..mesh.calculus import as_array
 from ..settings import ImageSettings, TextureSettings
-from ..signals import LUMINANCE
 from .walk import Channels
 
 SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float64": 1.0}

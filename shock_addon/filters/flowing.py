@@ -48,8 +48,8 @@ def flow_of_colors(
     vertex differ, the highest potential counts.
     """
     from ...core.base.parallel import Progress
+    from ...core.filters.signals import luminance, to_own_corners
     from ...core.mesh.triangle_mesh import split_at_jumps
-    from ...core.signals import luminance, to_own_corners
 
     check_colors(surface)
     if surface.corners is None:

@@ -7,7 +7,11 @@ import pytest
 import shapes
 from scipy.ndimage import gaussian_filter
 from shock_filter import core
-from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_vertex_signal
+from shock_filter.core.filters.denoising import (
+    denoise_geometry,
+    denoise_image,
+    denoise_vertex_signal,
+)
 from shock_filter.core.settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,

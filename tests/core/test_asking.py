@@ -8,7 +8,7 @@ import pytest
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base import parallel
-from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
+from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
 from shock_filter.core.linear import cg as solve
 from shock_filter.core.mesh.triangle_mesh.order import sorted_along_curve
 from shock_filter.core.mesh.triangle_mesh.triangle_mesh import weld_borders

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from shock_filter import core
-from shock_filter.core.beltrami import grid_smoothing
+from shock_filter.core.filters.beltrami import grid_smoothing
 from shock_filter.core.grid.walk.geodesics import march, open_band
 
 

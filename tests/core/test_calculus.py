@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, rotation
 from shock_filter import core
-from shock_filter.core import fit
 from shock_filter.core.base.parallel import Progress
+from shock_filter.core.filters import fit
 from shock_filter.core.mesh.triangle_mesh import calculus
 
 

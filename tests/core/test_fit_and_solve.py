@@ -4,8 +4,8 @@ import pytest
 import scipy.sparse.linalg
 from shapes import angles, cube, grid, icosphere
 from shock_filter import core
-from shock_filter.core import fit
 from shock_filter.core.base.parallel import Progress
+from shock_filter.core.filters import fit
 from shock_filter.core.linear import cg as solve
 from shock_filter.core.mesh.triangle_mesh import calculus
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shapes import angles, cube, grid, icosphere, rotation, shuffled
 from shock_filter import core
-from shock_filter.core import shock
+from shock_filter.core.filters import geometry as shock
 from shock_filter.core.mesh.triangle_mesh import calculus
 
 

@@ -6,8 +6,8 @@ import pytest
 from checks import Watch
 from shapes import grid
 from shock_filter import core
-from shock_filter.core import denoising
-from shock_filter.core.denoising import denoise_geometry, denoise_image, denoise_jointly
+from shock_filter.core.filters import denoising
+from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
 
 
 @pytest.fixture

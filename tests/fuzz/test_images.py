@@ -7,7 +7,7 @@ from checks import assert_alike, assert_same_bits, assert_sentence, assert_withi
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from shock_filter import core
-from shock_filter.core.denoising import denoise_image
+from shock_filter.core.filters.denoising import denoise_image
 from strategies import (
     broken,
     examples,

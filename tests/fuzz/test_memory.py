@@ -6,7 +6,7 @@ import pytest
 from memory import assert_flat
 from shapes import cube
 from shock_filter import core
-from shock_filter.core import denoising
+from shock_filter.core.filters import denoising
 
 VERTICES, FACES = cube(40)  # its positions are 230 kB: one such array a run is found
 IMAGE = np.random.default_rng(0).random((100, 100, 3))

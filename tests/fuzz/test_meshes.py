@@ -7,7 +7,7 @@ from checks import assert_alike, assert_same_bits, assert_sentence, assert_withi
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from shock_filter import core
-from shock_filter.core import denoising
+from shock_filter.core.filters import denoising
 from strategies import broken, examples, masks, meshes, settings_of, signals, triangles
 
 pytestmark = pytest.mark.timeout(1800, method="thread")  # a thread can end compiled code, too

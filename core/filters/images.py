@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress, ProgressCallback, blocks
-from .grid.pixels import (
+from ..base.parallel import Progress, ProgressCallback, blocks
+from ..grid.pixels import (
     BAND,
     SCALES,
     channel_groups,
@@ -17,8 +17,8 @@ from .grid.pixels import (
     copied,
     mix,
 )
-from .grid.walk import Channels, Sources, advect_pixels, image_potential
-from .settings import ImageSettings
+from ..grid.walk import Channels, Sources, advect_pixels, image_potential
+from ..settings import ImageSettings
 from .signals import step_durations
 
 

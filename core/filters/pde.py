@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress, ProgressCallback, kernel, run
-from .errors import InvalidSettings, InvalidSignal
-from .mesh.calculus import as_array
+from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..errors import InvalidSettings, InvalidSignal
+from ..mesh.calculus import as_array
 
 DETECTORS = {
     "laplacian": 0,

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run
-from ..grid.geodesics import chord, march, open_band
-from ..settings import BeltramiSettings
+from ...base.parallel import Progress, kernel, run
+from ...grid.geodesics import chord, march, open_band
+from ...settings import BeltramiSettings
 
 _ROWS = 16  # most rows that are smoothed at once
 _REACHED = 2_000_000  # about how many pixels their kernels reach: tenths of a second

@@ -9,7 +9,17 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base.parallel import Progress, ProgressCallback
+from ..base.parallel import Progress, ProgressCallback
+from ..mesh.calculus import checked_mask, checked_signal, group_means
+from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
+from ..settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+)
 from .beltrami.images import beltrami_image
 from .beltrami.meshes import (
     beltrami_corner_signal,
@@ -18,18 +28,8 @@ from .beltrami.meshes import (
     beltrami_vertex_signal,
 )
 from .fit import moved_vertices
+from .geometry import sharpen_geometry
 from .images import sharpen_image
-from .mesh.calculus import checked_mask, checked_signal, group_means
-from .mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
-from .settings import (
-    BeltramiGeometrySettings,
-    BeltramiMeshSettings,
-    BeltramiSettings,
-    GeometrySettings,
-    ImageSettings,
-    ShockSettings,
-)
-from .shock import sharpen_geometry
 from .signals import (
     checked_type,
     from_own_corners,

@@ -17,9 +17,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback, chunk_size, kernel, run
-from ..fit import displacement, moved_vertices
-from ..mesh.calculus import (
+from ...base.parallel import Progress, ProgressCallback, chunk_size, kernel, run
+from ...mesh.calculus import (
     average_to_faces,
     blended_normals,
     checked_mask,
@@ -27,10 +26,11 @@ from ..mesh.calculus import (
     lumped_mass,
     make_unit,
 )
-from ..mesh.geodesics import Stencils, face_stencils, march, march_scratch, stencils
-from ..mesh.order import is_scattered, sorted_along_curve
-from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
-from ..settings import BeltramiGeometrySettings, BeltramiMeshSettings
+from ...mesh.geodesics import Stencils, face_stencils, march, march_scratch, stencils
+from ...mesh.order import is_scattered, sorted_along_curve
+from ...mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
+from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings
+from ..fit import displacement, moved_vertices
 from ..signals import checked_type, from_own_corners, like, to_own_corners
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45

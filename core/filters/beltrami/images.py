@@ -6,11 +6,19 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback, blocks
-from ..errors import InvalidSettings, InvalidSignal
-from ..grid.pixels import BAND, SCALES, checked_image, checked_weights, copied, mix, opacity_channel
-from ..mesh.calculus import as_array
-from ..settings import BeltramiSettings
+from ...base.parallel import Progress, ProgressCallback, blocks
+from ...errors import InvalidSettings, InvalidSignal
+from ...grid.pixels import (
+    BAND,
+    SCALES,
+    checked_image,
+    checked_weights,
+    copied,
+    mix,
+    opacity_channel,
+)
+from ...mesh.calculus import as_array
+from ...settings import BeltramiSettings
 from .grid_smoothing import smooth_grid, surface_areas
 
 _FARTHEST = 1e15  # its square is far from the ends of float32

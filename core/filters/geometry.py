@@ -6,21 +6,21 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base.memo import kept
-from .base.parallel import Progress, ProgressCallback, kernel, run
-from .fit import displacement, moved_vertices
-from .flow.advect import advect_faces
-from .flow.potential import above_surroundings, flow_from_potential, flow_potential
-from .mesh.calculus import (
+from ..base.memo import kept
+from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..flow.advect import advect_faces
+from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
+from ..mesh.calculus import (
     average_to_faces,
     average_to_vertices,
     blended_normals,
     checked_mask,
     smooth_vertices,
 )
-from .mesh.order import is_scattered, sorted_along_curve
-from .mesh.triangle_mesh import Floats, TriangleMesh
-from .settings import GeometrySettings
+from ..mesh.order import is_scattered, sorted_along_curve
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..settings import GeometrySettings
+from .fit import displacement, moved_vertices
 
 
 def sharpen_normals(

@@ -8,13 +8,13 @@ import logging
 import numpy as np
 import numpy.typing as npt
 
-from .base.memo import kept
-from .base.parallel import Progress, ProgressCallback, kernel, run
-from .errors import InvalidSignal
-from .linear.cg import ScreenedLaplacian, SolveReport, solve
-from .mesh.calculus import checked_mask, checked_signal, cotangents, lumped_mass
-from .mesh.triangle_mesh import Floats, TriangleMesh
-from .settings import FitSettings
+from ..base.memo import kept
+from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..errors import InvalidSignal
+from ..linear.cg import ScreenedLaplacian, SolveReport, solve
+from ..mesh.calculus import checked_mask, checked_signal, cotangents, lumped_mass
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..settings import FitSettings
 
 log = logging.getLogger(__name__)
 

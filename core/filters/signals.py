@@ -9,15 +9,15 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from .base.memo import kept
-from .base.parallel import Progress, ProgressCallback, kernel, run
-from .errors import InvalidSignal
-from .flow.advect import average_corners, read_points
-from .flow.potential import flow_potential
-from .flow.trace import corner_offsets, trace
-from .mesh.calculus import as_array, checked_mask, checked_signal
-from .mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
-from .settings import ShockSettings
+from ..base.memo import kept
+from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..errors import InvalidSignal
+from ..flow.advect import average_corners, read_points
+from ..flow.potential import flow_potential
+from ..flow.trace import corner_offsets, trace
+from ..mesh.calculus import as_array, checked_mask, checked_signal
+from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
+from ..settings import ShockSettings
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of linear red, green and blue in the brightness (ITU-R BT.709)."""

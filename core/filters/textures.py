@@ -6,18 +6,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .atlas import TextureAtlas
-from .atlas.ghosts import fill_ghosts
-from .atlas.gutter import unit_normals, write_texels
-from .atlas.seam_fit import stitch
-from .atlas.sheet import ROWS
-from .atlas.walk import advect_texels, texel_potential
-from .base.parallel import Progress, ProgressCallback, blocks, run
-from .errors import InvalidSignal
-from .grid.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
-from .grid.walk import Channels
-from .mesh.triangle_mesh import TriangleMesh
-from .settings import DilateSettings, TextureSettings
+from ..atlas import TextureAtlas
+from ..atlas.ghosts import fill_ghosts
+from ..atlas.gutter import unit_normals, write_texels
+from ..atlas.seam_fit import stitch
+from ..atlas.sheet import ROWS
+from ..atlas.walk import advect_texels, texel_potential
+from ..base.parallel import Progress, ProgressCallback, blocks, run
+from ..errors import InvalidSignal
+from ..grid.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
+from ..grid.walk import Channels
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import DilateSettings, TextureSettings
 from .signals import mix_rows
 
 _LARGEST = 1e30  # beyond, sums leave the range of single precision
