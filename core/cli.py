@@ -38,7 +38,7 @@ from .settings import (
 )
 
 if TYPE_CHECKING:
-    from .output import Outcome
+    from .files.output import Outcome
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
 
@@ -230,7 +230,7 @@ class FileBackend:
         if command.on_mesh or command is TEXTURE_MASK:
             words["material"] = options.material
         if command is TEXTURE_MASK:
-            from .texture_files import texture_mask_file
+            from .files.textures import texture_mask_file
 
             words |= {"size": options.size, "like": options.like}
             return texture_mask_file(source, target, options.kind, **words)
@@ -244,7 +244,7 @@ class FileBackend:
 
 def _file_function(command: Command) -> Callable[..., Outcome]:
     if command.then is not None:
-        from . import denoise_files
+        from .files import denoising as denoise_files
 
         functions: dict[Command, Callable[..., Outcome]] = {
             DENOISE_GEOMETRY: denoise_files.denoise_file,
@@ -253,17 +253,17 @@ def _file_function(command: Command) -> Callable[..., Outcome]:
         }
         return functions[command]
     if command is IMAGE:
-        from .image_files import sharpen_image_file
+        from .files.images import sharpen_image_file
 
         return sharpen_image_file
     if command.on_mesh:
-        from . import texture_files
+        from .files import textures as texture_files
 
         is_sharpen = command is TEXTURE
         return (
             texture_files.sharpen_texture_file if is_sharpen else texture_files.dilate_texture_file
         )
-    from . import files
+    from .files import meshes as files
 
     return files.sharpen_file if command is GEOMETRY else files.sharpen_colors_file
 

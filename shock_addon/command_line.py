@@ -18,8 +18,8 @@ import bpy
 
 from ..core import cli
 from ..core.errors import Cancelled, InvalidUV, ShockError
-from ..core.output import Outcome, staged
-from ..core.reading import check_file
+from ..core.files.output import Outcome, staged
+from ..core.files.reading import check_file
 from . import data, filters, kernels, operators
 from .properties import COLOR_PREFIX
 from .skipped import Skipped
@@ -347,7 +347,7 @@ def _draw_mask(
     kernels.load(kernels.cache_folder())
     import numpy as np
 
-    from ..core.texture_files import mask_outcome, mask_pixels
+    from ..core.files.textures import mask_outcome, mask_pixels
 
     try:
         faces, _, skipped = data.read_faces(bpy.context, objects, None, data.EVERYWHERE)

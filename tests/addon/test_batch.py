@@ -15,11 +15,11 @@ import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.denoise_files import denoise_file
-from shock_filter.core.files import sharpen_colors_file, sharpen_file
-from shock_filter.core.format_exr import read_exr, write_exr
-from shock_filter.core.picture import Picture
-from shock_filter.core.texture_files import texture_mask_file
+from shock_filter.core.files.meshes.denoising import denoise_file
+from shock_filter.core.files.meshes.formats.exr import read_exr, write_exr
+from shock_filter.core.files.meshes.meshes import sharpen_colors_file, sharpen_file
+from shock_filter.core.files.meshes.picture import Picture
+from shock_filter.core.files.meshes.textures import texture_mask_file
 
 BATCH = Path(__file__).resolve().parents[2] / "shock_addon" / "batch.py"
 

@@ -7,9 +7,13 @@ from PIL import Image
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.denoise_files import denoise_colors_file, denoise_file, denoise_image_file
+from shock_filter.core.files.meshes.denoising import (
+    denoise_colors_file,
+    denoise_file,
+    denoise_image_file,
+)
+from shock_filter.core.files.meshes.output import Outcome
 from shock_filter.core.filters import denoising
-from shock_filter.core.output import Outcome
 
 GEOMETRY = core.BeltramiGeometrySettings(repeat=1)
 SIGNAL = core.BeltramiMeshSettings()

@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .errors import ShockError
-from .filters.images import sharpen_image
-from .format_exr import read_exr, write_exr
-from .format_pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
-from .format_tiff import read_tiff, write_tiff
+from ..errors import ShockError
+from ..filters.images import sharpen_image
+from ..settings import ImageSettings
+from .formats.exr import read_exr, write_exr
+from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
+from .formats.tiff import read_tiff, write_tiff
 from .output import Outcome, check_folder, staged
 from .picture import Picture, lost
 from .reading import check_file, reading
-from .settings import ImageSettings
 
 Progress = Callable[[float, str], bool]
 Pixels = npt.NDArray[Any]

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ShockError
-from .format_trimesh import load_scene
-from .formats import (
+from ...errors import ShockError
+from ..document import (
     NEW_NORMALS,
     NO_FACES,
     Bools,
@@ -22,6 +21,7 @@ from .formats import (
     renewed_vertex_normals,
     to_unit,
 )
+from .trimesh import load_scene
 
 _PLY_TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ShockError
-from .formats import NO_FACES, NO_PARTS, NO_VERTICES, Bools, Floats, transformed
-from .mesh.triangle_mesh import weld
+from ...errors import ShockError
+from ...mesh.triangle_mesh import weld
+from ..document import NO_FACES, NO_PARTS, NO_VERTICES, Bools, Floats, transformed
 
 # What each format can hold besides triangles, as far as trimesh writes it.
 KEEPS: dict[str, set[str]] = {

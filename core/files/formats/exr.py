@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy.typing as npt
 
-from .errors import ShockError
-from .picture import Picture, lost, needed
+from ...errors import ShockError
+from ..picture import Picture, lost, needed
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _COLORS = ("RGBA", "RGB", "Y")

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .files import filter_colors_file, filter_mesh_file
-from .filters.denoising import denoise_geometry, denoise_image, denoise_vertex_signal
-from .formats import Floats
-from .image_files import Pixels, filter_image_file, read_mask
-from .mesh.triangle_mesh import TriangleMesh
+from ..filters.denoising import denoise_geometry, denoise_image, denoise_vertex_signal
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
+from .document import Floats
+from .images import Pixels, filter_image_file, read_mask
+from .meshes import filter_colors_file, filter_mesh_file
 from .output import Outcome
-from .settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
 
 Progress = Callable[[float, str], bool]
 

@@ -14,8 +14,8 @@ from urllib.parse import quote, unquote
 import numpy as np
 import numpy.typing as npt
 
-from .errors import InvalidMesh, ShockError
-from .formats import (
+from ...errors import InvalidMesh, ShockError
+from ..document import (
     NEW_NORMALS,
     NO_FACES,
     NO_PARTS,

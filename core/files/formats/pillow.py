@@ -12,16 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .errors import ShockError
-from .picture import (
-    EXIF,
-    ICC,
-    RESOLUTION,
-    XMP,
-    Picture,
-    lost,
-    needed,
-)
+from ...errors import ShockError
+from ..picture import EXIF, ICC, RESOLUTION, XMP, Picture, lost, needed
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from .errors import Cancelled, ShockError
+from ..errors import Cancelled, ShockError
 
 
 @dataclass(frozen=True)

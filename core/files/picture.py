@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from .errors import ShockError
+from ..errors import ShockError
 
 ICC, RESOLUTION, EXIF, XMP = "ICC profile", "resolution", "EXIF", "XMP"
 

@@ -9,23 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from .atlas import TextureAtlas
-from .errors import InvalidSettings, InvalidUV, ShockError
-from .files import IN_PLACE, check_mesh_file, read_document
-from .filters.textures import dilate_texture, sharpen_texture
-from .formats import Floats
-from .image_files import (
-    Pixels,
-    Progress,
-    filter_image_file,
-    image_size,
-    read_mask,
-    write_image_file,
-)
-from .mesh.triangle_mesh import TriangleMesh, weld_borders
+from ..atlas import TextureAtlas
+from ..errors import InvalidSettings, InvalidUV, ShockError
+from ..filters.textures import dilate_texture, sharpen_texture
+from ..mesh.triangle_mesh import TriangleMesh, weld_borders
+from ..settings import DilateSettings, TextureSettings
+from .document import Floats
+from .images import Pixels, Progress, filter_image_file, image_size, read_mask, write_image_file
+from .meshes import IN_PLACE, check_mesh_file, read_document
 from .output import Outcome
 from .reading import reading
-from .settings import DilateSettings, TextureSettings
 
 RAW = (".npy", ".tif", ".tiff", ".exr")
 """Endings of files that hold a mask's numbers; all others hold a picture of it."""
@@ -63,7 +56,7 @@ def sharpen_texture_file(
         OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
         joined; see `core.weld_borders`.
     source, target, mask, invert_mask, overwrite, progress
-        As in :func:`shock_filter.core.image_files.sharpen_image_file`.
+        As in :func:`shock_filter.core.files.images.sharpen_image_file`.
     settings : TextureSettings, optional
         Strength and all else; the defaults if left out.
     material : str, optional

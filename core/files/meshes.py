@@ -14,18 +14,18 @@ from typing import TypeVar
 
 import numpy as np
 
-from .errors import InvalidMesh, InvalidSignal, ShockError
-from .filters import geometry as shock
-from .filters.signals import sharpen_vertex_signal
-from .format_gltf import GltfFile
-from .format_obj import ObjFile
-from .format_ply import PlyFile, PlyVertices
-from .format_trimesh import KEEPS, SceneFile
-from .formats import Document, Floats, Ints, TexturedDocument
-from .mesh.triangle_mesh import TriangleMesh, weld
+from ..errors import InvalidMesh, InvalidSignal, ShockError
+from ..filters import geometry as shock
+from ..filters.signals import sharpen_vertex_signal
+from ..mesh.triangle_mesh import TriangleMesh, weld
+from ..settings import GeometrySettings, ShockSettings
+from .document import Document, Floats, Ints, TexturedDocument
+from .formats.gltf import GltfFile
+from .formats.obj import ObjFile
+from .formats.ply import PlyFile, PlyVertices
+from .formats.trimesh import KEEPS, SceneFile
 from .output import Outcome, check_folder, staged
 from .reading import check_file, reading
-from .settings import GeometrySettings, ShockSettings
 
 Progress = Callable[[float, str], bool]
 MeshFilter = Callable[[TriangleMesh, Floats | None, Progress | None], Floats]

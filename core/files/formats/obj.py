@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import InvalidMesh
-from .formats import (
+from ...errors import InvalidMesh
+from ..document import (
     NEW_NORMALS,
     Bools,
     Floats,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .errors import ShockError
-from .picture import ICC, RESOLUTION, XMP, Picture, lost, needed
+from ...errors import ShockError
+from ..picture import ICC, RESOLUTION, XMP, Picture, lost, needed
 
 _RGB, _PALETTE = 2, 3
 _GRAY = {0: "miniswhite", 1: "minisblack"}
