@@ -22,9 +22,12 @@ import common
 import numpy as np
 from report import Page, Target, table, targets
 from shock_filter import core
+from shock_filter.core.host import colors as coloring
+from shock_filter.core.host import denoising, picture
+from shock_filter.core.host import geometry as sharpening
+from shock_filter.core.host import textures as texturing
+from shock_filter.core.host.surface import forget
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings
-from shock_filter.shock_addon.filters import coloring, denoising, picture, sharpening, texturing
-from shock_filter.shock_addon.filters.surface import forget
 
 LONGEST_WAIT = 0.5
 LONGEST_GAP = 0.3

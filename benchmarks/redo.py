@@ -64,7 +64,7 @@ def redo(flow_time: float) -> float:
 
 def measure(side: int) -> tuple[int, float, float, float]:
     """Return the number of vertices, and the seconds of first run, quick and full redo."""
-    from shock_filter.shock_addon.filters import surface
+    from shock_filter.core.host import surface
 
     bpy.ops.wm.read_homefile(use_empty=True)
     count = len(add_relief(side).data.vertices)

@@ -9,11 +9,11 @@ import sys
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.host import forgetting
 from . import (
     colors_operator,
     command,
     denoise_operator,
-    forgetting,
     geometry_operator,
     image_operator,
     jobs,

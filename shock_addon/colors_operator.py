@@ -6,8 +6,9 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+from ..core import host as filters
 from ..core.settings import ShockSettings
-from . import data, filters
+from . import data
 from .operators import MeshOperator, Steps, counted, describe_colors
 from .properties import ColorProperties
 

@@ -17,10 +17,11 @@ from typing import Any
 import bpy
 
 from ..core import cli
+from ..core import host as filters
 from ..core.errors import Cancelled, InvalidUV, ShockError
 from ..core.files.output import Outcome, staged
 from ..core.files.reading import check_file
-from . import data, filters, kernels, operators
+from . import data, kernels, operators
 from .properties import COLOR_PREFIX
 from .skipped import Skipped
 

@@ -8,8 +8,9 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+from ..core import host as filters
 from ..core.settings import GeometrySettings
-from . import data, filters
+from . import data
 from .operators import MeshOperator, Steps, counted
 from .properties import GeometryProperties
 

@@ -8,9 +8,10 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+from ..core import host as filters
 from ..core.errors import InvalidSettings
 from ..core.settings import ImageSettings
-from . import data, filters, obstacles
+from . import data, obstacles
 from .operators import Filter, SharpenOperator, can_run, describe_colors, write_results
 from .properties import ImageProperties
 from .skipped import Skipped, sentences

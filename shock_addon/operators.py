@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
+from ..core import host as filters
 from ..core.errors import (
     Cancelled,
     InvalidMesh,
@@ -19,7 +20,7 @@ from ..core.errors import (
     ShockError,
     SolverError,
 )
-from . import data, filters, kernels, obstacles, statistics
+from . import data, kernels, obstacles, statistics
 from .jobs import ModalJob, Work, current, is_scene_read
 from .panel import sections
 from .properties import settings_from

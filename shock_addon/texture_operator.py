@@ -8,9 +8,10 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
+from ..core import host as filters
 from ..core.errors import InvalidSettings
 from ..core.settings import DilateSettings, TextureSettings
-from . import data, filters, obstacles
+from . import data, obstacles
 from .image_operator import RESULT, OneImageOperator
 from .operators import Filter, can_run, counted, describe_colors
 from .panel import sections
@@ -100,7 +101,7 @@ class _TextureOperator(OneImageOperator):
 
 def _parts(target: data.TextureTarget, result: filters.Recolored) -> dict[int, filters.Recolored]:
     """Compare each tile with what it was."""
-    from .filters.recolored import recolored
+    from ..core.host.recolored import recolored
 
     if target.mosaic is None:
         return {data.UNTILED: result}

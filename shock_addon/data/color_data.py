@@ -12,8 +12,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..filters.coloring import ColoredSurface
-from ..filters.recolored import Colors, Recolored
+from ...core.host.colors import ColoredSurface
+from ...core.host.recolored import Colors, Recolored
 from ..skipped import Skipped
 from .masks import color_mask
 from .mesh_data import (

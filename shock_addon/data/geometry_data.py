@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..filters.sharpening import MirroredSurface, Sharpened
-from ..filters.symmetry import MirrorPlane
+from ...core.host.geometry import MirroredSurface, Sharpened
+from ...core.host.symmetry import MirrorPlane
 from ..skipped import Skipped
 from . import custom_normals, shape_keys
 from .edge_marks import mark_sharp

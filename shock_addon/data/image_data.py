@@ -16,8 +16,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from .. import forgetting
-from ..filters.picture import Picture
+from ...core.host import forgetting
+from ...core.host.picture import Picture
 from ..skipped import Skipped
 from .chosen import refusal
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles

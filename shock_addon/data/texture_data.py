@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from bpy.app.translations import pgettext_rpt
 
-from ..filters.mosaic import Mosaic
-from ..filters.texturing import TexturedFaces, TexturedSurface
+from ...core.host.mosaic import Mosaic
+from ...core.host.textures import TexturedFaces, TexturedSurface
 from ..skipped import Skipped, as_reason, sentences
 from . import image_data
 from .chosen import mesh_objects, refusal

@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ...core.host.flow import Flow
 from ..data.mesh_data import Target, find
-from ..filters.flowing import Flow
 from ..skipped import Skipped
 
 POTENTIAL = "shock_potential"

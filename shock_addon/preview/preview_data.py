@@ -10,15 +10,15 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ...core.host.colors import ColoredSurface
+from ...core.host.denoising import Both, PaintedSurface
+from ...core.host.geometry import Sharpened
+from ...core.host.recolored import Recolored
 from ..data import shape_keys
 from ..data.color_data import stored, write_colors
 from ..data.geometry_data import write_geometry
 from ..data.mesh_data import Target, find, read_positions, write_positions
 from ..data.unchanged import check_same
-from ..filters.coloring import ColoredSurface
-from ..filters.denoising import Both, PaintedSurface
-from ..filters.recolored import Recolored
-from ..filters.sharpening import Sharpened
 from ..skipped import Skipped
 
 _Part = tuple[str, str]

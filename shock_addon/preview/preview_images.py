@@ -12,11 +12,12 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_rpt
 
+from ...core import host as filters
 from ...core.errors import InvalidSignal
+from ...core.host.picture import Picture
 from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
-from .. import data, filters
+from .. import data
 from ..denoise_operator import denoising
-from ..filters.picture import Picture
 from ..properties import settings_from
 from ..skipped import Skipped
 from .preview_crop import Crop, crop_around, smoothed_at_once

@@ -11,9 +11,10 @@ import bpy
 import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 
+from ...core import host as filters
 from ...core.errors import InvalidMesh
 from ...core.settings import GeometrySettings, ShockSettings
-from .. import data, filters
+from .. import data
 from ..denoise_operator import SETTINGS, denoise_settings, steps_of
 from ..properties import settings_from
 from ..skipped import Skipped

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.errors import InvalidMesh
-from ..filters.coloring import ColoredSurface
-from ..filters.denoising import Both, Denoising, PaintedSurface
-from ..filters.sharpening import MirroredSurface
-from ..filters.surface import Surface
+from ...core.host.colors import ColoredSurface
+from ...core.host.denoising import Both, Denoising, PaintedSurface
+from ...core.host.geometry import MirroredSurface
+from ...core.host.surface import Surface
 
 _REACH = 12.0
 _SAMPLE = 200_000

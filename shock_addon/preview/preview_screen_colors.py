@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..filters.picture import Picture
+from ...core.host.picture import Picture
 
 Values = npt.NDArray[np.float32]
 

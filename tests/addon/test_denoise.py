@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
+from shock_filter.core.host.denoising import Denoising, denoise_both
 from shock_filter.shock_addon import denoise_operator, operators, properties
 from shock_filter.shock_addon.data.mesh_data import (
     read_corner_vertices,
@@ -14,7 +15,6 @@ from shock_filter.shock_addon.data.mesh_data import (
     write_positions,
 )
 from shock_filter.shock_addon.fields import fields_of
-from shock_filter.shock_addon.filters.denoising import Denoising, denoise_both
 from shock_filter.shock_addon.panel import menus, panels
 
 denoise = bpy.ops.shock_filter.denoise

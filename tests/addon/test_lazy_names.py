@@ -7,7 +7,8 @@ from types import ModuleType
 
 import pytest
 from shock_filter import core, shock_addon
-from shock_filter.shock_addon import data, filters
+from shock_filter.core import host as filters
+from shock_filter.shock_addon import data
 
 NAMES = [
     (package, module, name)

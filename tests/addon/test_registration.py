@@ -181,7 +181,7 @@ def test_nothing_of_a_file_is_kept_when_another_is_opened(blender):
 shock_filter.register()
 from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data import image_data
-from shock_filter.shock_addon.filters import surface
+from shock_filter.core.host import surface
 def kept():
     return [len(operators.summaries), image_data._overwritten is not None, len(surface._recent)]
 bpy.ops.wm.read_homefile(use_empty=True)

@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import Cancelled, TextureSettings
+from shock_filter.core.host.mosaic import Mosaic
+from shock_filter.core.host.textures import sharpen_texture
 from shock_filter.shock_addon import operators, texture_operator
 from shock_filter.shock_addon.data import chosen, image_data, texture_data, tiles
-from shock_filter.shock_addon.filters.mosaic import Mosaic
-from shock_filter.shock_addon.filters.texturing import sharpen_texture
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
 dilate = bpy.ops.shock_filter.dilate_texture

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter import core
+from shock_filter.core.host.colors import ColoredSurface
+from shock_filter.core.host.flow import flow_of_colors
 from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data.mesh_data import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,
 )
-from shock_filter.shock_addon.filters.coloring import ColoredSurface
-from shock_filter.shock_addon.filters.flowing import flow_of_colors
 from shock_filter.shock_addon.flow import flow_overlay
 from shock_filter.shock_addon.flow.flow_data import read_flow
 from shock_filter.shock_addon.flow.flow_drawing import MOST_STROKES, potential_colors, strokes

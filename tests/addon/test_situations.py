@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+from shock_filter.core.host.symmetry import MirrorPlane
 from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data import shape_keys
 from shock_filter.shock_addon.data.mesh_data import (
@@ -16,7 +17,6 @@ from shock_filter.shock_addon.data.mesh_data import (
     read_positions,
     write_positions,
 )
-from shock_filter.shock_addon.filters.symmetry import MirrorPlane
 
 ROOT = Path(__file__).parents[2]
 

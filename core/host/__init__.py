@@ -7,10 +7,10 @@ the extension does not import numpy.
 
 from typing import Any
 
-from ...core.lazy import load
+from ..lazy import load
 
 _MODULES = {
-    "coloring": ("sharpen_colors",),
+    "colors": ("sharpen_colors",),
     "denoising": (
         "Both",
         "Denoising",
@@ -20,11 +20,11 @@ _MODULES = {
         "denoise_picture",
         "denoise_shape",
     ),
-    "flowing": ("flow_of_colors", "flow_of_shape"),
+    "flow": ("flow_of_colors", "flow_of_shape"),
     "picture": ("sharpen_picture",),
     "recolored": ("Recolored",),
-    "sharpening": ("Sharpened", "sharpen"),
-    "texturing": ("Retextured", "analyse", "dilate_texture", "sharpen_texture"),
+    "geometry": ("Sharpened", "sharpen"),
+    "textures": ("Retextured", "analyse", "dilate_texture", "sharpen_texture"),
 }
 
 

@@ -45,7 +45,7 @@ def recolored(
     Recolored
         Colors that do not change are the old ones bit for bit.
     """
-    from ...core.base.parallel import Progress
+    from ..base.parallel import Progress
 
     phase = Progress.of(progress).part(1.0, 1.0, "Comparing colors")
     colors = np.empty_like(old)

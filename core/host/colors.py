@@ -112,7 +112,7 @@ def filter_colors(
 
 def check_colors(surface: ColoredSurface) -> None:
     """Refuse what no filter can work on."""
-    from ...core.mesh.calculus import LARGEST
+    from ..mesh.calculus import LARGEST
 
     if not np.isfinite(surface.colors).all():
         raise core.InvalidSignal("The colors hold NaN or infinity; paint over these first.")
@@ -129,8 +129,8 @@ def repainted_corners(
     progress: Callable[[float, str], bool] | None,
 ) -> Recolored:
     """Bring new colors of the corners of triangles back; `corners` says which color each has."""
-    from ...core.base.parallel import Progress
-    from ...core.mesh.calculus import group_means
+    from ..base.parallel import Progress
+    from ..mesh.calculus import group_means
 
     new = surface.colors.copy()
     phase = Progress.of(progress).part(1.0, 1.0, "Placing colors")

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ... import core
-from .. import forgetting
+from . import forgetting
 
 Progress = Callable[[float, str], bool]
 
@@ -113,7 +113,7 @@ def welded(
     core.InvalidMesh, core.Cancelled
         See `core.TriangleMesh`.
     """
-    from ...core.base.memo import equal
+    from ..base.memo import equal
 
     key = surface.positions, surface.triangles, surface.mask, surface.to_world, weld, colors
     with _lock:
@@ -145,8 +145,8 @@ def _welded(
     progress: Progress | None,
     colors: npt.NDArray[np.float32] | None,
 ) -> Welded:
-    from ...core.base.parallel import Progress as Phases
-    from ...core.mesh.triangle_mesh import check_finite
+    from ..base.parallel import Progress as Phases
+    from ..mesh.triangle_mesh import check_finite
 
     check_finite(surface.positions)  # of loose vertices, too, under the numbers that Blender shows
     phase = Phases.of(progress).part(0.0, 0.0, "Preparing the mesh")

@@ -45,7 +45,7 @@ def mirror_pairs(
     """
     from scipy.spatial import cKDTree
 
-    from ...core.base.parallel import Progress, blocks
+    from ..base.parallel import Progress, blocks
 
     phase = Progress.of(progress).part(1.0, 1.0, "Placing vertices")
     lengths = np.empty(len(triangles))

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .coloring import ColoredSurface, check_colors, filter_colors, repainted_corners
+from .colors import ColoredSurface, check_colors, filter_colors, repainted_corners
+from .geometry import MirroredSurface, Sharpened, placed
 from .picture import Picture, Pixels, filter_picture
 from .recolored import Recolored
-from .sharpening import MirroredSurface, Sharpened, placed
 from .surface import welded
 
 Progress = Callable[[float, str], bool]
@@ -49,7 +49,7 @@ def denoise_shape(
     surface: MirroredSurface, denoising: Denoising, weld: bool, progress: Progress | None
 ) -> Sharpened:
     """Denoise a surface; parameters are those of `sharpen`."""
-    from ...core.filters.denoising import denoise_geometry
+    from ..filters.denoising import denoise_geometry
 
     part = welded(surface, weld, progress)
     positions = denoise_geometry(
@@ -62,7 +62,7 @@ def denoise_colors(
     surface: ColoredSurface, denoising: Denoising, weld: bool, progress: Progress | None
 ) -> Recolored:
     """Denoise the colors of a surface; parameters are those of `sharpen_colors`."""
-    from ...core.filters.denoising import denoise_corner_signal, denoise_vertex_signal
+    from ..filters.denoising import denoise_corner_signal, denoise_vertex_signal
 
     kernel, time = denoising.kernel, denoising.sharpen_time
     return filter_colors(
@@ -86,7 +86,7 @@ def denoise_both(
     Colors of vertices are taken as those of the corners around them: so vertices at the same
     place move together, even where their colors differ.
     """
-    from ...core.filters.denoising import denoise_jointly
+    from ..filters.denoising import denoise_jointly
 
     shape, paint = surface.shape, surface.paint
     check_colors(paint)
@@ -102,7 +102,7 @@ def denoise_both(
 
 def denoise_picture(picture: Picture, denoising: Denoising, progress: Progress | None) -> Recolored:
     """Denoise an image; opacity stays, see `sharpen_picture`."""
-    from ...core.filters.denoising import denoise_image
+    from ..filters.denoising import denoise_image
 
     def denoise(pixels: Pixels, alpha: str) -> Pixels:
         kernel = replace(denoising.kernel, alpha=alpha)

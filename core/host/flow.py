@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ... import core
-from .coloring import ColoredSurface, check_colors
+from .colors import ColoredSurface, check_colors
 from .surface import Progress as Callback
 from .surface import Surface, Welded, welded
 
@@ -47,9 +47,9 @@ def flow_of_colors(
     With independent channels, this is the flow of all of them together. Where corners at a
     vertex differ, the highest potential counts.
     """
-    from ...core.base.parallel import Progress
-    from ...core.filters.signals import luminance, to_own_corners
-    from ...core.mesh.triangle_mesh import split_at_jumps
+    from ..base.parallel import Progress
+    from ..filters.signals import luminance, to_own_corners
+    from ..mesh.triangle_mesh import split_at_jumps
 
     check_colors(surface)
     if surface.corners is None:

@@ -81,7 +81,7 @@ def placed(
     progress: Callable[[float, str], bool] | None,
 ) -> Sharpened:
     """Bring a welded part's new positions, which may be mirrored, back to the surface."""
-    from ...core.base.parallel import Progress
+    from ..base.parallel import Progress
 
     phase = Progress.of(progress).part(1.0, 1.0, "Placing vertices")
     mesh = part.mesh
@@ -114,7 +114,7 @@ def _pairs(
     axis: np.intp,
     progress: Callable[[float, str], bool] | None,
 ) -> npt.NDArray[np.intp]:
-    from ...core.base.memo import kept
+    from ..base.memo import kept
 
     def find() -> npt.NDArray[np.intp]:
         return mirror_pairs(points, part.mesh.faces, part.mask, axis, progress)

@@ -115,7 +115,7 @@ def _filter_multiplied(
     function: Callable[[Pixels, str], Pixels],
     progress: Callable[[float, str], bool] | None,
 ) -> Pixels:
-    from ...core.base.parallel import Progress, blocks
+    from ..base.parallel import Progress, blocks
 
     phases = Progress.of(progress)
     straight = np.empty_like(pixels)
