@@ -22,8 +22,8 @@ from ..core.errors import Cancelled, InvalidUV, ShockError
 from ..core.files.output import Outcome, staged
 from ..core.files.reading import check_file
 from . import data, kernels, operators
+from .data.skipped import Skipped
 from .properties import COLOR_PREFIX
-from .skipped import Skipped
 
 OPEN_FILE = "-"
 

@@ -12,9 +12,9 @@ from ..core import host as filters
 from ..core.errors import InvalidSettings
 from ..core.settings import ImageSettings
 from . import data, obstacles
+from .data.skipped import Skipped, sentences
 from .operators import Filter, SharpenOperator, can_run, describe_colors, write_results
 from .properties import ImageProperties
-from .skipped import Skipped, sentences
 
 RESULT = bpy.props.StringProperty(
     name="Result",

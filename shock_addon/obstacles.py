@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from . import data
-from .skipped import Skipped
+from .data.skipped import Skipped
 
 
 def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:

@@ -21,10 +21,10 @@ from ..core.errors import (
     SolverError,
 )
 from . import data, kernels, obstacles, statistics
+from .data.skipped import Skipped, as_reason, explain, sentences
 from .jobs import ModalJob, Work, current, is_scene_read
 from .panel import sections
 from .properties import settings_from
-from .skipped import Skipped, as_reason, explain, sentences
 
 Progress = Callable[[float, str], bool]
 Filter = Callable[[Any, Progress], Any]

@@ -24,8 +24,8 @@ from ..core.settings import (
     TextureSettings,
 )
 from . import data, kernels
+from .data.skipped import Skipped
 from .properties import COLOR_PREFIX, settings_from
-from .skipped import Skipped
 
 _MODES = {
     "SHOCK_FILTER_OT_denoise": "denoise",

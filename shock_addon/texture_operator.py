@@ -12,11 +12,11 @@ from ..core import host as filters
 from ..core.errors import InvalidSettings
 from ..core.settings import DilateSettings, TextureSettings
 from . import data, obstacles
+from .data.skipped import Skipped
 from .image_operator import RESULT, OneImageOperator
 from .operators import Filter, can_run, counted, describe_colors
 from .panel import sections
 from .properties import DILATE_NAMES, DilateProperties, TextureProperties, texture_image
-from .skipped import Skipped
 
 _OF_ONE_RUN = {"image": texture_image({"SKIP_SAVE"}), "result": RESULT}
 

@@ -20,9 +20,9 @@ _MODULES = {
         "refusal",
         "shown_image",
     ),
-    "color_data": ("check_unchanged", "read_colors", "write_colors"),
-    "geometry_data": ("Place", "read_geometry", "write_geometry"),
-    "image_data": (
+    "colors": ("check_unchanged", "read_colors", "write_colors"),
+    "geometry": ("Place", "read_geometry", "write_geometry"),
+    "images": (
         "UNTILED",
         "ImageTarget",
         "add_or_reuse",
@@ -31,8 +31,8 @@ _MODULES = {
         "read_image",
         "restore",
     ),
-    "mesh_data": ("Target", "find", "object_mode", "read_targets"),
-    "texture_data": ("EVERYWHERE", "TextureTarget", "assign", "read_faces", "read_texture"),
+    "meshes": ("Target", "find", "object_mode", "read_targets"),
+    "textures": ("EVERYWHERE", "TextureTarget", "assign", "read_faces", "read_texture"),
 }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from .mesh_data import Target, read_targets
+from .meshes import Target, read_targets
 
 
 def read_active(

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..skipped import Skipped
 from .materials import active_image
+from .skipped import Skipped
 
 CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
 """Types of objects that Blender can make meshes of."""

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from .mesh_data import read_corner_vertices
+from .meshes import read_corner_vertices
 
 _LAYER = "custom_normal"
 

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..skipped import Skipped
-from .mesh_data import read_corner_vertices
+from .meshes import read_corner_vertices
+from .skipped import Skipped
 from .vertex_groups import group_weights
 
 _PAINTING = {"PAINT_VERTEX", "PAINT_TEXTURE", "PAINT_WEIGHT"}

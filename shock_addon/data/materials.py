@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..skipped import Skipped
+from .skipped import Skipped
 
 
 def active_image(material: bpy.types.Material) -> bpy.types.Image:

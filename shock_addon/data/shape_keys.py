@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..skipped import Skipped
+from .skipped import Skipped
 from .vertex_groups import group_weights
 
 Positions = npt.NDArray[np.float32]

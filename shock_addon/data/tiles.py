@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..skipped import Skipped
+from .skipped import Skipped
 from .unchanged import check_same
 
 Tiles = dict[int, npt.NDArray[np.float32]]

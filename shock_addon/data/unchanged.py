@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy.typing as npt
 
-from ..skipped import Skipped
+from .skipped import Skipped
 
 
 def check_same(

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..skipped import Skipped
+from .skipped import Skipped
 
 _NAME = "shock_filter"
 _WEIGHTS = "shock_filter weights"

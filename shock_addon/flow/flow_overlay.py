@@ -168,7 +168,7 @@ def _batches(mesh: bpy.types.Mesh) -> list:
     from gpu.shader import from_builtin
     from gpu_extras.batch import batch_for_shader
 
-    from ..data.mesh_data import read_corner_vertices, read_positions, read_triangle_corners
+    from ..data.meshes import read_corner_vertices, read_positions, read_triangle_corners
     from .flow_data import read_faces, read_flow
     from .flow_drawing import potential_colors, strokes
 

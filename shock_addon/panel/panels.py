@@ -7,9 +7,9 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from .. import data, jobs, kernels, obstacles, operators, statistics
+from ..data.skipped import Skipped
 from ..flow import flow_overlay
 from ..properties import DILATE_NAMES, NAMES
-from ..skipped import Skipped
 from . import sections
 from .presets import PANELS as PRESETS
 from .wrapping import draw_text, fit

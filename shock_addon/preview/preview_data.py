@@ -15,11 +15,11 @@ from ...core.host.denoising import Both, PaintedSurface
 from ...core.host.geometry import Sharpened
 from ...core.host.recolored import Recolored
 from ..data import shape_keys
-from ..data.color_data import stored, write_colors
-from ..data.geometry_data import write_geometry
-from ..data.mesh_data import Target, find, read_positions, write_positions
+from ..data.colors import stored, write_colors
+from ..data.geometry import write_geometry
+from ..data.meshes import Target, find, read_positions, write_positions
+from ..data.skipped import Skipped
 from ..data.unchanged import check_same
-from ..skipped import Skipped
 
 _Part = tuple[str, str]
 """What a mesh holds: the kind and the name."""

@@ -17,9 +17,9 @@ from ...core.errors import InvalidSignal
 from ...core.host.picture import Picture
 from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
 from .. import data
+from ..data.skipped import Skipped
 from ..denoise_operator import denoising
 from ..properties import settings_from
-from ..skipped import Skipped
 from .preview_crop import Crop, crop_around, smoothed_at_once
 from .preview_overlay import Overlay, Piece
 from .preview_pointing import editors_of, pointed_at

@@ -13,9 +13,9 @@ from bpy.app.translations import pgettext_rpt
 
 from ...core.errors import ShockError
 from .. import data, jobs, obstacles
+from ..data.skipped import Skipped, explain
 from ..operators import can_run
 from ..properties import NAMES
-from ..skipped import Skipped, explain
 from ..status_text import StatusText
 from .preview_pointing import editors_of, is_over_view
 

@@ -16,10 +16,10 @@ from bpy.app.translations import pgettext_iface as iface_
 from ...core.errors import Cancelled, ShockError
 from ...core.settings import describe
 from .. import kernels
+from ..data.skipped import explain
 from ..jobs import Job
 from ..operators import Progress, filter_targets
 from ..properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
-from ..skipped import explain
 from .preview_dials import TimeDial, turned
 
 _PATIENCE = 0.5

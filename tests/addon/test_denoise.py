@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shock_filter.core.host.denoising import Denoising, denoise_both
 from shock_filter.shock_addon import denoise_operator, operators, properties
-from shock_filter.shock_addon.data.mesh_data import (
+from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_targets,

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon import operators
-from shock_filter.shock_addon.data import image_data
+from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.fields import fields_of
 from shock_filter.shock_addon.panel import panels
 

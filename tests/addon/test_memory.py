@@ -9,9 +9,9 @@ from memory import assert_flat
 from shock_filter.core.host.geometry import Sharpened
 from shock_filter.core.host.recolored import Recolored
 from shock_filter.core.host.textures import Retextured
-from shock_filter.shock_addon.data.image_data import ImageTarget
-from shock_filter.shock_addon.data.mesh_data import Target
-from shock_filter.shock_addon.data.texture_data import TextureTarget
+from shock_filter.shock_addon.data.images import ImageTarget
+from shock_filter.shock_addon.data.meshes import Target
+from shock_filter.shock_addon.data.textures import TextureTarget
 
 OF_A_RUN = Target, ImageTarget, TextureTarget, Sharpened, Recolored, Retextured
 

@@ -13,12 +13,12 @@ from shock_filter.core.host.denoising import Denoising, denoise_shape
 from shock_filter.core.host.geometry import MirroredSurface, sharpen
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
 from shock_filter.shock_addon.data.active_object import read_active
-from shock_filter.shock_addon.data.geometry_data import read_geometry
-from shock_filter.shock_addon.data.mesh_data import read_positions, write_positions
+from shock_filter.shock_addon.data.geometry import read_geometry
+from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.preview import preview_meshes, preview_operator, previewing
 from shock_filter.shock_addon.preview.preview_dials import TimeDial, turned
 from shock_filter.shock_addon.preview.preview_patch import patch_around, seen_vertex, whole_surface
-from shock_filter.shock_addon.skipped import Skipped
 
 ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shock_filter.core import BeltramiSettings, InvalidSignal
 from shock_filter.core.host.picture import Picture
-from shock_filter.shock_addon.data import image_data
+from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.preview import preview_images, preview_operator
 from shock_filter.shock_addon.preview.preview_crop import crop_around, smoothed_at_once
 from shock_filter.shock_addon.preview.preview_overlay import Overlay

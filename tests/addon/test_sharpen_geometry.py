@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter.shock_addon import operators
-from shock_filter.shock_addon.data.mesh_data import (
+from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,

@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon import image_operator, operators
-from shock_filter.shock_addon.data import chosen, image_data
+from shock_filter.shock_addon.data import chosen
+from shock_filter.shock_addon.data import images as image_data
 
 sharpen = bpy.ops.shock_filter.sharpen_image
 

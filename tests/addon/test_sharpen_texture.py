@@ -11,7 +11,9 @@ from shock_filter.core import Cancelled, TextureSettings
 from shock_filter.core.host.mosaic import Mosaic
 from shock_filter.core.host.textures import sharpen_texture
 from shock_filter.shock_addon import operators, texture_operator
-from shock_filter.shock_addon.data import chosen, image_data, texture_data, tiles
+from shock_filter.shock_addon.data import chosen, tiles
+from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data import textures as texture_data
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
 dilate = bpy.ops.shock_filter.dilate_texture

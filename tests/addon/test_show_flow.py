@@ -11,7 +11,7 @@ from shock_filter import core
 from shock_filter.core.host.colors import ColoredSurface
 from shock_filter.core.host.flow import flow_of_colors
 from shock_filter.shock_addon import operators
-from shock_filter.shock_addon.data.mesh_data import (
+from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,

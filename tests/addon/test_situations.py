@@ -12,7 +12,7 @@ from mathutils import Matrix
 from shock_filter.core.host.symmetry import MirrorPlane
 from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data import shape_keys
-from shock_filter.shock_addon.data.mesh_data import (
+from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     write_positions,

@@ -8,9 +8,9 @@ from pathlib import Path
 import bpy
 import pytest
 from shock_filter.core import InvalidMesh
-from shock_filter.shock_addon import skipped
+from shock_filter.shock_addon.data import skipped
+from shock_filter.shock_addon.data.skipped import Skipped, as_reason, explain, sentences
 from shock_filter.shock_addon.panel import translations
-from shock_filter.shock_addon.skipped import Skipped, as_reason, explain, sentences
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

@@ -14,9 +14,8 @@ import numpy as np
 
 from ...core.host.colors import ColoredSurface
 from ...core.host.recolored import Colors, Recolored
-from ..skipped import Skipped
 from .masks import color_mask
-from .mesh_data import (
+from .meshes import (
     Target,
     find,
     lengths_in_world,
@@ -24,6 +23,7 @@ from .mesh_data import (
     read_positions,
     read_triangle_corners,
 )
+from .skipped import Skipped
 from .unchanged import check_same
 
 

@@ -12,11 +12,10 @@ import numpy.typing as npt
 
 from ...core.host.geometry import MirroredSurface, Sharpened
 from ...core.host.symmetry import MirrorPlane
-from ..skipped import Skipped
 from . import custom_normals, shape_keys
 from .edge_marks import mark_sharp
 from .masks import vertex_mask
-from .mesh_data import (
+from .meshes import (
     Target,
     find,
     lengths_in_world,
@@ -25,6 +24,7 @@ from .mesh_data import (
     read_triangle_corners,
     write_positions,
 )
+from .skipped import Skipped
 from .unchanged import check_same
 
 

@@ -14,12 +14,11 @@ from bpy.app.translations import pgettext_rpt
 
 from ...core.host.mosaic import Mosaic
 from ...core.host.textures import TexturedFaces, TexturedSurface
-from ..skipped import Skipped, as_reason, sentences
-from . import image_data
+from . import images as image_data
 from .chosen import mesh_objects, refusal
 from .masks import color_mask
 from .materials import image_nodes
-from .mesh_data import (
+from .meshes import (
     check_readable,
     check_sculpting,
     matrix_in_world,
@@ -28,6 +27,7 @@ from .mesh_data import (
     read_positions,
     read_triangle_corners,
 )
+from .skipped import Skipped, as_reason, sentences
 from .tiles import Tiles
 
 Floats = npt.NDArray[np.float64]

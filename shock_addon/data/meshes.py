@@ -14,8 +14,8 @@ import numpy.typing as npt
 from bpy.app.translations import pgettext_iface
 
 from ...core.host.surface import Surface
-from ..skipped import Skipped, sentences
 from .chosen import CONVERTIBLE, mesh_objects, mesh_refusal
+from .skipped import Skipped, sentences
 
 _SINGULAR = 1e-6
 _UNIFORM = 1e-5

@@ -3,7 +3,7 @@
 
 from bpy.app.translations import pgettext_rpt
 
-from ..core.errors import ShockError
+from ...core.errors import ShockError
 
 _MOST_NAMES = 4
 

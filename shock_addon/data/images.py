@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from ...core.host import forgetting
 from ...core.host.picture import Picture
-from ..skipped import Skipped
 from .chosen import refusal
+from .skipped import Skipped
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
 from .unchanged import check_same
 
