@@ -10,20 +10,15 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.host import forgetting
-from . import (
-    colors_operator,
-    command,
-    denoise_operator,
-    geometry_operator,
-    image_operator,
-    jobs,
-    kernels,
-    operators,
-    properties,
-    statistics,
-    texture_operator,
-)
+from . import command
 from .flow import flow_operator, flow_overlay
+from .operators import base as operators
+from .operators import colors as colors_operator
+from .operators import denoise as denoise_operator
+from .operators import geometry as geometry_operator
+from .operators import images as image_operator
+from .operators import jobs, kernels, properties, statistics
+from .operators import textures as texture_operator
 from .panel import manual, menus, panels, presets, translations
 from .preview import preview_operator
 

@@ -21,9 +21,11 @@ from ..core import host as filters
 from ..core.errors import Cancelled, InvalidUV, ShockError
 from ..core.files.output import Outcome, staged
 from ..core.files.reading import check_file
-from . import data, kernels, operators
+from . import data
 from .data.skipped import Skipped
-from .properties import COLOR_PREFIX
+from .operators import base as operators
+from .operators import kernels
+from .operators.properties import COLOR_PREFIX
 
 OPEN_FILE = "-"
 

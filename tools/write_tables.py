@@ -19,9 +19,9 @@ from typing import Any
 import bpy
 import shock_filter
 from shock_filter.core import settings
+from shock_filter.shock_addon.operators.base.properties import SHOCK_FILTER_PG_scene
 from shock_filter.shock_addon.panel.manual import heading
 from shock_filter.shock_addon.panel.shipped_presets import SHIPPED
-from shock_filter.shock_addon.properties import SHOCK_FILTER_PG_scene
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 WINDOW = DOCS / "images" / "window"

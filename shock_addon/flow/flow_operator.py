@@ -11,8 +11,8 @@ from bpy.app.translations import pgettext_rpt
 from ...core import host as filters
 from ...core.settings import GeometrySettings, ShockSettings
 from .. import data
-from ..operators import Filter, MeshOperator, Steps
-from ..properties import settings_from
+from ..operators.base import Filter, MeshOperator, Steps
+from ..operators.properties import settings_from
 from . import flow_overlay
 
 _SETTINGS = {"geometry": GeometrySettings, "colors": ShockSettings}

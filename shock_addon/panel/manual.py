@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from ..properties import NAMES, SHOCK_FILTER_PG_scene
+from ..operators.properties import NAMES, SHOCK_FILTER_PG_scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 

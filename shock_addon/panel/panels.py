@@ -6,10 +6,13 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from .. import data, jobs, kernels, obstacles, operators, statistics
+from .. import data
 from ..data.skipped import Skipped
 from ..flow import flow_overlay
-from ..properties import DILATE_NAMES, NAMES
+from ..operators import base as operators
+from ..operators import jobs, kernels, statistics
+from ..operators import poll as obstacles
+from ..operators.properties import DILATE_NAMES, NAMES
 from . import sections
 from .presets import PANELS as PRESETS
 from .wrapping import draw_text, fit

@@ -8,8 +8,8 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_tip
 
-from ..fields import filter_names
-from ..properties import NAMES, label
+from ..operators.fields import filter_names
+from ..operators.properties import NAMES, label
 from .shipped_presets import DEFAULTS, SHIPPED, ShippedPreset
 
 _OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}

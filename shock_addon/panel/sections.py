@@ -6,8 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ...core.settings import Setting
-from ..fields import fields_of
-from ..properties import NAMES, STEADY_STATE
+from ..operators.fields import fields_of
+from ..operators.properties import NAMES, STEADY_STATE
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties

@@ -18,8 +18,8 @@ from ...core.host.picture import Picture
 from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
 from .. import data
 from ..data.skipped import Skipped
-from ..denoise_operator import denoising
-from ..properties import settings_from
+from ..operators.denoise import denoising
+from ..operators.properties import settings_from
 from .preview_crop import Crop, crop_around, smoothed_at_once
 from .preview_overlay import Overlay, Piece
 from .preview_pointing import editors_of, pointed_at

@@ -16,8 +16,8 @@ from ...core.errors import InvalidMesh
 from ...core.settings import GeometrySettings, ShockSettings
 from .. import data
 from ..data.skipped import Skipped
-from ..denoise_operator import SETTINGS, denoise_settings, steps_of
-from ..properties import settings_from
+from ..operators.denoise import SETTINGS, denoise_settings, steps_of
+from ..operators.properties import settings_from
 from .preview_data import Original, color_attribute, show
 from .preview_outline import Outline
 from .preview_patch import Patch, patch_around, seen_vertex, whole_surface

@@ -12,11 +12,13 @@ from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_rpt
 
 from ...core.errors import ShockError
-from .. import data, jobs, obstacles
+from .. import data
 from ..data.skipped import Skipped, explain
-from ..operators import can_run
-from ..properties import NAMES
-from ..status_text import StatusText
+from ..operators import jobs
+from ..operators import poll as obstacles
+from ..operators.base import can_run
+from ..operators.properties import NAMES
+from ..operators.status import StatusText
 from .preview_pointing import editors_of, is_over_view
 
 _INTERVAL = 0.03

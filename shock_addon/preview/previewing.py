@@ -15,11 +15,11 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
 from ...core.settings import describe
-from .. import kernels
 from ..data.skipped import explain
-from ..jobs import Job
-from ..operators import Progress, filter_targets
-from ..properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
+from ..operators import kernels
+from ..operators.base import Progress, filter_targets
+from ..operators.jobs import Job
+from ..operators.properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
 from .preview_dials import TimeDial, turned
 
 _PATIENCE = 0.5

@@ -7,14 +7,16 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core.host.denoising import Denoising, denoise_both
-from shock_filter.shock_addon import denoise_operator, operators, properties
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_targets,
     write_positions,
 )
-from shock_filter.shock_addon.fields import fields_of
+from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators.base import denoise as denoise_operator
+from shock_filter.shock_addon.operators.base import properties
+from shock_filter.shock_addon.operators.base.fields import fields_of
 from shock_filter.shock_addon.panel import menus, panels
 
 denoise = bpy.ops.shock_filter.denoise

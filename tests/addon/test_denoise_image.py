@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.fields import fields_of
+from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators.base.fields import fields_of
 from shock_filter.shock_addon.panel import panels
 
 denoise = bpy.ops.shock_filter.denoise_image

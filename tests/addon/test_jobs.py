@@ -12,9 +12,12 @@ import pytest
 from shock_filter import core
 from shock_filter.core import Cancelled, GeometrySettings
 from shock_filter.core.host.geometry import sharpen
-from shock_filter.shock_addon import data, jobs, operators, status_text
+from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions
+from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators.base import jobs
+from shock_filter.shock_addon.operators.base import status as status_text
 
 ESC = SimpleNamespace(type="ESC", value="PRESS", mouse_x=0, mouse_y=0)
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING", mouse_x=0, mouse_y=0)

@@ -22,7 +22,7 @@ addon_utils.extensions_refresh(ensure_wheels=False)
 assert addon_utils.enable(NAME, default_set=True) is not None
 bpy.ops.wm.read_homefile(use_empty=True)
 import importlib
-kernels = importlib.import_module(NAME + ".shock_addon.kernels")
+kernels = importlib.import_module(NAME + ".shock_addon.operators.kernels")
 ran = [kernels.has_run(mode) for mode in ("geometry", "texture")]
 if sys.argv[1:] == ["load only"]:
     kernels.load(kernels.cache_folder())

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.shock_addon.fields import filter_names
+from shock_filter.shock_addon.operators.base.fields import filter_names
+from shock_filter.shock_addon.operators.base.properties import NAMES
 from shock_filter.shock_addon.panel import presets
 from shock_filter.shock_addon.panel.shipped_presets import SHIPPED
-from shock_filter.shock_addon.properties import NAMES
 
 
 @pytest.fixture(autouse=True)

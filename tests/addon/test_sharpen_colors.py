@@ -4,8 +4,8 @@
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data.meshes import read_corner_vertices, read_positions
+from shock_filter.shock_addon.operators.base import base as operators
 
 sharpen = bpy.ops.shock_filter.sharpen_colors
 

@@ -8,14 +8,14 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,
     write_positions,
 )
-from shock_filter.shock_addon.geometry_operator import notes
+from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators.base.geometry import notes
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

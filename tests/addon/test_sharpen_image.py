@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon import image_operator, operators
 from shock_filter.shock_addon.data import chosen
 from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators.base import images as image_operator
 
 sharpen = bpy.ops.shock_filter.sharpen_image
 

@@ -10,10 +10,11 @@ import pytest
 from shock_filter.core import Cancelled, TextureSettings
 from shock_filter.core.host.mosaic import Mosaic
 from shock_filter.core.host.textures import sharpen_texture
-from shock_filter.shock_addon import operators, texture_operator
 from shock_filter.shock_addon.data import chosen, tiles
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data import textures as texture_data
+from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators.base import textures as texture_operator
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
 dilate = bpy.ops.shock_filter.dilate_texture

@@ -10,7 +10,6 @@ from mathutils import Matrix
 from shock_filter import core
 from shock_filter.core.host.colors import ColoredSurface
 from shock_filter.core.host.flow import flow_of_colors
-from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
@@ -19,6 +18,7 @@ from shock_filter.shock_addon.data.meshes import (
 from shock_filter.shock_addon.flow import flow_overlay
 from shock_filter.shock_addon.flow.flow_data import read_flow
 from shock_filter.shock_addon.flow.flow_drawing import MOST_STROKES, potential_colors, strokes
+from shock_filter.shock_addon.operators.base import base as operators
 
 show_flow = bpy.ops.shock_filter.show_flow
 hide_flow = bpy.ops.shock_filter.hide_flow

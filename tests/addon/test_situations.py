@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter.core.host.symmetry import MirrorPlane
-from shock_filter.shock_addon import operators
 from shock_filter.shock_addon.data import shape_keys
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     write_positions,
 )
+from shock_filter.shock_addon.operators.base import base as operators
 
 ROOT = Path(__file__).parents[2]
 

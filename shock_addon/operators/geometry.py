@@ -8,10 +8,10 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from ..core import host as filters
-from ..core.settings import GeometrySettings
-from . import data
-from .operators import MeshOperator, Steps, counted
+from ...core import host as filters
+from ...core.settings import GeometrySettings
+from .. import data
+from .base import MeshOperator, Steps, counted
 from .properties import GeometryProperties
 
 

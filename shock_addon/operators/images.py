@@ -8,12 +8,13 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from ..core import host as filters
-from ..core.errors import InvalidSettings
-from ..core.settings import ImageSettings
-from . import data, obstacles
-from .data.skipped import Skipped, sentences
-from .operators import Filter, SharpenOperator, can_run, describe_colors, write_results
+from ...core import host as filters
+from ...core.errors import InvalidSettings
+from ...core.settings import ImageSettings
+from .. import data
+from ..data.skipped import Skipped, sentences
+from . import poll as obstacles
+from .base import Filter, SharpenOperator, can_run, describe_colors, write_results
 from .properties import ImageProperties
 
 RESULT = bpy.props.StringProperty(

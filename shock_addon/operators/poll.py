@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from . import data
-from .data.skipped import Skipped
+from .. import data
+from ..data.skipped import Skipped
 
 
 def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:

@@ -8,14 +8,15 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from ..core import host as filters
-from ..core.errors import InvalidSettings
-from ..core.settings import DilateSettings, TextureSettings
-from . import data, obstacles
-from .data.skipped import Skipped
-from .image_operator import RESULT, OneImageOperator
-from .operators import Filter, can_run, counted, describe_colors
-from .panel import sections
+from ...core import host as filters
+from ...core.errors import InvalidSettings
+from ...core.settings import DilateSettings, TextureSettings
+from .. import data
+from ..data.skipped import Skipped
+from ..panel import sections
+from . import poll as obstacles
+from .base import Filter, can_run, counted, describe_colors
+from .images import RESULT, OneImageOperator
 from .properties import DILATE_NAMES, DilateProperties, TextureProperties, texture_image
 
 _OF_ONE_RUN = {"image": texture_image({"SKIP_SAVE"}), "result": RESULT}
@@ -101,7 +102,7 @@ class _TextureOperator(OneImageOperator):
 
 def _parts(target: data.TextureTarget, result: filters.Recolored) -> dict[int, filters.Recolored]:
     """Compare each tile with what it was."""
-    from ..core.host.recolored import recolored
+    from ...core.host.recolored import recolored
 
     if target.mosaic is None:
         return {data.UNTILED: result}

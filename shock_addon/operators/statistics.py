@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..core.base.cores import thread_count
-from ..core.errors import InvalidSettings
-from ..core.estimate import Estimate, estimate, wall_seconds
-from ..core.settings import (
+from ...core.base.cores import thread_count
+from ...core.errors import InvalidSettings
+from ...core.estimate import Estimate, estimate, wall_seconds
+from ...core.settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,
@@ -23,8 +23,9 @@ from ..core.settings import (
     ShockSettings,
     TextureSettings,
 )
-from . import data, kernels
-from .data.skipped import Skipped
+from .. import data
+from ..data.skipped import Skipped
+from . import kernels
 from .properties import COLOR_PREFIX, settings_from
 
 _MODES = {

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ..core.settings import (
+from ...core.settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,

@@ -11,19 +11,14 @@ from typing import Any, NamedTuple
 import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
-from ..core import host as filters
-from ..core.errors import (
-    Cancelled,
-    InvalidMesh,
-    InvalidSignal,
-    InvalidUV,
-    ShockError,
-    SolverError,
-)
-from . import data, kernels, obstacles, statistics
-from .data.skipped import Skipped, as_reason, explain, sentences
+from ...core import host as filters
+from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
+from .. import data
+from ..data.skipped import Skipped, as_reason, explain, sentences
+from ..panel import sections
+from . import kernels, statistics
+from . import poll as obstacles
 from .jobs import ModalJob, Work, current, is_scene_read
-from .panel import sections
 from .properties import settings_from
 
 Progress = Callable[[float, str], bool]

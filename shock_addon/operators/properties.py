@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..core.settings import (
+from ...core.settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,

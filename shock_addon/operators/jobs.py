@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from .status_text import StatusText
+from .status import StatusText
 
 Work = Callable[[Callable[[float, str], bool]], Any]
 

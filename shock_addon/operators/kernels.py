@@ -11,10 +11,10 @@ from functools import cache
 
 import bpy
 
-from .. import __version__
-from ..core.errors import ShockError
+from ... import __version__
+from ...core.errors import ShockError
 
-_PACKAGE = __package__.rpartition(".")[0]
+_PACKAGE = __package__.removesuffix(".shock_addon.operators")
 _REMEDY = (
     "what is missing comes inside the Shock Filter zip; install the zip that was made for this"
     " Blender version and platform"
@@ -121,8 +121,8 @@ def load(folder: str | None) -> None:
             chosen_by_user = numba.config.CACHE_DIR
             numba.config.CACHE_DIR = chosen_by_user or folder or ""
             try:
-                from ..core.filters import denoising, images, signals, textures  # noqa: F401
-                from ..core.filters import geometry as shock
+                from ...core.filters import denoising, images, signals, textures  # noqa: F401
+                from ...core.filters import geometry as shock
             finally:
                 numba.config.CACHE_DIR = chosen_by_user
         except _UNUSABLE as error:

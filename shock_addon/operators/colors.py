@@ -6,10 +6,10 @@ from __future__ import annotations
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from ..core import host as filters
-from ..core.settings import ShockSettings
-from . import data
-from .operators import MeshOperator, Steps, counted, describe_colors
+from ...core import host as filters
+from ...core.settings import ShockSettings
+from .. import data
+from .base import MeshOperator, Steps, counted, describe_colors
 from .properties import ColorProperties
 
 

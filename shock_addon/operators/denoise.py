@@ -9,12 +9,12 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from ..core import host as filters
-from ..core.settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
-from . import data
-from .geometry_operator import describe_moves, notes
-from .image_operator import ImageOperator
-from .operators import Filter, MeshOperator, Steps, counted, describe_colors
+from ...core import host as filters
+from ...core.settings import BeltramiGeometrySettings, BeltramiMeshSettings, BeltramiSettings
+from .. import data
+from .base import Filter, MeshOperator, Steps, counted, describe_colors
+from .geometry import describe_moves, notes
+from .images import ImageOperator
 from .properties import (
     COLOR_PREFIX,
     DenoiseImageProperties,
