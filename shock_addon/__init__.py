@@ -11,7 +11,8 @@ from bpy.app.handlers import persistent
 
 from ..core.host import forgetting
 from . import command
-from .flow import flow_operator, flow_overlay
+from .flow import operator as flow_operator
+from .flow import overlay as flow_overlay
 from .operators import base as operators
 from .operators import colors as colors_operator
 from .operators import denoise as denoise_operator
@@ -20,7 +21,7 @@ from .operators import images as image_operator
 from .operators import jobs, kernels, properties, statistics
 from .operators import textures as texture_operator
 from .panel import manual, menus, panels, presets, translations
-from .preview import preview_operator
+from .preview import operator as preview_operator
 
 _CLASSES = (
     *jobs.CLASSES,

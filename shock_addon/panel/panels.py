@@ -8,7 +8,7 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from .. import data
 from ..data.skipped import Skipped
-from ..flow import flow_overlay
+from ..flow import overlay as flow_overlay
 from ..operators import base as operators
 from ..operators import jobs, kernels, statistics
 from ..operators import poll as obstacles

@@ -20,7 +20,7 @@ from ..operators import kernels
 from ..operators.base import Progress, filter_targets
 from ..operators.jobs import Job
 from ..operators.properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
-from .preview_dials import TimeDial, turned
+from .dials import TimeDial, turned
 
 _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""

@@ -8,7 +8,7 @@ import bpy
 import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
-from shock_filter.shock_addon.flow import flow_overlay
+from shock_filter.shock_addon.flow import overlay as flow_overlay
 from shock_filter.shock_addon.operators.base import base as operators
 from shock_filter.shock_addon.operators.base import jobs, kernels, properties, statistics
 from shock_filter.shock_addon.panel import menus, panels

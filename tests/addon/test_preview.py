@@ -16,9 +16,11 @@ from shock_filter.shock_addon.data.active_object import read_active
 from shock_filter.shock_addon.data.geometry import read_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, write_positions
 from shock_filter.shock_addon.data.skipped import Skipped
-from shock_filter.shock_addon.preview import preview_meshes, preview_operator, previewing
-from shock_filter.shock_addon.preview.preview_dials import TimeDial, turned
-from shock_filter.shock_addon.preview.preview_patch import patch_around, seen_vertex, whole_surface
+from shock_filter.shock_addon.preview import meshes as preview_meshes
+from shock_filter.shock_addon.preview import operator as preview_operator
+from shock_filter.shock_addon.preview import previewing
+from shock_filter.shock_addon.preview.dials import TimeDial, turned
+from shock_filter.shock_addon.preview.patch import patch_around, seen_vertex, whole_surface
 
 ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
 

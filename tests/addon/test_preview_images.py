@@ -11,11 +11,12 @@ import pytest
 from shock_filter.core import BeltramiSettings, InvalidSignal
 from shock_filter.core.host.picture import Picture
 from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.preview import preview_images, preview_operator
-from shock_filter.shock_addon.preview.preview_crop import crop_around, smoothed_at_once
-from shock_filter.shock_addon.preview.preview_overlay import Overlay
-from shock_filter.shock_addon.preview.preview_pointing import is_over_view, pointed_at
-from shock_filter.shock_addon.preview.preview_screen_colors import decoded, screen_colors
+from shock_filter.shock_addon.preview import images as preview_images
+from shock_filter.shock_addon.preview import operator as preview_operator
+from shock_filter.shock_addon.preview.crop import crop_around, smoothed_at_once
+from shock_filter.shock_addon.preview.overlay import Overlay
+from shock_filter.shock_addon.preview.pointing import is_over_view, pointed_at
+from shock_filter.shock_addon.preview.screen_colors import decoded, screen_colors
 
 
 def soft(height=96, width=120):

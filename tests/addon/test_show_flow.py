@@ -15,9 +15,9 @@ from shock_filter.shock_addon.data.meshes import (
     read_positions,
     read_triangle_corners,
 )
-from shock_filter.shock_addon.flow import flow_overlay
-from shock_filter.shock_addon.flow.flow_data import read_flow
-from shock_filter.shock_addon.flow.flow_drawing import MOST_STROKES, potential_colors, strokes
+from shock_filter.shock_addon.flow import overlay as flow_overlay
+from shock_filter.shock_addon.flow.data import read_flow
+from shock_filter.shock_addon.flow.drawing import MOST_STROKES, potential_colors, strokes
 from shock_filter.shock_addon.operators.base import base as operators
 
 show_flow = bpy.ops.shock_filter.show_flow

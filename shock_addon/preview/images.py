@@ -20,11 +20,11 @@ from .. import data
 from ..data.skipped import Skipped
 from ..operators.denoise import denoising
 from ..operators.properties import settings_from
-from .preview_crop import Crop, crop_around, smoothed_at_once
-from .preview_overlay import Overlay, Piece
-from .preview_pointing import editors_of, pointed_at
-from .preview_screen_colors import is_transparent, screen_colors
+from .crop import Crop, crop_around, smoothed_at_once
+from .overlay import Overlay, Piece
+from .pointing import editors_of, pointed_at
 from .previewing import Kind, Preview, parameters_of
+from .screen_colors import is_transparent, screen_colors
 
 _QUICK, _SLOW = 500_000, 25_000
 """Most pixels that are sharpened, or denoised, for each look: a quarter of a second."""

@@ -18,10 +18,10 @@ from .. import data
 from ..data.skipped import Skipped
 from ..operators.denoise import SETTINGS, denoise_settings, steps_of
 from ..operators.properties import settings_from
-from .preview_data import Original, color_attribute, show
-from .preview_outline import Outline
-from .preview_patch import Patch, patch_around, seen_vertex, whole_surface
-from .preview_pointing import is_over_view, pointed_at
+from .data import Original, color_attribute, show
+from .outline import Outline
+from .patch import Patch, patch_around, seen_vertex, whole_surface
+from .pointing import is_over_view, pointed_at
 from .previewing import Kind, Preview, parameters_of
 
 _QUICK, _SLOW = 50_000, 8_000

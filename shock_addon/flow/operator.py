@@ -13,7 +13,7 @@ from ...core.settings import GeometrySettings, ShockSettings
 from .. import data
 from ..operators.base import Filter, MeshOperator, Steps
 from ..operators.properties import settings_from
-from . import flow_overlay
+from . import overlay as flow_overlay
 
 _SETTINGS = {"geometry": GeometrySettings, "colors": ShockSettings}
 
@@ -51,7 +51,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def steps(self) -> Steps:
         """Compute the mode's flow."""
-        from .flow_data import write_flow
+        from .data import write_flow
 
         if self.mode == "geometry":
             return Steps(data.read_geometry, filters.flow_of_shape, write_flow)
@@ -79,7 +79,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the attributes."""
-        from .flow_data import FLOW, POTENTIAL
+        from .data import FLOW, POTENTIAL
 
         (obj, _), *_ = written
         return pgettext_rpt("Wrote {potential} and {flow} to {name}, {seconds:.1f} s.").format(

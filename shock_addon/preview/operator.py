@@ -19,7 +19,7 @@ from ..operators import poll as obstacles
 from ..operators.base import can_run
 from ..operators.properties import NAMES
 from ..operators.status import StatusText
-from .preview_pointing import editors_of, is_over_view
+from .pointing import editors_of, is_over_view
 
 _INTERVAL = 0.03
 _FINE = 0.1
@@ -73,7 +73,8 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         """Read the object or image that the tab here is about, and begin."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        from . import preview_images, preview_meshes
+        from . import images as preview_images
+        from . import meshes as preview_meshes
 
         self._mode = _shown_mode(context)
         begin = preview_images.begin if self._mode in _ON_IMAGES else preview_meshes.begin
