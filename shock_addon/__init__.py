@@ -20,8 +20,8 @@ from .operators import geometry as geometry_operator
 from .operators import images as image_operator
 from .operators import jobs, kernels, properties, statistics
 from .operators import textures as texture_operator
-from .panel import manual, menus, panels, presets, translations
 from .preview import operator as preview_operator
+from .ui import manual, menus, panels, presets, translations
 
 _CLASSES = (
     *jobs.CLASSES,

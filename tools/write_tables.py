@@ -20,8 +20,8 @@ import bpy
 import shock_filter
 from shock_filter.core import settings
 from shock_filter.shock_addon.operators.base.properties import SHOCK_FILTER_PG_scene
-from shock_filter.shock_addon.panel.manual import heading
-from shock_filter.shock_addon.panel.shipped_presets import SHIPPED
+from shock_filter.shock_addon.ui.manual import heading
+from shock_filter.shock_addon.ui.shipped_presets import SHIPPED
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 WINDOW = DOCS / "images" / "window"

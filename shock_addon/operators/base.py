@@ -15,7 +15,7 @@ from ...core import host as filters
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
 from .. import data
 from ..data.skipped import Skipped, as_reason, explain, sentences
-from ..panel import sections
+from ..ui import sections
 from . import kernels, statistics
 from . import poll as obstacles
 from .jobs import ModalJob, Work, current, is_scene_read

@@ -13,7 +13,7 @@ from ...core.errors import InvalidSettings
 from ...core.settings import DilateSettings, TextureSettings
 from .. import data
 from ..data.skipped import Skipped
-from ..panel import sections
+from ..ui import sections
 from . import poll as obstacles
 from .base import Filter, can_run, counted, describe_colors
 from .images import RESULT, OneImageOperator

@@ -17,7 +17,7 @@ from shock_filter.shock_addon.operators.base import base as operators
 from shock_filter.shock_addon.operators.base import denoise as denoise_operator
 from shock_filter.shock_addon.operators.base import properties
 from shock_filter.shock_addon.operators.base.fields import fields_of
-from shock_filter.shock_addon.panel import menus, panels
+from shock_filter.shock_addon.ui import menus, panels
 
 denoise = bpy.ops.shock_filter.denoise
 

@@ -9,7 +9,7 @@ import pytest
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.operators.base import base as operators
 from shock_filter.shock_addon.operators.base.fields import fields_of
-from shock_filter.shock_addon.panel import panels
+from shock_filter.shock_addon.ui import panels
 
 denoise = bpy.ops.shock_filter.denoise_image
 

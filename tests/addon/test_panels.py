@@ -11,7 +11,7 @@ from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import overlay as flow_overlay
 from shock_filter.shock_addon.operators.base import base as operators
 from shock_filter.shock_addon.operators.base import jobs, kernels, properties, statistics
-from shock_filter.shock_addon.panel import menus, panels
+from shock_filter.shock_addon.ui import menus, panels
 
 ABOUT = describe(GeometrySettings)
 MODES = {

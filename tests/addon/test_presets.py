@@ -9,8 +9,8 @@ import bpy
 import pytest
 from shock_filter.shock_addon.operators.base.fields import filter_names
 from shock_filter.shock_addon.operators.base.properties import NAMES
-from shock_filter.shock_addon.panel import presets
-from shock_filter.shock_addon.panel.shipped_presets import SHIPPED
+from shock_filter.shock_addon.ui import presets
+from shock_filter.shock_addon.ui.shipped_presets import SHIPPED
 
 
 @pytest.fixture(autouse=True)

@@ -79,7 +79,7 @@ print(json.dumps(states))
         "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
-    ours = "shock_filter.shock_addon", "shock_filter.shock_addon.panel.translations"
+    ours = "shock_filter.shock_addon", "shock_filter.shock_addon.ui.translations"
     assert all(name in found for name, found in zip(ours, enabled["handlers"], strict=True))
     assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}
     assert [len(now) - len(old) for now, old in zip(enabled["entries"], before["entries"],

@@ -10,7 +10,7 @@ import pytest
 from shock_filter.core import InvalidMesh
 from shock_filter.shock_addon.data import skipped
 from shock_filter.shock_addon.data.skipped import Skipped, as_reason, explain, sentences
-from shock_filter.shock_addon.panel import translations
+from shock_filter.shock_addon.ui import translations
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 import shock_filter
 from shock_filter import core
-from shock_filter.shock_addon.panel import translations
-from shock_filter.shock_addon.panel.shipped_presets import DEFAULTS, SHIPPED
+from shock_filter.shock_addon.ui import translations
+from shock_filter.shock_addon.ui.shipped_presets import DEFAULTS, SHIPPED
 
 ROOT = Path(shock_filter.__file__).parent
 FILES = sorted((ROOT / "shock_addon" / "panel" / "locale").glob("*.json"))

@@ -25,7 +25,7 @@ bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 from bl_operators import wm
 from shock_filter.shock_addon import properties
-from shock_filter.shock_addon.panel import manual
+from shock_filter.shock_addon.ui import manual
 manual.FOLDER = pathlib.Path(sys.argv[1])
 names = [f"shock_filter.{name}" for name in dir(bpy.ops.shock_filter)]
 for group in properties.CLASSES:

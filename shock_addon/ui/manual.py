@@ -109,7 +109,7 @@ def manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
 class SHOCK_FILTER_preferences(bpy.types.AddonPreferences):
     """What is seen of the extension in Blender's preferences."""
 
-    bl_idname = __package__.removesuffix(".shock_addon.panel")
+    bl_idname = __package__.removesuffix(".shock_addon.ui")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the way to the manual."""
