@@ -10,7 +10,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.host import forgetting
-from . import command
+from .commands import registration as command
 from .flow import operator as flow_operator
 from .flow import overlay as flow_overlay
 from .operators import base as operators

@@ -46,7 +46,9 @@ def run(arguments: list[str]) -> int:
     if extension is None:
         package.register()
     try:
-        command_line = importlib.import_module(".shock_addon.command_line", package.__name__)
+        command_line = importlib.import_module(
+            ".shock_addon.commands.command_line", package.__name__
+        )
         return command_line.run(arguments, "blender -b -P shock_addon/batch.py --")
     finally:
         if extension is None:

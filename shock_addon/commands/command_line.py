@@ -16,16 +16,16 @@ from typing import Any
 
 import bpy
 
-from ..core import cli
-from ..core import host as filters
-from ..core.errors import Cancelled, InvalidUV, ShockError
-from ..core.files.output import Outcome, staged
-from ..core.files.reading import check_file
-from . import data
-from .data.skipped import Skipped
-from .operators import base as operators
-from .operators import kernels
-from .operators.properties import COLOR_PREFIX
+from ...core import cli
+from ...core import host as filters
+from ...core.errors import Cancelled, InvalidUV, ShockError
+from ...core.files.output import Outcome, staged
+from ...core.files.reading import check_file
+from .. import data
+from ..data.skipped import Skipped
+from ..operators import base as operators
+from ..operators import kernels
+from ..operators.properties import COLOR_PREFIX
 
 OPEN_FILE = "-"
 
@@ -350,7 +350,7 @@ def _draw_mask(
     kernels.load(kernels.cache_folder())
     import numpy as np
 
-    from ..core.files.textures import mask_outcome, mask_pixels
+    from ...core.files.textures import mask_outcome, mask_pixels
 
     try:
         faces, _, skipped = data.read_faces(bpy.context, objects, None, data.EVERYWHERE)
@@ -541,7 +541,7 @@ def _coordinates(obj: bpy.types.Object) -> Any:
 
 def _visible_shape(obj: bpy.types.Object) -> Any:
     """Vertex positions as the shape keys mix them: (n, 3)."""
-    from .data import shape_keys
+    from ..data import shape_keys
 
     keys = obj.data.shape_keys
     if keys is None or not keys.use_relative:
