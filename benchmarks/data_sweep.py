@@ -19,10 +19,10 @@ import numpy as np
 from report import table
 from shock_filter import core
 from shock_filter.core.atlas import TextureAtlas
-from shock_filter.core.files.meshes.formats.pillow import read_pillow
-from shock_filter.core.files.meshes.formats.trimesh import KEEPS, SceneFile
-from shock_filter.core.files.meshes.meshes import IN_PLACE, read_document
-from shock_filter.core.files.meshes.textures import read_textured_mesh
+from shock_filter.core.files.formats.pillow import read_pillow
+from shock_filter.core.files.formats.trimesh import KEEPS, SceneFile
+from shock_filter.core.files.meshes import IN_PLACE, read_document
+from shock_filter.core.files.textures import read_textured_mesh
 from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
 
 MESHES = tuple(KEEPS)

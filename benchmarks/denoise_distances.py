@@ -11,8 +11,8 @@ import numpy as np
 import trimesh
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.grid.walk.geodesics import march, open_band
-from shock_filter.core.mesh.triangle_mesh.geodesics import distances_from
+from shock_filter.core.grid.geodesics import march, open_band
+from shock_filter.core.mesh.geodesics import distances_from
 
 ORDER = 0.9
 ROUNDING = 1e-5

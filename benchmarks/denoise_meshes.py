@@ -21,7 +21,7 @@ from geometry_quality import (
 )
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.mesh.triangle_mesh.calculus import average_to_vertices
+from shock_filter.core.mesh.calculus import average_to_vertices
 
 CASES = [NOISY[0], ("fandisk.obj", "fandisk_noisy_0.7.obj"), *NOISY[1:]]
 FANDISK = "fandisk.obj"

@@ -14,8 +14,8 @@ import peers
 from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.base.parallel import Progress
-from shock_filter.core.flow.potential.potential import flow_potential
-from shock_filter.core.mesh.triangle_mesh.calculus import average_to_vertices, smooth_vertices
+from shock_filter.core.flow.potential import flow_potential
+from shock_filter.core.mesh.calculus import average_to_vertices, smooth_vertices
 
 SOFTENED = [
     *(("fandisk.obj", passes) for passes in (1, 3, 10)),

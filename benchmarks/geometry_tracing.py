@@ -11,9 +11,9 @@ import numpy as np
 from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.base.parallel import Progress
-from shock_filter.core.flow.potential.potential import flow_potential
-from shock_filter.core.flow.potential.trace import PAPER_STEP, trace_faces
-from shock_filter.core.mesh.triangle_mesh.calculus import average_to_vertices
+from shock_filter.core.flow.potential import flow_potential
+from shock_filter.core.flow.trace import PAPER_STEP, trace_faces
+from shock_filter.core.mesh.calculus import average_to_vertices
 
 
 def end_points(mesh: core.TriangleMesh, faces: np.ndarray, coordinates: np.ndarray) -> np.ndarray:

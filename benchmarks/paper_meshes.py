@@ -16,7 +16,7 @@ from pictures import View, draw, sheet
 from report import Target, table, targets
 from scipy import ndimage
 from shock_filter import core
-from shock_filter.core.mesh.triangle_mesh.calculus import smooth_vertices
+from shock_filter.core.mesh.calculus import smooth_vertices
 
 COLORED = ("dragon_50k.obj", 1)
 PAPER_COLORS = {1.0: 0.2, 4.0: 0.2, 16.0: 0.2, 64.0: 0.3, 256.0: 0.3, 1024.0: 0.4, 4096.0: 0.5}

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 from scipy.ndimage import map_coordinates
 from shock_filter import core
-from shock_filter.core.files.meshes.textures import read_textured_mesh
+from shock_filter.core.files.textures import read_textured_mesh
 
 FILES = {
     "spot": ("spot/spot_triangulated.obj", "spot/spot_texture.png"),

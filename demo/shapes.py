@@ -10,7 +10,7 @@ import mathutils
 import numpy as np
 import numpy.typing as npt
 from shock_filter import core
-from shock_filter.core.mesh.triangle_mesh import calculus
+from shock_filter.core.mesh import calculus
 
 Floats = npt.NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from typing import Any
 import bpy
 import shock_filter
 from shock_filter.core import settings
-from shock_filter.shock_addon.operators.base.properties import SHOCK_FILTER_PG_scene
+from shock_filter.shock_addon.operators.properties import SHOCK_FILTER_PG_scene
 from shock_filter.shock_addon.ui.manual import heading
 from shock_filter.shock_addon.ui.shipped_presets import SHIPPED
 

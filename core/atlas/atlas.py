@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..base.parallel import Progress, kernel, run
+from ..base.progress import ProgressCallback
 from ..errors import InvalidSignal, InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import degenerate_faces, find_charts
@@ -188,7 +189,7 @@ class TextureAtlas:
         return found
 
     def gather(
-        self, pixels: npt.NDArray, scale: float, progress: Progress
+        self, pixels: npt.NDArray, scale: float, progress: Progress = Progress(None)
     ) -> npt.NDArray[np.float32]:
         """Bring an image (h, w, c) times `scale` into the sheet: (rows, columns, c)."""
         values = np.zeros((*self.sheet.nodes.shape, pixels.shape[2]), dtype=np.float32)

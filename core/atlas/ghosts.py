@@ -41,7 +41,7 @@ class Sources:
     turns: npt.NDArray[np.float32]
 
 
-def find_sources(sheet: Sheet, surface: Surface, progress: Progress) -> Sources:
+def find_sources(sheet: Sheet, surface: Surface, progress: Progress = Progress(None)) -> Sources:
     """Find the sources of a sheet's ghosts; cells at ghosts without one are taken out."""
     count = len(sheet.ghosts)
     rows, columns = np.divmod(sheet.ghosts.astype(np.int64), sheet.nodes.shape[1])
@@ -66,7 +66,7 @@ def fill_ghosts(
     sheet: Sheet,
     sources: Sources,
     values: npt.NDArray[np.float32],
-    progress: Progress,
+    progress: Progress = Progress(None),
     alpha: int = -1,
     directions: float | None = None,
 ) -> npt.NDArray[np.bool_]:

@@ -25,7 +25,7 @@ def write_texels(
     settings: DilateSettings,
     keep: npt.NDArray[np.bool_] | None,
     out: npt.NDArray,
-    progress: Progress,
+    progress: Progress = Progress(None),
     *,
     opacity: int = -1,
     normals: bool = False,
@@ -86,7 +86,7 @@ def _nearest_borders(
     around: npt.NDArray[np.bool_],
     filled: npt.NDArray[np.bool_],
     reach: float,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> tuple[Ints, npt.NDArray[np.float32]]:
     # The half-edge of a chart's end nearest to each texel that is not filled, -1 where none is
     # in reach, and the squared distance.

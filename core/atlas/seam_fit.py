@@ -32,7 +32,10 @@ seen; where it is seen, on the chart, the values mix to ones that both sides hav
 
 
 def stitch(
-    atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float, progress: Progress
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    step: float,
+    progress: Progress = Progress(None),
 ) -> None:
     """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
@@ -73,7 +76,7 @@ def stitch(
 
 
 def _range_on_charts(
-    atlas: TextureAtlas, values: npt.NDArray[np.float32], progress: Progress
+    atlas: TextureAtlas, values: npt.NDArray[np.float32], progress: Progress = Progress(None)
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     shape = -(-atlas.height // ROWS), values.shape[1]
     lows, highs = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
@@ -83,7 +86,7 @@ def _range_on_charts(
 
 
 def _least_squares(
-    reading: csr_matrix, wanted: npt.NDArray[np.float32], progress: Progress
+    reading: csr_matrix, wanted: npt.NDArray[np.float32], progress: Progress = Progress(None)
 ) -> npt.NDArray[np.float32]:
     # min |A x - wanted|^2 + hold |x|^2 by conjugate gradients, all columns at once.
     normal = (reading.T @ reading).tocsr()

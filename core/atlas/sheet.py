@@ -67,7 +67,7 @@ class Sheet:
     overlapping: npt.NDArray[np.bool_]
 
 
-def lay_out(charts: Charts, height: int, width: int, progress: Progress) -> Sheet:
+def lay_out(charts: Charts, height: int, width: int, progress: Progress = Progress(None)) -> Sheet:
     """Lay the charts of an image of `height` times `width` texels out.
 
     Raises
@@ -118,7 +118,11 @@ def lay_out(charts: Charts, height: int, width: int, progress: Progress) -> Shee
 
 
 def _clashing(
-    charts: Charts, away: npt.NDArray[np.bool_], height: int, width: int, progress: Progress
+    charts: Charts,
+    away: npt.NDArray[np.bool_],
+    height: int,
+    width: int,
+    progress: Progress = Progress(None),
 ) -> npt.NDArray[np.bool_]:
     # Charts that share a node with one of a lower number.
     claims = np.empty((height + 2, width + 2), dtype=np.int32)
@@ -155,7 +159,7 @@ def _shelve(
 
 
 def _faces_by_rows(
-    points: Floats, shift: float, rows: int, progress: Progress
+    points: Floats, shift: float, rows: int, progress: Progress = Progress(None)
 ) -> tuple[Ints, npt.NDArray[np.int64], Ints]:
     # First and last row of cells that each face touches: (m, 2). And the faces that touch nodes
     # of each chunk of rows, in order: faces[start[chunk]:start[chunk + 1]].

@@ -29,7 +29,7 @@ def texel_potential(
     values: npt.NDArray[np.float32],
     channels: Channels,
     passes: int,
-    progress: Progress,
+    progress: Progress = Progress(None),
     *,
     normals: bool = False,
 ) -> npt.NDArray[np.float32]:
@@ -127,7 +127,7 @@ def _smooth(
     surface: Surface,
     values: npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
-    progress: Progress,
+    progress: Progress = Progress(None),
     directions: float | None = None,
 ) -> None:
     run(_smooth_rows, values.shape[0], sheet.nodes, sources.cells, surface.metrics, values, out,

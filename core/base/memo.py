@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Results that stay with the mesh they were computed from, for the next run on it."""
+"""Results that stay with what they were computed from, for the next run on it."""
 
 from __future__ import annotations
 
@@ -9,28 +9,26 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ..mesh.triangle_mesh import TriangleMesh
-
 Result = TypeVar("Result")
 
 
-def kept(mesh: TriangleMesh, name: str, key: tuple[Any, ...], make: Callable[[], Result]) -> Result:
-    """Return what `make` returned for this mesh and key, calling it if it was not kept.
+def kept(owner: Any, name: str, key: tuple[Any, ...], make: Callable[[], Result]) -> Result:
+    """Return what `make` returned for this owner and key, calling it if it was not kept.
 
-    The last result of each name is kept as long as the mesh lives. Nobody may change it.
+    The last result of each name is kept as long as the owner lives. Nobody may change it.
 
     Parameters
     ----------
-    mesh : TriangleMesh
-        Whose vertices and faces do not change from now on.
+    owner : object
+        Such as a mesh; it does not change from now on.
     name : str
         What is kept.
     key : tuple
-        What the result depends on besides the mesh; arrays count by their bits.
+        What the result depends on besides the owner; arrays count by their bits.
     make : callable
         Makes the result. Threads that ask at the same time may each call it.
     """
-    results: dict[str, tuple[tuple[Any, ...], Any]] = mesh.__dict__.setdefault("_kept", {})
+    results: dict[str, tuple[tuple[Any, ...], Any]] = owner.__dict__.setdefault("_kept", {})
     old = results.get(name)
     if old is not None and equal(old[0], key):
         return old[1]

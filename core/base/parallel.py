@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
 
@@ -20,11 +20,10 @@ from numba import njit
 from ..errors import Cancelled
 from .cores import thread_count
 from .kernel_cache import keep_on_disk
+from .progress import ask
 
 LARGEST_CHUNK = 1 << 15
 """Most indices that a kernel gets at once: few enough that cancelling acts within milliseconds."""
-
-ProgressCallback = Callable[[float, str], bool]
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -38,45 +37,25 @@ def sum_kernel(function: Callable[..., Any]) -> Any:
     return keep_on_disk(compiled(function))
 
 
-class Progress:
-    """A part of a run's progress: maps a phase's fraction to the whole and reports it.
-
-    Parameters
-    ----------
-    callback : callable or None
-        ``callback(fraction, message) -> bool``; False cancels.
-    start, stop : float
-        The part of the whole run that this phase covers.
-    message : str
-        What is being done, for people.
-    """
-
-    def __init__(
-        self,
-        callback: ProgressCallback | None,
-        start: float = 0.0,
-        stop: float = 1.0,
-        message: str = "",
-    ) -> None:
+class Progress:  # transition: replaced by base.progress
+    def __init__(self, callback=None, start=0.0, stop=1.0, message=""):
         self._callback = callback
         self._start, self._stop, self._message = start, stop, message
 
     @classmethod
-    def of(cls, progress: Progress | ProgressCallback | None) -> Progress:
-        """Wrap a user's callback, for which fractions never fall; a `Progress` passes through."""
+    def of(cls, progress):
         if progress is None or isinstance(progress, Progress):
             return progress or cls(None)
         highest = 0.0
 
-        def rising(fraction: float, message: str) -> bool:
+        def rising(fraction, message):
             nonlocal highest
             highest = max(highest, fraction)
             return progress(highest, message)
 
         return cls(rising)
 
-    def part(self, start: float, stop: float, message: str) -> Progress:
-        """Begin the phase that covers the fractions `start` to `stop` of this one."""
+    def part(self, start, stop, message):
         span = self._stop - self._start
         phase = Progress(
             self._callback, self._start + start * span, self._start + stop * span, message
@@ -84,12 +63,11 @@ class Progress:
         phase.update(0.0)
         return phase
 
-    def update(self, fraction: float) -> None:
-        """Report; raises `Cancelled` if the callback returns False."""
+    def update(self, fraction):
         if self._callback is None:
+            ask()
             return
         whole = self._start + fraction * (self._stop - self._start)
-        # "is False" would let numpy's False pass; a callback that returns nothing goes on.
         answer = self._callback(whole, self._message)
         if answer is not None and not answer:
             raise Cancelled("The run was cancelled; nothing was changed.")
@@ -113,22 +91,23 @@ def run_in_order(
     function: Callable[..., Any],
     count: int,
     *arguments: Any,
-    progress: Progress | None = None,
+    progress: Any = None,  # transition
     chunk: int | None = None,
 ) -> None:
     """Do what `run` does chunk by chunk, for kernels that build on what came before."""
+    tell = ask if progress is None else progress.update
     chunk = chunk or chunk_size(count)
     for start in range(0, count, chunk):
         stop = min(start + chunk, count)
         function(start, stop, *arguments)
-        if progress is not None:
-            progress.update(stop / count)
+        tell(stop / count)
 
 
-def blocks(count: int, size: int, progress: Progress) -> Iterator[slice]:
+def blocks(count: int, size: int, progress: Any = None) -> Iterator[slice]:
     """Cut ``range(count)`` into slices, for numpy; asks whether to go on before each."""
+    tell = ask if progress is None else progress.update
     for start in range(0, count, size):
-        progress.update(start / count)
+        tell(start / count)
         yield slice(start, min(start + size, count))
 
 
@@ -140,19 +119,21 @@ def run(
     function: Callable[..., Any],
     count: int,
     *arguments: Any,
-    progress: Progress | None = None,
+    progress: Any = None,  # transition
     chunk: int | None = None,
 ) -> None:
     """Call ``function(start, stop, *arguments)`` for all chunks of ``range(count)``.
 
-    The calling thread works too, and reports progress between its chunks. A chunk is
-    `chunk_size` indices, unless `chunk` says otherwise.
+    The calling thread works too, and asks between its chunks whether to go on (see `progress`). A
+    chunk is `chunk_size` indices, unless `chunk` says otherwise.
 
     Raises
     ------
     Cancelled
-        When the progress callback asks for it; chunks under way are finished first.
+        When the progress callback asks for it. Whatever is raised, chunks under way are finished
+        first: nobody writes to the arrays any more.
     """
+    tell = ask if progress is None else progress.update
     chunk = chunk or chunk_size(count)
     chunks = -(-count // chunk)
     helpers = min(thread_count(), chunks) - 1
@@ -163,23 +144,23 @@ def run(
     numbers = itertools.count()
     stopped = False
 
-    def work(report: Progress | None) -> None:
+    def work(tell: Callable[[float], None] | None) -> None:
         nonlocal stopped
         try:
             while not stopped and (number := next(numbers)) < chunks:
                 start = number * chunk
                 function(start, min(start + chunk, count), *arguments)
-                if report is not None:
-                    report.update((number + 1) / chunks)
+                if tell is not None:
+                    tell((number + 1) / chunks)
         except BaseException:
             stopped = True
             raise
 
     futures = [_pool().submit(work, None) for _ in range(helpers)]
     try:
-        work(progress)
+        work(tell)
     finally:
-        for future in futures:
-            future.result()
-    if progress is not None:  # the last chunks may have been those of other threads
-        progress.update(1.0)
+        wait(futures)
+    for future in futures:
+        future.result()
+    tell(1.0)  # the last chunks may have been those of other threads

@@ -9,8 +9,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback
-from ..mesh.calculus import checked_mask, checked_signal, group_means
+from ..base.checks import checked_mask, checked_signal, checked_type
+from ..base.parallel import Progress
+from ..base.progress import ProgressCallback
+from ..mesh.calculus import group_means
 from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
 from ..settings import (
     BeltramiGeometrySettings,
@@ -30,13 +32,7 @@ from .beltrami.meshes import (
 from .fit import moved_vertices
 from .geometry import sharpen_geometry
 from .images import sharpen_image
-from .signals import (
-    checked_type,
-    from_own_corners,
-    sharpen_corner_signal,
-    sharpen_vertex_signal,
-    to_own_corners,
-)
+from .signals import from_own_corners, sharpen_corner_signal, sharpen_vertex_signal, to_own_corners
 
 
 def denoise_geometry(

@@ -8,11 +8,13 @@ import logging
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import checked_mask, checked_signal
 from ..base.memo import kept
-from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..base.parallel import Progress, kernel, run
+from ..base.progress import ProgressCallback
 from ..errors import InvalidSignal
 from ..linear.cg import ScreenedLaplacian, SolveReport, solve
-from ..mesh.calculus import checked_mask, checked_signal, cotangents, lumped_mass
+from ..mesh.calculus import cotangents, lumped_mass
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import FitSettings
 
@@ -104,7 +106,7 @@ def displacement(
     normals: Floats,
     settings: FitSettings,
     mask: Floats | None,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> tuple[Floats, SolveReport]:
     """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went."""
     eps = screening(mesh, settings)
@@ -129,7 +131,7 @@ def displacement(
 
 
 def _refit_matrix(
-    mesh: TriangleMesh, eps: float, mask: Floats | None, progress: Progress
+    mesh: TriangleMesh, eps: float, mask: Floats | None, progress: Progress = Progress(None)
 ) -> ScreenedLaplacian:
     screen = eps * lumped_mass(mesh, progress.part(0.0, 0.2, "Preparing the refit"))
     if mask is not None:

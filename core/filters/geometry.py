@@ -6,17 +6,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import checked_mask
 from ..base.memo import kept
-from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..base.parallel import Progress, kernel, run
+from ..base.progress import ProgressCallback
 from ..flow.advect import advect_faces
 from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
-from ..mesh.calculus import (
-    average_to_faces,
-    average_to_vertices,
-    blended_normals,
-    checked_mask,
-    smooth_vertices,
-)
+from ..mesh.calculus import average_to_faces, average_to_vertices, blended_normals, smooth_vertices
 from ..mesh.order import is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import GeometrySettings
@@ -163,13 +159,16 @@ def geometry_flow(
 
 
 def _ordered(
-    mesh: TriangleMesh, progress: Progress
+    mesh: TriangleMesh, progress: Progress = Progress(None)
 ) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
     return kept(mesh, "order", (), lambda: sorted_along_curve(mesh, progress))
 
 
 def _displaced(
-    mesh: TriangleMesh, settings: GeometrySettings, weights: Floats | None, progress: Progress
+    mesh: TriangleMesh,
+    settings: GeometrySettings,
+    weights: Floats | None,
+    progress: Progress = Progress(None),
 ) -> Floats:
     moved, current = np.zeros((0, 3)), mesh
     for turn in range(settings.repeat):
@@ -190,7 +189,9 @@ def _displaced(
     return moved
 
 
-def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progress) -> Floats:
+def _sharpened(
+    mesh: TriangleMesh, settings: GeometrySettings, progress: Progress = Progress(None)
+) -> Floats:
     normals, signal, potential = _signal_and_potential(
         mesh, settings, progress.part(0.0, 0.5, "Computing the flow")
     )
@@ -206,7 +207,7 @@ def _sharpened(mesh: TriangleMesh, settings: GeometrySettings, progress: Progres
 
 
 def _signal_and_potential(
-    mesh: TriangleMesh, settings: GeometrySettings, progress: Progress
+    mesh: TriangleMesh, settings: GeometrySettings, progress: Progress = Progress(None)
 ) -> tuple[Floats, Floats, Floats]:
     # Normals of the faces, mollified if asked for; their averages at the vertices; P there.
     normals = mesh.normals
@@ -225,7 +226,9 @@ def _signal_and_potential(
     return normals, signal, potential
 
 
-def _mollified(mesh: TriangleMesh, normals: Floats, passes: int, progress: Progress) -> Floats:
+def _mollified(
+    mesh: TriangleMesh, normals: Floats, passes: int, progress: Progress = Progress(None)
+) -> Floats:
     averages = average_to_vertices(mesh, normals, progress.part(0.0, 0.1, "Mollifying"))
     smooth = smooth_vertices(mesh, averages, passes, progress.part(0.1, 0.9, "Mollifying"))
     mollified = average_to_faces(mesh, smooth, progress.part(0.9, 1.0, "Mollifying"))

@@ -6,17 +6,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback, blocks
-from ..grid.pixels import (
-    BAND,
-    SCALES,
-    channel_groups,
-    checked_image,
-    checked_out,
-    checked_weights,
-    copied,
-    mix,
-)
+from ..base.checks import BAND, SCALES, checked_image, checked_out, checked_weights
+from ..base.parallel import Progress, blocks
+from ..base.progress import ProgressCallback
+from ..grid.pixels import channel_groups, copied, mix
 from ..grid.walk import Channels, Sources, advect_pixels, image_potential
 from ..settings import ImageSettings
 from .signals import step_durations
@@ -113,7 +106,7 @@ def _flow_channels(
     channels: Channels,
     settings: ImageSettings,
     target: npt.NDArray,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> None:
     scale = SCALES[pixels.dtype.name]
     nearest = settings.sampling == "nearest"

@@ -6,9 +6,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..base.checks import as_array
+from ..base.parallel import Progress, kernel, run
+from ..base.progress import ProgressCallback
 from ..errors import InvalidSettings, InvalidSignal
-from ..mesh.calculus import as_array
 
 DETECTORS = {
     "laplacian": 0,

@@ -9,18 +9,17 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import checked_mask, checked_signal, checked_type
 from ..base.memo import kept
-from ..base.parallel import Progress, ProgressCallback, kernel, run
+from ..base.parallel import Progress, kernel, run
+from ..base.progress import ProgressCallback
 from ..errors import InvalidSignal
 from ..flow.advect import average_corners, read_points
 from ..flow.potential import flow_potential
 from ..flow.trace import corner_offsets, trace
-from ..mesh.calculus import as_array, checked_mask, checked_signal
+from ..grid.pixels import LUMINANCE
 from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
 from ..settings import ShockSettings
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Weights of linear red, green and blue in the brightness (ITU-R BT.709)."""
 
 
 def sharpen_vertex_signal(
@@ -66,7 +65,7 @@ def sharpen_vertex_signal(
     if settings.time == 0:
         return given.copy()
 
-    def average(corner_values: Floats, old: Floats, phase: Progress) -> Floats:
+    def average(corner_values: Floats, old: Floats, phase: Progress = Progress(None)) -> Floats:
         return average_corners(mesh, corner_values, old, phase)
 
     phases = Progress.of(progress)
@@ -120,10 +119,10 @@ def sharpen_corner_signal(
     cut, cut_values = kept(mesh, "cut", (own,), lambda: split_at_jumps(mesh, values, phases))
     phases.update(0.0)
 
-    def average(corner_values: Floats, old: Floats, phase: Progress) -> Floats:
+    def average(corner_values: Floats, old: Floats, phase: Progress = Progress(None)) -> Floats:
         return average_corners(cut, corner_values, old, phase)
 
-    def keep(corner_values: Floats, old: Floats, phase: Progress) -> Floats:
+    def keep(corner_values: Floats, old: Floats, phase: Progress = Progress(None)) -> Floats:
         rows = corner_values.reshape(mesh.face_count, 3, -1)
         return cut.own_corners(rows).reshape(corner_values.shape)
 
@@ -142,7 +141,7 @@ def _sharpened(
     settings: ShockSettings,
     gather: Gather,
     finish: Gather,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> Floats:
     # `gather` makes vertex values of what the corners' traces read, between steps; `finish`
     # makes the result.
@@ -163,7 +162,7 @@ def _flowed(
     settings: ShockSettings,
     gather: Gather,
     finish: Gather,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> Floats:
     nearest = settings.sampling == "nearest"
     durations = step_durations(settings)
@@ -222,18 +221,12 @@ def from_own_corners(mesh: TriangleMesh, own: npt.NDArray, given: npt.NDArray) -
     return mesh.own_corners(own.reshape(mesh.face_count, 3, -1)).reshape(given.shape)
 
 
-def checked_type(signal: npt.ArrayLike) -> npt.NDArray:
-    """Return a signal as an array, or raise `InvalidSignal` unless it is of float type."""
-    array = as_array(signal, "signal")
-    if array.dtype not in (np.float32, np.float64):
-        raise InvalidSignal(
-            f"The signal is of type {array.dtype}; give float32 or float64, colors in [0, 1]."
-        )
-    return array
-
-
 def like(
-    given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None, progress: Progress
+    given: npt.NDArray,
+    values: Floats,
+    result: Floats,
+    weights: Floats | None,
+    progress: Progress = Progress(None),
 ) -> npt.NDArray:
     """Mix a result with the values before by weights, in the type and shape that were given."""
     if weights is None:

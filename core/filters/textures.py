@@ -12,9 +12,11 @@ from ..atlas.gutter import unit_normals, write_texels
 from ..atlas.seam_fit import stitch
 from ..atlas.sheet import ROWS
 from ..atlas.walk import advect_texels, texel_potential
-from ..base.parallel import Progress, ProgressCallback, blocks, run
+from ..base.checks import BAND, SCALES, checked_image, checked_weights
+from ..base.parallel import Progress, blocks, run
+from ..base.progress import ProgressCallback
 from ..errors import InvalidSignal
-from ..grid.pixels import BAND, SCALES, channel_groups, checked_image, checked_weights, copied
+from ..grid.pixels import channel_groups, copied
 from ..grid.walk import Channels
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
@@ -181,7 +183,7 @@ def _flow_channels(
     channels: Channels,
     settings: TextureSettings,
     result: npt.NDArray[np.float32],
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> None:
     parts = atlas.sheet, atlas.sources, atlas.surface, values
     normals = settings.content == "normals"
@@ -211,7 +213,7 @@ def _checked_atlas(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     pixels: npt.NDArray,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> TextureAtlas:
     height, width = pixels.shape[:2]
     if atlas is None:

@@ -6,8 +6,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback, kernel, run
-from ..mesh.calculus import average_to_vertices, checked_signal, gradient, smooth_vertices
+from ..base.checks import checked_signal
+from ..base.parallel import Progress, kernel, run
+from ..base.progress import ProgressCallback
+from ..mesh.calculus import average_to_vertices, gradient, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import ShockSettings
 
@@ -68,7 +70,9 @@ def flow_from_potential(
     return flow
 
 
-def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress) -> Floats:
+def flow_potential(
+    mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress = Progress(None)
+) -> Floats:
     """Compute the potential P at the vertices, smoothed before and after: (n, d) -> (n,)."""
     message = "Computing the flow"
     smooth = smooth_vertices(mesh, signal, passes, progress.part(0.0, 0.5, message))
@@ -80,7 +84,11 @@ def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int, progress: Pr
 
 
 def above_surroundings(
-    mesh: TriangleMesh, potential: Floats, threshold: float, time: float, progress: Progress
+    mesh: TriangleMesh,
+    potential: Floats,
+    threshold: float,
+    time: float,
+    progress: Progress = Progress(None),
 ) -> Floats:
     """Keep the part of a potential that stands out from its surroundings.
 

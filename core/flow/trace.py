@@ -32,7 +32,7 @@ OFFSET = 0.001
 """The paper's epsilon: how far towards the face's centre the trace of a vertex begins."""
 
 
-def face_centres(mesh: TriangleMesh, progress: Progress) -> tuple[Ints, Floats]:
+def face_centres(mesh: TriangleMesh, progress: Progress = Progress(None)) -> tuple[Ints, Floats]:
     """The centre of each face, to trace from: faces (m,), barycentric coordinates (m, 3)."""
     faces = np.empty(mesh.face_count, dtype=np.int32)
     coordinates = np.empty((mesh.face_count, 3))
@@ -40,7 +40,7 @@ def face_centres(mesh: TriangleMesh, progress: Progress) -> tuple[Ints, Floats]:
     return faces, coordinates
 
 
-def corner_offsets(mesh: TriangleMesh, progress: Progress) -> tuple[Ints, Floats]:
+def corner_offsets(mesh: TriangleMesh, progress: Progress = Progress(None)) -> tuple[Ints, Floats]:
     """A point in each face beside each of its corners: faces (3 m,), coordinates (3 m, 3)."""
     faces = np.empty(3 * mesh.face_count, dtype=np.int32)
     coordinates = np.empty((3 * mesh.face_count, 3))

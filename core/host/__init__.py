@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The core's filters on what Blender keeps: seams, scale, symmetry, opacity. Needs no bpy.
+"""The filters on what a host program such as Blender keeps: seams, scale, symmetry, opacity.
 
-The names below are for the rest of the add-on. They are loaded when first used, so that enabling
-the extension does not import numpy.
+Everything here is arrays. Modules are imported when first used, as ``host.NAME``, so that a host
+can start without numpy.
 """
 
+from importlib import import_module
 from typing import Any
 
-from ..lazy import load
-
-_MODULES = {
+_OLD = {  # transition: names that are asked for without their module
     "colors": ("sharpen_colors",),
     "denoising": (
         "Both",
@@ -29,4 +28,12 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    return load(__name__, _MODULES, name)
+    for module, names in _OLD.items():
+        if name in names:
+            return getattr(import_module(f".{module}", __name__), name)
+    try:
+        return import_module(f".{name}", __name__)
+    except ModuleNotFoundError as error:
+        if error.name != f"{__name__}.{name}":
+            raise
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None

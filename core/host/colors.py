@@ -112,7 +112,7 @@ def filter_colors(
 
 def check_colors(surface: ColoredSurface) -> None:
     """Refuse what no filter can work on."""
-    from ..mesh.calculus import LARGEST
+    from ..base.checks import LARGEST
 
     if not np.isfinite(surface.colors).all():
         raise core.InvalidSignal("The colors hold NaN or infinity; paint over these first.")

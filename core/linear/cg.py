@@ -75,7 +75,7 @@ class ScreenedLaplacian:
         """The same in double precision."""
         return _scaled(self, np.float64)
 
-    def hierarchy(self, progress: Progress) -> Multigrid:
+    def hierarchy(self, progress: Progress = Progress(None)) -> Multigrid:
         """The multilevel preconditioner of the scaled matrix, made when first asked for."""
         made = self.__dict__.get("_hierarchy")
         if made is None:
@@ -210,7 +210,7 @@ def _conjugate_gradients(
     tolerance: float,
     hierarchy: Multigrid | None,
     limit: int,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> tuple[npt.NDArray[np.floating], int, bool]:
     # Overwrites r, from which it starts, with the residual that is left. Returns the solution,
     # the number of iterations, and whether the matrix behaved as a positive definite one.
@@ -258,7 +258,7 @@ class Multigrid:
     is solved densely.
     """
 
-    def __init__(self, matrix: Csr, roots: Floats, progress: Progress) -> None:
+    def __init__(self, matrix: Csr, roots: Floats, progress: Progress = Progress(None)) -> None:
         # `matrix` lacks its diagonal of ones. In scaled unknowns, what the Laplacian leaves
         # alone is not the constant but D^(1/2), and 1 at fixed unknowns.
         start, columns, values = matrix
@@ -312,7 +312,7 @@ class _Level:
 
 
 def _coarsen(
-    a: scipy.sparse.csr_matrix, smooth: Floats, progress: Progress
+    a: scipy.sparse.csr_matrix, smooth: Floats, progress: Progress = Progress(None)
 ) -> tuple[_Level, scipy.sparse.csr_matrix, Floats]:
     # `smooth` is the vector that coarse levels must be able to represent.
     n = a.shape[0]
@@ -340,7 +340,7 @@ def _coarsen(
 
 
 def _product(
-    a: scipy.sparse.csr_matrix, b: scipy.sparse.csr_matrix, progress: Progress
+    a: scipy.sparse.csr_matrix, b: scipy.sparse.csr_matrix, progress: Progress = Progress(None)
 ) -> scipy.sparse.csr_matrix:
     if a.shape[0] <= _ROWS:  # also none at all
         return a @ b

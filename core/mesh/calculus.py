@@ -10,61 +10,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import checked_signal
 from ..base.parallel import Progress, kernel, run, run_in_order
 from ..errors import InvalidSignal
 from .triangle_mesh import Floats, TriangleMesh
-
-LARGEST = 1e30
-"""Largest values of signals: flows are made of squares of squares of them."""
-
-
-def as_array(values: npt.ArrayLike, what: str) -> npt.NDArray:
-    """Return `values` as an array, or raise `InvalidSignal` if rows differ in length."""
-    try:
-        return np.asarray(values)
-    except ValueError as error:
-        raise InvalidSignal(f"The {what} is not made of numbers; give floats.") from error
-
-
-def checked_signal(
-    signal: npt.ArrayLike,
-    count: int,
-    what: str = "signal",
-    largest: float = LARGEST,
-    progress: Progress | None = None,
-) -> Floats:
-    """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
-    progress = progress or Progress(None)
-    given = as_array(signal, what)
-    if given.dtype.kind not in "fiub":
-        raise InvalidSignal(f"The {what} is of type {given.dtype}, not numbers; give floats.")
-    array = np.ascontiguousarray(given, dtype=np.float64)
-    if array.ndim == 1:
-        array = array.reshape(-1, 1)
-    if array.ndim != 2 or len(array) != count or array.shape[1] == 0:
-        raise InvalidSignal(
-            f"The {what} has the shape {given.shape}; give ({count},) or ({count}, channels)."
-        )
-    progress.update(0.0)
-    if not np.isfinite(array).all():
-        raise InvalidSignal(f"The {what} holds NaN or infinity; replace these values first.")
-    progress.update(0.0)
-    if max(array.max(), -array.min()) > largest:
-        raise InvalidSignal(f"The {what} holds values beyond {largest:g}; scale or clip them.")
-    return array
-
-
-def checked_mask(mask: npt.ArrayLike | None, count: int) -> Floats | None:
-    """Return a mask as (count,) float64 in [0, 1], or None where all weights are 1."""
-    if mask is None:
-        return None
-    array = checked_signal(mask, count, "mask")
-    if array.shape[1] != 1 or np.ndim(mask) != 1:
-        raise InvalidSignal(f"The mask has the shape {np.shape(mask)}; give ({count},).")
-    weights = array.reshape(-1)
-    if weights.min() < 0 or weights.max() > 1:
-        raise InvalidSignal("The mask leaves the range 0 to 1; clip or rescale it.")
-    return None if weights.min() == 1 else weights
 
 
 def gradient(mesh: TriangleMesh, signal: npt.ArrayLike, progress: Progress | None = None) -> Floats:
@@ -170,7 +119,10 @@ def blended_normals(
 
 
 def group_means(
-    groups: npt.NDArray[np.integer], rows: npt.NDArray, out: npt.NDArray, progress: Progress
+    groups: npt.NDArray[np.integer],
+    rows: npt.NDArray,
+    out: npt.NDArray,
+    progress: Progress = Progress(None),
 ) -> None:
     """Put the mean of each group's rows into `out`, where others stay as they are.
 

@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, ProgressCallback, kernel, run, run_in_order
+from ..base.parallel import Progress, kernel, run, run_in_order
+from ..base.progress import ProgressCallback
 from ..errors import InvalidMesh
 
 Floats = npt.NDArray[np.float64]
@@ -102,7 +103,7 @@ class TriangleMesh:
     def _corners(self, progress: Progress | None) -> tuple[Ints, Ints]:
         return count_sort(self.faces.reshape(-1), self.vertex_count, progress)
 
-    def _match_twins(self, progress: Progress) -> bool:
+    def _match_twins(self, progress: Progress = Progress(None)) -> bool:
         """Pair half-edges; True if some pairs run in the same direction (bad winding)."""
         self.twins: Ints = np.full((self.face_count, 3), -1, dtype=np.int32)
         same = np.zeros(1, dtype=np.int64)
@@ -110,7 +111,7 @@ class TriangleMesh:
             progress=progress)  # fmt: skip
         return bool(same[0])
 
-    def _unify_winding(self, progress: Progress) -> None:
+    def _unify_winding(self, progress: Progress = Progress(None)) -> None:
         # Pairs of equal direction are marked in twins as -2 - twin.
         _turn_faces(self.faces, self.twins.reshape(-1), self.flipped)
         progress.update(0.0)

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between Blender's data and arrays: meshes, shape keys, masks, colors, images.
+"""Blender's data in and out: the only folder that reads or writes it.
 
-The names below are for the rest of the add-on. They are loaded when first used, so that enabling
-the extension does not import numpy.
+Modules are imported when first used, as ``data.NAME``, so that enabling the extension does not
+import numpy.
 """
 
+from importlib import import_module
 from typing import Any
 
-from ...core.lazy import load
-
-_MODULES = {
+_OLD = {  # transition: names that are asked for without their module
     "active_object": ("read_active",),
     "chosen": (
         "CONVERTIBLE",
@@ -37,4 +36,12 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    return load(__name__, _MODULES, name)
+    for module, names in _OLD.items():
+        if name in names:
+            return getattr(import_module(f".{module}", __name__), name)
+    try:
+        return import_module(f".{name}", __name__)
+    except ModuleNotFoundError as error:
+        if error.name != f"{__name__}.{name}":
+            raise
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None

@@ -121,8 +121,7 @@ def load(folder: str | None) -> None:
             chosen_by_user = numba.config.CACHE_DIR
             numba.config.CACHE_DIR = chosen_by_user or folder or ""
             try:
-                from ...core.filters import denoising, images, signals, textures  # noqa: F401
-                from ...core.filters import geometry as shock
+                from ...core.filters import denoising, geometry, images, signals, textures  # noqa: F401
             finally:
                 numba.config.CACHE_DIR = chosen_by_user
         except _UNUSABLE as error:

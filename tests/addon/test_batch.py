@@ -15,11 +15,11 @@ import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files.meshes.denoising import denoise_file
-from shock_filter.core.files.meshes.formats.exr import read_exr, write_exr
-from shock_filter.core.files.meshes.meshes import sharpen_colors_file, sharpen_file
-from shock_filter.core.files.meshes.picture import Picture
-from shock_filter.core.files.meshes.textures import texture_mask_file
+from shock_filter.core.files.denoising import denoise_file
+from shock_filter.core.files.formats.exr import read_exr, write_exr
+from shock_filter.core.files.meshes import sharpen_colors_file, sharpen_file
+from shock_filter.core.files.picture import Picture
+from shock_filter.core.files.textures import texture_mask_file
 
 BATCH = Path(__file__).resolve().parents[2] / "shock_addon" / "batch.py"
 
@@ -717,7 +717,7 @@ def test_several_inputs_with_a_bad_one(scene, old, folder):
 # From the moment of writing on, no file may grow further than on a disk that is full by then.
 FULL_DISK = """
 import resource
-from shock_filter.core import output
+from shock_filter.core.files import output
 staged = output.staged
 def on_a_full_disk(*words):
     resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
@@ -829,7 +829,7 @@ def test_an_error_before_the_start_fails_too(scene, old, folder):
 def test_ctrl_c_stops_the_filter_and_writes_nothing(scene, old, folder):
     before = """
 import os, signal
-from shock_filter.core import parallel
+from shock_filter.core.base import parallel
 report = parallel.Progress.update
 def interrupted(self, fraction):
     os.kill(os.getpid(), signal.SIGINT)
@@ -847,7 +847,7 @@ import addon_utils
 module = addon_utils.enable("shock_filter")
 """
     after = """
-from shock_filter.shock_addon import command
+from shock_filter.shock_addon.commands import registration as command
 print(addon_utils.check("shock_filter")[1], hasattr(bpy.types.Scene, "shock_filter"),
       command.run(["sharpen-geometry", {scene!r}, "by_command.blend"]),
       command.run(["sharpen-geometry"]))

@@ -13,10 +13,10 @@ from shock_filter.shock_addon.data.meshes import (
     read_targets,
     write_positions,
 )
-from shock_filter.shock_addon.operators.base import base as operators
-from shock_filter.shock_addon.operators.base import denoise as denoise_operator
-from shock_filter.shock_addon.operators.base import properties
-from shock_filter.shock_addon.operators.base.fields import fields_of
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import denoise as denoise_operator
+from shock_filter.shock_addon.operators import properties
+from shock_filter.shock_addon.operators.fields import fields_of
 from shock_filter.shock_addon.ui import menus, panels
 
 denoise = bpy.ops.shock_filter.denoise

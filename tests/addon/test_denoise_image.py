@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.operators.base import base as operators
-from shock_filter.shock_addon.operators.base.fields import fields_of
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators.fields import fields_of
 from shock_filter.shock_addon.ui import panels
 
 denoise = bpy.ops.shock_filter.denoise_image

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from shock_filter.shock_addon.data.tiles import new_tiled_like
-from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators import base as operators
 from strategies import examples, triangles
 
 pytestmark = pytest.mark.timeout(1800, method="thread")  # a thread can end compiled code, too

@@ -15,9 +15,9 @@ from shock_filter.core.host.geometry import sharpen
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions
-from shock_filter.shock_addon.operators.base import base as operators
-from shock_filter.shock_addon.operators.base import jobs
-from shock_filter.shock_addon.operators.base import status as status_text
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import jobs
+from shock_filter.shock_addon.operators import status as status_text
 
 ESC = SimpleNamespace(type="ESC", value="PRESS", mouse_x=0, mouse_y=0)
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING", mouse_x=0, mouse_y=0)

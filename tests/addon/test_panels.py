@@ -9,8 +9,8 @@ import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import overlay as flow_overlay
-from shock_filter.shock_addon.operators.base import base as operators
-from shock_filter.shock_addon.operators.base import jobs, kernels, properties, statistics
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import jobs, kernels, properties, statistics
 from shock_filter.shock_addon.ui import menus, panels
 
 ABOUT = describe(GeometrySettings)

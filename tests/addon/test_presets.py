@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.shock_addon.operators.base.fields import filter_names
-from shock_filter.shock_addon.operators.base.properties import NAMES
+from shock_filter.shock_addon.operators.fields import filter_names
+from shock_filter.shock_addon.operators.properties import NAMES
 from shock_filter.shock_addon.ui import presets
 from shock_filter.shock_addon.ui.shipped_presets import SHIPPED
 

@@ -18,7 +18,7 @@ from shock_filter.core import (
     TextureSettings,
 )
 from shock_filter.core.settings import describe
-from shock_filter.shock_addon.operators.base import properties
+from shock_filter.shock_addon.operators import properties
 
 SETTINGS = describe(GeometrySettings)
 MODES = {

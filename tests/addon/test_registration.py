@@ -94,7 +94,7 @@ names = ["numpy", "numba", "llvmlite", "scipy", "argparse", "concurrent.futures"
 for name in names:
     sys.modules[name] = None  # importing it fails
 def imported():
-    parts = "core.", "shock_addon.command_", "shock_addon.data.", "shock_addon.filters."
+    parts = "core.", "shock_addon.commands.command_", "shock_addon.data."
     ours = [name.removeprefix("shock_filter.") for name in sys.modules]
     return sorted(name for name in ours if name.startswith(parts))
 bpy.ops.wm.read_homefile(use_empty=True)
@@ -139,7 +139,7 @@ def test_what_needs_no_blender_imports_nothing_of_it():
 TRY = """
 bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
-from shock_filter.shock_addon import kernels
+from shock_filter.shock_addon.operators import kernels
 known_before = kernels.problem()
 bpy.ops.mesh.primitive_monkey_add()
 before = [tuple(v.co) for v in bpy.context.object.data.vertices]
@@ -179,8 +179,8 @@ def test_nothing_of_a_file_is_kept_when_another_is_opened(blender):
     kept = blender(
         """
 shock_filter.register()
-from shock_filter.shock_addon import operators
-from shock_filter.shock_addon.data import image_data
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.data import images as image_data
 from shock_filter.core.host import surface
 def kept():
     return [len(operators.summaries), image_data._overwritten is not None, len(surface._recent)]
@@ -221,7 +221,7 @@ def test_disabling_during_a_run_stops_it(blender):
 import time
 shock_filter.register()
 from shock_filter.core import Cancelled
-from shock_filter.shock_addon import jobs
+from shock_filter.shock_addon.operators import jobs
 def work(progress):
     while progress(0.5, "Working"):
         time.sleep(0.01)

@@ -14,8 +14,8 @@ from shock_filter.shock_addon.data.meshes import (
     read_triangle_corners,
     write_positions,
 )
-from shock_filter.shock_addon.operators.base import base as operators
-from shock_filter.shock_addon.operators.base.geometry import notes
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators.geometry import notes
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

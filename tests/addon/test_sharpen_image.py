@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from shock_filter.shock_addon.data import chosen
 from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.operators.base import base as operators
-from shock_filter.shock_addon.operators.base import images as image_operator
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import images as image_operator
 
 sharpen = bpy.ops.shock_filter.sharpen_image
 

@@ -13,8 +13,8 @@ from shock_filter.core.host.textures import sharpen_texture
 from shock_filter.shock_addon.data import chosen, tiles
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data import textures as texture_data
-from shock_filter.shock_addon.operators.base import base as operators
-from shock_filter.shock_addon.operators.base import textures as texture_operator
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import textures as texture_operator
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
 dilate = bpy.ops.shock_filter.dilate_texture

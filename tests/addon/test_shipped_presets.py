@@ -17,7 +17,7 @@ from shock_filter.core.settings import (
     BeltramiMeshSettings,
     BeltramiSettings,
 )
-from shock_filter.shock_addon.operators.base.properties import NAMES, settings_from
+from shock_filter.shock_addon.operators.properties import NAMES, settings_from
 
 DEFAULT = None
 

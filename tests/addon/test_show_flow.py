@@ -18,7 +18,7 @@ from shock_filter.shock_addon.data.meshes import (
 from shock_filter.shock_addon.flow import overlay as flow_overlay
 from shock_filter.shock_addon.flow.data import read_flow
 from shock_filter.shock_addon.flow.drawing import MOST_STROKES, potential_colors, strokes
-from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators import base as operators
 
 show_flow = bpy.ops.shock_filter.show_flow
 hide_flow = bpy.ops.shock_filter.hide_flow

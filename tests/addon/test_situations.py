@@ -16,7 +16,7 @@ from shock_filter.shock_addon.data.meshes import (
     read_positions,
     write_positions,
 )
-from shock_filter.shock_addon.operators.base import base as operators
+from shock_filter.shock_addon.operators import base as operators
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,9 +12,9 @@ from shock_filter.core.settings import (
     ImageSettings,
     ShockSettings,
 )
-from shock_filter.shock_addon.operators.base import statistics
-from shock_filter.shock_addon.operators.base.properties import NAMES
-from shock_filter.shock_addon.operators.base.statistics import Counts
+from shock_filter.shock_addon.operators import statistics
+from shock_filter.shock_addon.operators.properties import NAMES
+from shock_filter.shock_addon.operators.statistics import Counts
 
 
 @pytest.fixture(autouse=True)

@@ -23,7 +23,7 @@ from shock_filter.shock_addon.ui import translations
 from shock_filter.shock_addon.ui.shipped_presets import DEFAULTS, SHIPPED
 
 ROOT = Path(shock_filter.__file__).parent
-FILES = sorted((ROOT / "shock_addon" / "panel" / "locale").glob("*.json"))
+FILES = sorted((ROOT / "shock_addon" / "ui" / "locale").glob("*.json"))
 WIDEST_NAME = 14
 WORDS_OF_BLENDER = {"Vertex Group", "Sampling", "Mark Sharp"}
 """Names that Blender shows in its own words, however wide these are."""

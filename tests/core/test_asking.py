@@ -10,8 +10,8 @@ from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
 from shock_filter.core.linear import cg as solve
-from shock_filter.core.mesh.triangle_mesh.order import sorted_along_curve
-from shock_filter.core.mesh.triangle_mesh.triangle_mesh import weld_borders
+from shock_filter.core.mesh.order import sorted_along_curve
+from shock_filter.core.mesh.triangle_mesh import weld_borders
 
 CHUNK = 64
 

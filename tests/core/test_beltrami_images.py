@@ -8,7 +8,7 @@ import pytest
 import scipy.ndimage
 from shock_filter import core
 from shock_filter.core.filters.beltrami import grid_smoothing
-from shock_filter.core.grid.walk.geodesics import march, open_band
+from shock_filter.core.grid.geodesics import march, open_band
 
 
 def photo(height=41, width=37, seed=0, channels=3, noise=0.05):

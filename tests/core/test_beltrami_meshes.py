@@ -6,8 +6,8 @@ from scipy.sparse.csgraph import dijkstra
 from shapes import angles, cube, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.filters.beltrami.meshes import noise_of_normals
-from shock_filter.core.mesh.triangle_mesh.calculus import average_to_vertices, lumped_mass
-from shock_filter.core.mesh.triangle_mesh.geodesics import (
+from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
+from shock_filter.core.mesh.geodesics import (
     distances_from,
     face_stencils,
     march,

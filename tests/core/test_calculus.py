@@ -5,7 +5,7 @@ from shapes import cube, grid, icosphere, rotation
 from shock_filter import core
 from shock_filter.core.base.parallel import Progress
 from shock_filter.core.filters import fit
-from shock_filter.core.mesh.triangle_mesh import calculus
+from shock_filter.core.mesh import calculus
 
 
 @pytest.fixture(scope="module")

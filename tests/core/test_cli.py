@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.meshes.output import Outcome
+from shock_filter.core.files.output import Outcome
 from shock_filter.core.settings import describe
 
 ROOF = """v 0 0 0

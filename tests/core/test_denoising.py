@@ -7,12 +7,12 @@ from PIL import Image
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.meshes.denoising import (
+from shock_filter.core.files.denoising import (
     denoise_colors_file,
     denoise_file,
     denoise_image_file,
 )
-from shock_filter.core.files.meshes.output import Outcome
+from shock_filter.core.files.output import Outcome
 from shock_filter.core.filters import denoising
 
 GEOMETRY = core.BeltramiGeometrySettings(repeat=1)

@@ -14,12 +14,12 @@ import trimesh
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files.meshes.meshes import (
+from shock_filter.core.files.meshes import (
     filter_mesh_file,
     sharpen_colors_file,
     sharpen_file,
 )
-from shock_filter.core.files.meshes.output import staged
+from shock_filter.core.files.output import staged
 
 STILL = core.GeometrySettings(time=0)
 STRONG = core.GeometrySettings(time=256, feature_threshold=0, sampling="linear")

@@ -6,9 +6,9 @@ import pytest
 from shapes import cube, grid, icosphere
 from shock_filter import core
 from shock_filter.core.base.parallel import Progress
-from shock_filter.core.flow.potential import potential as flow
-from shock_filter.core.flow.potential import trace
-from shock_filter.core.mesh.triangle_mesh import calculus
+from shock_filter.core.flow import potential as flow
+from shock_filter.core.flow import trace
+from shock_filter.core.mesh import calculus
 
 
 def points(mesh, faces, coordinates):

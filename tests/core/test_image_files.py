@@ -16,8 +16,8 @@ import tifffile
 from PIL import Image, ImageCms, PngImagePlugin
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.meshes.formats.pillow import read_pillow
-from shock_filter.core.files.meshes.images import sharpen_image_file
+from shock_filter.core.files.formats.pillow import read_pillow
+from shock_filter.core.files.images import sharpen_image_file
 
 STILL = core.ImageSettings(time=0)
 STRONG = core.ImageSettings(time=64)

@@ -6,7 +6,7 @@ import pytest
 import scipy.ndimage
 from shock_filter import core
 from shock_filter.core.base.parallel import Progress
-from shock_filter.core.grid.walk import walk as grid
+from shock_filter.core.grid import walk as grid
 
 NONE = np.empty(0, dtype=np.float32)
 GRAY = grid.Channels(0, 1, -1, NONE)

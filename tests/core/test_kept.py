@@ -8,7 +8,7 @@ import pytest
 import shapes
 from shock_filter import core
 from shock_filter.core.base.memo import equal, kept
-from shock_filter.core.mesh.triangle_mesh import order
+from shock_filter.core.mesh import order
 
 SETTINGS = core.GeometrySettings(time=64.0)
 

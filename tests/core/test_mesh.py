@@ -4,8 +4,8 @@ import pytest
 from shapes import cube, grid, icosphere, shuffled
 from shock_filter import core
 from shock_filter.core.base.parallel import Progress
-from shock_filter.core.mesh.triangle_mesh.order import is_scattered, sorted_along_curve
-from shock_filter.core.mesh.triangle_mesh.triangle_mesh import split_at_jumps
+from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
+from shock_filter.core.mesh.triangle_mesh import split_at_jumps
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 

@@ -9,7 +9,7 @@ import pytest
 from shapes import angles, cube, grid, icosphere, rotation, shuffled
 from shock_filter import core
 from shock_filter.core.filters import geometry as shock
-from shock_filter.core.mesh.triangle_mesh import calculus
+from shock_filter.core.mesh import calculus
 
 
 def softened(vertices, faces, passes=3):

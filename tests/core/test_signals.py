@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, rotation, shuffled
 from shock_filter import core
-from shock_filter.core.mesh.triangle_mesh import calculus
+from shock_filter.core.mesh import calculus
 
 SCHEMES = [
     {},

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.meshes.meshes import sharpen_file
-from shock_filter.core.files.meshes.textures import (
+from shock_filter.core.files.meshes import sharpen_file
+from shock_filter.core.files.textures import (
     dilate_texture_file,
     read_textured_mesh,
     sharpen_texture_file,

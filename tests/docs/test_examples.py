@@ -33,7 +33,7 @@ bpy.ops.wm.read_homefile(use_empty=True)
 if words[0] == "--command":
     assert words[1] == "shock_filter"
     shock_filter.register()
-    from shock_filter.shock_addon import command_line
+    from shock_filter.shock_addon.commands import command_line
     code = command_line.run(words[2:], "blender --command shock_filter")
     shock_filter.unregister()
 else:

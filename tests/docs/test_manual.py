@@ -24,7 +24,7 @@ import shock_filter
 bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 from bl_operators import wm
-from shock_filter.shock_addon import properties
+from shock_filter.shock_addon.operators import properties
 from shock_filter.shock_addon.ui import manual
 manual.FOLDER = pathlib.Path(sys.argv[1])
 names = [f"shock_filter.{name}" for name in dir(bpy.ops.shock_filter)]
@@ -83,13 +83,13 @@ def links(manual):
 def test_every_button_and_setting_leads_to_its_place(manual, links):
     assert len(links) > 100
     for name, url in links.items():
-        assert url is not None, f"{name} leads nowhere; add it to shock_addon/panel/manual.py"
+        assert url is not None, f"{name} leads nowhere; add it to shock_addon/ui/manual.py"
         assert url.isascii() and " " not in url
         path = Path(unquote(urlparse(url).path))
         assert path.is_file(), f"{name} leads to {path.name}, which is missing; add the heading"
         if name == "home":
             continue
-        assert path.name != "index.html", f"{name} has no page; see shock_addon/panel/manual.py"
+        assert path.name != "index.html", f"{name} has no page; see shock_addon/ui/manual.py"
         page = Page(path)
         if page.leads_to is not None:
             place, anchor = urldefrag(page.leads_to)

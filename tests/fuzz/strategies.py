@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, assume, settings
 from hypothesis import strategies as st
 from shapes import cube, grid, icosphere
 from shock_filter import core
-from shock_filter.core.mesh.triangle_mesh.calculus import LARGEST
+from shock_filter.core.base.checks import LARGEST
 from shock_filter.core.settings import describe
 
 LONG = os.environ.get("SHOCK_FILTER_FUZZ") == "long"

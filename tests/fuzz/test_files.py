@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapes import cube
 from shock_filter import core
-from shock_filter.core.files.meshes.images import sharpen_image_file, write_image_file
-from shock_filter.core.files.meshes.meshes import sharpen_colors_file, sharpen_file
-from shock_filter.core.files.meshes.textures import sharpen_texture_file
+from shock_filter.core.files.images import sharpen_image_file, write_image_file
+from shock_filter.core.files.meshes import sharpen_colors_file, sharpen_file
+from shock_filter.core.files.textures import sharpen_texture_file
 from strategies import examples
 
 WORDS = [

@@ -25,7 +25,7 @@ def smooth_grid(
     flat: bool,
     areas: npt.NDArray[np.float32],
     settings: BeltramiSettings,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> npt.NDArray:
     """Apply the kernel once.
 

@@ -6,18 +6,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...base.parallel import Progress, ProgressCallback, blocks
+from ...base.checks import BAND, SCALES, as_array, checked_image, checked_weights
+from ...base.parallel import Progress, blocks
+from ...base.progress import ProgressCallback
 from ...errors import InvalidSettings, InvalidSignal
-from ...grid.pixels import (
-    BAND,
-    SCALES,
-    checked_image,
-    checked_weights,
-    copied,
-    mix,
-    opacity_channel,
-)
-from ...mesh.calculus import as_array
+from ...grid.pixels import copied, mix, opacity_channel
 from ...settings import BeltramiSettings
 from .grid_smoothing import smooth_grid, surface_areas
 
@@ -155,7 +148,7 @@ def _smoothed(
     settings: BeltramiSettings,
     mask: npt.NDArray | None,
     smooth: str,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> tuple[npt.NDArray, npt.NDArray]:
     # The image smoothed, and the points, (h, w, 3) in mean distances; (h, w, 0) is a flat image.
     pixels = given.reshape(*given.shape[:2], -1)
@@ -190,7 +183,7 @@ def _step(
     opacity: npt.NDArray,
     points: npt.NDArray,
     settings: BeltramiSettings,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> tuple[npt.NDArray, npt.NDArray]:
     # Colors count as much as they are opaque, for distances and for means.
     (height, width, count), transparent = colors.shape, opacity.shape[2] > 0
@@ -221,7 +214,10 @@ def _step(
 
 
 def _areas(
-    guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings, progress: Progress
+    guide: npt.NDArray,
+    points: npt.NDArray,
+    settings: BeltramiSettings,
+    progress: Progress = Progress(None),
 ) -> npt.NDArray:
     flat = points.shape[2] == 0
     if settings.measure == "surface":

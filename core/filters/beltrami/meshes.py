@@ -17,21 +17,16 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ...base.parallel import Progress, ProgressCallback, chunk_size, kernel, run
-from ...mesh.calculus import (
-    average_to_faces,
-    blended_normals,
-    checked_mask,
-    checked_signal,
-    lumped_mass,
-    make_unit,
-)
+from ...base.checks import checked_mask, checked_signal, checked_type
+from ...base.parallel import Progress, chunk_size, kernel, run
+from ...base.progress import ProgressCallback
+from ...mesh.calculus import average_to_faces, blended_normals, lumped_mass, make_unit
 from ...mesh.geodesics import Stencils, face_stencils, march, march_scratch, stencils
 from ...mesh.order import is_scattered, sorted_along_curve
 from ...mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
 from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings
 from ..fit import displacement, moved_vertices
-from ..signals import checked_type, from_own_corners, like, to_own_corners
+from ..signals import from_own_corners, like, to_own_corners
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
 """Bounds of what the normals of neighbouring faces differ by for noise."""
@@ -249,7 +244,7 @@ def _displaced(
     mesh: TriangleMesh,
     settings: BeltramiGeometrySettings,
     weights: Floats | None,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> Floats:
     if settings.filtered == "positions":
         moved, _ = _jointly(mesh, np.zeros((mesh.vertex_count, 0)), settings, 0.0, progress)
@@ -289,7 +284,10 @@ def noise_of_normals(mesh: TriangleMesh, progress: Progress | None = None) -> fl
 
 
 def _filtered_normals(
-    mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: float, progress: Progress
+    mesh: TriangleMesh,
+    settings: BeltramiGeometrySettings,
+    noise: float,
+    progress: Progress = Progress(None),
 ) -> Floats:
     still = progress.part(0.0, 0.0, "Denoising")
     embedding = np.empty((mesh.face_count, 6))
@@ -313,7 +311,10 @@ def _filtered_normals(
 
 
 def _painted(
-    mesh: TriangleMesh, values: Floats, settings: BeltramiMeshSettings, progress: Progress
+    mesh: TriangleMesh,
+    values: Floats,
+    settings: BeltramiMeshSettings,
+    progress: Progress = Progress(None),
 ) -> Floats:
     # The signal alone is filtered; the mesh is as it was given. Means keep to the range of the
     # input but for rounding.
@@ -334,7 +335,7 @@ def _jointly(
     values: Floats,
     settings: BeltramiMeshSettings,
     beta: float,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> tuple[Floats, Floats]:
     # Mesh and signal are filtered; returns the displacement in the mesh's unit, and the signal.
     # Lengths and areas stay those of the given mesh: only so are the iterations alike.
@@ -351,7 +352,9 @@ def _jointly(
     return (points - mesh.scaled_vertices) * mesh.mean_edge_length, values
 
 
-def _iteration(settings: BeltramiMeshSettings, turn: int, progress: Progress) -> Progress:
+def _iteration(
+    settings: BeltramiMeshSettings, turn: int, progress: Progress = Progress(None)
+) -> Progress:
     count = settings.iterations
     return progress.part(turn / count, (turn + 1) / count, "Denoising")
 
@@ -362,7 +365,7 @@ def _averaged(
     mass: Floats,
     values: Floats,
     settings: BeltramiMeshSettings,
-    progress: Progress,
+    progress: Progress = Progress(None),
 ) -> Floats:
     # Apply the kernel once; the embedding's first three coordinates are the place in space.
     count = len(mass)

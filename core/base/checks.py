@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which signals, masks and images the filters take; what is wrong with others is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InvalidSignal
+from .progress import ask
+
+Floats = npt.NDArray[np.float64]
+
+
+LARGEST = 1e30
+"""Largest values of signals: flows are made of squares of squares of them."""
+
+
+def as_array(values: npt.ArrayLike, what: str) -> npt.NDArray:
+    """Return `values` as an array, or raise `InvalidSignal` if rows differ in length."""
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise InvalidSignal(f"The {what} is not made of numbers; give floats.") from error
+
+
+def checked_signal(
+    signal: npt.ArrayLike,
+    count: int,
+    what: str = "signal",
+    largest: float = LARGEST,
+    progress: object = None,  # transition
+) -> Floats:
+    """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
+    given = as_array(signal, what)
+    if given.dtype.kind not in "fiub":
+        raise InvalidSignal(f"The {what} is of type {given.dtype}, not numbers; give floats.")
+    array = np.ascontiguousarray(given, dtype=np.float64)
+    if array.ndim == 1:
+        array = array.reshape(-1, 1)
+    if array.ndim != 2 or len(array) != count or array.shape[1] == 0:
+        raise InvalidSignal(
+            f"The {what} has the shape {given.shape}; give ({count},) or ({count}, channels)."
+        )
+    ask()
+    if not np.isfinite(array).all():
+        raise InvalidSignal(f"The {what} holds NaN or infinity; replace these values first.")
+    ask()
+    if max(array.max(), -array.min()) > largest:
+        raise InvalidSignal(f"The {what} holds values beyond {largest:g}; scale or clip them.")
+    return array
+
+
+def checked_mask(mask: npt.ArrayLike | None, count: int) -> Floats | None:
+    """Return a mask as (count,) float64 in [0, 1], or None where all weights are 1."""
+    if mask is None:
+        return None
+    array = checked_signal(mask, count, "mask")
+    if array.shape[1] != 1 or np.ndim(mask) != 1:
+        raise InvalidSignal(f"The mask has the shape {np.shape(mask)}; give ({count},).")
+    weights = array.reshape(-1)
+    if weights.min() < 0 or weights.max() > 1:
+        raise InvalidSignal("The mask leaves the range 0 to 1; clip or rescale it.")
+    return None if weights.min() == 1 else weights
+
+
+def checked_type(signal: npt.ArrayLike) -> npt.NDArray:
+    """Return a signal as an array, or raise `InvalidSignal` unless it is of float type."""
+    array = as_array(signal, "signal")
+    if array.dtype not in (np.float32, np.float64):
+        raise InvalidSignal(
+            f"The signal is of type {array.dtype}; give float32 or float64, colors in [0, 1]."
+        )
+    return array
+
+
+SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float64": 1.0}
+"""The types of images, with what brings their values to [0, 1]."""
+
+
+BAND = 256
+"""Rows of an image that numpy gets at once."""
+
+
+def checked_image(image: npt.ArrayLike) -> npt.NDArray:
+    """Return the image as a contiguous array; raises `InvalidSignal` if it cannot be filtered."""
+    array = as_array(image, "image")
+    if array.dtype.name not in SCALES:
+        raise InvalidSignal(
+            f"The image is of type {array.dtype}; give uint8, uint16, float32 or float64."
+        )
+    if array.ndim not in (2, 3) or array.size == 0:
+        raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
+    array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
+    if array.dtype.kind == "f":
+        for start in range(0, len(array), BAND):
+            if not np.isfinite(array[start : start + BAND]).all():
+                raise InvalidSignal("The image holds NaN or infinity; replace these values first.")
+    return array
+
+
+def checked_out(out: npt.NDArray | None, given: npt.NDArray) -> npt.NDArray:
+    """Return where the result goes: a new array, or `out` if it fits."""
+    if out is None:
+        return np.empty_like(given)
+    if out.shape != given.shape or out.dtype != given.dtype or not out.flags.c_contiguous:
+        raise InvalidSignal(
+            f"out is {out.dtype} of shape {out.shape}; give a contiguous {given.dtype} array of"
+            f" shape {given.shape}."
+        )
+    if np.may_share_memory(out, given):
+        raise InvalidSignal("out shares memory with the image; give another array.")
+    return np.asarray(out)
+
+
+def checked_weights(mask: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArray | None:
+    """Return the mask as float64; raises `InvalidSignal` if it does not fit the image."""
+    if mask is None:
+        return None
+    weights = as_array(mask, "mask")
+    if weights.shape != given.shape[:2]:
+        raise InvalidSignal(f"The mask has the shape {weights.shape}; give {given.shape[:2]}.")
+    if weights.dtype.kind not in "bfiu" or not np.isfinite(weights).all():
+        raise InvalidSignal("The mask holds NaN, infinity or no numbers; give weights in [0, 1].")
+    if weights.min() < 0 or weights.max() > 1:
+        raise InvalidSignal("The mask leaves the range 0 to 1; clip or rescale it.")
+    return weights.astype(np.float64, copy=False)
