@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from ...core import host as filters
+from ...core import host
 from ...core.settings import GeometrySettings, ShockSettings
 from .. import data
 from ..operators.base import Filter, MeshOperator, Steps
@@ -16,6 +16,14 @@ from ..operators.properties import settings_from
 from . import overlay as flow_overlay
 
 _SETTINGS = {"geometry": GeometrySettings, "colors": ShockSettings}
+
+
+def _flow_of_shape(*given: Any) -> Any:
+    return host.flow.flow_of_shape(*given)  # loads kernels
+
+
+def _flow_of_colors(*given: Any) -> Any:
+    return host.flow.flow_of_colors(*given)
 
 
 class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
@@ -51,11 +59,10 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def steps(self) -> Steps:
         """Compute the mode's flow."""
-        from ..data.flow import write_flow
-
-        if self.mode == "geometry":
-            return Steps(data.read_geometry, filters.flow_of_shape, write_flow)
-        return Steps(data.read_colors, filters.flow_of_colors, write_flow)
+        shape = self.mode == "geometry"
+        read = data.geometry.read_geometry if shape else data.colors.read_colors
+        compute = _flow_of_shape if shape else _flow_of_colors
+        return Steps(read, compute, data.flow.write_flow)
 
     def read_settings(self) -> Any:
         """Read those of the panel."""
@@ -63,7 +70,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return data.read_active(context, self.steps().read, self._parameters())
+        return data.active_object.read_active(context, self.steps().read, self._parameters())
 
     def filter(self, settings: Any) -> Filter:
         """Compute one object's flow."""
@@ -79,11 +86,9 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the attributes."""
-        from ..data.flow import FLOW, POTENTIAL
-
         (obj, _), *_ = written
         return pgettext_rpt("Wrote {potential} and {flow} to {name}, {seconds:.1f} s.").format(
-            potential=POTENTIAL, flow=FLOW, name=obj.name, seconds=seconds
+            potential=data.flow.POTENTIAL, flow=data.flow.FLOW, name=obj.name, seconds=seconds
         )
 
     def _parameters(self) -> bpy.types.PropertyGroup:

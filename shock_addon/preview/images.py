@@ -12,10 +12,10 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 from bpy.app.translations import pgettext_rpt
 
-from ...core import host as filters
+from ...core import host
 from ...core.errors import InvalidSignal
 from ...core.host.crop import Crop, crop_around, smoothed_at_once
-from ...core.host.images import Picture
+from ...core.host.inputs import HostImage
 from ...core.host.screen_colors import is_transparent, screen_colors
 from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
 from .. import data
@@ -99,16 +99,16 @@ def _read_image(
 ) -> ImageStage:
     image = data.shown_image(context)
     most = _QUICK if mode == "image" else _SLOW
-    picture = data.read_image(image).surface
+    whole = data.read_image(image).surface
     place = _place(context, event)
-    crop = crop_around(picture, place, most)
+    crop = crop_around(whole, place, most)
     colors = _colors_of(image)
 
-    def part(settings: Any) -> tuple[Picture, Callable[[Any], list[Piece]]]:
+    def part(settings: Any) -> tuple[HostImage, Callable[[Any], list[Piece]]]:
         smaller = crop
         if mode == "denoise_image":
             smaller = crop.shrunk(place, smoothed_at_once(settings.kernel))
-        return smaller.picture, partial(_pieces, smaller, colors)
+        return smaller.image, partial(_pieces, smaller, colors)
 
     return ImageStage(image, part)
 
@@ -120,7 +120,7 @@ def _read_texture(
     target, _ = data.read_texture(context, image, parameters, parameters.gutter + 1)
     colors = _colors_of(image)
 
-    def pieces(result: filters.Retextured) -> list[Piece]:
+    def pieces(result: host.textures.Retextured) -> list[Piece]:
         whole = result.recolored.colors
         tiles = {_FIRST_TILE: whole} if target.mosaic is None else target.mosaic.cut(whole)
         pictures = {n: replace(target.surface.picture, pixels=tiles[n]) for n in tiles}
@@ -149,27 +149,29 @@ def _note(piece: Piece) -> str:
     return iface_("patch of {width:,} x {height:,} pixels").format(width=width, height=height)
 
 
-def _pieces(crop: Crop, colors: Callable[[Picture], Any], result: filters.Recolored) -> list[Piece]:
-    part = replace(crop.picture, pixels=crop.shown(result.colors))
+def _pieces(
+    crop: Crop, colors: Callable[[HostImage], Any], result: host.recolored.Recolored
+) -> list[Piece]:
+    part = replace(crop.image, pixels=crop.shown(result.colors))
     return [Piece(crop.box, colors(part), not crop.is_all, is_transparent(part))]
 
 
-def _colors_of(image: bpy.types.Image) -> Callable[[Picture], Any]:
+def _colors_of(image: bpy.types.Image) -> Callable[[HostImage], Any]:
     space = image.colorspace_settings
     linear = image.is_float or space.is_data or space.name.startswith("Linear")
     return partial(screen_colors, encoded=not linear, multiply_encoded=bpy.app.version < (5, 0, 0))
 
 
-def _sharpened(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.sharpen_picture(picture, settings, progress)
+def _sharpened(image: HostImage, settings: Any, parameters: Any, progress: Any) -> Any:
+    return host.images.sharpen_pixels(image, settings, progress)
 
 
-def _denoised(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.denoise_picture(picture, settings, progress)
+def _denoised(image: HostImage, settings: Any, parameters: Any, progress: Any) -> Any:
+    return host.denoising.denoise_picture(image, settings, progress)
 
 
 def _on_surface(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.sharpen_texture(surface, settings, progress)
+    return host.textures.sharpen_texture(surface, settings, progress)
 
 
 def _denoising(parameters: Any) -> Any:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core import host as filters
+from ...core import host
 from ...core.errors import InvalidMesh
 from ...core.host.patch import Patch, patch_around, seen_vertex, whole_surface
 from ...core.settings import GeometrySettings, ShockSettings
@@ -100,22 +100,27 @@ def kind_of(mode: str, parameters: Any) -> tuple[Kind, Callable[..., tuple]]:
     """Choose what is previewed by the panel's mode and its settings, and how it is read."""
     if mode == "geometry":
         settings = partial(settings_from, GeometrySettings)
-        kind = Kind("sharpen_geometry", _welding(filters.sharpen), settings, GeometrySettings,
+        kind = Kind("sharpen_geometry", _welding("geometry", "sharpen"), settings, GeometrySettings,
                     "time", "feature_threshold")  # fmt: skip
         return kind, data.read_geometry
     if mode == "colors":
         settings = partial(settings_from, ShockSettings)
-        kind = Kind("sharpen_colors", _welding(filters.sharpen_colors), settings, ShockSettings,
+        kind = Kind("sharpen_colors", _welding("colors", "sharpen_colors"), settings, ShockSettings,
                     "time", "smoothing_passes")  # fmt: skip
         return kind, data.read_colors
     steps, (about, prefix) = steps_of(parameters.target), SETTINGS[parameters.target]
-    kind = Kind("denoise", _welding(steps.filter), denoise_settings, about,
+
+    def denoise(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
+        return steps.filter(surface, settings, parameters.weld, progress)
+
+    kind = Kind("denoise", denoise, denoise_settings, about,
                 prefix + "time", prefix + "beta")  # fmt: skip
     return kind, steps.read
 
 
-def _welding(function: Callable[..., Any]) -> Callable[..., Any]:
+def _welding(module: str, name: str) -> Callable[..., Any]:
     def filter_surface(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
+        function = getattr(getattr(host, module), name)
         return function(surface, settings, parameters.weld, progress)
 
     return filter_surface
@@ -127,7 +132,7 @@ def _patch(
     surface = target.surface
     if surface.size <= 3 * size:
         return whole_surface(surface)
-    shape = surface.shape if isinstance(surface, filters.PaintedSurface) else surface
+    shape = surface.shape if isinstance(surface, host.denoising.PaintedSurface) else surface
     vertex = _pointed_at(context, event, data.find(target), shape.positions)
     return patch_around(surface, vertex, size)
 
