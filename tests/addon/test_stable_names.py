@@ -66,13 +66,19 @@ def presets():
         for name in names_of_presets(mode):
             assert bpy.ops.shock_filter.use_preset(mode=mode, name=name) == {"FINISHED"}
             found[mode][name] = {
-                known: settings.path_resolve(known)
+                known: default_like(settings, known)
                 for known in settings.bl_rna.properties.keys()
                 if settings.is_property_set(known)
+                if known not in ("rna_type", "name")
             }
         adds = getattr(bpy.types, f"SHOCK_FILTER_OT_{mode}_preset_add")
         found[mode]["kept"] = [panel.preset_subdir, *sorted(adds.preset_values)]
     return found
+
+
+def default_like(settings, name):
+    value = getattr(settings, name)
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def modes_and_panels():
