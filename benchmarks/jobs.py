@@ -23,10 +23,10 @@ import numpy as np
 from report import Page, Target, table, targets
 from shock_filter import core
 from shock_filter.core.host import colors as coloring
-from shock_filter.core.host import denoising, picture
+from shock_filter.core.host import denoising, images
 from shock_filter.core.host import geometry as sharpening
 from shock_filter.core.host import textures as texturing
-from shock_filter.core.host.surface import forget
+from shock_filter.core.host.welding import forget
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings
 
 LONGEST_WAIT = 0.5
@@ -121,7 +121,7 @@ def runs(count: int, size: int) -> dict[str, Work]:
     y, x = np.mgrid[:size, :size]
     pixels = np.ones((size, size, 4), np.float32)
     pixels[..., 0] = 0.5 + 0.5 * np.tanh(np.sin(x / 40.0) + np.sin(y / 50.0))
-    photo = picture.Picture(pixels, "STRAIGHT", False, 255)
+    photo = images.Picture(pixels, "STRAIGHT", False, 255)
     textured = texturing.TexturedSurface(faces, photo, None)
     denoise = denoising.Denoising(light, 16.0)
     return {
@@ -147,7 +147,7 @@ def runs(count: int, size: int) -> dict[str, Work]:
         f"texture, {size} pixels across, {side**2 // 1000} K vertices": lambda p: (
             texturing.sharpen_texture(textured, core.TextureSettings(), p)
         ),
-        f"image, {size} pixels across": lambda p: picture.sharpen_picture(
+        f"image, {size} pixels across": lambda p: images.sharpen_picture(
             photo, core.ImageSettings(), p
         ),
         f"denoising an image, {size} pixels across": lambda p: denoising.denoise_picture(

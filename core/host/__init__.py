@@ -20,7 +20,7 @@ _OLD = {  # transition: names that are asked for without their module
         "denoise_shape",
     ),
     "flow": ("flow_of_colors", "flow_of_shape"),
-    "picture": ("sharpen_picture",),
+    "images": ("sharpen_picture",),
     "recolored": ("Recolored",),
     "geometry": ("Sharpened", "sharpen"),
     "textures": ("Retextured", "analyse", "dilate_texture", "sharpen_texture"),

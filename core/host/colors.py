@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ... import core
 from .recolored import Colors, Recolored, recolored
-from .surface import Surface, welded
+from .welding import Surface, welded
 
 ColorFilter = Callable[[Any, Colors, "npt.NDArray | None"], Colors]
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from ... import core
 from .colors import ColoredSurface, check_colors
-from .surface import Progress as Callback
-from .surface import Surface, Welded, welded
+from .welding import Progress as Callback
+from .welding import Surface, Welded, welded
 
 
 @dataclass(frozen=True)

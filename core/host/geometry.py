@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ... import core
-from .surface import Surface, Welded, welded
 from .symmetry import MirrorPlane, mirror_pairs, symmetrise
+from .welding import Surface, Welded, welded
 
 _VISIBLE = 0.02
 """A move, in mean edge lengths, that people see."""

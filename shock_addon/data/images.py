@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.host import forgetting
-from ...core.host.picture import Picture
+from ...core.host.images import Picture
 from .chosen import refusal
 from .skipped import Skipped
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles

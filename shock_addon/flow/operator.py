@@ -51,7 +51,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def steps(self) -> Steps:
         """Compute the mode's flow."""
-        from .data import write_flow
+        from ..data.flow import write_flow
 
         if self.mode == "geometry":
             return Steps(data.read_geometry, filters.flow_of_shape, write_flow)
@@ -79,7 +79,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the attributes."""
-        from .data import FLOW, POTENTIAL
+        from ..data.flow import FLOW, POTENTIAL
 
         (obj, _), *_ = written
         return pgettext_rpt("Wrote {potential} and {flow} to {name}, {seconds:.1f} s.").format(

@@ -14,17 +14,17 @@ from bpy.app.translations import pgettext_rpt
 
 from ...core import host as filters
 from ...core.errors import InvalidSignal
-from ...core.host.picture import Picture
+from ...core.host.crop import Crop, crop_around, smoothed_at_once
+from ...core.host.images import Picture
+from ...core.host.screen_colors import is_transparent, screen_colors
 from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
 from .. import data
 from ..data.skipped import Skipped
 from ..operators.denoise import denoising
 from ..operators.properties import settings_from
-from .crop import Crop, crop_around, smoothed_at_once
 from .overlay import Overlay, Piece
 from .pointing import editors_of, pointed_at
 from .previewing import Kind, Preview, parameters_of
-from .screen_colors import is_transparent, screen_colors
 
 _QUICK, _SLOW = 500_000, 25_000
 """Most pixels that are sharpened, or denoised, for each look: a quarter of a second."""

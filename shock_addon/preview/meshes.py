@@ -13,14 +13,14 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from ...core import host as filters
 from ...core.errors import InvalidMesh
+from ...core.host.patch import Patch, patch_around, seen_vertex, whole_surface
 from ...core.settings import GeometrySettings, ShockSettings
 from .. import data
+from ..data.original import Original, color_attribute, show
 from ..data.skipped import Skipped
 from ..operators.denoise import SETTINGS, denoise_settings, steps_of
 from ..operators.properties import settings_from
-from .data import Original, color_attribute, show
 from .outline import Outline
-from .patch import Patch, patch_around, seen_vertex, whole_surface
 from .pointing import is_over_view, pointed_at
 from .previewing import Kind, Preview, parameters_of
 

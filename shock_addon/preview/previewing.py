@@ -14,13 +14,13 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
+from ...core.host.dials import TimeDial, turned
 from ...core.settings import describe
 from ..data.skipped import explain
 from ..operators import kernels
 from ..operators.base import Progress, filter_targets
 from ..operators.jobs import Job
 from ..operators.properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
-from .dials import TimeDial, turned
 
 _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""

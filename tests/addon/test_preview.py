@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
 from shock_filter.core.host.denoising import Denoising, denoise_shape
+from shock_filter.core.host.dials import TimeDial, turned
 from shock_filter.core.host.geometry import MirroredSurface, sharpen
+from shock_filter.core.host.patch import patch_around, seen_vertex, whole_surface
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
 from shock_filter.shock_addon.data.active_object import read_active
 from shock_filter.shock_addon.data.geometry import read_geometry
@@ -19,8 +21,6 @@ from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.preview import meshes as preview_meshes
 from shock_filter.shock_addon.preview import operator as preview_operator
 from shock_filter.shock_addon.preview import previewing
-from shock_filter.shock_addon.preview.dials import TimeDial, turned
-from shock_filter.shock_addon.preview.patch import patch_around, seen_vertex, whole_surface
 
 ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
 

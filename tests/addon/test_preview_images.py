@@ -9,14 +9,14 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import BeltramiSettings, InvalidSignal
-from shock_filter.core.host.picture import Picture
+from shock_filter.core.host.crop import crop_around, smoothed_at_once
+from shock_filter.core.host.images import Picture
+from shock_filter.core.host.screen_colors import decoded, screen_colors
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.preview import images as preview_images
 from shock_filter.shock_addon.preview import operator as preview_operator
-from shock_filter.shock_addon.preview.crop import crop_around, smoothed_at_once
 from shock_filter.shock_addon.preview.overlay import Overlay
 from shock_filter.shock_addon.preview.pointing import is_over_view, pointed_at
-from shock_filter.shock_addon.preview.screen_colors import decoded, screen_colors
 
 
 def soft(height=96, width=120):

@@ -181,9 +181,9 @@ def test_nothing_of_a_file_is_kept_when_another_is_opened(blender):
 shock_filter.register()
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.data import images as image_data
-from shock_filter.core.host import surface
+from shock_filter.core.host import welding
 def kept():
-    return [len(operators.summaries), image_data._overwritten is not None, len(surface._recent)]
+    return [len(operators.summaries), image_data._overwritten is not None, len(welding._recent)]
 bpy.ops.wm.read_homefile(use_empty=True)
 bpy.ops.mesh.primitive_monkey_add()
 bpy.ops.shock_filter.sharpen_geometry()

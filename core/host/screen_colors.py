@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.picture import Picture
+from .images import Picture
 
 Values = npt.NDArray[np.float32]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy.typing as npt
 
-from ...core.host.picture import Picture
-from ...core.settings import BeltramiSettings
+from ..settings import BeltramiSettings
+from .images import Picture
 
 _MARGIN = 16
 """Most pixels around a patch that are filtered with it and not shown: they lack neighbors."""

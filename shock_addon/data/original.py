@@ -14,12 +14,12 @@ from ...core.host.colors import ColoredSurface
 from ...core.host.denoising import Both, PaintedSurface
 from ...core.host.geometry import Sharpened
 from ...core.host.recolored import Recolored
-from ..data import shape_keys
-from ..data.colors import stored, write_colors
-from ..data.geometry import write_geometry
-from ..data.meshes import Target, find, read_positions, write_positions
-from ..data.skipped import Skipped
-from ..data.unchanged import check_same
+from . import shape_keys
+from .colors import stored, write_colors
+from .geometry import write_geometry
+from .meshes import Target, find, read_positions, write_positions
+from .skipped import Skipped
+from .unchanged import check_same
 
 _Part = tuple[str, str]
 """What a mesh holds: the kind and the name."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from ...core.settings import Setting
+from ..settings import Setting
 
 _OCTAVE = 50.0
 """Pixels that double the time."""

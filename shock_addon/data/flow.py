@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.host.flow import Flow
-from ..data.meshes import Target, find
-from ..data.skipped import Skipped
+from .meshes import Target, find
+from .skipped import Skipped
 
 POTENTIAL = "shock_potential"
 FLOW = "shock_flow"

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core.errors import InvalidMesh
-from ...core.host.colors import ColoredSurface
-from ...core.host.denoising import Both, Denoising, PaintedSurface
-from ...core.host.geometry import MirroredSurface
-from ...core.host.surface import Surface
+from ..errors import InvalidMesh
+from .colors import ColoredSurface
+from .denoising import Both, Denoising, PaintedSurface
+from .geometry import MirroredSurface
+from .welding import Surface
 
 _REACH = 12.0
 _SAMPLE = 200_000
