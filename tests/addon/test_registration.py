@@ -108,7 +108,7 @@ shock_filter.unregister()
         "core.base.cores",
         "core.errors",
         "core.estimate",
-        "core.lazy",
+        "core.registry",
         "core.settings",
     ]
     # With nothing selected, menus and panels ask what could be run.
