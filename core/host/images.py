@@ -97,3 +97,8 @@ def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]
 def _factor(pixels: Pixels) -> Pixels:
     opacity = pixels[..., 3:]
     return np.where(opacity > 0, opacity, np.float32(1.0))
+
+
+Picture = HostImage  # transition
+filter_picture = filter_image  # transition
+sharpen_picture = sharpen_pixels  # transition
