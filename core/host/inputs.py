@@ -6,7 +6,9 @@ Needs numpy only, so that a host can read its data before the compiled kernels a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -118,6 +120,19 @@ class ColoredSurface(Surface):
 
 
 @dataclass(frozen=True)
+class PaintedSurface:
+    """A mesh object's shape and colors; the shape's mask says what may change of both."""
+
+    shape: MirroredSurface
+    paint: ColoredSurface
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.shape.size
+
+
+@dataclass(frozen=True)
 class HostImage:
     """An image's pixels.
 
@@ -143,3 +158,18 @@ class HostImage:
     def size(self) -> int:
         """How much work it is, beside others."""
         return self.pixels.shape[0] * self.pixels.shape[1]
+
+
+@dataclass(frozen=True)
+class Denoising:
+    """What is done: settings for the kernel, and the sharpening's time or None."""
+
+    kernel: Any
+    sharpen_time: float | None
+
+    def by(self, denoise: Callable[..., Any]) -> Callable[..., Any]:
+        """Return ``function(*data, mask)``: the filter with these settings, then the sharpening."""
+        from ..filters.denoising import then_sharpen
+
+        function = then_sharpen(denoise, self.sharpen_time)
+        return lambda *data: function(*data[:-1], settings=self.kernel, mask=data[-1])

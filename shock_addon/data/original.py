@@ -10,9 +10,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.denoising import Both, PaintedSurface
-from ...core.host.inputs import ColoredSurface
-from ...core.host.recolored import Recolored
+from ...core.host.inputs import ColoredSurface, PaintedSurface
 from . import shape_keys
 from .colors import stored, write_colors
 from .geometry import write_geometry
@@ -134,12 +132,12 @@ def show(target: Target, original: Original, result: Any) -> None:
 
 
 def _write_result(target: Target, original: Original, result: Any) -> None:
-    if isinstance(result, Both):
+    if isinstance(target.surface, PaintedSurface):
         place, attribute = target.place
         shape = replace(target, place=place, surface=target.surface.shape)
         _show_shape(shape, original, result.shape)
         write_colors(replace(target, place=attribute, surface=target.surface.paint), result.paint)
-    elif isinstance(result, Recolored):
+    elif isinstance(target.surface, ColoredSurface):
         write_colors(target, result)
     else:
         _show_shape(target, original, result)

@@ -132,7 +132,7 @@ def _patch(
     surface = target.surface
     if surface.size <= 3 * size:
         return whole_surface(surface)
-    shape = surface.shape if isinstance(surface, host.denoising.PaintedSurface) else surface
+    shape = surface.shape if isinstance(surface, host.inputs.PaintedSurface) else surface
     vertex = _pointed_at(context, event, data.find(target), shape.positions)
     return patch_around(surface, vertex, size)
 
