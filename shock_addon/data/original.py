@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from ...core.host.inputs import ColoredSurface, PaintedSurface
 from . import shape_keys
-from .colors import stored, write_colors
+from .arrays import read_attribute, write_attribute
+from .colors import write_colors
 from .geometry import write_geometry
 from .meshes import Target, find, read_positions, write_positions
 from .skipped import Skipped
@@ -91,9 +92,7 @@ class Original:
             found[_KEY, key.name] = shape_keys.read(key)
         attribute = None if self._attribute is None else mesh.color_attributes.get(self._attribute)
         if attribute is not None:
-            colors = np.empty(4 * len(attribute.data), dtype=np.float32)
-            attribute.data.foreach_get(stored(attribute), colors)
-            found[_COLORS, attribute.name] = colors
+            found[_COLORS, attribute.name] = read_attribute(attribute)
         return found
 
 
@@ -102,8 +101,7 @@ def _write(mesh: bpy.types.Mesh, part: _Part, values: npt.NDArray[np.float32]) -
     if kind == _KEY:
         shape_keys.write(mesh.shape_keys.key_blocks[name], values)
     elif kind == _COLORS:
-        attribute = mesh.color_attributes[name]
-        attribute.data.foreach_set(stored(attribute), values)
+        write_attribute(mesh.color_attributes[name], values)
     else:
         write_positions(mesh, values)
 
