@@ -10,21 +10,17 @@ from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
-from bpy.app.translations import pgettext_rpt
 
 from ...core import host as filters
-from ...core.errors import InvalidSignal
 from ...core.host.crop import Crop, crop_around, smoothed_at_once
 from ...core.host.images import Picture
 from ...core.host.screen_colors import is_transparent, screen_colors
-from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
 from .. import data
-from ..data.skipped import Skipped
-from ..operators.denoise import denoising
-from ..operators.properties import settings_from
+from ..data.skipped import Refused, Skipped
+from ..modes import Mode
 from .overlay import Overlay, Piece
 from .pointing import editors_of, pointed_at
-from .previewing import Kind, Preview, parameters_of
+from .previewing import Preview, parameters_of
 
 _QUICK, _SLOW = 500_000, 25_000
 """Most pixels that are sharpened, or denoised, for each look: a quarter of a second."""
@@ -76,29 +72,28 @@ class ImageStage:
         self._overlay.end()
 
 
-def begin(context: bpy.types.Context, event: bpy.types.Event, mode: str) -> Preview:
+def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
     """Begin on the image in the Image Editor or, in the 3D view, on the active object's texture.
 
     Raises
     ------
-    core.InvalidSignal
+    Refused
         If it cannot be read.
     """
     parameters = parameters_of(context, mode)
-    read = _read_texture if mode == "texture" else _read_image
+    read = _read_texture if mode.data.on_surface else _read_image
     try:
         stage = read(context, event, mode, parameters)
     except Skipped as reason:
-        text = pgettext_rpt("There is nothing to preview: {reason}.")
-        raise InvalidSignal(text.format(reason=reason)) from None
-    return Preview(_KINDS[mode], parameters, stage)
+        raise Refused("There is nothing to preview: {reason}.", reason=reason) from None
+    return Preview(mode, parameters, stage)
 
 
 def _read_image(
-    context: bpy.types.Context, event: bpy.types.Event, mode: str, parameters: Any
+    context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
 ) -> ImageStage:
     image = data.shown_image(context)
-    most = _QUICK if mode == "image" else _SLOW
+    most = _SLOW if mode.is_slow else _QUICK
     picture = data.read_image(image).surface
     place = _place(context, event)
     crop = crop_around(picture, place, most)
@@ -106,7 +101,7 @@ def _read_image(
 
     def part(settings: Any) -> tuple[Picture, Callable[[Any], list[Piece]]]:
         smaller = crop
-        if mode == "denoise_image":
+        if hasattr(settings, "kernel"):
             smaller = crop.shrunk(place, smoothed_at_once(settings.kernel))
         return smaller.picture, partial(_pieces, smaller, colors)
 
@@ -114,7 +109,7 @@ def _read_image(
 
 
 def _read_texture(
-    context: bpy.types.Context, event: bpy.types.Event, mode: str, parameters: Any
+    context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
 ) -> ImageStage:
     image = data.chosen_image(context, parameters.image)
     target, _ = data.read_texture(context, image, parameters, parameters.gutter + 1)
@@ -158,29 +153,3 @@ def _colors_of(image: bpy.types.Image) -> Callable[[Picture], Any]:
     space = image.colorspace_settings
     linear = image.is_float or space.is_data or space.name.startswith("Linear")
     return partial(screen_colors, encoded=not linear, multiply_encoded=bpy.app.version < (5, 0, 0))
-
-
-def _sharpened(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.sharpen_picture(picture, settings, progress)
-
-
-def _denoised(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.denoise_picture(picture, settings, progress)
-
-
-def _on_surface(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.sharpen_texture(surface, settings, progress)
-
-
-def _denoising(parameters: Any) -> Any:
-    return denoising(settings_from(BeltramiSettings, parameters), parameters)
-
-
-_KINDS = {
-    "image": Kind("sharpen_image", _sharpened, partial(settings_from, ImageSettings),
-                  ImageSettings, "time", "smoothing_passes"),
-    "denoise_image": Kind("denoise_image", _denoised, _denoising, BeltramiSettings,
-                          "time", "beta"),
-    "texture": Kind("sharpen_texture", _on_surface, partial(settings_from, TextureSettings),
-                    TextureSettings, "time", "smoothing_passes"),
-}  # fmt: skip

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import bpy
@@ -12,17 +11,14 @@ import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core import host as filters
-from ...core.errors import InvalidMesh
 from ...core.host.patch import Patch, patch_around, seen_vertex, whole_surface
-from ...core.settings import GeometrySettings, ShockSettings
 from .. import data
 from ..data.original import Original, color_attribute, show
-from ..data.skipped import Skipped
-from ..operators.denoise import SETTINGS, denoise_settings, steps_of
-from ..operators.properties import settings_from
+from ..data.skipped import Refused, Skipped
+from ..modes import Mode, load
 from .outline import Outline
 from .pointing import is_over_view, pointed_at
-from .previewing import Kind, Preview, parameters_of
+from .previewing import Preview, parameters_of
 
 _QUICK, _SLOW = 50_000, 8_000
 """Vertices that are sharpened, or denoised, in about a quarter of a second."""
@@ -76,49 +72,24 @@ class MeshStage:
             self._original.restore()
 
 
-def begin(context: bpy.types.Context, event: bpy.types.Event, mode: str) -> Preview:
+def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
     """Begin on the active object.
 
     Raises
     ------
-    core.InvalidMesh
+    Refused
         If it cannot be read, or has no faces where the mouse points.
     """
     parameters = parameters_of(context, mode)
-    kind, read = kind_of(mode, parameters)
-    targets, skipped = data.read_active(context, read, parameters)
+    read = load(mode.target(parameters).data.read)
+    targets, skipped = data.active_object.read_active(context, read, parameters)
     if not targets:
-        raise InvalidMesh(" ".join(skipped))
-    patch = _patch(context, event, targets[0], _SLOW if mode == "denoise" else _QUICK)
+        raise Refused(" ".join(skipped))
+    patch = _patch(context, event, targets[0], _SLOW if mode.is_slow else _QUICK)
     words = "patch of {size:,} vertices"
     if not is_over_view(context.area, event):
         words = "patch of {size:,} vertices in the middle of the view"
-    return Preview(kind, parameters, MeshStage(targets[0], patch, words))
-
-
-def kind_of(mode: str, parameters: Any) -> tuple[Kind, Callable[..., tuple]]:
-    """Choose what is previewed by the panel's mode and its settings, and how it is read."""
-    if mode == "geometry":
-        settings = partial(settings_from, GeometrySettings)
-        kind = Kind("sharpen_geometry", _welding(filters.sharpen), settings, GeometrySettings,
-                    "time", "feature_threshold")  # fmt: skip
-        return kind, data.read_geometry
-    if mode == "colors":
-        settings = partial(settings_from, ShockSettings)
-        kind = Kind("sharpen_colors", _welding(filters.sharpen_colors), settings, ShockSettings,
-                    "time", "smoothing_passes")  # fmt: skip
-        return kind, data.read_colors
-    steps, (about, prefix) = steps_of(parameters.target), SETTINGS[parameters.target]
-    kind = Kind("denoise", _welding(steps.filter), denoise_settings, about,
-                prefix + "time", prefix + "beta")  # fmt: skip
-    return kind, steps.read
-
-
-def _welding(function: Callable[..., Any]) -> Callable[..., Any]:
-    def filter_surface(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
-        return function(surface, settings, parameters.weld, progress)
-
-    return filter_surface
+    return Preview(mode, parameters, MeshStage(targets[0], patch, words))
 
 
 def _patch(
