@@ -26,6 +26,7 @@ from shock_filter.core.host import colors as coloring
 from shock_filter.core.host import denoising, images
 from shock_filter.core.host import geometry as sharpening
 from shock_filter.core.host import textures as texturing
+from shock_filter.core.host.inputs import HostImage
 from shock_filter.core.host.welding import forget
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings
 
@@ -121,7 +122,7 @@ def runs(count: int, size: int) -> dict[str, Work]:
     y, x = np.mgrid[:size, :size]
     pixels = np.ones((size, size, 4), np.float32)
     pixels[..., 0] = 0.5 + 0.5 * np.tanh(np.sin(x / 40.0) + np.sin(y / 50.0))
-    photo = images.Picture(pixels, "STRAIGHT", False, 255)
+    photo = HostImage(pixels, "STRAIGHT", False, 255)
     textured = texturing.TexturedSurface(faces, photo, None)
     denoise = denoising.Denoising(light, 16.0)
     return {
@@ -147,7 +148,7 @@ def runs(count: int, size: int) -> dict[str, Work]:
         f"texture, {size} pixels across, {side**2 // 1000} K vertices": lambda p: (
             texturing.sharpen_texture(textured, core.TextureSettings(), p)
         ),
-        f"image, {size} pixels across": lambda p: images.sharpen_picture(
+        f"image, {size} pixels across": lambda p: images.sharpen_pixels(
             photo, core.ImageSettings(), p
         ),
         f"denoising an image, {size} pixels across": lambda p: denoising.denoise_picture(

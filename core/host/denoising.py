@@ -3,45 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from ... import core
 from ..base.progress import ProgressCallback, reporting
 from .colors import ColoredSurface, check_colors, filter_colors, repainted_corners
 from .geometry import MirroredSurface, Sharpened, placed
+from .inputs import Denoising, PaintedSurface
 from .picture import Picture, Pixels, filter_picture
 from .recolored import Recolored
 from .surface import welded
-
-
-@dataclass(frozen=True)
-class Denoising:
-    """What is done: settings for the kernel, and the sharpening's time or None."""
-
-    kernel: Any
-    sharpen_time: float | None
-
-    def by(self, denoise: Callable[..., Any]) -> Callable[..., Any]:
-        """Return ``function(*data, mask)``: the filter with these settings, then the sharpening."""
-        from ..filters.denoising import then_sharpen
-
-        function = then_sharpen(denoise, self.sharpen_time)
-        return lambda *data: function(*data[:-1], settings=self.kernel, mask=data[-1])
-
-
-@dataclass(frozen=True)
-class PaintedSurface:
-    """A mesh object's shape and colors; the shape's mask says what may change of both."""
-
-    shape: MirroredSurface
-    paint: ColoredSurface
-
-    @property
-    def size(self) -> int:
-        """How much work it is, beside others."""
-        return self.shape.size
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings that a preview changes: the time by moving the mouse, another one by the wheel.
-
-Needs no bpy.
-"""
+"""Settings that a preview changes: the time by moving the mouse, another one by the wheel."""
 
 from __future__ import annotations
 

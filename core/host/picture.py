@@ -1,4 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The old name of images.py."""
+"""The old name of inputs.py and images.py."""
 
-from .images import Picture, Pixels, filter_picture  # noqa: F401  # transition
+from .images import filter_image as filter_picture  # noqa: F401  # transition
+from .images import sharpen_pixels as sharpen_picture  # noqa: F401  # transition
+from .inputs import HostImage as Picture  # noqa: F401  # transition
+from .inputs import Pixels  # noqa: F401  # transition

@@ -11,20 +11,19 @@ from dataclasses import replace
 from typing import Any
 
 from .. import registry
-from ..base.progress import ProgressCallback, reporting
-from . import textures
-from .colors import ColoredSurface
-from .colors import filter_colors as recolor
-from .denoising import Both, Denoising, PaintedSurface, denoise_both
-from .geometry import MirroredSurface, Sharpened, placed
-from .images import Picture, Pixels, filter_picture
+from ..base.progress import ProgressCallback
+from . import colors, denoising, geometry, images, textures
+from .inputs import ColoredSurface, Denoising, HostImage, MirroredSurface, PaintedSurface, Pixels
 from .recolored import Recolored
-from .welding import welded
 
 
 def filter_shape(
-    surface: MirroredSurface, name: str, settings: Any, weld: bool, progress: ProgressCallback
-) -> Sharpened:
+    surface: MirroredSurface,
+    name: str,
+    settings: Any,
+    weld: bool,
+    progress: ProgressCallback | None,
+) -> geometry.Sharpened:
     """Filter the positions of a surface; vertices without faces stay in place.
 
     Parameters
@@ -36,7 +35,7 @@ def filter_shape(
         Of the filter's settings class, or a `Denoising`.
     weld : bool
         Vertices at exactly the same place move together, as the most protected of them.
-    progress : callable
+    progress : callable or None
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
@@ -49,14 +48,13 @@ def filter_shape(
     core.ShockError
         See `core.TriangleMesh` and the filter.
     """
-    function = _with(settings, registry.find(name).function())
-    with reporting(progress):
-        part = welded(surface, weld, None)
-        return placed(surface, part, function(part.mesh, part.mask), None)
+    row = registry.find(name)
+    function = _with(settings, row.function(), row)
+    return geometry.filter_geometry(surface, function, weld, progress)
 
 
 def filter_colors(
-    surface: ColoredSurface, name: str, settings: Any, weld: bool, progress: ProgressCallback
+    surface: ColoredSurface, name: str, settings: Any, weld: bool, progress: ProgressCallback | None
 ) -> Recolored:
     """Filter the colors of a surface; what has no faces keeps its color.
 
@@ -66,48 +64,48 @@ def filter_colors(
     """
     row = registry.find(name)
     at_vertices, at_corners = (
-        _with(settings, function) for function in (row.function(), row.corner_function())
+        _with(settings, function, row) for function in (row.function(), row.corner_function())
     )
-    with reporting(progress):
-        return recolor(surface, at_vertices, at_corners, weld, None)
+    return colors.filter_colors(surface, at_vertices, at_corners, weld, progress)
 
 
 def filter_both(
-    surface: PaintedSurface, name: str, settings: Any, weld: bool, progress: ProgressCallback
-) -> Both:
+    surface: PaintedSurface, name: str, settings: Any, weld: bool, progress: ProgressCallback | None
+) -> denoising.Both:
     """Filter positions and colors with the same weights; only denoising can."""
-    return denoise_both(surface, settings, weld, progress)
+    return denoising.denoise_both(surface, settings, weld, progress)
 
 
 def filter_image(
-    picture: Picture, name: str, settings: Any, progress: ProgressCallback
+    image: HostImage, name: str, settings: Any, progress: ProgressCallback | None
 ) -> Recolored:
     """Filter an image; opacity stays.
 
     With ``alpha="none"`` in the settings, all four channels are filtered alike, whatever the
     fourth is. Pixels that do not change stay bit for bit.
     """
-    function = registry.find(name).function()
+    row = registry.find(name)
     kernel = settings.kernel if isinstance(settings, Denoising) else settings
 
     def run(pixels: Pixels, alpha: str) -> Pixels:
         chosen = replace(kernel, alpha=alpha) if hasattr(kernel, "alpha") else kernel
         both = replace(settings, kernel=chosen) if settings is not kernel else chosen
-        return _with(both, function)(pixels, None)
+        return _with(both, row.function(), row)(pixels, None)
 
-    with reporting(progress):
-        return filter_picture(picture, getattr(kernel, "alpha", "auto"), run, None)
+    return images.filter_image(image, getattr(kernel, "alpha", "auto"), run, progress)
 
 
 def filter_texture(
-    surface: textures.TexturedSurface, name: str, settings: Any, progress: ProgressCallback
+    surface: textures.TexturedSurface, name: str, settings: Any, progress: ProgressCallback | None
 ) -> textures.Retextured:
     """Filter a texture; opacity stays inside the charts."""
     return getattr(textures, name)(surface, settings, progress)
 
 
-def _with(settings: Any, function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return ``function(*data, mask)``: the filter with these settings, and what follows."""
+def _with(settings: Any, function: Callable[..., Any], row: registry.Filter) -> Callable[..., Any]:
+    """Return ``function(*data, mask)``: a function of the row with settings, and what follows."""
     if isinstance(settings, Denoising):
         return settings.by(function)
+    if not row.takes_mask:
+        return lambda *data: function(*data[:-1], settings=settings)
     return lambda *data: function(*data[:-1], settings=settings, mask=data[-1])

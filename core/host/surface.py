@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The old name of welding.py."""
+"""The old name of inputs.py and welding.py."""
 
-from .welding import Surface, Welded, welded  # noqa: F401  # transition
+from .inputs import Surface  # noqa: F401  # transition
+from .welding import Welded, welded  # noqa: F401  # transition

@@ -1,65 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A surface as Blender keeps it, made ready for the core: seams, loose parts, object scale.
+"""A surface as a host program keeps it, made ready: seams, loose parts, object scale.
 
-Needs no bpy. The last surfaces stay here with what the core has found out about them, so that a
+The last surfaces stay here with what the core has found out about them, so that a
 redo with other settings computes only what depends on these.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ... import core
+from ..base.memo import equal
+from ..base.progress import aside, ask
+from ..mesh.triangle_mesh import TriangleMesh, check_finite, weld
 from . import forgetting
-
-Progress = Callable[[float, str], bool]
+from .inputs import Surface
 
 _MOST_SURFACES = 2
 _MOST_VERTICES = 1_200_000
 """How much is kept; a vertex takes 400 to 900 bytes with all that is derived from it."""
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A mesh object's geometry.
-
-    Attributes
-    ----------
-    positions : (n, 3) float32
-        Vertices in the object's space.
-    triangles : (m, 3) int32
-    mask : (n,) float64 or None
-        1 sharpens fully, 0 leaves the vertex as it is.
-    to_world : (3, 3) float64
-        The object's scale, shear and rotation: lengths are measured after it.
-    """
-
-    positions: npt.NDArray[np.float32]
-    triangles: npt.NDArray[np.int32]
-    mask: npt.NDArray[np.float64] | None
-    to_world: npt.NDArray[np.float64]
-
-    @property
-    def size(self) -> int:
-        """How much work it is, beside others."""
-        return len(self.positions)
-
-    def into_world(self, vectors: npt.NDArray) -> npt.NDArray:
-        """Turn vectors of the object's space, as rows, into those of the world."""
-        return vectors if self._as_in_world() else vectors @ self.to_world.T
-
-    def from_world(self, vectors: npt.NDArray) -> npt.NDArray:
-        """Turn them back."""
-        return vectors if self._as_in_world() else np.linalg.solve(self.to_world, vectors.T).T
-
-    def _as_in_world(self) -> bool:
-        return np.array_equal(self.to_world, np.identity(3))
 
 
 @dataclass(frozen=True)
@@ -68,7 +31,7 @@ class Welded:
 
     Attributes
     ----------
-    mesh : core.TriangleMesh
+    mesh : TriangleMesh
         In the world's lengths.
     mask : (k,) float64 or None
         Of welded vertices the most protected counts.
@@ -80,7 +43,7 @@ class Welded:
         The vertex of `mesh` that stands for each used vertex.
     """
 
-    mesh: core.TriangleMesh
+    mesh: TriangleMesh
     mask: npt.NDArray[np.float64] | None
     used: npt.NDArray[np.bool_]
     representatives: npt.NDArray[np.intp]
@@ -90,7 +53,7 @@ class Welded:
 def welded(
     surface: Surface,
     weld: bool,
-    progress: Progress | None = None,
+    progress: object = None,  # transition
     colors: npt.NDArray[np.float32] | None = None,
 ) -> Welded:
     """Leave out loose vertices and make vertices at exactly the same place one.
@@ -103,23 +66,19 @@ def welded(
         Its arrays must not change from now on.
     weld : bool
         False keeps all vertices apart.
-    progress : callable, optional
-        ``progress(fraction, message) -> bool``; False cancels.
     colors : (n, 3) array of float, optional
         Vertices whose colors differ stay apart, too.
 
     Raises
     ------
-    core.InvalidMesh, core.Cancelled
-        See `core.TriangleMesh`.
+    InvalidMesh, Cancelled
+        See `TriangleMesh`.
     """
-    from ..base.memo import equal
-
     key = surface.positions, surface.triangles, surface.mask, surface.to_world, weld, colors
     with _lock:
         entry = next((entry for entry in _recent if equal(entry[0], key)), None)
     if entry is None:
-        entry = key, _welded(surface, weld, progress, colors)
+        entry = key, _welded(surface, weld, colors)
     with _lock:
         _recent[:] = [entry] + [other for other in _recent if other is not entry]
         del _recent[_MOST_SURFACES:]
@@ -140,37 +99,30 @@ _lock = threading.Lock()
 
 
 def _welded(
-    surface: Surface,
-    weld: bool,
-    progress: Progress | None,
-    colors: npt.NDArray[np.float32] | None,
+    surface: Surface, at_same_place: bool, colors: npt.NDArray[np.float32] | None
 ) -> Welded:
-    from ..base.parallel import Progress as Phases
-    from ..mesh.triangle_mesh import check_finite
-
     check_finite(surface.positions)  # of loose vertices, too, under the numbers that Blender shows
-    phase = Phases.of(progress).part(0.0, 0.0, "Preparing the mesh")
-    used = np.zeros(len(surface.positions), dtype=bool)
-    used[surface.triangles] = True
-    points = surface.positions[used].astype(np.float64)
-    phase.update(0.0)
-    representatives = index = np.arange(len(points))
-    if weld:
-        representatives, index = core.weld(points, progress)
-        if colors is not None:
-            _, of_color = core.weld(colors[used], progress)
-            pairs = np.stack([index, of_color, np.zeros_like(index)], axis=1)
-            representatives, index = core.weld(pairs, progress)
-    mask = None
-    if surface.mask is not None:
-        mask = _lowest(surface.mask[used], representatives, index)
-    vertices = surface.into_world(points[representatives])
-    phase.update(0.0)
-    places = np.zeros(len(used), dtype=np.int32)
-    places[used] = index
-    triangles = places[surface.triangles]
-    mesh = core.TriangleMesh(vertices, triangles, progress)
-    return Welded(mesh, mask, used, representatives, index)
+    with aside("Preparing the mesh"):
+        used = np.zeros(len(surface.positions), dtype=bool)
+        used[surface.triangles] = True
+        points = surface.positions[used].astype(np.float64)
+        ask()
+        representatives = index = np.arange(len(points))
+        if at_same_place:
+            representatives, index = weld(points)
+            if colors is not None:
+                _, of_color = weld(colors[used])
+                pairs = np.stack([index, of_color, np.zeros_like(index)], axis=1)
+                representatives, index = weld(pairs)
+        mask = None
+        if surface.mask is not None:
+            mask = _lowest(surface.mask[used], representatives, index)
+        vertices = surface.into_world(points[representatives])
+        ask()
+        places = np.zeros(len(used), dtype=np.int32)
+        places[used] = index
+        mesh = TriangleMesh(vertices, places[surface.triangles])
+        return Welded(mesh, mask, used, representatives, index)
 
 
 def _lowest(

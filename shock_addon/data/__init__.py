@@ -6,7 +6,50 @@ import numpy.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from . import (
+        active_object,
+        chosen,
+        colors,
+        custom_normals,
+        edge_marks,
+        flow,
+        geometry,
+        images,
+        masks,
+        materials,
+        meshes,
+        original,
+        shape_keys,
+        skipped,
+        textures,
+        tiles,
+        unchanged,
+        vertex_groups,
+    )
+
+__all__ = [
+    "active_object",
+    "chosen",
+    "colors",
+    "custom_normals",
+    "edge_marks",
+    "flow",
+    "geometry",
+    "images",
+    "masks",
+    "materials",
+    "meshes",
+    "original",
+    "shape_keys",
+    "skipped",
+    "textures",
+    "tiles",
+    "unchanged",
+    "vertex_groups",
+]
 
 _OLD = {  # transition: names that are asked for without their module
     "active_object": ("read_active",),
@@ -36,12 +79,9 @@ _OLD = {  # transition: names that are asked for without their module
 
 
 def __getattr__(name: str) -> Any:
-    for module, names in _OLD.items():
-        if name in names:
-            return getattr(import_module(f".{module}", __name__), name)
-    try:
+    for module, names in _OLD.items():  # transition
+        if name in names:  # transition
+            return getattr(import_module(f".{module}", __name__), name)  # transition
+    if name in __all__:
         return import_module(f".{name}", __name__)
-    except ModuleNotFoundError as error:
-        if error.name != f"{__name__}.{name}":
-            raise
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...core.host.colors import ColoredSurface
+from ...core.host.inputs import ColoredSurface
 from ...core.host.recolored import Colors, Recolored
 from .masks import color_mask
 from .meshes import (

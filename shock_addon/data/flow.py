@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.flow import Flow
 from .meshes import Target, find
 from .skipped import Skipped
+
+if TYPE_CHECKING:
+    from ...core.host.flow import Flow
 
 POTENTIAL = "shock_potential"
 FLOW = "shock_flow"

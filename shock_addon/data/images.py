@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.host import forgetting
-from ...core.host.images import Picture
+from ...core.host.inputs import HostImage
 from .chosen import refusal
 from .skipped import Skipped
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
@@ -33,7 +33,7 @@ class ImageTarget:
 
     name: str
     image_uid: int
-    surface: Picture
+    surface: HostImage
 
     @property
     def parts(self) -> Tiles:
@@ -68,13 +68,13 @@ def read_image(image: bpy.types.Image) -> ImageTarget:
     reason = refusal(image)
     if reason:
         raise Skipped(reason)
-    picture = picture_of(image, read_pixels(image))
-    return ImageTarget(image.name, image.session_uid, picture)
+    surface = host_image(image, read_pixels(image))
+    return ImageTarget(image.name, image.session_uid, surface)
 
 
-def picture_of(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> Picture:
+def host_image(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> HostImage:
     """Say what pixels that were read from an image mean."""
-    return Picture(
+    return HostImage(
         pixels=pixels,
         opacity=image.alpha_mode,
         premultiplied=image.is_float,

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from bpy.app.translations import pgettext_iface
 
-from ...core.host.welding import Surface
+from ...core.host.inputs import Surface
 from .chosen import CONVERTIBLE, mesh_objects, mesh_refusal
 from .skipped import Skipped, sentences
 

@@ -4,15 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.colors import ColoredSurface
 from ...core.host.denoising import Both, PaintedSurface
-from ...core.host.geometry import Sharpened
+from ...core.host.inputs import ColoredSurface
 from ...core.host.recolored import Recolored
 from . import shape_keys
 from .colors import stored, write_colors
@@ -20,6 +19,9 @@ from .geometry import write_geometry
 from .meshes import Target, find, read_positions, write_positions
 from .skipped import Skipped
 from .unchanged import check_same
+
+if TYPE_CHECKING:
+    from ...core.host.geometry import Sharpened
 
 _Part = tuple[str, str]
 """What a mesh holds: the kind and the name."""

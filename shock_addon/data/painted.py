@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ...core.host.denoising import Both, PaintedSurface
+from ...core.host.inputs import PaintedSurface
 from .colors import check_unchanged, read_colors, write_colors
 from .geometry import Place, read_geometry, write_geometry
 from .meshes import Target, find
@@ -23,7 +23,7 @@ def read_painted(
     return (place, attribute), PaintedSurface(shape, paint)
 
 
-def write_painted(target: Target, result: Both, key_name: str) -> bpy.types.Object:
+def write_painted(target: Target, result: Any, key_name: str) -> bpy.types.Object:
     """Write shape and colors, or raise `Skipped` before either is written."""
     place, attribute = target.place
     paint = replace(target, place=attribute, surface=target.surface.paint)

@@ -102,7 +102,7 @@ def read_texture(
         faces, notes = _in_tiles(faces, mosaic)
     surface = TexturedSurface(
         faces=faces,
-        picture=image_data.picture_of(image, _whole(parts, mosaic)),
+        picture=image_data.host_image(image, _whole(parts, mosaic)),
         mask=_read_mask(image, parameters, mosaic),
     )
     notes += _other_users(context, image, objects)

@@ -72,7 +72,7 @@ def settings_of(mode: Mode, owner: Any) -> Any:
     settings = settings_from(target.row.settings, owner, target.prefix)
     if mode.follows is None:
         return settings
-    from ...core.host.denoising import Denoising
+    from ...core.host.inputs import Denoising
 
     return Denoising(settings, shortest(owner.sharpen_time) if owner.then_sharpen else None)
 

@@ -11,9 +11,8 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core import host as filters
 from ...core.host.crop import Crop, crop_around, smoothed_at_once
-from ...core.host.images import Picture
+from ...core.host.inputs import HostImage
 from ...core.host.screen_colors import is_transparent, screen_colors
 from .. import data
 from ..data.skipped import Refused, Skipped
@@ -92,18 +91,18 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
 def _read_image(
     context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
 ) -> ImageStage:
-    image = data.shown_image(context)
+    image = data.chosen.shown_image(context)
     most = _SLOW if mode.is_slow else _QUICK
-    picture = data.read_image(image).surface
+    whole = data.images.read_image(image).surface
     place = _place(context, event)
-    crop = crop_around(picture, place, most)
+    crop = crop_around(whole, place, most)
     colors = _colors_of(image)
 
-    def part(settings: Any) -> tuple[Picture, Callable[[Any], list[Piece]]]:
+    def part(settings: Any) -> tuple[HostImage, Callable[[Any], list[Piece]]]:
         smaller = crop
         if hasattr(settings, "kernel"):
             smaller = crop.shrunk(place, smoothed_at_once(settings.kernel))
-        return smaller.picture, partial(_pieces, smaller, colors)
+        return smaller.image, partial(_pieces, smaller, colors)
 
     return ImageStage(image, part)
 
@@ -111,11 +110,11 @@ def _read_image(
 def _read_texture(
     context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
 ) -> ImageStage:
-    image = data.chosen_image(context, parameters.image)
-    target, _ = data.read_texture(context, image, parameters, parameters.gutter + 1)
+    image = data.chosen.chosen_image(context, parameters.image)
+    target, _ = data.textures.read_texture(context, image, parameters, parameters.gutter + 1)
     colors = _colors_of(image)
 
-    def pieces(result: filters.Retextured) -> list[Piece]:
+    def pieces(result: Any) -> list[Piece]:
         whole = result.recolored.colors
         tiles = {_FIRST_TILE: whole} if target.mosaic is None else target.mosaic.cut(whole)
         pictures = {n: replace(target.surface.picture, pixels=tiles[n]) for n in tiles}
@@ -144,12 +143,12 @@ def _note(piece: Piece) -> str:
     return iface_("patch of {width:,} x {height:,} pixels").format(width=width, height=height)
 
 
-def _pieces(crop: Crop, colors: Callable[[Picture], Any], result: filters.Recolored) -> list[Piece]:
-    part = replace(crop.picture, pixels=crop.shown(result.colors))
+def _pieces(crop: Crop, colors: Callable[[HostImage], Any], result: Any) -> list[Piece]:
+    part = replace(crop.image, pixels=crop.shown(result.colors))
     return [Piece(crop.box, colors(part), not crop.is_all, is_transparent(part))]
 
 
-def _colors_of(image: bpy.types.Image) -> Callable[[Picture], Any]:
+def _colors_of(image: bpy.types.Image) -> Callable[[HostImage], Any]:
     space = image.colorspace_settings
     linear = image.is_float or space.is_data or space.name.startswith("Linear")
     return partial(screen_colors, encoded=not linear, multiply_encoded=bpy.app.version < (5, 0, 0))

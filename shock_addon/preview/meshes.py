@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core import host as filters
+from ...core.host.inputs import PaintedSurface
 from ...core.host.patch import Patch, patch_around, seen_vertex, whole_surface
 from .. import data
 from ..data.original import Original, color_attribute, show
@@ -38,14 +38,14 @@ class MeshStage:
     """
 
     def __init__(
-        self, target: data.Target, patch: Patch, words: str = "patch of {size:,} vertices"
+        self, target: data.meshes.Target, patch: Patch, words: str = "patch of {size:,} vertices"
     ) -> None:
         self.settings = patch.settings
         self.chosen, self.note = {}, ""
         if patch.share < 1.0:
             self.note = iface_(words).format(size=patch.surface.size)
         self._target, self._patch = target, patch
-        obj = data.find(target)
+        obj = data.meshes.find(target)
         self._original = Original(obj.data, color_attribute(target))
         self._outline = Outline(obj, patch.outline)
 
@@ -60,7 +60,7 @@ class MeshStage:
     def lost(self) -> str:
         """Ask for the object, in Object Mode."""
         try:
-            in_object_mode = data.find(self._target).mode == "OBJECT"
+            in_object_mode = data.meshes.find(self._target).mode == "OBJECT"
         except Skipped:
             in_object_mode = False
         return "" if in_object_mode else "the object was removed or left Object Mode"
@@ -68,7 +68,7 @@ class MeshStage:
     def end(self) -> None:
         """Bring the mesh back, and draw no outline any more."""
         self._outline.end()
-        with data.object_mode(bpy.context):
+        with data.meshes.object_mode(bpy.context):
             self._original.restore()
 
 
@@ -93,13 +93,13 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
 
 
 def _patch(
-    context: bpy.types.Context, event: bpy.types.Event, target: data.Target, size: int
+    context: bpy.types.Context, event: bpy.types.Event, target: data.meshes.Target, size: int
 ) -> Patch:
     surface = target.surface
     if surface.size <= 3 * size:
         return whole_surface(surface)
-    shape = surface.shape if isinstance(surface, filters.PaintedSurface) else surface
-    vertex = _pointed_at(context, event, data.find(target), shape.positions)
+    shape = surface.shape if isinstance(surface, PaintedSurface) else surface
+    vertex = _pointed_at(context, event, data.meshes.find(target), shape.positions)
     return patch_around(surface, vertex, size)
 
 

@@ -192,7 +192,7 @@ def _of_meshes(context: bpy.types.Context) -> str:
     obstacle = obstacles.of_meshes(context)
     if not obstacle and context.mode != "OBJECT":
         obstacle = "Switch to Object Mode to preview."
-    if not obstacle and context.object not in data.mesh_objects(context):
+    if not obstacle and context.object not in data.chosen.mesh_objects(context):
         obstacle = "Make one of the selected mesh objects the active one."
     mode = _shown_mode(context)
     if not obstacle and mode.in_images:
@@ -202,7 +202,7 @@ def _of_meshes(context: bpy.types.Context) -> str:
 
 def _of_texture(context: bpy.types.Context, name: str) -> str:
     try:
-        image = data.chosen_image(context, name)
+        image = data.chosen.chosen_image(context, name)
     except Skipped:
         return "Add an Image Texture node with an image to the material."
     if any(editors_of(image.session_uid)):

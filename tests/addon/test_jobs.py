@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter import core
 from shock_filter.core import Cancelled, GeometrySettings
+from shock_filter.core.host import geometry
 from shock_filter.core.host.geometry import sharpen
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
@@ -354,7 +354,7 @@ def test_an_unexpected_error_ends_the_run_with_a_sentence(
     def broken(*arguments):
         raise kind(*words)
 
-    monkeypatch.setattr(core, "sharpen_geometry", broken)
+    monkeypatch.setattr(geometry, "sharpen_geometry", broken)
     with pytest.raises(RuntimeError, match=f"Sharpen Geometry failed: {reason}; the console has"):
         bpy.ops.shock_filter.sharpen_geometry()
     np.testing.assert_array_equal(read_positions(box.data), before)

@@ -11,7 +11,8 @@ import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
 from shock_filter.core.host.denoising import Denoising, denoise_shape
 from shock_filter.core.host.dials import TimeDial, turned
-from shock_filter.core.host.geometry import MirroredSurface, sharpen
+from shock_filter.core.host.geometry import sharpen
+from shock_filter.core.host.inputs import MirroredSurface
 from shock_filter.core.host.patch import patch_around, seen_vertex, whole_surface
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
 from shock_filter.shock_addon.data.active_object import read_active

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shock_filter.core import BeltramiSettings
 from shock_filter.core.host.crop import crop_around, smoothed_at_once
-from shock_filter.core.host.images import Picture
+from shock_filter.core.host.inputs import HostImage
 from shock_filter.core.host.screen_colors import decoded, screen_colors
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data.skipped import Refused
@@ -174,26 +174,26 @@ def test_images_that_cannot_be_sharpened_are_refused_in_words(editor):
 )
 def test_a_patch_lies_inside_and_around_the_place(place, box):
     pixels = np.random.default_rng(0).random((80, 100, 4)).astype(np.float32)
-    crop = crop_around(Picture(pixels, "STRAIGHT", False, 0), place, 1600)
+    crop = crop_around(HostImage(pixels, "STRAIGHT", False, 0), place, 1600)
     left, bottom, right, top = box
     assert crop.box == (left / 100, bottom / 80, right / 100, top / 80)
     assert not crop.is_all
-    np.testing.assert_array_equal(crop.shown(crop.picture.pixels), pixels[bottom:top, left:right])
-    height, width = crop.picture.pixels.shape[:2]
+    np.testing.assert_array_equal(crop.shown(crop.image.pixels), pixels[bottom:top, left:right])
+    height, width = crop.image.pixels.shape[:2]
     assert 20 < height <= 40
     assert 20 < width <= 40
-    assert not np.shares_memory(crop.picture.pixels, pixels)
+    assert not np.shares_memory(crop.image.pixels, pixels)
 
 
 @pytest.mark.parametrize("place", [(0.5, 0.5), (0.3, 0.7), (0.0, 1.0)])
 def test_a_patch_shrinks_around_its_place(place):
     pixels = np.random.default_rng(0).random((80, 100, 4)).astype(np.float32)
-    picture = Picture(pixels, "STRAIGHT", False, 0)
-    less = crop_around(picture, place, 400)
+    image = HostImage(pixels, "STRAIGHT", False, 0)
+    less = crop_around(image, place, 400)
     for size in (3000, pixels.size):
-        shrunk = crop_around(picture, place, size).shrunk(place, 400)
+        shrunk = crop_around(image, place, size).shrunk(place, 400)
         assert shrunk.box == less.box
-        np.testing.assert_array_equal(shrunk.picture.pixels, less.picture.pixels)
+        np.testing.assert_array_equal(shrunk.image.pixels, less.image.pixels)
     assert less.shrunk(place, 400) is less
 
 
@@ -226,9 +226,9 @@ def test_denoising_longer_draws_a_smaller_patch(begun):
 
 def test_small_images_are_no_patch():
     pixels = np.zeros((4, 100, 4), dtype=np.float32)
-    crop = crop_around(Picture(pixels, "STRAIGHT", False, 0), (0.9, 0.9), 400)
+    crop = crop_around(HostImage(pixels, "STRAIGHT", False, 0), (0.9, 0.9), 400)
     assert crop.is_all
-    assert crop.shown(crop.picture.pixels).shape == pixels.shape
+    assert crop.shown(crop.image.pixels).shape == pixels.shape
 
 
 def pixel(*values):
@@ -236,21 +236,21 @@ def pixel(*values):
 
 
 @pytest.mark.parametrize(
-    ("picture", "encoded", "early", "seen"),
+    ("image", "encoded", "early", "seen"),
     [
-        (Picture(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, False, (0.107, 0, 0.5)),
-        (Picture(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, True, (0.0509, 0, 0.214)),
-        (Picture(pixel(0.5, 0, 1, 0.5), "NONE", False, 255), True, True, (0.214, 0, 1)),
-        (Picture(pixel(0.5, 0, 1, 0.5), "CHANNEL_PACKED", False, 255), False, True, (0.5, 0, 1)),
-        (Picture(pixel(0.5, 0, 2, 0.5), "PREMUL", True, 0), False, True, (0.5, 0, 2)),
-        (Picture(pixel(0.5, 0, 1), "STRAIGHT", True, 0), False, False, (0.5, 0, 1)),
-        (Picture(pixel(0.5), "STRAIGHT", True, 0), False, False, (0.5, 0.5, 0.5)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, False, (0.107, 0, 0.5)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, True, (0.0509, 0, 0.214)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "NONE", False, 255), True, True, (0.214, 0, 1)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "CHANNEL_PACKED", False, 255), False, True, (0.5, 0, 1)),
+        (HostImage(pixel(0.5, 0, 2, 0.5), "PREMUL", True, 0), False, True, (0.5, 0, 2)),
+        (HostImage(pixel(0.5, 0, 1), "STRAIGHT", True, 0), False, False, (0.5, 0, 1)),
+        (HostImage(pixel(0.5), "STRAIGHT", True, 0), False, False, (0.5, 0.5, 0.5)),
     ],
 )
-def test_screens_show_linear_colors_times_opacity(picture, encoded, early, seen):
-    ((color,),) = screen_colors(picture, encoded, early)
+def test_screens_show_linear_colors_times_opacity(image, encoded, early, seen):
+    ((color,),) = screen_colors(image, encoded, early)
     np.testing.assert_allclose(color[:3], seen, atol=1e-3)
-    assert color[3] == (0.5 if picture.pixels.shape[2] == 4 else 1.0)
+    assert color[3] == (0.5 if image.pixels.shape[2] == 4 else 1.0)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core.host import welding
+from shock_filter.core.host.inputs import Surface
 from shock_filter.shock_addon.data.meshes import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
@@ -124,7 +125,7 @@ def test_threads_may_ask_at_the_same_time(rounded_box):
     box = rounded_box()
     positions = read_positions(box.data)
     corners = np.array([p.vertices[:3] for p in box.data.polygons], dtype=np.int32)
-    one = welding.Surface(positions, corners, None, np.identity(3))
+    one = Surface(positions, corners, None, np.identity(3))
     found = []
     threads = [
         threading.Thread(target=lambda: found.append(welding.welded(one, True))) for _ in range(8)
