@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoise what Blender keeps, then sharpen it if asked for. Needs no bpy."""
+"""Denoise what a host program keeps, then sharpen it if asked for."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ... import core
+from ..base.progress import ProgressCallback, reporting
 from .colors import ColoredSurface, check_colors, filter_colors, repainted_corners
 from .geometry import MirroredSurface, Sharpened, placed
 from .picture import Picture, Pixels, filter_picture
 from .recolored import Recolored
 from .surface import welded
-
-Progress = Callable[[float, str], bool]
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,13 @@ class Denoising:
 
     kernel: Any
     sharpen_time: float | None
+
+    def by(self, denoise: Callable[..., Any]) -> Callable[..., Any]:
+        """Return ``function(*data, mask)``: the filter with these settings, then the sharpening."""
+        from ..filters.denoising import then_sharpen
+
+        function = then_sharpen(denoise, self.sharpen_time)
+        return lambda *data: function(*data[:-1], settings=self.kernel, mask=data[-1])
 
 
 @dataclass(frozen=True)
@@ -46,66 +53,55 @@ class Both:
 
 
 def denoise_shape(
-    surface: MirroredSurface, denoising: Denoising, weld: bool, progress: Progress | None
+    surface: MirroredSurface, denoising: Denoising, weld: bool, progress: ProgressCallback | None
 ) -> Sharpened:
     """Denoise a surface; parameters are those of `sharpen`."""
-    from ..filters.denoising import denoise_geometry
-
-    part = welded(surface, weld, progress)
-    positions = denoise_geometry(
-        part.mesh, denoising.kernel, denoising.sharpen_time, part.mask, progress
-    )
-    return placed(surface, part, positions, progress)
+    with reporting(progress):
+        part = welded(surface, weld)
+        positions = denoising.by(core.beltrami_mesh)(part.mesh, part.mask)
+        return placed(surface, part, positions, None)
 
 
 def denoise_colors(
-    surface: ColoredSurface, denoising: Denoising, weld: bool, progress: Progress | None
+    surface: ColoredSurface, denoising: Denoising, weld: bool, progress: ProgressCallback | None
 ) -> Recolored:
     """Denoise the colors of a surface; parameters are those of `sharpen_colors`."""
-    from ..filters.denoising import denoise_corner_signal, denoise_vertex_signal
-
-    kernel, time = denoising.kernel, denoising.sharpen_time
-    return filter_colors(
-        surface,
-        lambda mesh, values, mask: denoise_vertex_signal(
-            mesh, values, kernel, time, mask, progress
-        ),
-        lambda mesh, values, mask: denoise_corner_signal(
-            mesh, values, kernel, time, mask, progress
-        ),
-        weld,
-        progress,
-    )
+    at_vertices = denoising.by(core.beltrami_vertex_signal)
+    at_corners = denoising.by(core.beltrami_corner_signal)
+    with reporting(progress):
+        return filter_colors(surface, at_vertices, at_corners, weld, None)
 
 
 def denoise_both(
-    surface: PaintedSurface, denoising: Denoising, weld: bool, progress: Progress | None
+    surface: PaintedSurface, denoising: Denoising, weld: bool, progress: ProgressCallback | None
 ) -> Both:
     """Denoise a surface and its colors with the same weights.
 
     Colors of vertices are taken as those of the corners around them: so vertices at the same
     place move together, even where their colors differ.
     """
-    from ..filters.denoising import denoise_jointly
+    from ..filters.beltrami.meshes import beltrami_joint_corners
 
     shape, paint = surface.shape, surface.paint
     check_colors(paint)
-    part = welded(shape, weld, progress)
     corners = shape.triangles if paint.corners is None else paint.corners
-    positions, colors = denoise_jointly(
-        part.mesh, paint.colors[corners], denoising.kernel, denoising.sharpen_time, part.mask,
-        progress,
-    )  # fmt: skip
-    moved = placed(shape, part, positions, progress)
-    return Both(moved, repainted_corners(paint, corners, colors, progress))
+    with reporting(progress):
+        part = welded(shape, weld)
+        positions, colors = denoising.by(beltrami_joint_corners)(
+            part.mesh, paint.colors[corners], part.mask
+        )
+        moved = placed(shape, part, positions, None)
+        return Both(moved, repainted_corners(paint, corners, colors, None))
 
 
-def denoise_picture(picture: Picture, denoising: Denoising, progress: Progress | None) -> Recolored:
+def denoise_picture(
+    picture: Picture, denoising: Denoising, progress: ProgressCallback | None
+) -> Recolored:
     """Denoise an image; opacity stays, see `sharpen_picture`."""
-    from ..filters.denoising import denoise_image
 
     def denoise(pixels: Pixels, alpha: str) -> Pixels:
         kernel = replace(denoising.kernel, alpha=alpha)
-        return denoise_image(pixels, kernel, denoising.sharpen_time, progress=progress)
+        return Denoising(kernel, denoising.sharpen_time).by(core.beltrami_image)(pixels, None)
 
-    return filter_picture(picture, denoising.kernel.alpha, denoise, progress)
+    with reporting(progress):
+        return filter_picture(picture, denoising.kernel.alpha, denoise, None)

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from ...base.checks import checked_mask, checked_signal, checked_type
 from ...base.parallel import Progress, chunk_size, kernel, run
 from ...base.progress import ProgressCallback
-from ...mesh.calculus import average_to_faces, blended_normals, lumped_mass, make_unit
+from ...mesh.calculus import average_to_faces, blended_normals, group_means, lumped_mass, make_unit
 from ...mesh.geodesics import Stencils, face_stencils, march, march_scratch, stencils
 from ...mesh.order import is_scattered, sorted_along_curve
 from ...mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
@@ -179,6 +179,52 @@ def beltrami_joint(
     positions = moved_vertices(mesh, _weighed(moved, weights))
     last = phases.part(1.0, 1.0, "Denoising")
     return positions, like(given, values, filtered, weights, last)
+
+
+def beltrami_joint_corners(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    settings: BeltramiMeshSettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> tuple[Floats, npt.NDArray]:
+    """Denoise a mesh and the signal at its corners together (paper C, equation 22).
+
+    Where corners at a vertex differ, nothing crosses, as in `beltrami_corner_signal`; the vertex
+    moves as the mean of its sides does, so that the mesh does not crack open.
+
+    Parameters
+    ----------
+    mesh, signal, settings, mask, progress
+        As in `beltrami_corner_signal`.
+
+    Returns
+    -------
+    positions : (n, 3) float64
+        In the unit of `mesh.vertices`.
+    signal : array like `signal`
+
+    Raises
+    ------
+    InvalidSignal, Cancelled
+        As in `beltrami_corner_signal`.
+    """
+    given = checked_type(signal)
+    values = checked_signal(to_own_corners(mesh, given), 3 * mesh.face_count)
+    weights = checked_mask(mask, mesh.vertex_count)
+    phases = Progress.of(progress)
+    cut, cut_values = split_at_jumps(mesh, values, phases)
+    corners = cut.own_corners(cut.faces).reshape(-1)
+    vertex = np.empty(cut.vertex_count, dtype=np.intp)
+    vertex[corners] = mesh.faces.reshape(-1)
+    points, filtered = beltrami_joint(
+        cut, cut_values, settings, None if weights is None else weights[vertex], progress
+    )
+    moved = np.zeros_like(mesh.vertices)
+    group_means(vertex, points - cut.vertices, moved, phases.part(1.0, 1.0, "Denoising"))
+    positions = moved_vertices(mesh, moved)
+    after = np.where(filtered[corners] == values, values, filtered[corners])  # the sign of 0 too
+    return positions, from_own_corners(mesh, after.astype(given.dtype), given)
 
 
 def beltrami_mesh(
