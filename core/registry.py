@@ -54,6 +54,9 @@ One that has a parameter ``out`` is given an array for the result, which may be 
 TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_mesh=True)
 """``function(mesh, uv, image, settings, mask=, progress=, atlas=)`` returns an image."""
 
+MASK = Kind("mask", "mesh file")
+"""What each texel is: drawn from a mesh, and so the kind of no filter."""
+
 
 class Filter(NamedTuple):
     """A row of the table.
