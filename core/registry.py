@@ -8,6 +8,7 @@ costs a settings class, a module in `core.filters` and a row. Needs neither nump
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -45,33 +46,16 @@ A row names a function for signals at the corners beside it.
 """
 
 IMAGE = Kind("image", "image files", is_image=True)
-"""``function(image, settings, mask, progress)`` returns an image; some take ``out``, too."""
+"""``function(image, settings, mask, progress)`` returns an image.
+
+One that has a parameter ``out`` is given an array for the result, which may be mapped from a file.
+"""
 
 TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_mesh=True)
 """``function(mesh, uv, image, settings, mask=, progress=, atlas=)`` returns an image."""
 
-
-class Following(NamedTuple):
-    """The filter that may follow in the same run, for a time that is given when it is run.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    fixed : dict
-        Settings that differ from the defaults.
-    kept : tuple of str
-        Settings that are those of the filter before it.
-    """
-
-    name: str
-    fixed: dict[str, Any] = {}
-    kept: tuple[str, ...] = ()
-
-    def settings(self, time: float, before: Any) -> Any:
-        """Make its settings; `before` holds those of the filter before it."""
-        kept = {name: getattr(before, name) for name in self.kept}
-        return find(self.name).settings(time=time, **self.fixed, **kept)
+MASK = Kind("mask", "mesh file")
+"""What each texel is: drawn from a mesh, and so the kind of no filter."""
 
 
 class Filter(NamedTuple):
@@ -95,10 +79,8 @@ class Filter(NamedTuple):
         For `COLORS`: name of the function for signals at the corners, in the same module.
     takes_mask : bool
         Whether it has a mask.
-    takes_out : bool
-        Whether it can write into an array that is given as ``out``.
-    then : Following or None
-        What may follow in the same run.
+    then : str
+        Name of the filter that may follow in the same run; see `filters.denoising`.
     """
 
     name: str
@@ -109,8 +91,7 @@ class Filter(NamedTuple):
     about: str
     corners: str = ""
     takes_mask: bool = True
-    takes_out: bool = False
-    then: Following | None = None
+    then: str = ""
 
     def function(self) -> Any:
         """Load the function."""
@@ -119,6 +100,26 @@ class Filter(NamedTuple):
     def corner_function(self) -> Any:
         """Load the function for signals at the corners."""
         return _load(self.module, self.corners)
+
+    def applied(self, settings: Any, then_time: float | None = None) -> Any:
+        """Load the function and fix its settings.
+
+        Parameters
+        ----------
+        settings : Any
+            Of its settings class.
+        then_time : float, optional
+            Flow time of the filter that follows; none follows if left out.
+
+        Returns
+        -------
+        callable
+            ``function(*data, mask=None, progress=None)``
+        """
+        function = self.function()
+        if then_time is not None:
+            function = _load("filters.denoising", "then_sharpen")(function, then_time)
+        return partial(function, settings=settings)
 
 
 FILTERS: tuple[Filter, ...] = (
@@ -129,8 +130,7 @@ FILTERS: tuple[Filter, ...] = (
         GEOMETRY,
         "denoise-geometry",
         "remove noise from meshes; creases stay",
-        # Detail sampling would keep the noise that is left.
-        then=Following("sharpen_geometry", fixed={"sampling": "linear"}),
+        then="sharpen_geometry",
     ),
     Filter(
         "beltrami_vertex_signal",
@@ -140,7 +140,7 @@ FILTERS: tuple[Filter, ...] = (
         "denoise-colors",
         "remove noise from the vertex colors of meshes; edges stay",
         corners="beltrami_corner_signal",
-        then=Following("sharpen_vertex_signal"),
+        then="sharpen_vertex_signal",
     ),
     Filter(
         "beltrami_image",
@@ -149,7 +149,7 @@ FILTERS: tuple[Filter, ...] = (
         IMAGE,
         "denoise-image",
         "remove noise from images; edges stay",
-        then=Following("sharpen_image", kept=("alpha",)),
+        then="sharpen_image",
     ),
     Filter(
         "sharpen_geometry",
@@ -175,7 +175,6 @@ FILTERS: tuple[Filter, ...] = (
         IMAGE,
         "sharpen-image",
         "sharpen images",
-        takes_out=True,
     ),
     Filter(
         "sharpen_texture",

@@ -91,8 +91,8 @@ DATA = {
         _MESH,
         ("attribute", *_WHERE, "output", "weld", *_SHADING),
         "..core.host.registered:filter_both",
-        ".operators.both:read_both",
-        ".operators.both:write_both",
+        ".data.painted:read_painted",
+        ".data.painted:write_painted",
         object_modes=("OBJECT",),
         has_colors=True,
     ),
@@ -170,14 +170,20 @@ class Target(NamedTuple):
         return registry.find(self.filter)
 
     @property
+    def data_kind(self) -> str:
+        """Key of `DATA`."""
+        return self.kind or self.row.kind.name
+
+    @property
     def data(self) -> Data:
         """The kind of data."""
-        return DATA[self.kind or self.row.kind.name]
+        return DATA[self.data_kind]
 
     @property
     def time(self) -> str:
-        """The property that the mouse changes in a preview."""
-        return f"{self.prefix}time"
+        """The property that the mouse changes in a preview; empty if there is none."""
+        name = f"{self.prefix}time"
+        return name if name in self.fields else ""
 
     @property
     def fields(self) -> dict[str, Setting]:
@@ -275,6 +281,16 @@ class Mode(NamedTuple):
     def data(self) -> Data:
         """The kind of data, the widest one of the targets."""
         return self.targets[-1].data
+
+    @property
+    def in_3d(self) -> bool:
+        """Whether the 3D view offers it."""
+        return self.data.on_surface
+
+    @property
+    def in_images(self) -> bool:
+        """Whether the Image Editor offers it."""
+        return self.data.in_images
 
     @property
     def follows(self) -> type | None:
@@ -459,6 +475,7 @@ MODES: list[Mode] = [
         "Sharpened",
         "colors",
         second="smoothing_passes",
+        advice="for wide edges raise Time",
         flow="Where colors are pulled: to the edges between them",
         presets=(
             Preset(
@@ -486,6 +503,7 @@ MODES: list[Mode] = [
         "Sharpened",
         "images",
         second="smoothing_passes",
+        advice="for wide edges raise Time",
         about_in_images="Sharpen it as a flat picture",
         presets=(
             Preset(
@@ -519,6 +537,7 @@ MODES: list[Mode] = [
         "Sharpened",
         "textures",
         second="smoothing_passes",
+        advice="for wide edges raise Time",
         about_in_images="Sharpen it on the surface of the selected objects that show it, across"
         " seams",
         presets=(

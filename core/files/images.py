@@ -7,6 +7,7 @@ Arrays (.npy) are mapped from disk and never loaded as a whole.
 
 from __future__ import annotations
 
+import inspect
 import os
 import shutil
 from collections.abc import Callable, Collection
@@ -17,9 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..base.progress import ProgressCallback, reporting
 from ..errors import ShockError
-from ..filters.images import sharpen_image
-from ..settings import ImageSettings
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .formats.tiff import read_tiff, write_tiff
@@ -27,7 +27,6 @@ from .output import Outcome, check_folder, staged
 from .picture import Picture, lost
 from .reading import check_file, reading
 
-Progress = Callable[[float, str], bool]
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
 
@@ -76,27 +75,29 @@ _FORMATS = {
 _ROWS = 256
 
 
-def sharpen_image_file(
+def filter_image_file(
+    function: Callable[..., Pixels],
     source: str | Path,
     target: str | Path,
-    settings: ImageSettings | None = None,
     *,
     mask: str | Path | None = None,
     invert_mask: bool = False,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Outcome:
-    """Sharpen an image file and write it to another.
+    """Filter an image file and write it to another.
 
     Parameters
     ----------
+    function : callable
+        ``function(pixels, mask=None)`` returns an array like the pixels; see
+        `registry.Filter.applied`. If it has a parameter ``out``, it is given the array for the
+        result. It gets float32 in place of float16.
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
         complete; its format must hold the values as they are, none is converted.
-    settings : ImageSettings, optional
-        Strength and all else; the defaults if left out.
     mask : path, optional
-        Gray image of the same size: black stays, white is sharpened fully.
+        Gray image of the same size: black stays, white is filtered fully.
     invert_mask : bool
         Use one minus the mask.
     overwrite : bool
@@ -108,42 +109,32 @@ def sharpen_image_file(
     -------
     Outcome
         Counts of pixels, and notes on what did not survive.
+
+    Raises
+    ------
+    ShockError
+        If a file cannot be read or written, or as `function` does.
     """
-    weights = read_mask(mask, invert_mask) if mask else None
-
-    def sharpen(pixels: Pixels, result: Pixels) -> None:
-        chosen = settings or ImageSettings()
-        if pixels.dtype == np.float16:
-            result[...] = sharpen_image(pixels.astype(np.float32), chosen, weights, progress)
-        else:
-            sharpen_image(pixels, chosen, weights, progress, out=result)
-
-    return filter_image_file(source, target, sharpen, overwrite)
-
-
-def filter_image_file(
-    source: str | Path,
-    target: str | Path,
-    function: Callable[[Pixels, Pixels], None],
-    overwrite: bool,
-) -> Outcome:
-    """Filter an image file and write it to another; see `sharpen_image_file`.
-
-    Parameters
-    ----------
-    source, target, overwrite
-        As there.
-    function : callable
-        ``function(pixels, result)`` fills the result, an array like the pixels.
-    """
+    words = {"mask": read_mask(mask, invert_mask)} if mask else {}
+    fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     for path in (source, target):
         _check_ending(path)
     _check_source(source)
     check_folder(target)
+
+    def fill(pixels: Pixels, result: Pixels) -> None:
+        with reporting(progress):
+            if pixels.dtype == np.float16:
+                result[...] = function(pixels.astype(np.float32), **words)
+            elif fills:
+                function(pixels, **words, out=result)
+            else:
+                result[...] = function(pixels, **words)
+
     with staged(target, overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
-        return _filter(source, path, function)
+        return _filter(source, path, fill)
 
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:

@@ -347,7 +347,8 @@ def _draw_mask(
     if size is None:
         with _loaded_image(options.like) as image:
             size = image.size[1], image.size[0]
-    kernels.load(kernels.cache_folder())
+    kernels.choose_folder()
+    kernels.load()
     import numpy as np
 
     from ...core.files.textures import mask_outcome, mask_pixels

@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from on_files import denoise_file, sharpen_colors_file, sharpen_file
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files.denoising import denoise_file
 from shock_filter.core.files.formats.exr import read_exr, write_exr
-from shock_filter.core.files.meshes import sharpen_colors_file, sharpen_file
 from shock_filter.core.files.picture import Picture
 from shock_filter.core.files.textures import texture_mask_file
 

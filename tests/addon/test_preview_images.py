@@ -8,11 +8,13 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core import BeltramiSettings, InvalidSignal
+from shock_filter.core import BeltramiSettings
 from shock_filter.core.host.crop import crop_around, smoothed_at_once
 from shock_filter.core.host.inputs import HostImage
 from shock_filter.core.host.screen_colors import decoded, screen_colors
 from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.skipped import Refused
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import images as preview_images
 from shock_filter.shock_addon.preview import operator as preview_operator
 from shock_filter.shock_addon.preview.overlay import Overlay
@@ -72,7 +74,7 @@ def begun(editor, monkeypatch):
             monkeypatch.setattr(preview_images, "_QUICK", size)
             monkeypatch.setattr(preview_images, "_SLOW", size)
         monkeypatch.setattr(preview_images, "_place", lambda context, event: (0.5, 0.5))
-        running.append(preview_images.begin(editor(image), None, mode))
+        running.append(preview_images.begin(editor(image), None, find(mode)))
         return running[-1]
 
     yield begin
@@ -104,11 +106,11 @@ def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
     preview.drag(200 if mode == "image" else 20)
     preview.roll(-1)
     (piece,) = shown(preview)
-    parameters = {name: getattr(preview.parameters, name) for name in ("time", preview.kind.second)}
+    parameters = {name: getattr(preview.parameters, name) for name in ("time", preview.second)}
     assert ("patch of 40 x 40 pixels" in preview.text()) == (size is not None)
     assert piece.framed == (size is not None)
     preview.end()
-    run = getattr(bpy.ops.shock_filter, preview.kind.operator)
+    run = getattr(bpy.ops.shock_filter, preview.mode.operator)
     assert run(image="Photo", output="REPLACE", **parameters) == {"FINISHED"}
     left, bottom, right, top = np.round(np.array(piece.box) * (120, 96, 120, 96)).astype(int)
     made = decoded(image_data.read_pixels(photo)[bottom:top, left:right, :3])
@@ -155,11 +157,11 @@ def test_it_ends_when_the_image_is_gone_or_seen_no_more(begun, editor):
 
 
 def test_images_that_cannot_be_sharpened_are_refused_in_words(editor):
-    with pytest.raises(InvalidSignal, match="no image is open here"):
-        preview_images.begin(editor(None), None, "image")
+    with pytest.raises(Refused, match="no image is open here"):
+        preview_images.begin(editor(None), None, find("image"))
     tiled = bpy.data.images.new("Tiled", 8, 8, tiled=True)
-    with pytest.raises(InvalidSignal, match="There is nothing to preview: it has UDIM tiles"):
-        preview_images.begin(editor(tiled), None, "image")
+    with pytest.raises(Refused, match="There is nothing to preview: it has UDIM tiles"):
+        preview_images.begin(editor(tiled), None, find("image"))
 
 
 @pytest.mark.parametrize(
@@ -311,7 +313,7 @@ def test_a_texture_is_drawn_as_the_operator_makes_it(editor):
     textured_sheet(wood)
     editor(wood)
     before = state(wood)
-    preview = preview_images.begin(bpy.context, None, "texture")
+    preview = preview_images.begin(bpy.context, None, find("texture"))
     try:
         preview.drag(100)
         (piece,) = shown(preview)
@@ -350,7 +352,7 @@ def test_what_the_tab_shows_is_previewed():
     scene.mode, scene.image_mode = "COLORS", "DENOISE_IMAGE"
     for kind, mode in (("VIEW_3D", "colors"), ("IMAGE_EDITOR", "denoise_image")):
         context = SimpleNamespace(scene=bpy.context.scene, space_data=SimpleNamespace(type=kind))
-        assert preview_operator._shown_mode(context) == mode
+        assert preview_operator._shown_mode(context).key == mode
 
 
 def test_drawing_ends_with_the_preview():

@@ -107,7 +107,6 @@ shock_filter.unregister()
     assert enabled == [
         "core.base.cores",
         "core.errors",
-        "core.estimate",
         "core.registry",
         "core.settings",
     ]

@@ -13,7 +13,8 @@ from shock_filter.core.settings import (
     BeltramiMeshSettings,
     BeltramiSettings,
 )
-from shock_filter.shock_addon.operators.properties import NAMES, settings_from
+from shock_filter.shock_addon.modes import find
+from shock_filter.shock_addon.operators.properties import settings_from
 
 DEFAULT = None
 
@@ -21,7 +22,7 @@ DEFAULT = None
 def use(mode, name):
     """Choose a preset, or the defaults, and return the scene's settings of the mode."""
     settings = getattr(bpy.context.scene.shock_filter, mode)
-    for known in NAMES[mode]:
+    for known in find(mode).names:
         settings.property_unset(known)
     if name is not DEFAULT:
         assert bpy.ops.shock_filter.use_preset(mode=mode, name=name) == {"FINISHED"}

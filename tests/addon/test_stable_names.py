@@ -67,7 +67,7 @@ def presets():
             assert bpy.ops.shock_filter.use_preset(mode=mode, name=name) == {"FINISHED"}
             found[mode][name] = {
                 known: default_like(settings, known)
-                for known in settings.bl_rna.properties.keys()
+                for known in [each.identifier for each in settings.bl_rna.properties]
                 if settings.is_property_set(known)
                 if known not in ("rna_type", "name")
             }

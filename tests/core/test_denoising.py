@@ -3,15 +3,11 @@
 
 import numpy as np
 import pytest
+from on_files import denoise_colors_file, denoise_file, denoise_image_file
 from PIL import Image
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.denoising import (
-    denoise_colors_file,
-    denoise_file,
-    denoise_image_file,
-)
 from shock_filter.core.files.output import Outcome
 from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
 from shock_filter.core.filters.denoising import then_sharpen
@@ -312,7 +308,7 @@ class Recorder:
     def add_arguments(self, parser, command):
         pass
 
-    def sharpen(self, command, source, target, settings, options, progress):
+    def filter(self, command, source, target, settings, options, progress):
         self.asked.append(options.then_sharpen)
         return Outcome(1, 1)
 

@@ -11,13 +11,12 @@ import sys
 import numpy as np
 import pytest
 import trimesh
+from on_files import sharpen_colors_file, sharpen_file
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
 from shock_filter.core.files.meshes import (
     filter_mesh_file,
-    sharpen_colors_file,
-    sharpen_file,
 )
 from shock_filter.core.files.output import staged
 
@@ -559,12 +558,12 @@ def test_normals_of_all_primitives_on_the_same_positions_are_renewed(tmp_path):
     (tmp_path / "a.bin").write_bytes(b"".join(array.tobytes() for array in arrays))
     (tmp_path / "a.gltf").write_text(json.dumps(tree))
 
-    def tilt(mesh, _weights, _progress):
+    def tilt(mesh, mask):
         return mesh.vertices + mesh.vertices[:, :1] * (0, 0, 1)
 
     (tmp_path / "out").mkdir()
     paths = tmp_path / "a.gltf", tmp_path / "out" / "b.gltf"
-    outcome = filter_mesh_file(*paths, tilt, None, False, False, None)
+    outcome = filter_mesh_file(tilt, *paths)
     assert outcome.notes == ("normals were computed anew from the sharpened surface",)
     data = (tmp_path / "out" / "b.bin").read_bytes()
     for number, sign in ((1, 1), (2, -1)):

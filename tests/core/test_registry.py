@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from shock_filter import core
 from shock_filter.core import registry
@@ -62,14 +63,27 @@ def test_modules_with_kernels_bring_up_the_baseline_too():
     assert with_kernels - loaded == set()
 
 
-def test_what_follows_has_the_settings_of_its_row():
-    rows = {row.name: row.then for row in registry.FILTERS if row.then is not None}
-    geometry = rows["beltrami_mesh"].settings(3.0, core.BeltramiGeometrySettings())
-    assert geometry == core.GeometrySettings(time=3.0, sampling="linear")
-    image = rows["beltrami_image"].settings(5.0, core.BeltramiSettings(alpha="none"))
-    assert image == core.ImageSettings(time=5.0, alpha="none")
+def test_what_follows_sharpens_the_same_kind_of_data():
+    following = {row.name: registry.find(row.then) for row in registry.FILTERS if row.then}
+    assert [registry.find(name).kind for name in following] == [f.kind for f in following.values()]
+    assert {row.name for row in following.values()} == {
+        "sharpen_geometry",
+        "sharpen_vertex_signal",
+        "sharpen_image",
+    }
+
+
+def test_a_row_applies_its_settings_and_what_follows():
+    image = np.random.default_rng(0).random((9, 8))
+    row = registry.find("beltrami_image")
+    settings = core.BeltramiSettings(beta=2.0)
+    denoised = core.beltrami_image(image, settings)
+    np.testing.assert_array_equal(row.applied(settings)(image), denoised)
+    both = core.sharpen_image(denoised, core.ImageSettings(time=4.0))
+    assert (both != denoised).any()
+    np.testing.assert_array_equal(row.applied(settings, 4.0)(image), both)
     with pytest.raises(core.InvalidSettings, match="time is -1"):
-        rows["beltrami_vertex_signal"].settings(-1.0, core.BeltramiMeshSettings())
+        row.applied(settings, -1.0)
 
 
 def test_the_stub_is_as_the_table_says():
