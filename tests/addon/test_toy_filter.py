@@ -124,7 +124,7 @@ for point in paint.data:
     point.color = (0.25, 0.5, 1.0, 0.5)
 ran = [list(bpy.ops.shock_filter.invert_colors())]
 image = bpy.data.images.new("Plain", 4, 4, float_buffer=True)
-image.pixels.foreach_set(np.full(64, 0.25, dtype=np.float32))
+image.pixels.foreach_set(np.tile(np.float32([0.25, 0.25, 0.25, 1]), 16))
 ran.append(list(bpy.ops.shock_filter.invert_image(image="Plain", output="REPLACE")))
 scene = bpy.context.scene.shock_filter
 scene.mode = "INVERT"
@@ -173,7 +173,7 @@ def test_its_operators_are_found_by_their_labels_and_invert(found):
     assert found["labels"] == ["Invert Colors", "Invert Image", "Add Invert Preset"]
     assert found["ran"] == [["FINISHED"], ["FINISHED"]]
     assert found["color"] == pytest.approx([0.75, 0.5, 0.0, 0.5], abs=1e-6)
-    assert found["pixel"] == pytest.approx([0.75, 0.75, 0.75, 0.25], abs=1e-6)
+    assert found["pixel"] == pytest.approx([0.75, 0.75, 0.75, 1.0], abs=1e-6)
 
 
 def test_the_panels_offer_it_with_settings_and_presets(found):
