@@ -54,11 +54,10 @@ __all__ = [
 ]
 
 _OLD = {  # transition: names that are asked for without their module
+    "inputs": ("Denoising", "PaintedSurface"),
     "colors": ("sharpen_colors",),
     "denoising": (
         "Both",
-        "Denoising",
-        "PaintedSurface",
         "denoise_both",
         "denoise_colors",
         "denoise_picture",

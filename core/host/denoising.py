@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from ... import core
 from ..base.progress import ProgressCallback, reporting
-from .colors import ColoredSurface, check_colors, filter_colors, repainted_corners
-from .geometry import MirroredSurface, Sharpened, placed
-from .inputs import Denoising, PaintedSurface
-from .picture import Picture, Pixels, filter_picture
+from .colors import check_colors, filter_colors, repainted_corners
+from .geometry import Sharpened, placed
+from .images import filter_image
+from .inputs import ColoredSurface, Denoising, HostImage, MirroredSurface, PaintedSurface, Pixels
 from .recolored import Recolored
-from .surface import welded
+from .welding import welded
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ def denoise_both(
 
 
 def denoise_picture(
-    picture: Picture, denoising: Denoising, progress: ProgressCallback | None
+    picture: HostImage, denoising: Denoising, progress: ProgressCallback | None
 ) -> Recolored:
-    """Denoise an image; opacity stays, see `sharpen_picture`."""
+    """Denoise an image; opacity stays, see `filter_image`."""
 
     def denoise(pixels: Pixels, alpha: str) -> Pixels:
         kernel = replace(denoising.kernel, alpha=alpha)
         return Denoising(kernel, denoising.sharpen_time).by(core.beltrami_image)(pixels, None)
 
     with reporting(progress):
-        return filter_picture(picture, denoising.kernel.alpha, denoise, None)
+        return filter_image(picture, denoising.kernel.alpha, denoise, None)

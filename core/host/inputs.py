@@ -120,6 +120,19 @@ class ColoredSurface(Surface):
 
 
 @dataclass(frozen=True)
+class PaintedSurface:
+    """A mesh object's shape and colors; the shape's mask says what may change of both."""
+
+    shape: MirroredSurface
+    paint: ColoredSurface
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.shape.size
+
+
+@dataclass(frozen=True)
 class HostImage:
     """An image's pixels.
 
@@ -145,19 +158,6 @@ class HostImage:
     def size(self) -> int:
         """How much work it is, beside others."""
         return self.pixels.shape[0] * self.pixels.shape[1]
-
-
-@dataclass(frozen=True)
-class PaintedSurface:
-    """A mesh object's shape and colors; the shape's mask says what may change of both."""
-
-    shape: MirroredSurface
-    paint: ColoredSurface
-
-    @property
-    def size(self) -> int:
-        """How much work it is, beside others."""
-        return self.shape.size
 
 
 @dataclass(frozen=True)

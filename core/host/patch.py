@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InvalidMesh
-from .denoising import Denoising, PaintedSurface
-from .inputs import ColoredSurface, MirroredSurface, Surface
+from .inputs import ColoredSurface, Denoising, MirroredSurface, PaintedSurface, Surface
 
 _REACH = 12.0
 _SAMPLE = 200_000

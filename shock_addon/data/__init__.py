@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from . import (
         active_object,
+        arrays,
         chosen,
         colors,
         custom_normals,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "active_object",
+    "arrays",
     "chosen",
     "colors",
     "custom_normals",

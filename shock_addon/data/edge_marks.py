@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.host.edge_marks import face_normals, sharp_edges
+from . import arrays
 from .meshes import read_corner_vertices
 
 
@@ -30,21 +31,17 @@ def mark_sharp(
     angle : float
         In radians.
     """
-    corner_edges = np.empty(len(mesh.loops), dtype=np.int32)
-    mesh.attributes[".corner_edge"].data.foreach_get("value", corner_edges)
-    starts = np.empty(len(mesh.polygons), dtype=np.int32)
-    mesh.polygons.foreach_get("loop_start", starts)
+    corner_edges = arrays.read_attribute(mesh.attributes[".corner_edge"])
+    starts = arrays.read(mesh.polygons, "loop_start", dtype=np.int32)
     normals = face_normals(positions, read_corner_vertices(mesh), starts)
     sharp = sharp_edges(normals, starts, corner_edges, len(mesh.edges), angle)
     if mask is not None:
-        ends = np.empty(2 * len(mesh.edges), dtype=np.int32)
-        mesh.attributes[".edge_verts"].data.foreach_get("value", ends)
-        sharp &= (mask[ends.reshape(-1, 2)] > 0.0).all(axis=1)
+        ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
+        sharp &= (mask[ends] > 0.0).all(axis=1)
     if not sharp.any():
         return
     marks = mesh.attributes.get("sharp_edge") or mesh.attributes.new(
         "sharp_edge", "BOOLEAN", "EDGE"
     )
-    old = np.empty(len(mesh.edges), dtype=bool)
-    marks.data.foreach_get("value", old)
-    marks.data.foreach_set("value", old | sharp)
+    old = arrays.read(marks.data, "value", dtype=bool)
+    arrays.write(marks.data, "value", old | sharp, bool)

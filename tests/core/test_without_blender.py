@@ -34,7 +34,7 @@ IMPORT_DATA = """
 import importlib, pkgutil, sys
 for name in ("numba", "scipy"):
     sys.modules[name] = None
-from shock_filter.core.host import (crop, dials, edge_marks, inputs, mosaic, recolored,
+from shock_filter.core.host import (crop, dials, edge_marks, inputs, mosaic, patch, recolored,
                                     screen_colors, strokes)
 """
 
