@@ -21,10 +21,13 @@ def read_exr(path: Path) -> Picture:
     with path.open("rb") as stream:
         if stream.read(4) != _MAGIC:
             raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
-    with openexr.File(str(path)) as file:
-        parts = len(file.parts)
-        header = dict(file.header())  # closing the file empties the original
-        pixels = {name: channel.pixels for name, channel in file.channels().items()}
+    try:
+        with openexr.File(str(path)) as file:
+            parts = len(file.parts)
+            header = dict(file.header())  # closing the file empties the original
+            pixels = {name: channel.pixels for name, channel in file.channels().items()}
+    except RuntimeError as error:
+        raise ValueError(str(error)) from error
     if parts > 1:
         raise ShockError(f"{path} holds {parts} parts; save them as files of one part each.")
     name = next((name for name in _COLORS if name in pixels), None)
