@@ -296,7 +296,7 @@ class Mode(NamedTuple):
     def follows(self) -> type | None:
         """The settings class of the sharpening that may follow in the same run."""
         then = self.targets[0].row.then
-        return registry.find(then.name).settings if then else None
+        return registry.find(then).settings if then else None
 
     @property
     def names(self) -> tuple[str, ...]:

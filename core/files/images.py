@@ -23,8 +23,8 @@ from ..errors import ShockError
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .formats.tiff import read_tiff, write_tiff
+from .image_file import ImageFile, lost
 from .output import Outcome, check_folder, staged
-from .picture import Picture, lost
 from .reading import check_file, reading
 
 Pixels = npt.NDArray[Any]
@@ -35,8 +35,8 @@ _ARRAY = ".npy"
 class _Format:
     """How an image format is read and written, and which values it holds."""
 
-    read: Callable[[Path], Picture]
-    write: Callable[[Path, Picture, Pixels], list[str]]
+    read: Callable[[Path], ImageFile]
+    write: Callable[[Path, ImageFile, Pixels], list[str]]
     types: Collection[str]
     channels: Collection[int]
 
@@ -49,12 +49,12 @@ def _channels(pixels: Pixels) -> int:
     return pixels.shape[2] if pixels.ndim == 3 else 1
 
 
-def _map_array(path: Path) -> Picture:
-    return Picture(np.load(path, mmap_mode="r"), "NumPy")
+def _map_array(path: Path) -> ImageFile:
+    return ImageFile(np.load(path, mmap_mode="r"), "NumPy")
 
 
-def _flush_array(path: Path, picture: Picture, pixels: Pixels) -> list[str]:
-    return lost(picture, path, set())  # the pixels are mapped to the file
+def _flush_array(path: Path, image_file: ImageFile, pixels: Pixels) -> list[str]:
+    return lost(image_file, path, set())  # the pixels are mapped to the file
 
 
 _TYPES = ("uint8", "uint16", "float16", "float32", "float64")
@@ -148,7 +148,7 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
         if ending == _ARRAY:
             np.save(path, pixels)
         else:
-            _FORMATS[ending].write(path, Picture(pixels, ""), pixels)
+            _FORMATS[ending].write(path, ImageFile(pixels, ""), pixels)
 
 
 def image_size(path: str | Path) -> tuple[int, int]:
@@ -170,23 +170,23 @@ def _check_source(path: Path) -> None:
         raise ShockError(f"{path} is empty; copy or save it again.")
 
 
-def _read(path: Path) -> Picture:
+def _read(path: Path) -> ImageFile:
     with reading(path):
-        picture = _FORMATS[path.suffix.lower()].read(path)
-    pixels = picture.pixels
+        image_file = _FORMATS[path.suffix.lower()].read(path)
+    pixels = image_file.pixels
     if pixels.dtype.name not in _TYPES:
         raise ShockError(
             f"{path} holds values of type {pixels.dtype}; save it with 8 or 16 bits, or as floats."
         )
     if pixels.ndim not in (2, 3) or not pixels.size:
         raise ShockError(f"{path} has the shape {pixels.shape}; give (h, w) or (h, w, channels).")
-    picture.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
-    return picture
+    image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
+    return image_file
 
 
 def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]) -> Outcome:
-    picture = _read(source)
-    pixels = picture.pixels
+    image_file = _read(source)
+    pixels = image_file.pixels
     ending = path.suffix.lower()
     _check_format(source, ending, pixels)
     result = _new_array(path, pixels) if ending == _ARRAY else np.empty_like(pixels)
@@ -198,7 +198,7 @@ def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]
         shutil.copyfile(source, path)
     else:
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
-        notes = [*picture.notes, *_FORMATS[ending].write(path, picture, flat)]
+        notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
 
 

@@ -27,8 +27,11 @@ _HARDLY_SEEN = 0.01
 summaries: dict[str, str] = {}
 """What each mode has done last, or why it has not."""
 
-listener: Progress | None = None
-"""Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C."""
+listener: Any = None
+"""Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C.
+
+Its `counts` become those of the operator.
+"""
 
 
 _FAILED = "{operator} failed: {reason}; the console has the details."
@@ -71,6 +74,10 @@ class FilterOperator(ModalJob):
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
         """Write the results of `self.targets`; see `write_results`."""
+        raise NotImplementedError
+
+    def counts(self, results: list[Any]) -> tuple[int, int]:
+        """Count what has changed, and what was worked on; results may be errors."""
         raise NotImplementedError
 
     def summary(self, written: list[tuple], seconds: float) -> str:
@@ -172,6 +179,8 @@ class FilterOperator(ModalJob):
             return {"CANCELLED"}
         seconds = time.perf_counter() - self._began
         statistics.learn(self, seconds)
+        if listener is not None:
+            listener.counts = self.counts(results)
         # In one line: Blender's status bar shows only the last report.
         parts = [self.summary(written, seconds), self.notes(written), *skipped]
         self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))

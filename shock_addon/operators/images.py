@@ -83,6 +83,11 @@ class ImageOperator(OneImageOperator):
             return source
         return data.images.add_or_reuse(source, self.row.done.lower(), self.result, new)
 
+    def counts(self, results: list[Any]) -> tuple[int, int]:
+        """Count pixels."""
+        (result,) = results
+        return result.changed, result.colors[..., 0].size
+
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the image and count pixels."""
         ((image, result),) = written

@@ -43,6 +43,17 @@ class MeshOperator(FilterOperator):
         with data.meshes.object_mode(context):
             return write_results(self.targets, results, self.writer())
 
+    def counts(self, results: list[Any]) -> tuple[int, int]:
+        """Count vertices, or colors; a shape counts where positions differ at all."""
+        changed = total = 0
+        for target, result in zip(self.targets, results, strict=True):
+            if hasattr(result, "positions"):
+                moved = (result.positions != target.surface.positions).any(axis=1)
+                changed, total = changed + int(moved.sum()), total + len(moved)
+            elif hasattr(result, "colors"):
+                changed, total = changed + result.changed, total + len(result.colors)
+        return changed, total
+
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Count meshes, and what has changed of them."""
         results = [result for _, result in written]

@@ -54,6 +54,12 @@ class TextureOperator(OneImageOperator):
                 self._notes += data.textures.assign(target, source, image)
         return image
 
+    def counts(self, results: list[Any]) -> tuple[int, int]:
+        """Count pixels, of all tiles."""
+        parts = self._parts.values()
+        changed = sum(part.changed for part in parts)
+        return changed, sum(part.colors[..., 0].size for part in parts)
+
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the image and count objects and pixels."""
         ((image, _),) = written
@@ -76,10 +82,8 @@ class TextureOperator(OneImageOperator):
         """Say how much has changed."""
         if not self.row.changes:
             return describe_colors(parts, "pixels", self.row.advice)
-        return pgettext_rpt(self.row.changes).format(
-            changed=sum(part.changed for part in parts),
-            total=sum(part.colors[..., 0].size for part in parts),
-        )
+        changed, total = self.counts([])
+        return pgettext_rpt(self.row.changes).format(changed=changed, total=total)
 
     def notes(self, written: list[tuple]) -> str:
         """Say what is unusual about the UV map."""

@@ -2,6 +2,7 @@
 """The table of filters and what is made from it."""
 
 import importlib.util
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -93,3 +94,61 @@ def test_the_stub_is_as_the_table_says():
     spec.loader.exec_module(write_stub)
     written = (ROOT / "core" / "__init__.pyi").read_text(encoding="utf-8")
     assert written == write_stub.stub(registry.public_names()), "run python tools/write_stub.py"
+
+
+NEW_SETTINGS = '''
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class InvertSettings(_Settings):
+    """Settings of :func:`shock_filter.core.invert_image`."""
+
+    white: float = _setting(1.0, "The value that black becomes. 0 is no use", maximum=9.0)
+'''
+NEW_MODULE = """
+def invert_image(image, settings=None, mask=None, progress=None):
+    return (settings.white - image) if mask is None else image
+
+
+def invert_vertex_signal(mesh, signal, settings=None, mask=None, progress=None):
+    return settings.white - signal
+"""
+NEW_ROWS = """
+    Filter("invert_image", "filters.invert", _settings.InvertSettings, IMAGE, "invert-image",
+           "turn images to their negatives"),
+    Filter("invert_vertex_signal", "filters.invert", _settings.InvertSettings, COLORS,
+           "invert-colors", "turn colors to their negatives"),
+"""
+
+
+def test_a_new_filter_is_settings_a_module_and_a_row(tmp_path):
+    package = tmp_path / "shock_filter"
+    shutil.copytree(ROOT / "core", package / "core", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "__init__.py", package)
+    with (package / "core" / "settings.py").open("a") as file:
+        file.write(NEW_SETTINGS)
+    (package / "core" / "filters" / "invert.py").write_text(NEW_MODULE)
+    table = package / "core" / "registry.py"
+    before, start, after = table.read_text().partition("FILTERS: tuple[Filter, ...] = (")
+    table.write_text(before + start + NEW_ROWS + after)
+
+    np.save(tmp_path / "in.npy", np.full((4, 5), 0.25))
+    rows = ["0 0 0 255 0 51", "1 0 0 255 0 51", "0 1 0 255 0 51", "3 0 1 2"]
+    names = [f"property float {name}" for name in "xyz"]
+    names += [f"property uchar {name}" for name in ("red", "green", "blue")]
+    head = ["ply", "format ascii 1.0", "element vertex 3", *names]
+    head += ["element face 1", "property list uchar int vertex_indices", "end_header"]
+    (tmp_path / "in.ply").write_text("\n".join([*head, *rows]) + "\n")
+    code = """
+from shock_filter import core
+from shock_filter.core import cli
+print({"InvertSettings", "invert_image", "invert_vertex_signal"} <= set(core.__all__))
+print(core.invert_image(1.0, core.InvertSettings(white=3)))
+print(cli.main(["invert-image", "in.npy", "out.npy", "--white", "2", "--quiet"]))
+print(cli.main(["invert-colors", "in.ply", "out.ply", "--quiet"]))
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
+    assert run.stdout.split() == ["True", "2.0", "0", "0"], run.stderr
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), np.full((4, 5), 1.75))
+    assert "0 1 0 0 255 204\n" in (tmp_path / "out.ply").read_text()
