@@ -23,7 +23,7 @@ import numpy as np
 from report import Page, Target, table, targets
 from shock_filter import core
 from shock_filter.core.host import textures as texturing
-from shock_filter.core.host.inputs import Denoising, HostImage
+from shock_filter.core.host.inputs import ColoredSurface, Denoising, HostImage, MirroredSurface
 from shock_filter.core.host.registered import filter_colors, filter_image, filter_shape
 from shock_filter.core.host.welding import forget
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings
@@ -105,12 +105,10 @@ def runs(count: int, size: int) -> dict[str, Work]:
     geometry, light = core.GeometrySettings(), BeltramiGeometrySettings()
 
     def shape(at, faces, weights=None, mirror=free):
-        return sharpening.MirroredSurface(at, faces, weights, identity, mirror, ())
+        return MirroredSurface(at, faces, weights, identity, mirror, ())
 
     def painted(values, at_corners):
-        return coloring.ColoredSurface(
-            positions, triangles, None, identity, values, at_corners, None, 255
-        )
+        return ColoredSurface(positions, triangles, None, identity, values, at_corners, None, 255)
 
     side = int(count**0.5)
     uv = (positions[triangles][..., :2].astype(np.float64) + 1) / 2
