@@ -7,6 +7,7 @@ Arrays (.npy) are mapped from disk and never loaded as a whole.
 
 from __future__ import annotations
 
+import inspect
 import os
 import shutil
 from collections.abc import Callable, Collection
@@ -17,17 +18,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..base.progress import ProgressCallback, reporting
 from ..errors import ShockError
-from ..filters.images import sharpen_image
-from ..settings import ImageSettings
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .formats.tiff import read_tiff, write_tiff
+from .image_file import ImageFile, lost
 from .output import Outcome, check_folder, staged
-from .picture import Picture, lost
 from .reading import check_file, reading
 
-Progress = Callable[[float, str], bool]
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
 
@@ -36,8 +35,8 @@ _ARRAY = ".npy"
 class _Format:
     """How an image format is read and written, and which values it holds."""
 
-    read: Callable[[Path], Picture]
-    write: Callable[[Path, Picture, Pixels], list[str]]
+    read: Callable[[Path], ImageFile]
+    write: Callable[[Path, ImageFile, Pixels], list[str]]
     types: Collection[str]
     channels: Collection[int]
 
@@ -50,12 +49,12 @@ def _channels(pixels: Pixels) -> int:
     return pixels.shape[2] if pixels.ndim == 3 else 1
 
 
-def _map_array(path: Path) -> Picture:
-    return Picture(np.load(path, mmap_mode="r"), "NumPy")
+def _map_array(path: Path) -> ImageFile:
+    return ImageFile(np.load(path, mmap_mode="r"), "NumPy")
 
 
-def _flush_array(path: Path, picture: Picture, pixels: Pixels) -> list[str]:
-    return lost(picture, path, set())  # the pixels are mapped to the file
+def _flush_array(path: Path, image_file: ImageFile, pixels: Pixels) -> list[str]:
+    return lost(image_file, path, set())  # the pixels are mapped to the file
 
 
 _TYPES = ("uint8", "uint16", "float16", "float32", "float64")
@@ -76,27 +75,29 @@ _FORMATS = {
 _ROWS = 256
 
 
-def sharpen_image_file(
+def filter_image_file(
+    function: Callable[..., Pixels],
     source: str | Path,
     target: str | Path,
-    settings: ImageSettings | None = None,
     *,
     mask: str | Path | None = None,
     invert_mask: bool = False,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Outcome:
-    """Sharpen an image file and write it to another.
+    """Filter an image file and write it to another.
 
     Parameters
     ----------
+    function : callable
+        ``function(pixels, mask=None)`` returns an array like the pixels; see
+        `registry.Filter.applied`. If it has a parameter ``out``, it is given the array for the
+        result. It gets float32 in place of float16.
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
         complete; its format must hold the values as they are, none is converted.
-    settings : ImageSettings, optional
-        Strength and all else; the defaults if left out.
     mask : path, optional
-        Gray image of the same size: black stays, white is sharpened fully.
+        Gray image of the same size: black stays, white is filtered fully.
     invert_mask : bool
         Use one minus the mask.
     overwrite : bool
@@ -108,42 +109,32 @@ def sharpen_image_file(
     -------
     Outcome
         Counts of pixels, and notes on what did not survive.
+
+    Raises
+    ------
+    ShockError
+        If a file cannot be read or written, or as `function` does.
     """
-    weights = read_mask(mask, invert_mask) if mask else None
-
-    def sharpen(pixels: Pixels, result: Pixels) -> None:
-        chosen = settings or ImageSettings()
-        if pixels.dtype == np.float16:
-            result[...] = sharpen_image(pixels.astype(np.float32), chosen, weights, progress)
-        else:
-            sharpen_image(pixels, chosen, weights, progress, out=result)
-
-    return filter_image_file(source, target, sharpen, overwrite)
-
-
-def filter_image_file(
-    source: str | Path,
-    target: str | Path,
-    function: Callable[[Pixels, Pixels], None],
-    overwrite: bool,
-) -> Outcome:
-    """Filter an image file and write it to another; see `sharpen_image_file`.
-
-    Parameters
-    ----------
-    source, target, overwrite
-        As there.
-    function : callable
-        ``function(pixels, result)`` fills the result, an array like the pixels.
-    """
+    words = {"mask": read_mask(mask, invert_mask)} if mask else {}
+    fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     for path in (source, target):
         _check_ending(path)
     _check_source(source)
     check_folder(target)
+
+    def fill(pixels: Pixels, result: Pixels) -> None:
+        with reporting(progress):
+            if pixels.dtype == np.float16:
+                result[...] = function(pixels.astype(np.float32), **words)
+            elif fills:
+                function(pixels, **words, out=result)
+            else:
+                result[...] = function(pixels, **words)
+
     with staged(target, overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
-        return _filter(source, path, function)
+        return _filter(source, path, fill)
 
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
@@ -157,7 +148,7 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
         if ending == _ARRAY:
             np.save(path, pixels)
         else:
-            _FORMATS[ending].write(path, Picture(pixels, ""), pixels)
+            _FORMATS[ending].write(path, ImageFile(pixels, ""), pixels)
 
 
 def image_size(path: str | Path) -> tuple[int, int]:
@@ -179,23 +170,23 @@ def _check_source(path: Path) -> None:
         raise ShockError(f"{path} is empty; copy or save it again.")
 
 
-def _read(path: Path) -> Picture:
+def _read(path: Path) -> ImageFile:
     with reading(path):
-        picture = _FORMATS[path.suffix.lower()].read(path)
-    pixels = picture.pixels
+        image_file = _FORMATS[path.suffix.lower()].read(path)
+    pixels = image_file.pixels
     if pixels.dtype.name not in _TYPES:
         raise ShockError(
             f"{path} holds values of type {pixels.dtype}; save it with 8 or 16 bits, or as floats."
         )
     if pixels.ndim not in (2, 3) or not pixels.size:
         raise ShockError(f"{path} has the shape {pixels.shape}; give (h, w) or (h, w, channels).")
-    picture.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
-    return picture
+    image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
+    return image_file
 
 
 def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]) -> Outcome:
-    picture = _read(source)
-    pixels = picture.pixels
+    image_file = _read(source)
+    pixels = image_file.pixels
     ending = path.suffix.lower()
     _check_format(source, ending, pixels)
     result = _new_array(path, pixels) if ending == _ARRAY else np.empty_like(pixels)
@@ -207,7 +198,7 @@ def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]
         shutil.copyfile(source, path)
     else:
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
-        notes = [*picture.notes, *_FORMATS[ending].write(path, picture, flat)]
+        notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
 
 

@@ -8,18 +8,16 @@ unknown properties, comments). All else goes through trimesh, which knows triang
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
+from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidMesh, InvalidSignal, ShockError
-from ..filters import geometry as shock
-from ..filters.signals import sharpen_vertex_signal
 from ..mesh.triangle_mesh import TriangleMesh, weld
-from ..settings import GeometrySettings, ShockSettings
-from .document import Document, Floats, Ints, TexturedDocument
+from .document import Bools, Document, Floats, Ints, TexturedDocument
 from .formats.gltf import GltfFile
 from .formats.obj import ObjFile
 from .formats.ply import PlyFile, PlyVertices
@@ -27,9 +25,6 @@ from .formats.trimesh import KEEPS, SceneFile
 from .output import Outcome, check_folder, staged
 from .reading import check_file, reading
 
-Progress = Callable[[float, str], bool]
-MeshFilter = Callable[[TriangleMesh, Floats | None, Progress | None], Floats]
-ColorFilter = Callable[[TriangleMesh, Floats, Floats | None, Progress | None], Floats]
 AnyDocument = TypeVar("AnyDocument", bound=Document)
 IN_PLACE: dict[str, Callable[[Path], TexturedDocument]] = {
     ".obj": ObjFile,
@@ -41,27 +36,27 @@ IN_PLACE: dict[str, Callable[[Path], TexturedDocument]] = {
 _ROUNDING = 1e-7  # differences of colors that come from summing in another order
 
 
-def sharpen_file(
+def filter_mesh_file(
+    function: Callable[..., Floats],
     source: str | Path,
     target: str | Path,
-    settings: GeometrySettings | None = None,
     *,
     mask: str | None = None,
     invert_mask: bool = False,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Outcome:
-    """Sharpen the geometry of a mesh file and write it to another.
+    """Move the vertices of a mesh file and write it to another.
 
     Vertices at exactly the same place move together, so that files whose vertices are split
-    along UV seams do not crack open. Objects that share no vertex are sharpened on their own.
+    along UV seams do not crack open. Objects that share no vertex are filtered on their own.
 
     Parameters
     ----------
+    function : callable
+        ``function(mesh, mask=None)`` returns new positions; see `registry.Filter.applied`.
     source, target : path
         PLY, OBJ, STL, OFF, GLB or glTF files. `target` appears when it is complete.
-    settings : GeometrySettings, optional
-        Strength and all else; the defaults if left out.
     mask : str, optional
         Vertex property of a PLY file: 0 leaves a vertex where it is, 1 moves it fully. Whole
         numbers count in parts of their type's largest value.
@@ -76,32 +71,11 @@ def sharpen_file(
     -------
     Outcome
         Counts, and notes on what did not survive.
-    """
-    chosen = settings or GeometrySettings()
 
-    def sharpen(mesh: TriangleMesh, weights: Floats | None, part: Progress | None) -> Floats:
-        return shock.sharpen_geometry(mesh, chosen, weights, part)
-
-    return filter_mesh_file(source, target, sharpen, mask, invert_mask, overwrite, progress)
-
-
-def filter_mesh_file(
-    source: str | Path,
-    target: str | Path,
-    function: MeshFilter,
-    mask: str | None,
-    invert_mask: bool,
-    overwrite: bool,
-    progress: Progress | None,
-) -> Outcome:
-    """Move the vertices of a mesh file and write it to another; see `sharpen_file`.
-
-    Parameters
-    ----------
-    source, target, mask, invert_mask, overwrite, progress
-        As there.
-    function : callable
-        ``function(mesh, weights, progress)`` returns new positions.
+    Raises
+    ------
+    ShockError
+        If a file cannot be read or written, or as `function` does.
     """
     source, target = Path(source), Path(target)
     _check_paths(source, target)
@@ -109,24 +83,25 @@ def filter_mesh_file(
     keeps_format = source.suffix.lower() == ending
     document = read_document(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
     weights = _read_mask(source, mask, invert_mask) if mask else None
-    positions = _move(document, function, weights, progress)
+    with reporting(progress):
+        positions = _moved(document, function, weights)
     moved = (positions != document.vertices).any(axis=1)
     with staged(target, overwrite) as path:
         notes = document.save(path, positions, moved)
     return Outcome(len(positions), int(moved.sum()), tuple(notes))
 
 
-def sharpen_colors_file(
+def filter_colors_file(
+    function: Callable[..., Floats],
     source: str | Path,
     target: str | Path,
-    settings: ShockSettings | None = None,
     *,
     mask: str | None = None,
     invert_mask: bool = False,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Outcome:
-    """Sharpen the vertex colors of a mesh file and write it to another of the same format.
+    """Change the vertex colors of a mesh file and write it to another of the same format.
 
     Vertices at exactly the same place with the same color count as one, so that UV seams do not
     show; where colors differ at a place, they jump, and nothing flows across. Opacity and all
@@ -134,45 +109,24 @@ def sharpen_colors_file(
 
     Parameters
     ----------
+    function : callable
+        ``function(mesh, colors, mask=None)`` returns new colors; see `registry.Filter.applied`.
     source, target : path
         PLY, OBJ, GLB or glTF files, both of the same format.
-    settings : ShockSettings, optional
-        Strength and all else; the defaults if left out.
     mask, invert_mask, overwrite, progress
-        As in `sharpen_file`.
+        As in `filter_mesh_file`.
 
     Returns
     -------
     Outcome
         Counts, and notes on what did not survive.
-    """
-    chosen = settings or ShockSettings()
 
-    def sharpen(
-        mesh: TriangleMesh, colors: Floats, weights: Floats | None, part: Progress | None
-    ) -> Floats:
-        return sharpen_vertex_signal(mesh, colors, chosen, weights, part)
-
-    return filter_colors_file(source, target, sharpen, mask, invert_mask, overwrite, progress)
-
-
-def filter_colors_file(
-    source: str | Path,
-    target: str | Path,
-    function: ColorFilter,
-    mask: str | None,
-    invert_mask: bool,
-    overwrite: bool,
-    progress: Progress | None,
-) -> Outcome:
-    """Change the vertex colors of a mesh file; see `sharpen_colors_file`.
-
-    Parameters
-    ----------
-    source, target, mask, invert_mask, overwrite, progress
-        As there.
-    function : callable
-        ``function(mesh, colors, weights, progress)`` returns new colors.
+    Raises
+    ------
+    InvalidSignal
+        If no vertex has a color.
+    ShockError
+        As in `filter_mesh_file`.
     """
     source, target = Path(source), Path(target)
     _check_paths(source, target)
@@ -196,7 +150,8 @@ def filter_colors_file(
             f"{source} has no vertex colors; paint them, or bake a texture to them."
         )
     weights = _read_mask(source, mask, invert_mask) if mask else None
-    result = _recolor(document, colors, function, weights, progress)
+    with reporting(progress):
+        result = _recolored(document, colors, function, weights)
     with staged(target, overwrite) as path:
         changed, notes = document.save_colors(path, result)
     done = "changed the color of {changed} of {total} vertices"
@@ -239,66 +194,59 @@ def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDoc
 # -------------------------------------------------------------------------------------- filtering
 
 
-def _move(
-    document: Document,
-    function: MeshFilter,
-    weights: Floats | None,
-    progress: Progress | None,
-) -> Floats:
+def _moved(document: Document, function: Callable[..., Floats], weights: Floats | None) -> Floats:
     """Positions after filtering; vertices that do not move keep theirs bit for bit."""
-    representatives, index = weld(document.vertices)
-    welded = document.vertices[representatives]
-    faces = index[document.faces]
-    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    faces = faces[whole]
-    if weights is not None:
-        weights = _lowest(weights, index, len(welded))
-    result = welded.copy()
-    for mesh, used, part in _meshes(welded, faces, document.parts[whole], progress):
-        part_weights = None if weights is None else weights[used]
-        result[used] = function(mesh, part_weights, part)
-    positions = result[index]
-    return np.where(positions == document.vertices, document.vertices, positions)
+    first, index = weld(document.vertices)
+    places = document.vertices[first]
+
+    def move(mesh: TriangleMesh, _: Floats, mask: Floats | None) -> Floats:
+        return function(mesh, mask=mask)
+
+    result = _filtered(document, (first, index), None, move, places, weights)[index]
+    return np.where(result == document.vertices, document.vertices, result)
 
 
-def _recolor(
-    document: Document,
-    colors: Floats,
-    function: ColorFilter,
-    weights: Floats | None,
-    progress: Progress | None,
+def _recolored(
+    document: Document, colors: Floats, function: Callable[..., Floats], weights: Floats | None
 ) -> Floats:
     """Colors after filtering; NaN, for none, stays."""
     colored = np.isfinite(colors).all(axis=1)
     places = weld(document.vertices)[1]
     kinds = weld(np.where(colored[:, None], colors, -1.0))[1]
     first, index = weld(np.column_stack([places, kinds, np.zeros(len(kinds))]))
-    faces = index[document.faces]
-    usable = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    usable &= colored[document.faces].all(axis=1)
+    usable = colored[document.faces].all(axis=1)
+
+    def recolor(mesh: TriangleMesh, values: Floats, mask: Floats | None) -> Floats:
+        return function(mesh, values, mask=mask)
+
+    result = _filtered(document, (first, index), usable, recolor, colors[first], weights)[index]
+    return np.where(abs(result - colors) < _ROUNDING, colors, result)
+
+
+def _filtered(
+    document: Document,
+    welded: tuple[Ints, Ints],
+    usable: Bools | None,
+    function: Callable[[TriangleMesh, Floats, Floats | None], Floats],
+    values: Floats,
+    weights: Floats | None,
+) -> Floats:
+    """Filter each group of joined objects as a mesh of its own.
+
+    `welded` holds the first of the vertices that are one, and the number of each vertex among
+    these; `values` and the result have a row for each of them.
+    """
+    first, index = welded
+    points, faces = document.vertices[first], index[document.faces]
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    if usable is not None:
+        whole &= usable
+    faces = faces[whole]
     if weights is not None:
         weights = _lowest(weights, index, len(first))
-    result = colors[first]
-    parts = document.parts[usable]
-    for mesh, used, part in _meshes(document.vertices[first], faces[usable], parts, progress):
-        part_weights = None if weights is None else weights[used]
-        result[used] = function(mesh, result[used], part_weights, part)
-    return np.where(abs(result[index] - colors) < _ROUNDING, colors, result[index])
-
-
-def _lowest(weights: Floats, index: Ints, count: int) -> Floats:
-    """The lowest weight of the vertices that are one."""
-    lowest = np.ones(count)
-    np.minimum.at(lowest, index, weights)
-    return lowest
-
-
-def _meshes(
-    points: Floats, faces: Ints, parts: Ints, progress: Progress | None
-) -> Iterator[tuple[TriangleMesh, Ints, Progress | None]]:
-    """Each group of joined objects as a mesh, the points it uses, and its part of the progress."""
-    groups = _groups(parts, faces, len(points))
-    for done, group in enumerate(groups):
+    result = values.copy()
+    groups = _groups(document.parts[whole], faces, len(points))
+    for number, group in enumerate(groups):
         used, corners = np.unique(faces[group], return_inverse=True)
         try:
             mesh = TriangleMesh(points[used], corners.reshape(-1, 3))
@@ -306,11 +254,17 @@ def _meshes(
             if len(groups) == 1:
                 raise
             continue  # one object without a surface does not keep the others from theirs
-        yield mesh, used, progress and _share(progress, done, len(groups))
+        with phase(number / len(groups), (number + 1) / len(groups), "Filtering"):
+            mask = None if weights is None else weights[used]
+            result[used] = function(mesh, values[used], mask)
+    return result
 
 
-def _share(progress: Progress, done: int, count: int) -> Progress:
-    return lambda fraction, message: progress((done + fraction) / count, message)
+def _lowest(weights: Floats, index: Ints, count: int) -> Floats:
+    """The lowest weight of the vertices that are one."""
+    lowest = np.ones(count)
+    np.minimum.at(lowest, index, weights)
+    return lowest
 
 
 def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:

@@ -7,20 +7,25 @@ Needs no numerics, as :mod:`.output`.
 from __future__ import annotations
 
 import contextlib
+import logging
 import struct
+import sys
 import tokenize
+import traceback
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import ShockError
 
-_DAMAGED = (
-    ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, NameError,
-    RuntimeError, StopIteration, SyntaxError, TypeError, ValueError, struct.error, zlib.error,
-    tokenize.TokenError,
+_DAMAGE = (
+    ArithmeticError, EOFError, MemoryError, OSError, ValueError, struct.error, tokenize.TokenError,
+    zlib.error,
 )  # fmt: skip
-"""What readers raise at files that are not as they should be, those of other packages too."""
+"""What the contents of a file can make any reader raise, Shock Filter's own ones too."""
+
+_NO_READERS = {__name__.partition(".")[0], "numpy", *sys.stdlib_module_names}
+"""Packages that read no files for us, or of which the errors above are all that is expected."""
 
 
 def check_file(path: Path) -> None:
@@ -35,6 +40,8 @@ def check_file(path: Path) -> None:
 def reading(path: Path) -> Iterator[None]:
     """Say of whatever a reader raises that the file may be damaged.
 
+    Where it is rather a mistake in Shock Filter's own code, the traceback is logged.
+
     Raises
     ------
     ShockError
@@ -44,8 +51,17 @@ def reading(path: Path) -> Iterator[None]:
         yield
     except ShockError:
         raise
-    except (OSError, *_DAMAGED) as error:
+    except Exception as error:
         if getattr(error, "errno", None) is not None:
             raise  # the system's: no such file, no right to read it
+        if not isinstance(error, _DAMAGE) and not _is_of_another_reader(error):
+            logging.getLogger(__name__).exception("The reader of %s failed.", path)
         reason = str(error) or type(error).__name__
         raise ShockError(f"{path} cannot be read; is it damaged? ({reason})") from error
+
+
+def _is_of_another_reader(error: Exception) -> bool:
+    # Other packages raise whatever comes at damaged files: TypeError, UnboundLocalError, ...
+    frames = traceback.walk_tb(error.__traceback__)
+    packages = {frame.f_globals.get("__name__", "").partition(".")[0] for frame, _ in frames}
+    return not packages <= _NO_READERS

@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ..atlas import TextureAtlas
+from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSettings, InvalidUV, ShockError
-from ..filters.textures import dilate_texture, sharpen_texture
 from ..mesh.triangle_mesh import TriangleMesh, weld_borders
-from ..settings import DilateSettings, TextureSettings
 from .document import Floats
-from .images import Pixels, Progress, filter_image_file, image_size, read_mask, write_image_file
+from .images import Pixels, filter_image_file, image_size, read_mask, write_image_file
 from .meshes import IN_PLACE, check_mesh_file, read_document
 from .output import Outcome
 from .reading import reading
@@ -36,29 +35,30 @@ class TexturedMesh:
     notes: tuple[str, ...]
 
 
-def sharpen_texture_file(
+def filter_texture_file(
+    function: Callable[..., Pixels],
     mesh: str | Path,
     source: str | Path,
     target: str | Path,
-    settings: TextureSettings | None = None,
     *,
     material: str | None = None,
     mask: str | Path | None = None,
     invert_mask: bool = False,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Outcome:
-    """Sharpen the texture of a mesh, on its surface, and write it to another image file.
+    """Filter the texture of a mesh, on its surface, and write it to another image file.
 
     Parameters
     ----------
+    function : callable
+        ``function(mesh, uv, pixels, mask=None, atlas=None)`` returns an array like the pixels, of
+        which row 0 is at v = 0; see `registry.Filter.applied`. A mask is handed on if there is one.
     mesh : path
         OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
         joined; see `core.weld_borders`.
     source, target, mask, invert_mask, overwrite, progress
-        As in :func:`shock_filter.core.files.images.sharpen_image_file`.
-    settings : TextureSettings, optional
-        Strength and all else; the defaults if left out.
+        As in :func:`shock_filter.core.files.images.filter_image_file`.
     material : str, optional
         Name of the material that shows the texture; all faces do if left out.
 
@@ -68,35 +68,20 @@ def sharpen_texture_file(
         Counts of pixels, and notes on the texture coordinates and on what did not survive.
     """
     surface = read_textured_mesh(mesh, material)
-    weights = read_mask(mask, invert_mask)[::-1] if mask else None
-    chosen = settings or TextureSettings()
+    words = {"mask": read_mask(mask, invert_mask)[::-1]} if mask else {}
+    notes = list(surface.notes)
 
-    def sharpen(pixels: Pixels, atlas: TextureAtlas, rest: Progress | None) -> Pixels:
-        return sharpen_texture(surface.mesh, surface.uv, pixels, chosen, weights, rest, atlas=atlas)
+    def on_surface(pixels: Pixels) -> Pixels:
+        height, width = pixels.shape[:2]
+        with phase(0.0, 0.3, "Finding the charts"):
+            atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
+        notes.extend(atlas.report.sentences())
+        upright = np.ascontiguousarray(pixels[::-1])
+        with phase(0.3, 1.0, "Filtering"):
+            return function(surface.mesh, surface.uv, upright, **words, atlas=atlas)[::-1]
 
-    return _filter(surface, source, target, sharpen, overwrite, progress)
-
-
-def dilate_texture_file(
-    mesh: str | Path,
-    source: str | Path,
-    target: str | Path,
-    settings: DilateSettings | None = None,
-    *,
-    material: str | None = None,
-    overwrite: bool = False,
-    progress: Progress | None = None,
-) -> Outcome:
-    """Fill the gutter of a mesh's texture and write it to another image file.
-
-    All is as in `sharpen_texture_file`.
-    """
-    surface = read_textured_mesh(mesh, material)
-
-    def dilate(pixels: Pixels, atlas: TextureAtlas, rest: Progress | None) -> Pixels:
-        return dilate_texture(surface.mesh, surface.uv, pixels, settings, rest, atlas=atlas)
-
-    return _filter(surface, source, target, dilate, overwrite, progress)
+    outcome = filter_image_file(on_surface, source, target, overwrite=overwrite, progress=progress)
+    return replace(outcome, notes=(*notes, *outcome.notes))
 
 
 def texture_mask_file(
@@ -108,14 +93,14 @@ def texture_mask_file(
     like: str | Path | None = None,
     material: str | None = None,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Outcome:
     """Draw what each texel of a mesh's texture is, and write it as an image.
 
     Parameters
     ----------
     mesh, material, overwrite, progress
-        As in `sharpen_texture_file`.
+        As in `filter_texture_file`.
     target : path
         NumPy, TIFF and EXR files hold numbers, with -1 for no face or chart; all others a
         picture, where faces and charts have colors that stay the same from run to run.
@@ -137,7 +122,8 @@ def texture_mask_file(
     elif size is None or like is not None:
         raise InvalidSettings("Give the image's size, or an image that it is to be like.")
     surface = read_textured_mesh(mesh, material)
-    atlas = TextureAtlas(surface.mesh, surface.uv, *size, progress)
+    with reporting(progress):
+        atlas = TextureAtlas(surface.mesh, surface.uv, *size)
     shown = mask_pixels(atlas, kind, target.suffix.lower())
     write_image_file(target, np.ascontiguousarray(shown[::-1]), overwrite)
     return mask_outcome(atlas, surface.notes)
@@ -224,32 +210,3 @@ def read_textured_mesh(path: str | Path, material: str | None = None) -> Texture
     faces = weld_borders(document.vertices, document.faces[known])
     mesh = TriangleMesh(document.vertices, faces)
     return TexturedMesh(mesh, uv[known], tuple(notes))
-
-
-def _filter(
-    surface: TexturedMesh,
-    source: str | Path,
-    target: str | Path,
-    function: Callable[[Pixels, TextureAtlas, Progress | None], Pixels],
-    overwrite: bool,
-    progress: Progress | None,
-) -> Outcome:
-    notes = list(surface.notes)
-
-    def filter_pixels(pixels: Pixels, result: Pixels) -> None:
-        height, width = pixels.shape[:2]
-        finding = _part(progress, 0.0, 0.3)
-        atlas = TextureAtlas(surface.mesh, surface.uv, height, width, finding)
-        notes.extend(atlas.report.sentences())
-        given = pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
-        rest = _part(progress, 0.3, 1.0)
-        result[...] = function(np.ascontiguousarray(given[::-1]), atlas, rest)[::-1]
-
-    outcome = filter_image_file(source, target, filter_pixels, overwrite)
-    return replace(outcome, notes=(*notes, *outcome.notes))
-
-
-def _part(progress: Progress | None, start: float, stop: float) -> Progress | None:
-    if progress is None:
-        return None
-    return lambda fraction, message: progress(start + fraction * (stop - start), message)

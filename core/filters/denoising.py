@@ -1,170 +1,135 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoise by the short-time Beltrami kernel, then sharpen what is left, in one run.
+"""Denoise, then sharpen what is left, in one run.
 
 Noise has to go before edges are pulled together: what remains of it is taken for edges.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
 import numpy.typing as npt
 
-from ..base.checks import checked_mask, checked_signal, checked_type
-from ..base.parallel import Progress
-from ..base.progress import ProgressCallback
-from ..mesh.calculus import group_means
-from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
-from ..settings import (
-    BeltramiGeometrySettings,
-    BeltramiMeshSettings,
-    BeltramiSettings,
-    GeometrySettings,
-    ImageSettings,
-    ShockSettings,
-)
+from ..base.progress import ProgressCallback, phase, reporting
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..settings import GeometrySettings, ImageSettings, ShockSettings
 from .beltrami.images import beltrami_image
 from .beltrami.meshes import (
     beltrami_corner_signal,
-    beltrami_joint,
+    beltrami_joint_corners,
     beltrami_mesh,
     beltrami_vertex_signal,
 )
-from .fit import moved_vertices
 from .geometry import sharpen_geometry
 from .images import sharpen_image
-from .signals import from_own_corners, sharpen_corner_signal, sharpen_vertex_signal, to_own_corners
+from .signals import sharpen_corner_signal, sharpen_vertex_signal
+
+Filter = Callable[..., Any]
 
 
-def denoise_geometry(
-    mesh: TriangleMesh,
-    settings: BeltramiGeometrySettings,
-    sharpen_time: float | None = None,
-    mask: npt.ArrayLike | None = None,
-    progress: ProgressCallback | None = None,
+def then_sharpen(denoise: Filter, time: float | None) -> Filter:
+    """Have what a filter has denoised be sharpened in the same run.
+
+    Parameters
+    ----------
+    denoise : callable
+        `beltrami_mesh`, `beltrami_vertex_signal`, `beltrami_corner_signal`, `beltrami_image` or
+        `beltrami_joint_corners`.
+    time : float or None
+        Flow time of the sharpening, as in `ShockSettings`; None leaves it out.
+
+    Returns
+    -------
+    callable
+        ``function(*data, settings=None, mask=None, progress=None)``. Data and result, settings and
+        mask are those of `denoise`; the sharpening has the same mask. Each half of the progress
+        is one of the two.
+
+    Raises
+    ------
+    InvalidSettings
+        At once, if the time is negative or no number.
+
+    Notes
+    -----
+    All other settings of the sharpening are fixed here. Normals of geometry are read by linear
+    sampling, which removes the noise that is left where detail sampling keeps it; opacity of an
+    image is what the kernel's settings say.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> from shock_filter.core.filters.denoising import then_sharpen
+    >>> step = np.repeat([[0.2, 0.3, 0.7, 0.8]], 3, axis=0)
+    >>> function = then_sharpen(core.beltrami_image, 16.0)
+    >>> function(step, settings=core.BeltramiSettings(time=0.5)).shape
+    (3, 4)
+    """
+    if time is None:
+        return denoise
+    sharpen, fixed = _SHARPENINGS[denoise]
+    timed = replace(fixed, time=time)
+
+    def denoise_and_sharpen(
+        *data: Any,
+        settings: Any = None,
+        mask: npt.ArrayLike | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> Any:
+        sharpening = replace(timed, alpha=settings.alpha) if hasattr(settings, "alpha") else timed
+        with reporting(progress):
+            with phase(0.0, 0.5, "Denoising"):
+                result = denoise(*data, settings=settings, mask=mask)
+            with phase(0.5, 1.0, "Sharpening"):
+                return sharpen(*data, result, sharpening, mask)
+
+    return denoise_and_sharpen
+
+
+_LINEAR = GeometrySettings(sampling="linear")
+
+
+def _sharpen_moved(
+    mesh: TriangleMesh, positions: Floats, settings: GeometrySettings, mask: npt.ArrayLike | None
 ) -> Floats:
-    """Denoise a mesh, then sharpen its creases.
-
-    Parameters
-    ----------
-    mesh, settings, mask, progress
-        As in `beltrami_mesh`.
-    sharpen_time : float, optional
-        Time of the sharpening; none follows if left out. Normals are read by linear sampling,
-        which removes the noise that is left where detail sampling keeps it.
-
-    Returns
-    -------
-    (n, 3) float64
-    """
-    first, second = _parts(progress, sharpen_time)
-    positions = beltrami_mesh(mesh, settings, mask, first)
-    if sharpen_time is None:
-        return positions
     moved = _moved(mesh, positions)
-    if _has_shrunk(moved, mesh):
-        return positions
-    return _sharpened(moved, sharpen_time, mask, second)
+    return positions if _has_shrunk(moved, mesh) else sharpen_geometry(moved, settings, mask)
 
 
-def denoise_vertex_signal(
+def _sharpen_both(
     mesh: TriangleMesh,
-    signal: npt.ArrayLike,
-    settings: BeltramiMeshSettings,
-    sharpen_time: float | None = None,
-    mask: npt.ArrayLike | None = None,
-    progress: ProgressCallback | None = None,
-) -> npt.NDArray:
-    """Denoise a signal given at the vertices, then sharpen it; see `beltrami_vertex_signal`."""
-    first, second = _parts(progress, sharpen_time)
-    result = beltrami_vertex_signal(mesh, signal, settings, mask, first)
-    if sharpen_time is None:
-        return result
-    return sharpen_vertex_signal(mesh, result, ShockSettings(time=sharpen_time), mask, second)
-
-
-def denoise_corner_signal(
-    mesh: TriangleMesh,
-    signal: npt.ArrayLike,
-    settings: BeltramiMeshSettings,
-    sharpen_time: float | None = None,
-    mask: npt.ArrayLike | None = None,
-    progress: ProgressCallback | None = None,
-) -> npt.NDArray:
-    """Denoise a signal given at the corners, then sharpen it; see `beltrami_corner_signal`."""
-    first, second = _parts(progress, sharpen_time)
-    result = beltrami_corner_signal(mesh, signal, settings, mask, first)
-    if sharpen_time is None:
-        return result
-    return sharpen_corner_signal(mesh, result, ShockSettings(time=sharpen_time), mask, second)
-
-
-def denoise_jointly(
-    mesh: TriangleMesh,
-    signal: npt.ArrayLike,
-    settings: BeltramiMeshSettings,
-    sharpen_time: float | None = None,
-    mask: npt.ArrayLike | None = None,
-    progress: ProgressCallback | None = None,
+    _: Any,
+    result: tuple[Floats, npt.NDArray],
+    settings: ShockSettings,
+    mask: npt.ArrayLike | None,
 ) -> tuple[Floats, npt.NDArray]:
-    """Denoise a mesh and the signal at its corners with the same weights, then sharpen both.
-
-    Where corners at a vertex differ, nothing crosses, as in `beltrami_corner_signal`; the vertex
-    moves as the mean of its sides does, so that the mesh does not crack open.
-
-    Parameters
-    ----------
-    mesh, signal, settings, mask, progress
-        As in `beltrami_corner_signal`.
-    sharpen_time : float, optional
-        Time of the sharpening of both; none follows if left out.
-
-    Returns
-    -------
-    positions : (n, 3) float64
-    signal : array like `signal`
-    """
-    given = checked_type(signal)
-    values = checked_signal(to_own_corners(mesh, given), 3 * mesh.face_count)
-    weights = checked_mask(mask, mesh.vertex_count)
-    first, second = _parts(progress, sharpen_time)
-    cut, cut_values = split_at_jumps(mesh, values, Progress.of(first))
-    corners = cut.own_corners(cut.faces).reshape(-1)
-    vertex = np.empty(cut.vertex_count, dtype=np.intp)
-    vertex[corners] = mesh.faces.reshape(-1)
-    points, filtered = beltrami_joint(
-        cut, cut_values, settings, None if weights is None else weights[vertex], first
-    )
-    moved = np.zeros_like(mesh.vertices)
-    last = Progress.of(first).part(1.0, 1.0, "Denoising")
-    group_means(vertex, points - cut.vertices, moved, last)
-    positions = moved_vertices(mesh, moved)
-    after = np.where(filtered[corners] == values, values, filtered[corners])  # the sign of 0 too
-    result = from_own_corners(mesh, after.astype(given.dtype), given)
-    moved_mesh = _moved(mesh, positions)
-    if sharpen_time is None or _has_shrunk(moved_mesh, mesh):
-        return positions, result
-    geometry, painted = _parts(second, sharpen_time)
-    positions = _sharpened(moved_mesh, sharpen_time, mask, geometry)
-    sharpening = ShockSettings(time=sharpen_time)
-    return positions, sharpen_corner_signal(
-        _moved(mesh, positions), result, sharpening, mask, painted
-    )
-
-
-def denoise_image(
-    image: npt.ArrayLike,
-    settings: BeltramiSettings,
-    sharpen_time: float | None = None,
-    mask: npt.ArrayLike | None = None,
-    progress: ProgressCallback | None = None,
-) -> npt.NDArray:
-    """Denoise an image, then sharpen it; see `beltrami_image`."""
-    first, second = _parts(progress, sharpen_time)
-    result = beltrami_image(image, settings, mask, first)
-    if sharpen_time is None:
+    # The colors flow on the surface that is sharp already.
+    positions, signal = result
+    if _has_shrunk(_moved(mesh, positions), mesh):
         return result
-    sharpening = ImageSettings(time=sharpen_time, alpha=settings.alpha)
-    return sharpen_image(result, sharpening, mask, second)
+    with phase(0.0, 0.5, "Sharpening"):
+        positions = _sharpen_moved(mesh, positions, replace(_LINEAR, time=settings.time), mask)
+    with phase(0.5, 1.0, "Sharpening"):
+        return positions, sharpen_corner_signal(_moved(mesh, positions), signal, settings, mask)
+
+
+_SHARPENINGS: dict[Filter, tuple[Filter, Any]] = {
+    beltrami_mesh: (_sharpen_moved, _LINEAR),
+    beltrami_vertex_signal: (
+        lambda mesh, _, *rest: sharpen_vertex_signal(mesh, *rest),
+        ShockSettings(),
+    ),
+    beltrami_corner_signal: (
+        lambda mesh, _, *rest: sharpen_corner_signal(mesh, *rest),
+        ShockSettings(),
+    ),
+    beltrami_image: (lambda _, *rest: sharpen_image(*rest), ImageSettings()),
+    beltrami_joint_corners: (_sharpen_both, ShockSettings()),
+}
+"""Per filter: what sharpens, given its data and result, settings and mask; and these settings."""
 
 
 def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh:
@@ -178,25 +143,19 @@ def _has_shrunk(moved: TriangleMesh, mesh: TriangleMesh) -> bool:
     return moved.mean_edge_length < 1e-9 * mesh.mean_edge_length or not moved.areas.any()
 
 
-def _sharpened(
-    mesh: TriangleMesh,
-    time: float,
-    mask: npt.ArrayLike | None,
-    progress: ProgressCallback | None,
-) -> Floats:
-    settings = GeometrySettings(time=time, sampling="linear")
-    return sharpen_geometry(mesh, settings, mask, progress)
+def _old(denoise, data):  # transition
+    def run(*given, **words):  # transition
+        names = ("settings", "sharpen_time", "mask", "progress")  # transition
+        words |= dict(zip(names, given[data:], strict=False))  # transition
+        return then_sharpen(denoise, words.pop("sharpen_time", None))(
+            *given[:data], **words
+        )  # transition
+
+    return run  # transition
 
 
-def _parts(
-    progress: ProgressCallback | None, sharpen_time: float | None
-) -> tuple[ProgressCallback | None, ProgressCallback | None]:
-    # The callbacks of two runs, of which the second may be missing; a bad time is refused here.
-    if sharpen_time is not None:
-        ShockSettings(time=sharpen_time)
-    if progress is None or sharpen_time is None:
-        return progress, None
-    return (
-        lambda fraction, message: progress(0.5 * fraction, message),
-        lambda fraction, message: progress(0.5 + 0.5 * fraction, message),
-    )
+denoise_geometry = _old(beltrami_mesh, 1)  # transition
+denoise_vertex_signal = _old(beltrami_vertex_signal, 2)  # transition
+denoise_corner_signal = _old(beltrami_corner_signal, 2)  # transition
+denoise_image = _old(beltrami_image, 1)  # transition
+denoise_jointly = _old(beltrami_joint_corners, 2)  # transition

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run, run_in_order
+from ..base.parallel import kernel, run, run_in_order
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
 UNFOLDED = 30
@@ -33,7 +33,7 @@ class Stencils(NamedTuple):
     shapes: npt.NDArray[np.float32]  # length of v-other; target's place along it and beside it
 
 
-def stencils(mesh: TriangleMesh, embedding: Floats, progress: Progress | None = None) -> Stencils:
+def stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     """Prepare marching on a mesh whose vertices lie at `embedding` (n, any number).
 
     Each corner takes its distance from the opposite edge. An obtuse corner may be reached before
@@ -43,34 +43,31 @@ def stencils(mesh: TriangleMesh, embedding: Floats, progress: Progress | None = 
     count, faces = mesh.face_count, mesh.faces
     splits = np.empty(3 * count, dtype=np.int32)
     places = np.empty((3 * count, 2), dtype=np.float32)
-    run(_split_corners, count, faces, mesh.twins, embedding, splits, places, progress=progress)
+    run(_split_corners, count, faces, mesh.twins, embedding, splits, places)
     start = np.zeros(mesh.vertex_count + 1, dtype=np.int64)
-    run_in_order(_count_stencils, count, faces, splits, start, progress=progress)
+    run_in_order(_count_stencils, count, faces, splits, start)
     np.cumsum(start, out=start)
     targets = np.empty(start[-1], dtype=np.int32)
     others = np.empty(start[-1], dtype=np.int32)
     shapes = np.empty((start[-1], 3), dtype=np.float32)
     run_in_order(_fill_stencils, count, faces, embedding, splits, places, start[:-1].copy(),
-                 targets, others, shapes, progress=progress)  # fmt: skip
+                 targets, others, shapes)  # fmt: skip
     return Stencils(start, targets, others, shapes)
 
 
-def face_stencils(
-    mesh: TriangleMesh, embedding: Floats, progress: Progress | None = None
-) -> Stencils:
+def face_stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     """Prepare marching from face to face, their centres at `embedding` (m, any number).
 
     Distances run straight from centre to centre: between faces there are no triangles to go
     through.
     """
     start = np.zeros(mesh.face_count + 1, dtype=np.int64)
-    run(_count_links, mesh.face_count, mesh.twins, start, progress=progress)
+    run(_count_links, mesh.face_count, mesh.twins, start)
     np.cumsum(start, out=start)
     targets = np.empty(start[-1], dtype=np.int32)
     others = np.empty(start[-1], dtype=np.int32)
     shapes = np.zeros((start[-1], 3), dtype=np.float32)
-    run(_link_faces, mesh.face_count, mesh.twins, embedding, start, targets, others, shapes,
-        progress=progress)  # fmt: skip
+    run(_link_faces, mesh.face_count, mesh.twins, embedding, start, targets, others, shapes)
     return Stencils(start, targets, others, shapes)
 
 

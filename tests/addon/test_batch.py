@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from on_files import denoise_file, sharpen_colors_file, sharpen_file
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
-from shock_filter.core.files.denoising import denoise_file
 from shock_filter.core.files.formats.exr import read_exr, write_exr
-from shock_filter.core.files.meshes import sharpen_colors_file, sharpen_file
-from shock_filter.core.files.picture import Picture
+from shock_filter.core.files.image_file import ImageFile
 from shock_filter.core.files.textures import texture_mask_file
 
 BATCH = Path(__file__).resolve().parents[2] / "shock_addon" / "batch.py"
@@ -739,7 +738,7 @@ def test_half_a_file_is_never_left(folder, command, endings):
         if command == "sharpen-geometry":
             rounded_box().export(f"in{ending}")
         elif ending == ".exr":
-            write_exr(Path("in.exr"), Picture(pixels, ""), pixels.astype(np.float32))
+            write_exr(Path("in.exr"), ImageFile(pixels, ""), pixels.astype(np.float32))
         else:
             Image.fromarray(pixels).save(f"in{ending}")
     names = [f"in{ending}" for ending in endings]

@@ -5,7 +5,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from shapes import angles, cube, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
-from shock_filter.core.filters.beltrami.meshes import noise_of_normals
+from shock_filter.core.filters.beltrami.normals import noise_of_normals
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
 from shock_filter.core.mesh.geodesics import (
     distances_from,

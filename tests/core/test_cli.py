@@ -48,7 +48,7 @@ class Recorder:
     def add_arguments(self, parser, command):
         pass
 
-    def sharpen(self, command, source, target, settings, options, progress):
+    def filter(self, command, source, target, settings, options, progress):
         self.calls.append((source, target, settings))
         self.commands.append(command.name)
         target.write_bytes(Path(source).read_bytes())
@@ -164,9 +164,10 @@ def test_help_says_description_unit_range_and_default(capsys, command):
         if not about.choices:
             assert about.unit in text
             assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
-    assert ("--mask" in text) == (command not in (cli.DILATE, cli.TEXTURE_MASK))
-    assert ("--material" in text) == (command in (cli.TEXTURE, cli.DILATE, cli.TEXTURE_MASK))
-    assert all(meaning in text for meaning in cli.KINDS.values()) == (command is cli.TEXTURE_MASK)
+    unmasked = ("dilate-texture", "texture-mask")
+    assert ("--mask" in text) == (command.name not in unmasked)
+    assert ("--material" in text) == (command.name in ("sharpen-texture", *unmasked))
+    assert all(meaning in text for meaning in cli.MASKS.values()) == (command is cli.TEXTURE_MASK)
 
 
 def test_help_is_quick_and_loads_no_numerics():
@@ -293,10 +294,10 @@ def test_failures_do_not_stop_the_others(folder, capsys):
 class Unlucky(Recorder):
     """A backend that meets what nobody thought of."""
 
-    def sharpen(self, command, source, target, settings, options, progress):
+    def filter(self, command, source, target, settings, options, progress):
         if source == "a.obj":
             raise MemoryError("Unable to allocate 40 GiB")
-        return super().sharpen(command, source, target, settings, options, progress)
+        return super().filter(command, source, target, settings, options, progress)
 
 
 def test_an_unforeseen_error_does_not_stop_the_others(folder, capsys):
@@ -369,7 +370,7 @@ class Interrupted(cli.FileBackend):
 
     presses = 1
 
-    def sharpen(self, command, source, target, settings, options, progress):
+    def filter(self, command, source, target, settings, options, progress):
         calls = []
 
         def pressing(fraction, message):
@@ -379,7 +380,7 @@ class Interrupted(cli.FileBackend):
                     signal.raise_signal(signal.SIGINT)
             return progress(fraction, message)
 
-        return super().sharpen(command, source, target, settings, options, pressing)
+        return super().filter(command, source, target, settings, options, pressing)
 
 
 class TwiceInterrupted(Interrupted):
@@ -391,7 +392,7 @@ class TwiceInterrupted(Interrupted):
 class Stubborn(Recorder):
     """A backend that never asks; Ctrl-C twice ends it with an error of its own, as Blender does."""
 
-    def sharpen(self, command, source, target, settings, options, progress):
+    def filter(self, command, source, target, settings, options, progress):
         signal.raise_signal(signal.SIGINT)
         try:
             signal.raise_signal(signal.SIGINT)

@@ -11,13 +11,13 @@ import sys
 import numpy as np
 import pytest
 import trimesh
+from on_files import sharpen_colors_file, sharpen_file
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
+from shock_filter.core.files.formats import obj
 from shock_filter.core.files.meshes import (
     filter_mesh_file,
-    sharpen_colors_file,
-    sharpen_file,
 )
 from shock_filter.core.files.output import staged
 
@@ -559,12 +559,12 @@ def test_normals_of_all_primitives_on_the_same_positions_are_renewed(tmp_path):
     (tmp_path / "a.bin").write_bytes(b"".join(array.tobytes() for array in arrays))
     (tmp_path / "a.gltf").write_text(json.dumps(tree))
 
-    def tilt(mesh, _weights, _progress):
+    def tilt(mesh, mask):
         return mesh.vertices + mesh.vertices[:, :1] * (0, 0, 1)
 
     (tmp_path / "out").mkdir()
     paths = tmp_path / "a.gltf", tmp_path / "out" / "b.gltf"
-    outcome = filter_mesh_file(*paths, tilt, None, False, False, None)
+    outcome = filter_mesh_file(tilt, *paths)
     assert outcome.notes == ("normals were computed anew from the sharpened surface",)
     data = (tmp_path / "out" / "b.bin").read_bytes()
     for number, sign in ((1, 1), (2, -1)):
@@ -696,6 +696,45 @@ def test_bad_files_are_named(tmp_path, name, data, words):
     with pytest.raises(core.ShockError, match=words):
         sharpen_file(tmp_path / name, tmp_path / f"out{(tmp_path / name).suffix}")
     assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_our_own_mistakes_are_logged_with_their_traceback(tmp_path, monkeypatch, caplog):
+    (tmp_path / "in.obj").write_bytes(QUADS)
+    monkeypatch.setattr(obj, "_fans", None)  # a planted mistake: None is called
+    with pytest.raises(core.ShockError, match=r"in\.obj cannot be read; is it damaged\? \('None"):
+        sharpen_file(tmp_path / "in.obj", tmp_path / "out.obj")
+    (record,) = caplog.records
+    assert record.message == f"The reader of {tmp_path / 'in.obj'} failed."
+    assert record.exc_info[0] is TypeError
+    assert "in __init__" in caplog.text  # of the traceback
+
+
+@pytest.mark.parametrize(
+    "name, data",
+    [
+        ("word.obj", b"v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ("torn.glb", b"glTF\x02\0\0\0"),
+        ("bare.ply", b"ply\nelement vertex 1\nproperty float x\nend_header\n"),
+        ("first.ply", b"ply\nformat ascii 1.0\nproperty float x\nend_header\n"),
+    ],
+)
+def test_damage_is_not_logged(tmp_path, caplog, name, data):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(core.ShockError, match="is it damaged"):
+        sharpen_file(tmp_path / name, tmp_path / f"out{name[-4:]}")
+    assert not caplog.records
+
+
+def test_what_another_reader_stumbles_over_is_damage(tmp_path, monkeypatch, caplog):
+    (tmp_path / "in.stl").write_bytes(b"solid\n")
+
+    def stumble(*_, **__):
+        return {}["mesh"]
+
+    monkeypatch.setattr(trimesh, "load_scene", stumble)  # its module is none of ours
+    with pytest.raises(core.ShockError, match="is it damaged"):
+        sharpen_file(tmp_path / "in.stl", tmp_path / "out.stl")
+    assert not caplog.records
 
 
 def test_indices_out_of_range_are_named(tmp_path):

@@ -6,14 +6,12 @@ import struct
 
 import numpy as np
 import pytest
+from on_files import dilate_texture_file, sharpen_file, sharpen_texture_file
 from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.meshes import sharpen_file
 from shock_filter.core.files.textures import (
-    dilate_texture_file,
     read_textured_mesh,
-    sharpen_texture_file,
     texture_mask_file,
 )
 
@@ -347,7 +345,7 @@ def test_cancelling_writes_nothing(tmp_path, mesh, texture):
 def test_masks_as_numbers(tmp_path, mesh):
     read = read_textured_mesh(mesh)
     masks = core.TextureAtlas(read.mesh, read.uv, 32, SIZE).masks()
-    for kind in cli.KINDS:
+    for kind in cli.MASKS:
         wanted = getattr(masks, kind)[::-1]
         for ending in ("npy", "tif", "exr"):
             path = tmp_path / f"{kind}.{ending}"

@@ -10,11 +10,10 @@ import numpy as np
 import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
+from on_files import sharpen_colors_file, sharpen_file, sharpen_image_file, sharpen_texture_file
 from shapes import cube
 from shock_filter import core
-from shock_filter.core.files.images import sharpen_image_file, write_image_file
-from shock_filter.core.files.meshes import sharpen_colors_file, sharpen_file
-from shock_filter.core.files.textures import sharpen_texture_file
+from shock_filter.core.files.images import write_image_file
 from strategies import examples
 
 WORDS = [

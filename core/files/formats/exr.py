@@ -9,22 +9,25 @@ from typing import Any
 import numpy.typing as npt
 
 from ...errors import ShockError
-from ..picture import Picture, lost, needed
+from ..image_file import ImageFile, lost, needed
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _COLORS = ("RGBA", "RGB", "Y")
 
 
-def read_exr(path: Path) -> Picture:
+def read_exr(path: Path) -> ImageFile:
     """Read the channels RGBA, RGB or Y, whichever come first; the others are kept beside them."""
     openexr = needed("OpenEXR", path)
     with path.open("rb") as stream:
         if stream.read(4) != _MAGIC:
             raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
-    with openexr.File(str(path)) as file:
-        parts = len(file.parts)
-        header = dict(file.header())  # closing the file empties the original
-        pixels = {name: channel.pixels for name, channel in file.channels().items()}
+    try:
+        with openexr.File(str(path)) as file:
+            parts = len(file.parts)
+            header = dict(file.header())  # closing the file empties the original
+            pixels = {name: channel.pixels for name, channel in file.channels().items()}
+    except RuntimeError as error:
+        raise ValueError(str(error)) from error
     if parts > 1:
         raise ShockError(f"{path} holds {parts} parts; save them as files of one part each.")
     name = next((name for name in _COLORS if name in pixels), None)
@@ -37,14 +40,14 @@ def read_exr(path: Path) -> Picture:
         raise ShockError(f"{path} holds whole numbers, not colors; save colors as half or float.")
     others = [other for other in pixels if other != name]
     about = {f"the other channels ({', '.join(others)})": others} if others else {}
-    return Picture(pixels[name], "EXR", about, [], (header, pixels, name))
+    return ImageFile(pixels[name], "EXR", about, [], (header, pixels, name))
 
 
-def write_exr(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+def write_exr(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write half or float channels, with header and other channels of the source."""
     openexr = needed("OpenEXR", path)
-    if picture.format == "EXR":
-        header, all_channels, name = picture.own
+    if image_file.format == "EXR":
+        header, all_channels, name = image_file.own
     else:
         header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
         all_channels, name = {}, "Y" if pixels.ndim == 2 else {3: "RGB", 4: "RGBA"}[pixels.shape[2]]
@@ -54,6 +57,6 @@ def write_exr(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[st
         raise ShockError(
             f"{path.name} cannot be written ({error}); choose another output."
         ) from error
-    if picture.format == "EXR":
-        return [f"{other} stay as they are" for other in picture.about]
-    return lost(picture, path, set())
+    if image_file.format == "EXR":
+        return [f"{other} stay as they are" for other in image_file.about]
+    return lost(image_file, path, set())

@@ -49,9 +49,9 @@ class GltfFile:
         self._path = path
         data = self._data = path.read_bytes()
         chunks = _glb_chunks(data) if data.startswith(b"glTF") else {_JSON: data}
-        self._tree = json.loads(chunks[_JSON])
+        self._tree = json.loads(chunks.get(_JSON, b""))
         self._buffers = [
-            self._load(buffer["uri"]) if "uri" in buffer else bytearray(chunks[_BINARY])
+            self._load(buffer["uri"]) if "uri" in buffer else bytearray(chunks.get(_BINARY, b""))
             for buffer in self._tree.get("buffers", [])
         ]
         to_world = _gltf_matrices(self._tree)

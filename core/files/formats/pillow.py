@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...errors import ShockError
-from ..picture import EXIF, ICC, RESOLUTION, XMP, Picture, lost, needed
+from ..image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost, needed
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}
@@ -26,7 +26,7 @@ _LIMIT = threading.Lock()
 _CLEAR_COLOR = "its transparent color became a channel of opacity"
 
 
-def read_pillow(path: Path) -> Picture:
+def read_pillow(path: Path) -> ImageFile:
     """Read a PNG, JPEG, BMP or WebP file, whatever its name says."""
     with _opened(path) as image:
         if getattr(image, "is_animated", False) and image.format != "MPO":
@@ -34,21 +34,21 @@ def read_pillow(path: Path) -> Picture:
         about = {key: image.info[name] for key, name in _INFO.items() if image.info.get(name)}
         if EXIF in about:
             about[EXIF] = about[EXIF].removeprefix(_EXIF_MARK)
-        picture = Picture(np.empty(0), image.format or "", about)
+        image_file = ImageFile(np.empty(0), image.format or "", about)
         if image.format == "PNG":
             data = path.read_bytes()
-            picture.own = _lasting_chunks(data)
+            image_file.own = _lasting_chunks(data)
             if data[24] == 16:
                 if "transparency" in image.info:
-                    picture.notes.append(_CLEAR_COLOR)
-                picture.pixels = _decode_deep_png(data, path)
-                return picture
+                    image_file.notes.append(_CLEAR_COLOR)
+                image_file.pixels = _decode_deep_png(data, path)
+                return image_file
         if image.format in ("JPEG", "MPO"):
-            picture.own = _jpeg_options(image)
+            image_file.own = _jpeg_options(image)
         if image.format == "MPO":
-            picture.notes.append("further pictures in the file (previews, depth): left behind")
-        picture.pixels = np.array(_plain(image, path, picture.notes))
-    return picture
+            image_file.notes.append("further pictures in the file (previews, depth): left behind")
+        image_file.pixels = np.array(_plain(image, path, image_file.notes))
+    return image_file
 
 
 def _opened(path: Path) -> Any:
@@ -90,13 +90,13 @@ def _plain(image: Any, path: Path, notes: list[str]) -> Any:
 # --------------------------------------------------------------------------------------------- PNG
 
 
-def write_png(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write 8 or 16 bits; what the source PNG says beside its pixels is kept."""
     if pixels.dtype == np.uint16:
         data = needed("imagecodecs", path).png_encode(pixels)
     else:
         data = _encoded_png(pixels)
-    chunks = picture.own if picture.format == "PNG" else _new_chunks(picture.about)
+    chunks = image_file.own if image_file.format == "PNG" else _new_chunks(image_file.about)
     start = len(_SIGNATURE) + 25  # after the header chunk
     path.write_bytes(b"".join([data[:start], *chunks, data[start:]]))
     return []
@@ -164,33 +164,33 @@ def _jpeg_options(image: Any) -> dict[str, Any]:
     return options
 
 
-def write_jpeg(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+def write_jpeg(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write with the source's quality if it is a JPEG too."""
     options = {"quality": 95, "subsampling": 0}
-    if picture.format in ("JPEG", "MPO"):
-        options = picture.own
+    if image_file.format in ("JPEG", "MPO"):
+        options = image_file.own
     kept = {ICC, RESOLUTION, EXIF, XMP}
-    _save(path, "JPEG", picture, pixels, kept, **options)
-    return ["JPEG is lossy: all pixels were compressed anew", *lost(picture, path, kept)]
+    _save(path, "JPEG", image_file, pixels, kept, **options)
+    return ["JPEG is lossy: all pixels were compressed anew", *lost(image_file, path, kept)]
 
 
-def write_webp(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+def write_webp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write without loss."""
     kept = {ICC, EXIF, XMP}
-    _save(path, "WEBP", picture, pixels, kept, lossless=True, exact=True)
-    return lost(picture, path, kept)
+    _save(path, "WEBP", image_file, pixels, kept, lossless=True, exact=True)
+    return lost(image_file, path, kept)
 
 
-def write_bmp(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+def write_bmp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write without compression."""
-    _save(path, "BMP", picture, pixels, {RESOLUTION})
-    return lost(picture, path, {RESOLUTION})
+    _save(path, "BMP", image_file, pixels, {RESOLUTION})
+    return lost(image_file, path, {RESOLUTION})
 
 
 def _save(
     path: Path,
     name: str,
-    picture: Picture,
+    image_file: ImageFile,
     pixels: npt.NDArray[Any],
     kept: set[str],
     **options: Any,
@@ -198,7 +198,7 @@ def _save(
     needed("PIL", path)
     from PIL import Image
 
-    options |= {_INFO[key]: value for key, value in picture.about.items() if key in kept}
+    options |= {_INFO[key]: value for key, value in image_file.about.items() if key in kept}
     if "exif" in options:
         options["exif"] = _EXIF_MARK + options["exif"]
     Image.fromarray(pixels).save(path, name, **options)

@@ -105,12 +105,16 @@ class PlyVertices:
         if not head:
             raise ShockError(f"{path} is not a PLY file; its header is missing or damaged.")
         lines = [line.split() for line in head[0].decode("latin-1").splitlines()]
-        encoding = next(words[1] for words in lines if words[:1] == ["format"])
+        try:
+            encoding = next(words[1] for words in lines if words[:1] == ["format"])
+            elements = _ply_elements(lines)
+        except (IndexError, StopIteration) as error:
+            raise ValueError("a line of the header is missing or too short") from error
         self._is_text = encoding == "ascii"
         order = ">" if encoding == "binary_big_endian" else "<"
         self._start = head.end()  # of the vertices, in bytes
         self._row = 0  # of the first vertex, in lines of text after the header
-        for element, count, properties in _ply_elements(lines):
+        for element, count, properties in elements:
             if not self._is_text and any(kind == "list" for _, kind in properties):
                 raise ShockError(f"{path}: lists before or in the vertices are not handled.")
             fields = [(name, order + _PLY_TYPES.get(kind, "V")) for name, kind in properties]

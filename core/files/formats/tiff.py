@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...errors import ShockError
-from ..picture import ICC, RESOLUTION, XMP, Picture, lost, needed
+from ..image_file import ICC, RESOLUTION, XMP, ImageFile, lost, needed
 
 _RGB, _PALETTE = 2, 3
 _GRAY = {0: "miniswhite", 1: "minisblack"}
@@ -29,7 +29,7 @@ _RESOLUTION_UNITS = {1: None, 2: 1.0, 3: 2.54}
 _NAMES = {700: XMP, 34675: ICC}
 
 
-def read_tiff(path: Path) -> Picture:
+def read_tiff(path: Path) -> ImageFile:
     """Read a TIFF file of one picture."""
     tifffile = needed("tifffile", path)
     try:
@@ -46,7 +46,7 @@ def read_tiff(path: Path) -> Picture:
         raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
 
 
-def _read_page(page: Any, path: Path, has_previews: bool) -> Picture:
+def _read_page(page: Any, path: Path, has_previews: bool) -> ImageFile:
     if page.photometric not in _COLORS or page.imagedepth != 1:
         raise ShockError(f"{path} has colors of another kind; convert it to gray or RGB first.")
     pixels = page.asarray()
@@ -68,7 +68,7 @@ def _read_page(page: Any, path: Path, has_previews: bool) -> Picture:
     blocks = [name for code, name in _BLOCKS.items() if code in tags]
     if blocks:
         notes.append(f"{', '.join(blocks)} cannot be copied: left behind")
-    return Picture(pixels, "TIFF", about, notes, _write_options(page, tags))
+    return ImageFile(pixels, "TIFF", about, notes, _write_options(page, tags))
 
 
 def _write_options(page: Any, tags: dict[int, Any]) -> dict[str, Any]:
@@ -92,11 +92,11 @@ def _write_options(page: Any, tags: dict[int, Any]) -> dict[str, Any]:
     return options
 
 
-def write_tiff(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[str]:
+def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write with any channels; compressed without loss if the source was compressed."""
     kept = {ICC, RESOLUTION, XMP}
     count = pixels.shape[2] if pixels.ndim == 3 else 1
-    own = dict(picture.own) if picture.format == "TIFF" else {"compressed": True}
+    own = dict(image_file.own) if image_file.format == "TIFF" else {"compressed": True}
     options: dict[str, Any] = {"metadata": None, "software": False}
     if own.pop("compressed"):
         options |= {"compression": "zlib", "predictor": True}
@@ -106,11 +106,11 @@ def write_tiff(path: Path, picture: Picture, pixels: npt.NDArray[Any]) -> list[s
     if count in (2, 4):
         options["extrasamples"] = ["unassalpha"]
     options |= {name: value for name, value in own.items() if value is not None}
-    if RESOLUTION in picture.about:
-        options |= {"resolution": picture.about[RESOLUTION], "resolutionunit": "INCH"}
-    options["iccprofile"] = picture.about.get(ICC)
-    if XMP in picture.about and picture.format != "TIFF":
-        data = picture.about[XMP]
+    if RESOLUTION in image_file.about:
+        options |= {"resolution": image_file.about[RESOLUTION], "resolutionunit": "INCH"}
+    options["iccprofile"] = image_file.about.get(ICC)
+    if XMP in image_file.about and image_file.format != "TIFF":
+        data = image_file.about[XMP]
         options["extratags"] = [(700, 1, len(data), data, True)]
     needed("tifffile", path).imwrite(path, pixels, **options)
-    return lost(picture, path, kept)
+    return lost(image_file, path, kept)

@@ -16,7 +16,7 @@ ICC, RESOLUTION, EXIF, XMP = "ICC profile", "resolution", "EXIF", "XMP"
 
 
 @dataclass
-class Picture:
+class ImageFile:
     """An image file in memory.
 
     Attributes
@@ -40,9 +40,9 @@ class Picture:
     own: Any = None
 
 
-def lost(picture: Picture, target: Path, kept: set[str]) -> list[str]:
+def lost(image_file: ImageFile, target: Path, kept: set[str]) -> list[str]:
     """A note on what a format cannot hold."""
-    missing = sorted(set(picture.about) - kept)
+    missing = sorted(set(image_file.about) - kept)
     return [f"{target.suffix} does not keep {', '.join(missing)}: left behind"] if missing else []
 
 

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# Written by tools/write_stub.py from core/registry.py.
+
+from .atlas import (
+    TextureAtlas,
+    UVReport,
+)
+from .errors import (
+    Cancelled,
+    InvalidMesh,
+    InvalidSettings,
+    InvalidSignal,
+    InvalidUV,
+    ShockError,
+    SolverError,
+)
+from .filters.beltrami.images import (
+    beltrami_image,
+    beltrami_manifold,
+)
+from .filters.beltrami.meshes import (
+    beltrami_corner_signal,
+    beltrami_joint,
+    beltrami_mesh,
+    beltrami_vertex_signal,
+)
+from .filters.fit import (
+    fit_to_normals,
+)
+from .filters.geometry import (
+    geometry_flow,
+    sharpen_geometry,
+    sharpen_normals,
+)
+from .filters.images import (
+    sharpen_image,
+)
+from .filters.pde import (
+    osher_rudin_image,
+)
+from .filters.signals import (
+    sharpen_corner_signal,
+    sharpen_vertex_signal,
+)
+from .filters.textures import (
+    dilate_texture,
+    sharpen_texture,
+)
+from .flow.potential import (
+    flow_field,
+)
+from .mesh.triangle_mesh import (
+    TriangleMesh,
+    weld,
+    weld_borders,
+)
+from .settings import (
+    BeltramiGeometrySettings,
+    BeltramiMeshSettings,
+    BeltramiSettings,
+    DilateSettings,
+    FitSettings,
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+    TextureSettings,
+)
+
+__all__ = [
+    "BeltramiGeometrySettings",
+    "BeltramiMeshSettings",
+    "BeltramiSettings",
+    "Cancelled",
+    "DilateSettings",
+    "FitSettings",
+    "GeometrySettings",
+    "ImageSettings",
+    "InvalidMesh",
+    "InvalidSettings",
+    "InvalidSignal",
+    "InvalidUV",
+    "ShockError",
+    "ShockSettings",
+    "SolverError",
+    "TextureAtlas",
+    "TextureSettings",
+    "TriangleMesh",
+    "UVReport",
+    "beltrami_corner_signal",
+    "beltrami_image",
+    "beltrami_joint",
+    "beltrami_manifold",
+    "beltrami_mesh",
+    "beltrami_vertex_signal",
+    "dilate_texture",
+    "fit_to_normals",
+    "flow_field",
+    "geometry_flow",
+    "osher_rudin_image",
+    "sharpen_corner_signal",
+    "sharpen_geometry",
+    "sharpen_image",
+    "sharpen_normals",
+    "sharpen_texture",
+    "sharpen_vertex_signal",
+    "weld",
+    "weld_borders",
+]

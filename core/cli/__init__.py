@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line, shared by ``shock-filter`` and Blender.
+
+A backend reads, filters and writes one file; all else (flags, several inputs, progress, messages,
+exit codes) is here. Numerics and file formats are imported when the first file is at hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..errors import InvalidSettings
+from .commands import COMMANDS, MASKS, TEXTURE_MASK, Backend, Command
+from .file_backend import FileBackend
+from .inputs import UsageError, pairs
+from .parsing import build_parser, read_settings
+from .running import DONE, FAILED, INTERRUPTED, run_all
+
+__all__ = [
+    "COMMANDS",
+    "DONE",
+    "FAILED",
+    "INTERRUPTED",
+    "MASKS",
+    "TEXTURE_MASK",
+    "Backend",
+    "Command",
+    "FileBackend",
+    "build_parser",
+    "main",
+]
+
+DENOISE_GEOMETRY, DENOISE_COLORS, DENOISE_IMAGE = COMMANDS[:3]  # transition
+GEOMETRY, COLORS, IMAGE, TEXTURE, DILATE = COMMANDS[3:8]  # transition
+ON_GEOMETRY = (GEOMETRY, DENOISE_GEOMETRY)  # transition
+ON_COLORS = (COLORS, DENOISE_COLORS)  # transition
+ON_IMAGES = (IMAGE, DENOISE_IMAGE)  # transition
+
+
+def main(arguments: Sequence[str] | None = None, backend: Backend | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The words after the program's name; those of ``sys.argv`` if left out.
+    backend : Backend, optional
+        Who reads, filters and writes; :class:`FileBackend` if left out.
+
+    Returns
+    -------
+    int
+        The exit code: 0, 1 or 130. Usage errors raise ``SystemExit(2)``.
+    """
+    backend = backend or FileBackend()
+    parser = build_parser(backend)
+    options = parser.parse_args(arguments)
+    try:
+        settings = read_settings(options)
+        files = pairs(options.inputs, options.output)
+    except (InvalidSettings, UsageError) as error:
+        parser.error(str(error))
+    return run_all(backend, files, settings, options)

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Carries out commands on files outside Blender."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
+from .commands import Command
+
+if TYPE_CHECKING:
+    from ..files.output import Outcome
+
+_IMAGES = "PNG, JPEG, TIFF, EXR, BMP, WebP and NumPy (.npy) files"
+_MESHES = "OBJ, PLY, GLB and glTF files with texture coordinates"
+_FORMATS = {
+    GEOMETRY: "PLY, OBJ, STL, OFF, GLB and glTF files",
+    COLORS: "PLY, OBJ, GLB and glTF files, which keep their format",
+    IMAGE: f"{_IMAGES}; 16 bits stay 16 bits",
+    TEXTURE: f"{_IMAGES}; 16 bits stay 16 bits; on {_MESHES}",
+    MASK: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold numbers, -1 for none, all others"
+    " a picture",
+}
+_PIPELINES = {
+    GEOMETRY: ("meshes", "filter_mesh_file"),
+    COLORS: ("meshes", "filter_colors_file"),
+    IMAGE: ("images", "filter_image_file"),
+    TEXTURE: ("textures", "filter_texture_file"),
+}
+"""Module and name of what reads, filters and writes the files of each kind."""
+
+
+class FileBackend:
+    """Files outside Blender."""
+
+    prog = "shock-filter"
+
+    def formats(self, command: Command) -> str:
+        """Name the files that a command reads and writes."""
+        return _FORMATS[command.kind]
+
+    def add_arguments(self, parser: argparse.ArgumentParser, command: Command) -> None:
+        """Add the flags for masks and materials."""
+        if command.kind in (TEXTURE, MASK):
+            parser.add_argument(
+                "--material",
+                metavar="NAME",
+                help="only the faces with this material show the texture; all do if left out",
+            )
+        if not command.takes_mask:
+            return
+        metavar = "NAME"
+        about = (
+            "vertex property of PLY files that says how much is done to each vertex: 0 keeps"
+            " it, 1 (or the largest whole number of its type) changes it fully"
+        )
+        if command.kind.is_image:
+            metavar = "FILE"
+            about = "gray image of the same size: black stays, white changes fully"
+        parser.add_argument("--mask", metavar=metavar, help=about)
+        parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
+
+    def filter(
+        self,
+        command: Command,
+        source: str,
+        target: Path,
+        settings: Any,
+        options: argparse.Namespace,
+        progress: Callable[[float, str], bool],
+    ) -> Outcome:
+        """Filter one file into another."""
+        words: dict[str, Any] = {"overwrite": options.overwrite, "progress": progress}
+        if command.kind in (TEXTURE, MASK):
+            words["material"] = options.material
+        if command.filter is None:
+            from ..files.textures import texture_mask_file
+
+            words |= {"size": options.size, "like": options.like}
+            return texture_mask_file(source, target, options.kind, **words)
+        if command.takes_mask:
+            words |= {"mask": options.mask, "invert_mask": options.invert_mask}
+        files = [options.mesh, source, target] if command.kind.on_mesh else [source, target]
+        module, name = _PIPELINES[command.kind]
+        pipeline = getattr(import_module(f"...files.{module}", __name__), name)
+        then_time = options.then_sharpen if command.filter.then else None
+        return pipeline(command.filter.applied(settings, then_time), *files, **words)

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which file each input is written to."""
+
+from __future__ import annotations
+
+import glob
+import os
+from pathlib import Path
+
+from ..errors import ShockError
+
+
+class UsageError(Exception):
+    """The command line asks for something that cannot be meant."""
+
+
+def pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
+    """Each input with the file that it is written to."""
+    sources = list(dict.fromkeys(name for pattern in patterns for name in _expand(pattern)))
+    if "-" in sources and len(sources) > 1:
+        raise UsageError("- (the open file) must be the only input")
+    is_folder = os.path.isdir(output) or output.endswith(("/", os.sep))
+    if len(sources) > 1 and not is_folder and os.path.exists(output):
+        raise UsageError(f"{output} is a file; several inputs need a folder as OUT")
+    if len(sources) == 1 and not is_folder:
+        return [(sources[0], Path(output))]
+    if sources == ["-"]:
+        raise UsageError("name the file to write for - (the open file), not a folder")
+    taken: dict[Path, str] = {}
+    for source in sources:
+        target = Path(output, os.path.basename(source))
+        if target in taken:
+            raise UsageError(f"{taken[target]} and {source} would both be written to {target}")
+        taken[target] = source
+    return [(source, target) for target, source in taken.items()]
+
+
+def _expand(pattern: str) -> list[str]:
+    # A name that cannot be found stays, to be reported as a failed input.
+    if os.path.exists(pattern) or not glob.has_magic(pattern):
+        return [pattern]
+    return sorted(glob.glob(pattern, recursive=True)) or [pattern]
+
+
+def check_target(target: Path, overwrite: bool) -> None:
+    """Refuse to write to a folder, or over a file unless that is asked for."""
+    if target.is_dir():
+        raise ShockError(f"{target} is a folder; name a file.")
+    if target.exists() and not overwrite:
+        raise ShockError(f"{target} exists already; add --overwrite or choose another output.")

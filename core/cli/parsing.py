@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parser: one command for each filter, one flag for each of its settings."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+from ... import __version__
+from ..registry import find
+from ..settings import Setting, describe
+from .commands import COMMANDS, MASKS, Backend, Command
+from .inputs import UsageError
+
+_EPILOG = """\
+exit codes:
+  0    every input was filtered and written
+  1    some inputs failed; the others were written
+  2    the command line is wrong; nothing was done
+  130  interrupted; the file at hand was not written
+
+examples:
+  {prog} sharpen-geometry scan.ply sharp.ply
+  {prog} sharpen-geometry --time inf --smoothing-passes 3 scans/*.obj sharp/
+  {prog} denoise-geometry scan.ply clean.ply --then-sharpen
+  {prog} sharpen-colors painted.ply crisp.ply
+  {prog} sharpen-image --time 64 photos/*.png sharp/
+  {prog} sharpen-texture --time 64 model.obj wood.png metal.png sharp/
+  {prog} texture-mask model.obj charts.png --kind chart --like wood.png
+"""
+
+
+def build_parser(backend: Backend) -> argparse.ArgumentParser:
+    """Make the parser; each field of a settings class becomes a flag."""
+    parser = argparse.ArgumentParser(
+        prog=backend.prog,
+        description="Sharpen meshes, their colors, textures and images by shock filter advection,"
+        " and denoise them.",
+        epilog=_EPILOG.format(prog=backend.prog),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"Shock Filter {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for command in COMMANDS:
+        _add_command(commands, command, backend)
+    return parser
+
+
+def _add_command(commands: Any, command: Command, backend: Backend) -> None:
+    parser = commands.add_parser(
+        command.name,
+        help=command.about,
+        description=f"{command.about.capitalize()}: {backend.formats(command)}.",
+        allow_abbrev=False,
+    )
+    parser.set_defaults(command=command)
+    if command.filter is None:
+        words: dict[str, Any] = {"nargs": 1, "metavar": "MESH", "help": command.kind.inputs}
+        output = "image file to write, its ending says the format"
+    else:
+        words = {"nargs": "+", "metavar": "IN", "help": f"{command.kind.inputs}; * and ** work"}
+        output = (
+            "file to write, its ending says the format; or folder, if it is one, ends in / or"
+            " there are several inputs: files keep their names and formats there; folders are made"
+        )
+    if command.kind.on_mesh:
+        parser.add_argument("mesh", metavar="MESH", help="mesh file whose surface shows IN")
+    parser.add_argument("inputs", **words)
+    parser.add_argument("output", metavar="OUT", help=output)
+    parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    backend.add_arguments(parser, command)
+    if command.filter is None:
+        _add_mask_flags(parser)
+        return
+    if command.filter.then:
+        _add_then_sharpen(parser, find(command.filter.then).settings)
+    _add_settings(parser, command.filter.settings)
+
+
+def _add_mask_flags(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--kind",
+        choices=list(MASKS),
+        default="active",
+        help="; ".join(f"{kind}: {meaning}" for kind, meaning in MASKS.items())
+        + " (default active)",
+    )
+    size = parser.add_mutually_exclusive_group(required=True)
+    size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
+    size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
+
+
+def _add_then_sharpen(parser: argparse.ArgumentParser, settings: type) -> None:
+    _, default, about = describe(settings)["time"]
+    parser.add_argument(
+        "--then-sharpen",
+        nargs="?",
+        type=_time,
+        const=default,
+        metavar="TIME",
+        help="sharpen the result for this long; give it after OUT where TIME is left out"
+        f" ({default:g} if left out, {about.unit})",
+    )
+
+
+def _time(text: str) -> float:
+    try:
+        return _number(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time; give one, or --then-sharpen after OUT"
+        ) from None
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Height and width."""
+    width, height = map(int, text.lower().split("x"))
+    if width < 1 or height < 1:
+        raise ValueError
+    return height, width
+
+
+_size.__name__ = "size, such as 1024x512"  # argparse says "invalid size, ... value"
+
+
+def _add_settings(parser: argparse.ArgumentParser, settings: type) -> None:
+    main_group = parser.add_argument_group("settings")
+    advanced = parser.add_argument_group("advanced settings")
+    for name, (kind, default, about) in describe(settings).items():
+        (advanced if about.advanced else main_group).add_argument(
+            "--" + name.replace("_", "-"),
+            dest=name,
+            type=str if kind is str else _number,
+            choices=list(about.choices) or None,
+            metavar=None if about.choices else "N",
+            default=default,
+            help=_help(default, about).replace("%", "%%"),
+        )
+
+
+def _help(default: Any, about: Setting) -> str:
+    parts = [about.description + "."]
+    parts += [f"{word}: {meaning}." for word, meaning in about.choices.items()]
+    facts = [f"default {default if about.choices else format(default, 'g')}"]
+    if not about.choices:
+        facts.append(f"{about.minimum:g} to {about.maximum:g}")
+    if about.unit:
+        facts.append(about.unit)
+    return " ".join([*parts, f"({', '.join(facts)})"])
+
+
+def _number(text: str) -> float:
+    # Whether it has to be whole is for the settings to say.
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
+_number.__name__ = "number"  # argparse says "invalid number value"
+
+
+def read_settings(options: argparse.Namespace) -> Any:
+    """Make the settings that the flags say, and check what no single flag can know."""
+    row = options.command.filter
+    if row is None:
+        return None
+    settings = row.settings(**{name: getattr(options, name) for name in describe(row.settings)})
+    if row.then and options.then_sharpen is not None:
+        if not math.isfinite(options.then_sharpen):
+            raise UsageError("the time of --then-sharpen must be finite; give one such as 4096")
+        find(row.then).settings(time=options.then_sharpen)
+    if getattr(options, "invert_mask", False) and not options.mask:
+        raise UsageError("--invert-mask needs --mask; name the mask that it turns around")
+    return settings

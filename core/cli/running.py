@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Filtering file by file: messages, the progress bar, Ctrl-C and exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from ..errors import ShockError
+from .commands import Backend
+from .inputs import check_target
+
+if TYPE_CHECKING:
+    from ..files.output import Outcome
+
+DONE, FAILED, INTERRUPTED = 0, 1, 130
+
+
+def run_all(
+    backend: Backend,
+    pairs: list[tuple[str, Path]],
+    settings: Any,
+    options: argparse.Namespace,
+) -> int:
+    """Filter each input into its output; returns the exit code."""
+    failed = False
+    with _Interrupt() as interrupt:
+        for source, target in pairs:
+            done = _run_one(backend, source, target, settings, options, interrupt)
+            if interrupt.asked:
+                return INTERRUPTED
+            failed |= not done
+    return FAILED if failed else DONE
+
+
+def _run_one(
+    backend: Backend,
+    source: str,
+    target: Path,
+    settings: Any,
+    options: argparse.Namespace,
+    interrupt: _Interrupt,
+) -> bool:
+    """Filter one file and say so, or why not."""
+    bar = _Bar(source, interrupt, shown=sys.stderr.isatty() and not options.quiet)
+    start = time.perf_counter()
+    try:
+        check_target(target, options.overwrite)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        run = getattr(backend, "filter", None) or backend.sharpen  # type: ignore[attr-defined]  # transition
+        outcome = run(options.command, source, target, settings, options, bar)
+    except (ShockError, OSError, KeyboardInterrupt) as error:
+        bar.clear()
+        if interrupt.asked:
+            print(f"Interrupted; {target} was not written.", file=sys.stderr)
+        else:
+            print(f"Failed: {_sentence(source, error)}", file=sys.stderr)
+        return False
+    except Exception as error:  # unforeseen; the other files are done all the same
+        bar.clear()
+        traceback.print_exception(error)
+        print(f"Failed: {source}: {type(error).__name__}: {error}", file=sys.stderr)
+        return False
+    bar.clear()
+    if not options.quiet:
+        _report(source, target, outcome, time.perf_counter() - start)
+    return True
+
+
+def _sentence(source: str, error: BaseException) -> str:
+    text = str(error)
+    return text if source in text else f"{source}: {text}"
+
+
+def _report(source: str, target: Path, outcome: Outcome, seconds: float) -> None:
+    print(f"{source} -> {target}: {outcome} in {seconds:.1f} s", flush=True)
+    for note in outcome.notes:
+        print(f"  {note}", flush=True)
+
+
+class _Interrupt:
+    """Ctrl-C asks for an end through the progress callback; the second one forces it."""
+
+    asked = False
+
+    def __enter__(self) -> _Interrupt:
+        self._is_main = threading.current_thread() is threading.main_thread()
+        if self._is_main:
+            self._before = signal.signal(signal.SIGINT, self._ask)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._is_main:
+            # None: it was set from C, as Blender does.
+            signal.signal(signal.SIGINT, self._before or signal.SIG_DFL)
+
+    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+        print("\nStopping; press Ctrl-C again if this takes too long.", file=sys.stderr)
+
+
+class _Bar:
+    """A progress callback that draws a bar on the terminal."""
+
+    def __init__(self, name: str, interrupt: _Interrupt, shown: bool) -> None:
+        self._name = os.path.basename(name)
+        self._interrupt = interrupt
+        self._shown = shown
+
+    def __call__(self, fraction: float, message: str) -> bool:
+        if self._shown:
+            filled = round(20 * fraction)
+            bar = "#" * filled + "." * (20 - filled)
+            self._draw(f"{self._name} [{bar}] {fraction:4.0%} {message}")
+        return not self._interrupt.asked
+
+    def clear(self) -> None:
+        """Remove the bar."""
+        if self._shown:
+            self._draw("")
+
+    def _draw(self, text: str) -> None:
+        sys.stderr.write(f"\r\x1b[K{text}")
+        sys.stderr.flush()

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The table of filters: one row each, and what follows from it.
+
+From the rows come the public names of `core`, the commands of ``shock-filter`` and of Blender's
+command line, and the list of modules with kernels. A new filter of a kind that is here already
+costs a settings class, a module in `core.filters` and a row. Needs neither numpy nor numba.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from . import settings as _settings
+
+
+class Kind(NamedTuple):
+    """A kind of data, which says how a filter is called and which files it is for.
+
+    Attributes
+    ----------
+    name : str
+        For tables that differ by kind.
+    inputs : str
+        The files that hold such data, in the words of the command line.
+    is_image : bool
+        Whether these files are images; they are meshes otherwise.
+    on_mesh : bool
+        Whether a mesh file, whose surface shows the images, is needed beside each of them.
+    """
+
+    name: str
+    inputs: str
+    is_image: bool = False
+    on_mesh: bool = False
+
+
+GEOMETRY = Kind("geometry", "mesh files")
+"""``function(mesh, settings, mask, progress)`` returns positions."""
+
+COLORS = Kind("colors", "mesh files")
+"""``function(mesh, signal, settings, mask, progress)`` returns a signal at the vertices.
+
+A row names a function for signals at the corners beside it.
+"""
+
+IMAGE = Kind("image", "image files", is_image=True)
+"""``function(image, settings, mask, progress)`` returns an image.
+
+One that has a parameter ``out`` is given an array for the result, which may be mapped from a file.
+"""
+
+TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_mesh=True)
+"""``function(mesh, uv, image, settings, mask=, progress=, atlas=)`` returns an image."""
+
+MASK = Kind("mask", "mesh file")
+"""What each texel is: drawn from a mesh, and so the kind of no filter."""
+
+
+class Filter(NamedTuple):
+    """A row of the table.
+
+    Attributes
+    ----------
+    name : str
+        Name of the function, in `core` as in its module.
+    module : str
+        The module, as it is named inside `core`.
+    settings : type
+        Its settings class.
+    kind : Kind
+        What it works on.
+    command : str
+        What people type to have files filtered.
+    about : str
+        What it is for, in a few words that follow the command's name.
+    corners : str
+        For `COLORS`: name of the function for signals at the corners, in the same module.
+    takes_mask : bool
+        Whether it has a mask.
+    then : str
+        Name of the filter that may follow in the same run; see `filters.denoising`.
+    """
+
+    name: str
+    module: str
+    settings: type
+    kind: Kind
+    command: str
+    about: str
+    corners: str = ""
+    takes_mask: bool = True
+    then: str = ""
+
+    def function(self) -> Any:
+        """Load the function."""
+        return _load(self.module, self.name)
+
+    def corner_function(self) -> Any:
+        """Load the function for signals at the corners."""
+        return _load(self.module, self.corners)
+
+    def applied(self, settings: Any, then_time: float | None = None) -> Any:
+        """Load the function and fix its settings.
+
+        Parameters
+        ----------
+        settings : Any
+            Of its settings class.
+        then_time : float, optional
+            Flow time of the filter that follows; none follows if left out.
+
+        Returns
+        -------
+        callable
+            ``function(*data, mask=None, progress=None)``
+        """
+        function = self.function()
+        if then_time is not None:
+            function = _load("filters.denoising", "then_sharpen")(function, then_time)
+        return partial(function, settings=settings)
+
+
+FILTERS: tuple[Filter, ...] = (
+    Filter(
+        "beltrami_mesh",
+        "filters.beltrami.meshes",
+        _settings.BeltramiGeometrySettings,
+        GEOMETRY,
+        "denoise-geometry",
+        "remove noise from meshes; creases stay",
+        then="sharpen_geometry",
+    ),
+    Filter(
+        "beltrami_vertex_signal",
+        "filters.beltrami.meshes",
+        _settings.BeltramiMeshSettings,
+        COLORS,
+        "denoise-colors",
+        "remove noise from the vertex colors of meshes; edges stay",
+        corners="beltrami_corner_signal",
+        then="sharpen_vertex_signal",
+    ),
+    Filter(
+        "beltrami_image",
+        "filters.beltrami.images",
+        _settings.BeltramiSettings,
+        IMAGE,
+        "denoise-image",
+        "remove noise from images; edges stay",
+        then="sharpen_image",
+    ),
+    Filter(
+        "sharpen_geometry",
+        "filters.geometry",
+        _settings.GeometrySettings,
+        GEOMETRY,
+        "sharpen-geometry",
+        "sharpen the creases of meshes",
+    ),
+    Filter(
+        "sharpen_vertex_signal",
+        "filters.signals",
+        _settings.ShockSettings,
+        COLORS,
+        "sharpen-colors",
+        "sharpen the vertex colors of meshes",
+        corners="sharpen_corner_signal",
+    ),
+    Filter(
+        "sharpen_image",
+        "filters.images",
+        _settings.ImageSettings,
+        IMAGE,
+        "sharpen-image",
+        "sharpen images",
+    ),
+    Filter(
+        "sharpen_texture",
+        "filters.textures",
+        _settings.TextureSettings,
+        TEXTURE,
+        "sharpen-texture",
+        "sharpen textures on the surface of a mesh, across seams",
+    ),
+    Filter(
+        "dilate_texture",
+        "filters.textures",
+        _settings.DilateSettings,
+        TEXTURE,
+        "dilate-texture",
+        "fill the texels around the charts of textures with what lies across the seams",
+        takes_mask=False,
+    ),
+)
+"""All filters that have a command, in the order in which these are listed."""
+
+OTHERS: dict[str, tuple[str, ...]] = {
+    "errors": (
+        "Cancelled",
+        "InvalidMesh",
+        "InvalidSettings",
+        "InvalidSignal",
+        "InvalidUV",
+        "ShockError",
+        "SolverError",
+    ),
+    "settings": ("FitSettings",),
+    "mesh.triangle_mesh": ("TriangleMesh", "weld", "weld_borders"),
+    "atlas": ("TextureAtlas", "UVReport"),
+    "flow.potential": ("flow_field",),
+    "filters.beltrami.images": ("beltrami_manifold",),
+    "filters.beltrami.meshes": ("beltrami_joint",),
+    "filters.fit": ("fit_to_normals",),
+    "filters.geometry": ("geometry_flow", "sharpen_normals"),
+    "filters.pde": ("osher_rudin_image",),
+}
+"""The public names that no row gives, by their modules."""
+
+
+def find(name: str) -> Filter:
+    """Find the row of a filter by its name."""
+    return next(row for row in FILTERS if row.name == name)
+
+
+def public_names() -> dict[str, str]:
+    """Give the module inside `core` of each of its public names."""
+    names = {name: module for module, given in OTHERS.items() for name in given}
+    for row in FILTERS:
+        names[row.name] = row.module
+        names[row.settings.__name__] = "settings"
+        if row.corners:
+            names[row.corners] = row.module
+    return names
+
+
+def kernel_modules() -> list[str]:
+    """List the modules, by their full names, whose import brings up all kernels."""
+    modules = set(public_names().values()) - {"errors", "settings"}
+    return [f"{__package__}.{module}" for module in sorted(modules)]
+
+
+def _load(module: str, name: str) -> Any:
+    return getattr(import_module(f".{module}", __package__), name)
