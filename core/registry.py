@@ -221,7 +221,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
 
 def find(name: str) -> Filter:
     """Find the row of a filter by its name."""
-    return next(row for row in FILTERS if row.name == name)
+    return {row.name: row for row in FILTERS}[name]
 
 
 def public_names() -> dict[str, str]:

@@ -3,14 +3,11 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy.typing as npt
-
-from ..errors import ShockError
 
 ICC, RESOLUTION, EXIF, XMP = "ICC profile", "resolution", "EXIF", "XMP"
 
@@ -44,13 +41,3 @@ def lost(image_file: ImageFile, target: Path, kept: set[str]) -> list[str]:
     """A note on what a format cannot hold."""
     missing = sorted(set(image_file.about) - kept)
     return [f"{target.suffix} does not keep {', '.join(missing)}: left behind"] if missing else []
-
-
-def needed(package: str, path: Path) -> Any:
-    """Import a package that a format needs, or name the command that installs it."""
-    try:
-        return importlib.import_module(package)
-    except ImportError as error:
-        raise ShockError(
-            f"{path}: this needs {package}; run: pip install 'shock-filter[files]'."
-        ) from error

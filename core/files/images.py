@@ -25,7 +25,7 @@ from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write
 from .formats.tiff import read_tiff, write_tiff
 from .image_file import ImageFile, lost
 from .output import Outcome, check_folder, staged
-from .reading import check_file, reading
+from .reading import check_ending, check_file, reading
 
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
@@ -119,7 +119,7 @@ def filter_image_file(
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     for path in (source, target):
-        _check_ending(path)
+        check_ending(path, _FORMATS)
     _check_source(source)
     check_folder(target)
 
@@ -139,7 +139,7 @@ def filter_image_file(
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     """Write pixels that come from no file, in the format of the target's ending."""
-    _check_ending(target)
+    check_ending(target, _FORMATS)
     check_folder(target)
     ending = target.suffix.lower()
     if ending != _ARRAY:
@@ -158,13 +158,8 @@ def image_size(path: str | Path) -> tuple[int, int]:
     return height, width
 
 
-def _check_ending(path: Path) -> None:
-    if path.suffix.lower() not in _FORMATS:
-        raise ShockError(f"{path}: cannot handle this ending; use one of {', '.join(_FORMATS)}.")
-
-
 def _check_source(path: Path) -> None:
-    _check_ending(path)
+    check_ending(path, _FORMATS)
     check_file(path)
     if not path.stat().st_size:
         raise ShockError(f"{path} is empty; copy or save it again.")

@@ -23,7 +23,7 @@ from .formats.obj import ObjFile
 from .formats.ply import PlyFile, PlyVertices
 from .formats.trimesh import KEEPS, SceneFile
 from .output import Outcome, check_folder, staged
-from .reading import check_file, reading
+from .reading import check_ending, check_file, reading
 
 AnyDocument = TypeVar("AnyDocument", bound=Document)
 IN_PLACE: dict[str, Callable[[Path], TexturedDocument]] = {
@@ -160,19 +160,14 @@ def filter_colors_file(
 
 def _check_paths(source: Path, target: Path) -> None:
     check_mesh_file(source)
-    _check_ending(target)
+    check_ending(target, KEEPS)
     check_folder(target)
 
 
 def check_mesh_file(path: Path) -> None:
     """Refuse what cannot be a mesh file that is there."""
     check_file(path)
-    _check_ending(path)
-
-
-def _check_ending(path: Path) -> None:
-    if path.suffix.lower() not in KEEPS:
-        raise ShockError(f"{path}: cannot handle this ending; use one of {', '.join(KEEPS)}.")
+    check_ending(path, KEEPS)
 
 
 def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDocument:

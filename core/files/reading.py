@@ -7,14 +7,16 @@ Needs no numerics, as :mod:`.output`.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import logging
 import struct
 import sys
 import tokenize
 import traceback
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 from ..errors import ShockError
 
@@ -34,6 +36,22 @@ def check_file(path: Path) -> None:
         raise ShockError(f"{path} is a folder; name the files in it.")
     if not path.exists():
         raise ShockError(f"There is no file {path}; check its name and folder.")
+
+
+def check_ending(path: Path, known: Collection[str]) -> None:
+    """Refuse a file whose ending says that it is of another kind."""
+    if path.suffix.lower() not in known:
+        raise ShockError(f"{path}: cannot handle this ending; use one of {', '.join(known)}.")
+
+
+def needed(package: str, path: Path) -> Any:
+    """Import a package that a format needs, or name the command that installs it."""
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise ShockError(
+            f"{path}: this needs {package}; run: pip install 'shock-filter[files]'."
+        ) from error
 
 
 @contextlib.contextmanager

@@ -9,7 +9,8 @@ from typing import Any
 import numpy.typing as npt
 
 from ...errors import ShockError
-from ..image_file import ImageFile, lost, needed
+from ..image_file import ImageFile, lost
+from ..reading import needed
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _COLORS = ("RGBA", "RGB", "Y")

@@ -71,17 +71,22 @@ class ObjFile:
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
-        lines = list(self.lines)
-        for vertex in np.flatnonzero(moved):
-            number = self._vertex_lines[vertex]
-            end = lines[number][len(lines[number].rstrip(b"\r\n")) :]
-            extra = lines[number].split()[4:]
-            lines[number] = b" ".join([b"v", decimal(positions[vertex]), *extra]) + end
+        lines = self._with_words(slice(1, 4), positions, np.flatnonzero(moved))
         fresh = bool(moved.any() and (self._corners[:, 1] >= 0).any())
         if fresh:
             self._renew_normals(lines, positions)
         path.write_bytes(b"".join(lines))
         return [*_copy_materials(self.path, self.lines, path.parent), *[NEW_NORMALS] * fresh]
+
+    def _with_words(self, place: slice, values: Floats, vertices: Ints) -> list[bytes]:
+        """The lines, with values in place of some words in those of these vertices."""
+        lines = list(self.lines)
+        for vertex in vertices:
+            number = self._vertex_lines[vertex]
+            words, end = lines[number].split(), lines[number][len(lines[number].rstrip(b"\r\n")) :]
+            words[place] = [decimal(values[vertex])]
+            lines[number] = b" ".join(words) + end
+        return lines
 
     def read_colors(self) -> Floats:
         """The numbers after the position, of vertices that have three or more there."""
@@ -93,16 +98,9 @@ class ObjFile:
         return colors
 
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
-        lines = list(self.lines)
         old = self.read_colors()
         changed = np.flatnonzero(((colors != old) & np.isfinite(old)).any(axis=1))
-        for vertex in changed:
-            number = self._vertex_lines[vertex]
-            end = lines[number][len(lines[number].rstrip(b"\r\n")) :]
-            words = lines[number].split()
-            words[4:7] = [decimal(colors[vertex])]
-            lines[number] = b" ".join(words) + end
-        path.write_bytes(b"".join(lines))
+        path.write_bytes(b"".join(self._with_words(slice(4, 7), colors, changed)))
         return len(changed), _copy_materials(self.path, self.lines, path.parent)
 
     def read_uvs(self) -> tuple[Floats, Names]:

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...errors import ShockError
-from ..image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost, needed
+from ..image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost
+from ..reading import needed
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...errors import ShockError
-from ..image_file import ICC, RESOLUTION, XMP, ImageFile, lost, needed
+from ..image_file import ICC, RESOLUTION, XMP, ImageFile, lost
+from ..reading import needed
 
 _RGB, _PALETTE = 2, 3
 _GRAY = {0: "miniswhite", 1: "minisblack"}

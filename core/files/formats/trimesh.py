@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import ShockError
 from ...mesh.triangle_mesh import weld
 from ..document import NO_FACES, NO_PARTS, NO_VERTICES, Bools, Floats, transformed
+from ..reading import needed
 
 # What each format can hold besides triangles, as far as trimesh writes it.
 KEEPS: dict[str, set[str]] = {
@@ -26,12 +26,7 @@ KEEPS: dict[str, set[str]] = {
 
 def load_scene(path: Path, fix_texture: bool = False) -> Any:
     """Read a file; `fix_texture` has PLY files split vertices that have several coordinates."""
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ShockError(
-            f"{path}: this needs trimesh; run: pip install 'shock-filter[files]'."
-        ) from error
+    trimesh = needed("trimesh", path)
     options: dict[str, Any] = {}
     if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
         options = {"fix_texture": fix_texture, "skip_materials": True}
