@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from ...base.parallel import chunk_size, kernel, run
-from ...mesh.geodesics import Stencils, march, march_scratch
+from ...mesh.geodesics import Stencils, march, new_front, squared_distance
 from ...mesh.triangle_mesh import Floats
 from ...settings import BeltramiMeshSettings
 
@@ -51,20 +51,20 @@ def smooth_graph(
     if settings.distance == "geodesic":
         run(_geodesic_means, count, settings.time, limit, graph, mass, values, out, chunk=chunk)
     else:
-        run(_euclidean_means, count, settings.time, limit, graph.start, graph.targets, embedding,
-            mass, values, out, chunk=chunk)  # fmt: skip
+        run(_euclidean_means, count, settings.time, limit, graph, embedding, mass, values, out,
+            chunk=chunk)  # fmt: skip
     return out
 
 
 @kernel
 def _geodesic_means(start, stop, time, limit, graph, mass, values, out):
-    scratch = march_scratch(mass.shape[0])
-    reached, squares = scratch[0], scratch[1]
+    front = new_front(mass.shape[0])
+    reached, squares = front.reached, front.squares
     for v in range(start, stop):
         if mass[v] == 0:
             out[v] = values[v]
             continue
-        count = march(v, v - start + 1, limit, graph, *scratch)
+        count = march(v, v - start + 1, limit, graph, front)
         out[v] = 0.0
         total = 0.0
         for i in range(count):
@@ -78,8 +78,9 @@ def _geodesic_means(start, stop, time, limit, graph, mass, values, out):
 
 
 @kernel
-def _euclidean_means(start, stop, time, limit, row_start, ring, embedding, mass, values, out):
+def _euclidean_means(start, stop, time, limit, graph, embedding, mass, values, out):
     # All that is connected within the limit in space counts; a bilateral filter.
+    row_start, ring = graph.start, graph.targets
     count = mass.shape[0]
     found = np.empty(count, np.int32)
     stamps = np.full(count, -1, np.int32)
@@ -95,9 +96,7 @@ def _euclidean_means(start, stop, time, limit, row_start, ring, embedding, mass,
         while seen < size:
             w = found[seen]
             seen += 1
-            square = 0.0
-            for j in range(embedding.shape[1]):
-                square += (embedding[w, j] - embedding[v, j]) ** 2
+            square = squared_distance(embedding, w, v)
             if square <= limit * limit:
                 weight = mass[w] * np.exp(-square / (4 * time))
                 total += weight
