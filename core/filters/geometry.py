@@ -87,6 +87,8 @@ def sharpen_geometry(
     ------
     InvalidSignal
         If the mask does not fit the mesh or leaves [0, 1].
+    InvalidMesh
+        If repeating shrinks the mesh to a point or a line.
     SolverError
         If the refit's linear system cannot be solved.
     Cancelled
@@ -175,7 +177,7 @@ def _displaced(mesh: TriangleMesh, settings: GeometrySettings, weights: Floats |
         if settings.max_displacement > 0:
             _limit(moved, settings.max_displacement * mesh.mean_edge_length)
         if turn + 1 < settings.repeat:
-            current = mesh.displaced(moved)
+            current = mesh.moved_to(mesh.vertices + moved)
     return moved
 
 

@@ -4,7 +4,6 @@ import pytest
 import scipy.sparse
 from shapes import cube, grid, icosphere, rotation
 from shock_filter import core
-from shock_filter.core.base.parallel import Progress
 from shock_filter.core.mesh import calculus
 
 
@@ -107,7 +106,7 @@ def test_rows_of_a_group_are_averaged_and_others_stay():
     corners = np.array([0, 1, 2, 0, 2, 3], dtype=np.int32)  # two triangles of a square
     values = np.arange(18, dtype=np.float32).reshape(6, 3)
     out = np.full((5, 3), -1, dtype=np.float32)
-    calculus.group_means(corners, values, out, Progress(None))
+    calculus.group_means(corners, values, out)
     np.testing.assert_array_equal(out[0], (values[0] + values[3]) / 2)
     np.testing.assert_array_equal(out[1], values[1])
     np.testing.assert_array_equal(out[2], (values[2] + values[4]) / 2)

@@ -312,7 +312,7 @@ def test_a_matrix_that_cannot_be_solved_is_refused():
 def test_a_start_nearby_saves_iterations_and_changes_nothing_else():
     equations, _, rhs = system(50.0)
     cold, slow = solve(equations, rhs, 1e-6)
-    start = 1.001 * cold
+    start = 1.00001 * cold
     warm, fast = solve(equations, rhs, 1e-6, x0=start)
     assert 0 < fast.iterations < 0.7 * slow.iterations
     assert fast.residual <= 1e-6
