@@ -271,7 +271,7 @@ def walk_exactly(
 ):
     """Walk from edge to edge; parameters as in `flow.trace`."""
     vertices, faces, twins, areas, _ = triangles
-    rates = field.rates
+    rates, potential = field
     b = np.empty(3)
     for point in range(start, stop):
         f = point_faces[point]
@@ -290,7 +290,7 @@ def walk_exactly(
             steps += 1
             rests = rests + 1 if left == last else 0
             last = left
-            if rests > _MOST_RESTS and field.potential is None:
+            if rests > _MOST_RESTS and potential is None:
                 break  # around a vertex to which all faces flow
             if slide < 0:
                 # Straight on to the edge that is reached first.
@@ -327,9 +327,9 @@ def walk_exactly(
                     continue
                 # Both faces flow into the edge. The inner product of both flows, unfolded, times
                 # the squared length of the edge, tells whether the shock flow turns back.
-                sliding = _sliding(field.potential, triangles, rates, f, k)
+                sliding = _sliding(potential, triangles, rates, f, k)
                 across = (rates[f, exit_corner] * areas[f]) * (inward * areas[g])
-                turned = field.potential is not None and sliding * sliding - 4 * across <= 0
+                turned = potential is not None and sliding * sliding - 4 * across <= 0
                 if turned or sliding == 0:
                     b[k] = 1.0 - along
                     b[(k + 1) % 3] = along
@@ -339,7 +339,7 @@ def walk_exactly(
                 f = slide // 3
                 k = slide - 3 * f
                 along = 0.0
-                sliding = _sliding(field.potential, triangles, rates, f, k)
+                sliding = _sliding(potential, triangles, rates, f, k)
             a, d = faces[f, k], faces[f, (k + 1) % 3]
             x = vertices[d, 0] - vertices[a, 0]
             y = vertices[d, 1] - vertices[a, 1]
