@@ -16,7 +16,7 @@ from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from .channels import Channels
 from .potential import ROWS
 from .sample import add_value, put_mean
-from .walk import UNFINISHED, begin, walk, walk_literally
+from .walk import UNFINISHED, begin, walk_cells, walk_literally
 
 
 def advect_pixels(
@@ -95,7 +95,7 @@ def _exists(row, column, height, width):
 def _trace(potential, time, step, most_steps, row, column, down, across):
     if step is not None:
         return walk_literally(potential, None, time, step, most_steps, row, column, down, across)
-    row, column, down, across, _, _, _, ending = walk(
+    row, column, down, across, _, _, _, ending = walk_cells(
         potential, None, None, None, time, most_steps, row, column, down, across
     )
     return row, column, down, across, ending

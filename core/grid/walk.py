@@ -2,24 +2,18 @@
 """Walks along the flow-lines of a grid of square cells (paper A, Appendix A).
 
 Nodes, such as pixels, are the corners of the cells, and the flow is constant in a cell. A walk has
-three parts: `velocity` is the field, which is that of the shock filter or given; `turns_back` is
-the rule by which a walk ends early; `walk` goes from cell to cell. Lengths are in steps between
-nodes.
+three parts: `cell_velocity` is the field, which is that of the shock filter or given;
+`ends_at_turn` is the rule by which a walk ends early; `walk_cells` goes from cell to cell. Lengths
+are in steps between nodes.
 
-They share four arguments, of which numba compiles those that are not None. (They stay apart, as
-numba counts references each time that an array is taken from a tuple: 10 to 30 percent of a walk.)
-
-potential : (h, w) float32 or None
-    P at the nodes; the shock flow v = -grad(P) / 2 is followed until it turns by a right angle.
-vectors : (h - 1, w - 1, 2) array of float or None
-    A velocity (down, across) in each cell; followed while time is left. It or the potential.
-faces : (h - 1, w - 1) or larger array of int or None
-    The face of a surface under each cell; negative: the cell is closed. None: all are open.
-metrics : (m, 3) or wider array of float or None
-    The inverse metric of each face: row row, row column, column column. None: the plane.
+These take the parts of a `Field` one by one: numba compiles them for those that are not None, and
+counts references each time that an array is taken from a tuple, which would slow short walks by
+a third.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +30,27 @@ OFFSET = 0.001
 """How far into each adjacent cell the trace of a node begins: the paper's epsilon."""
 
 _MOST_RESTS = 8
+
+
+class Field(NamedTuple):
+    """What a walk follows: the shock flow of a potential, or a given field.
+
+    Attributes
+    ----------
+    potential : (h, w) float32 or None
+        P at the nodes; v = -grad(P) / 2 is followed until it turns by a right angle or more.
+    vectors : (h - 1, w - 1, 2) array of float or None
+        A velocity (down, across) in each cell; followed while time is left. It or the potential.
+    faces : (h - 1, w - 1) or larger array of int or None
+        The face of a surface under each cell; negative: the cell is closed. None: all are open.
+    metrics : (m, 3) or wider array of float or None
+        The inverse metric of each face: row row, row column, column column. None: the plane.
+    """
+
+    potential: npt.NDArray[np.float32] | None = None
+    vectors: npt.NDArray | None = None
+    faces: npt.NDArray[np.integer] | None = None
+    metrics: npt.NDArray | None = None
 
 
 def follow(
@@ -66,7 +81,7 @@ def follow(
 
 
 @kernel
-def velocity(potential, vectors, faces, metrics, i, j, turned):
+def cell_velocity(potential, vectors, faces, metrics, i, j, turned):
     """Compute the flow in a cell: (down, across), and its product with the metric likewise.
 
     The axes are exchanged where `turned` is true, those of (i, j), too.
@@ -93,7 +108,7 @@ def velocity(potential, vectors, faces, metrics, i, j, turned):
 
 
 @kernel
-def turns_back(vectors, v, w, p, q):
+def ends_at_turn(vectors, v, w, p, q):
     """The shock filter's rule: a walk along (v, w) ends where the flow turns by a right angle.
 
     (p, q) is the product of the metric and the flow ahead. Given fields may turn as they like.
@@ -102,7 +117,7 @@ def turns_back(vectors, v, w, p, q):
 
 
 @kernel
-def is_open(potential, vectors, faces, i, j, turned):
+def _is_open(potential, vectors, faces, i, j, turned):
     """Tell whether a walk may go into a cell; the axes are exchanged where `turned` is true."""
     row, column = (j, i) if turned else (i, j)
     if faces is not None:
@@ -132,13 +147,13 @@ def reach(place, speed):
 
 
 @kernel
-def walk(potential, vectors, faces, metrics, time, most_steps, row, column, down, across):
+def walk_cells(potential, vectors, faces, metrics, time, most_steps, row, column, down, across):
     """Walk from cell to cell.
 
     Parameters
     ----------
     potential, vectors, faces, metrics
-        See the head of this file.
+        A `Field`.
     time : float
     most_steps : int
         How many cells may be crossed.
@@ -157,7 +172,7 @@ def walk(potential, vectors, faces, metrics, time, most_steps, row, column, down
         `ENDED`, `LEFT_DOWN`, `LEFT_ACROSS` or `UNFINISHED`.
     """
     left = time
-    v, w, _, _ = velocity(potential, vectors, faces, metrics, row, column, False)
+    v, w, _, _ = cell_velocity(potential, vectors, faces, metrics, row, column, False)
     y = down + v * left
     x = across + w * left
     if 0.0 < y < 1.0 and 0.0 < x < 1.0:
@@ -192,11 +207,13 @@ def walk(potential, vectors, faces, metrics, time, most_steps, row, column, down
             a = 1.0 if v > 0 else 0.0
             b = min(max(b + w * reach_a, 0.0), 1.0)
             beyond = i + ahead
-            if not is_open(potential, vectors, faces, beyond, j, turned):
+            if not _is_open(potential, vectors, faces, beyond, j, turned):
                 ending = LEFT_DOWN
                 break
-            next_v, next_w, p, q = velocity(potential, vectors, faces, metrics, beyond, j, turned)
-            if turns_back(vectors, v, w, p, q):
+            next_v, next_w, p, q = cell_velocity(
+                potential, vectors, faces, metrics, beyond, j, turned
+            )
+            if ends_at_turn(vectors, v, w, p, q):
                 break
             if v * next_v > 0:
                 i = beyond
@@ -220,7 +237,7 @@ def walk(potential, vectors, faces, metrics, time, most_steps, row, column, down
         ahead = 1 if w > 0 else -1
         b = 1.0 if w > 0 else 0.0
         beyond = j + ahead
-        if not is_open(potential, vectors, faces, i, beyond, turned) or not is_open(
+        if not _is_open(potential, vectors, faces, i, beyond, turned) or not _is_open(
             potential, vectors, faces, i + 1, beyond, turned
         ):
             ending = LEFT_ACROSS
@@ -229,8 +246,10 @@ def walk(potential, vectors, faces, metrics, time, most_steps, row, column, down
         b = 1.0 - b
         # Past a node: the cells on both sides of the line decide.
         came = w
-        v, w, _, q = velocity(potential, vectors, faces, metrics, i, j, turned)
-        next_v, next_w, _, next_q = velocity(potential, vectors, faces, metrics, i + 1, j, turned)
+        v, w, _, q = cell_velocity(potential, vectors, faces, metrics, i, j, turned)
+        next_v, next_w, _, next_q = cell_velocity(
+            potential, vectors, faces, metrics, i + 1, j, turned
+        )
         if v >= 0 and next_v <= 0:
             total = v - next_v
             share = -next_v / total if total > 0 else 0.5
@@ -243,7 +262,7 @@ def walk(potential, vectors, faces, metrics, time, most_steps, row, column, down
                 a = 0.0
                 v, w, q = next_v, next_w, next_q
             sliding = False
-        if turns_back(vectors, 0.0, came, 0.0, q):
+        if ends_at_turn(vectors, 0.0, came, 0.0, q):
             break
     else:
         ending = UNFINISHED
@@ -267,7 +286,7 @@ def walk_literally(potential, vectors, time, step, most_steps, row, column, down
     """
     left = time
     most_y, most_x = _size(potential, vectors)
-    v, w, _, _ = velocity(potential, vectors, None, None, row, column, False)
+    v, w, _, _ = cell_velocity(potential, vectors, None, None, row, column, False)
     for _ in range(most_steps):
         speed = np.sqrt(v * v + w * w)
         if left <= 0 or speed < 1e-30:
@@ -284,8 +303,8 @@ def walk_literally(potential, vectors, time, step, most_steps, row, column, down
         column = min(int(x), most_x - 1)
         down = y - row
         across = x - column
-        next_v, next_w, p, q = velocity(potential, vectors, None, None, row, column, False)
-        if turns_back(vectors, v, w, p, q):
+        next_v, next_w, p, q = cell_velocity(potential, vectors, None, None, row, column, False)
+        if ends_at_turn(vectors, v, w, p, q):
             return row, column, down, across, ENDED
         v, w = next_v, next_w
     return row, column, down, across, UNFINISHED
@@ -307,7 +326,7 @@ def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
     for i in range(start, stop):
         row = min(int(points[i, 0]), rows - 1)
         column = min(int(points[i, 1]), columns - 1)
-        row, column, down, across, _, _, _, ending = walk(
+        row, column, down, across, _, _, _, ending = walk_cells(
             None,
             vectors,
             None,
@@ -322,6 +341,26 @@ def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
         ends[i, 0] = row + down
         ends[i, 1] = column + across
         unfinished[i] = ending == UNFINISHED
+
+
+@kernel
+def walk(field, time, most_steps, row, column, down, across):
+    """Walk from cell to cell; see `walk_cells`."""
+    a, b, c, d = field
+    return walk_cells(a, b, c, d, time, most_steps, row, column, down, across)
+
+
+@kernel
+def velocity(field, i, j, turned):
+    """Compute the flow in a cell; see `cell_velocity`."""
+    a, b, c, d = field
+    return cell_velocity(a, b, c, d, i, j, turned)
+
+
+@kernel
+def turns_back(field, v, w, p, q):
+    """Apply the stop rule; see `ends_at_turn`."""
+    return ends_at_turn(field.vectors, v, w, p, q)
 
 
 @kernel
