@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere
 from shock_filter import core
-from shock_filter.core.base.parallel import Progress
 from shock_filter.core.flow import potential as flow
 from shock_filter.core.flow import trace
 from shock_filter.core.mesh import calculus
@@ -175,16 +174,16 @@ def test_surroundings_silence_a_sphere_and_keep_a_crease():
     bumps = 0.03 * np.random.default_rng(5).normal(size=sphere.vertices.shape)
     sphere = sphere.displaced(bumps * sphere.mean_edge_length)
     signal = calculus.average_to_vertices(sphere, sphere.normals)
-    plain = flow.flow_potential(sphere, signal, 1, Progress(None))
-    gated = flow.above_surroundings(sphere, plain, 1.5, 256.0, Progress(None))
+    plain = flow.flow_potential(sphere, signal, 1)
+    gated = flow.above_surroundings(sphere, plain, 1.5, 256.0)
     assert np.count_nonzero(gated) < 0.02 * len(gated)
 
     box = core.TriangleMesh(*cube(12))
     signal = calculus.average_to_vertices(box, box.normals)
-    plain = flow.flow_potential(box, signal, 1, Progress(None))
-    gated = flow.above_surroundings(box, plain, 1.1, 256.0, Progress(None))
+    plain = flow.flow_potential(box, signal, 1)
+    gated = flow.above_surroundings(box, plain, 1.1, 256.0)
     on_edge = (abs(box.vertices) > 5.9).sum(axis=1) == 2
     assert np.median(gated[on_edge] / plain[on_edge]) > 0.2
     assert (gated[on_edge] > 0).all()
-    assert np.array_equal(flow.above_surroundings(box, plain, 0.0, 1.0, Progress(None)), plain)
+    assert np.array_equal(flow.above_surroundings(box, plain, 0.0, 1.0), plain)
     assert (gated <= plain).all()
