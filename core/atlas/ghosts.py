@@ -98,23 +98,26 @@ def fill_ghosts(
 
 @kernel
 def _find(start, stop, places, sheet, metric, sources):
+    points, cells = sheet.points, sheet.cells
+    twins, shapes, jacobians = metric.twins, metric.shapes, metric.jacobians
     b = np.empty(3)
     for i in range(start, stop):
         edge = sheet.ghost_edges[i]
         if edge < 0:
             continue
         face, row, column, _, _ = place_beyond(
-            sheet, metric, edge, places[i, 0], places[i, 1], b, sources.turns[i]
-        )
+            points, twins, shapes, jacobians, cells, edge, places[i, 0], places[i, 1], b,
+            sources.turns[i],
+        )  # fmt: skip
         if face < 0:
             continue
-        sources.cells[i] = int(row) * sheet.cells.shape[1] + int(column)
+        sources.cells[i] = int(row) * cells.shape[1] + int(column)
         sources.places[i, 0] = row - int(row)
         sources.places[i, 1] = column - int(column)
 
 
 @kernel
-def place_beyond(sheet, metric, edge, y, x, b, turn):
+def place_beyond(points, twins, shapes, jacobians, cells, edge, y, x, b, turn):
     """Walk from a half-edge's nearest point to (y, x), on the surface beyond it.
 
     Parameters
@@ -137,7 +140,6 @@ def place_beyond(sheet, metric, edge, y, x, b, turn):
     cosine, sine : float
         Parallel transport from the half-edge's face to `face`.
     """
-    points = sheet.points
     share, _ = nearest_on_edge(points, edge, y, x)
     f = edge // 3
     k = edge - 3 * f
@@ -146,29 +148,28 @@ def place_beyond(sheet, metric, edge, y, x, b, turn):
     ex = points[f, after, 1] - points[f, k, 1]
     dy = y - points[f, k, 0] - share * ey
     dx = x - points[f, k, 1] - share * ex
-    shorter = _shorter(metric, edge, dy, dx)
+    shorter = _shorter(twins, jacobians, edge, dy, dx)
     dy *= shorter
     dx *= shorter
-    g, cosine, sine = exponential_map(metric, edge, share, dy, dx, b)
+    g, cosine, sine = exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b)
     if g < 0:
         return -1, 0.0, 0.0, 1.0, 0.0
     row = b[0] * points[g, 0, 0] + b[1] * points[g, 1, 0] + b[2] * points[g, 2, 0]
     column = b[0] * points[g, 0, 1] + b[1] * points[g, 1, 1] + b[2] * points[g, 2, 1]
-    if sheet.cells[int(row), int(column)] == NOTHING:
+    if cells[int(row), int(column)] == NOTHING:
         return -1, 0.0, 0.0, 1.0, 0.0
-    _turn_normals(metric.jacobians, f, g, cosine, sine, turn)
+    _turn_normals(jacobians, f, g, cosine, sine, turn)
     return g, row, column, cosine, sine
 
 
 @kernel
-def _shorter(metric, edge, dy, dx):
+def _shorter(twins, jacobians, edge, dy, dx):
     # What a step over a half-edge is to be multiplied by: where a texel here covers many beyond
     # the seam, such as next to slivers in the texture, it must not skip what lies at the seam.
     f = edge // 3
-    g = metric.twins[f, edge - 3 * f] // 3
+    g = twins[f, edge - 3 * f] // 3
     if g < 0:
         return 1.0
-    jacobians = metric.jacobians
     there = abs(jacobians[g, 0, 0] * jacobians[g, 1, 1] - jacobians[g, 0, 1] * jacobians[g, 1, 0])
     u, v = apply(jacobians, f, dy, dx)
     length = np.sqrt(u * u + v * v)

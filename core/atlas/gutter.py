@@ -213,6 +213,8 @@ def _write_gutter(
     start, stop, borders, filled, radius, charts, sheet, metric, sources, values, coding, out
 ):
     height, width = filled.shape
+    nodes, points, cells = sheet.nodes, sheet.points, sheet.cells
+    twins, shapes, jacobians = metric.twins, metric.shapes, metric.jacobians
     b = np.empty(3)
     turn = np.empty((2, 2))
     total = np.empty(out.shape[2])
@@ -225,10 +227,12 @@ def _write_gutter(
             there, across = _beside(charts.points, borders.around, edge, y, x, height, width)
             there += sheet.shifts[label, 0]
             across += sheet.shifts[label, 1]
-            face, row, column, _, _ = place_beyond(sheet, metric, edge, there, across, b, turn)
+            face, row, column, _, _ = place_beyond(
+                points, twins, shapes, jacobians, cells, edge, there, across, b, turn
+            )
             if face < 0:  # the surface ends: the nearest value on its border
-                row, column = _nearest_point(sheet.points, edge, there, across)
-            if not _interpolate(sheet.nodes, sources.cells, values, row, column, total):
+                row, column = _nearest_point(points, edge, there, across)
+            if not _interpolate(nodes, sources.cells, values, row, column, total):
                 continue
             filled[y, x] = True
             if coding.normals:

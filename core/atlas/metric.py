@@ -163,7 +163,7 @@ def _axis(shapes, f, k):
 
 
 @kernel
-def exponential_map(metric, edge, share, dy, dx, b):
+def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
     """Walk straight on the surface, from a half-edge to the far side (geodesic exponential map).
 
     Each face that is met is unfolded into the plane of the one before.
@@ -187,12 +187,11 @@ def exponential_map(metric, edge, share, dy, dx, b):
         Parallel transport along the walk: the turn that takes components in the frame of the
         half-edge's face to components in the frame of `face`.
     """
-    twins, shapes = metric.twins, metric.shapes
     f = edge // 3
     k = edge - 3 * f
     if shapes[f, 2] == 0:
         return -1, 1.0, 0.0
-    u, v = apply(metric.jacobians, f, dy, dx)
+    u, v = apply(jacobians, f, dy, dx)
     cosine, sine = 1.0, 0.0
     share = min(max(share, 1e-6), 1.0 - 1e-6)
     left = 1.0

@@ -107,7 +107,9 @@ def _seam(sheet, row, column, down, across, axis):
 @kernel
 def _cross_seam(sheet, metric, edge, y, x, vy, vx, b, turn):
     # Over a seam: (face or -1, row, column) on the other side, and the velocity (vy, vx) there.
-    face, row, column, cosine, sine = place_beyond(sheet, metric, edge, y, x, b, turn)
+    face, row, column, cosine, sine = place_beyond(
+        sheet.points, metric.twins, metric.shapes, metric.jacobians, sheet.cells, edge, y, x, b, turn
+    )
     if face < 0:
         return -1, row, column, vy, vx
     u, v = apply(metric.jacobians, edge // 3, vy, vx)
