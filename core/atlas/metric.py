@@ -34,8 +34,8 @@ class AtlasMetric(NamedTuple):
         the texture or in space.
     inverse_jacobians : (m, 2, 2) float64
         Take steps in the face's frame to steps in (row, column); zero where the Jacobian is.
-    inverse_metrics : (m, 2, 2) float32
-        The inverse h^-1 of the metric h = J^T J, in (row, column).
+    inverse_metrics : (m, 3) float32
+        The inverse h^-1 of the metric h = J^T J: row row, row column, column column.
     texel_areas : (m,) float32
         The area of a texel on the surface, the square root of det h.
     neighbour_weights : (m, 2) float32
@@ -70,7 +70,7 @@ def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasM
         np.zeros((count, 3)),
         np.zeros((count, 2, 2)),
         np.zeros((count, 2, 2)),
-        np.zeros((count, 2, 2), dtype=np.float32),
+        np.zeros((count, 3), dtype=np.float32),
         np.zeros(count, dtype=np.float32),
         np.full((count, 2), np.exp(-1.0), dtype=np.float32),
         size * mesh.mean_edge_length,
@@ -117,10 +117,9 @@ def _measure(start, stop, vertices, faces, areas, seen, points, scale, metric):
         rc = ay * ax + by * bx
         cc = ax * ax + bx * bx
         det_h = det_j * det_j
-        mixed = min(max(-rc / det_h, -1e15), 1e15)
-        _store(
-            metric.inverse_metrics[f], min(cc / det_h, 1e15), mixed, mixed, min(rr / det_h, 1e15)
-        )
+        metric.inverse_metrics[f, 0] = min(cc / det_h, 1e15)
+        metric.inverse_metrics[f, 1] = min(max(-rc / det_h, -1e15), 1e15)
+        metric.inverse_metrics[f, 2] = min(rr / det_h, 1e15)
         metric.texel_areas[f] = abs(det_j)
         metric.neighbour_weights[f, 0] = np.exp(-rr)
         metric.neighbour_weights[f, 1] = np.exp(-cc)

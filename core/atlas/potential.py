@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.progress import phase
-from ..grid.walk import Channels
+from ..grid.channels import Channels
 from .atlas import TextureAtlas
 from .ghosts import fill_ghosts
 from .sheet import NOTHING, ROWS
@@ -143,9 +143,9 @@ def _add_energy(start, stop, cells, inverse, signal, energy):
                 across = np.float32(0.5) * (b - a + d - c)
                 down = np.float32(0.5) * (c - a + d - b)
                 energy[y, x] += (
-                    inverse[face, 0, 0] * down * down
-                    + np.float32(2.0) * inverse[face, 0, 1] * down * across
-                    + inverse[face, 1, 1] * across * across
+                    inverse[face, 0] * down * down
+                    + np.float32(2.0) * inverse[face, 1] * down * across
+                    + inverse[face, 2] * across * across
                 )
 
 

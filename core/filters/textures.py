@@ -9,17 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
+from ..atlas.advect import advect_texels
 from ..atlas.ghosts import fill_ghosts
 from ..atlas.gutter import unit_normals, write_texels
 from ..atlas.potential import texel_potential
 from ..atlas.seam_fit import stitch
 from ..atlas.sheet import ROWS
-from ..atlas.walk import advect_texels
+from ..atlas.walk import shock_flow
 from ..base.checks import BAND, SCALES, checked_image, checked_weights
 from ..base.parallel import blocks, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
-from ..grid.pixels import channel_groups, copied, opacity_channel
+from ..grid.channels import channel_groups, opacity_channel
+from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
 from .signals import mix_rows
@@ -179,7 +181,8 @@ def _sharpened(
                     atlas, values, channels, settings.smoothing_passes, normals=content.normals
                 )
             with phase(0.4, 1.0, "Tracing flow-lines"):
-                advect_texels(atlas, values, channels, potential, settings.time, result,
+                flow = shock_flow(atlas, potential)
+                advect_texels(atlas, values, channels, flow, settings.time, result,
                               nearest=settings.sampling == "nearest",
                               normals=content.normals)  # fmt: skip
     if weights is not None:
