@@ -36,6 +36,15 @@ class UVReport:
         Faces with corners outside the image; there it repeats.
     degenerate : (k,) int
         Faces without area in the texture; flow-lines cross them, they show one line of texels.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = 1.5 + mesh.vertices[mesh.faces][..., :2]
+    >>> core.TextureAtlas(mesh, uv, 8, 8).report.sentences()
+    ['2 faces leave the image, which repeats there.']
     """
 
     charts: int
@@ -131,6 +140,18 @@ class TextureAtlas:
     Paper B, section 3. The faces' own metric is used, constant in each. The sheet
     has as many nodes as the image has texels, and more where charts overlap or touch; each costs
     about 20 bytes.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = 0.25 + 0.5 * mesh.vertices[mesh.faces][..., :2]
+    >>> atlas = core.TextureAtlas(mesh, uv, 8, 8)
+    >>> atlas.texel_size
+    0.25
+    >>> atlas.bake(mesh.vertices[mesh.faces][..., 0])[4]
+    array([0.   , 0.   , 0.125, 0.375, 0.625, 0.875, 0.   , 0.   ])
     """
 
     def __init__(
