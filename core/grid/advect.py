@@ -16,7 +16,7 @@ from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from .channels import Channels
 from .potential import ROWS
 from .sample import add_value, put_mean
-from .walk import UNFINISHED, Field, begin, walk, walk_literally
+from .walk import UNFINISHED, begin, walk_cells, walk_literally
 
 
 def advect_pixels(
@@ -51,7 +51,7 @@ def advect_pixels(
         exactly from cell to cell.
     """
     unfinished = np.zeros(len(image), dtype=np.int64)
-    run(_advect_rows, len(image), image, channels, Field(potential), float(time), step, MOST_STEPS,
+    run(_advect_rows, len(image), image, channels, potential, float(time), step, MOST_STEPS,
         nearest, _rounds(out), out, unfinished, chunk=ROWS)  # fmt: skip
     warn_of_unfinished(unfinished)
 
@@ -70,7 +70,7 @@ class TracedPixels:
     def trace(self, potential: npt.NDArray[np.float32], time: float) -> None:
         """Trace on from where the traces ended."""
         unfinished = np.zeros(len(potential), dtype=np.int64)
-        run(_trace_rows, len(potential), Field(potential), float(time), MOST_STEPS, self._cells,
+        run(_trace_rows, len(potential), potential, float(time), MOST_STEPS, self._cells,
             self._places, unfinished, chunk=ROWS)  # fmt: skip
         warn_of_unfinished(unfinished)
 
@@ -92,19 +92,30 @@ def _exists(row, column, height, width):
 
 
 @kernel
-def _trace(field, time, step, most_steps, row, column, down, across):
+def _trace(potential, time, step, most_steps, row, column, down, across):
     if step is not None:
-        return walk_literally(field, time, step, most_steps, row, column, down, across)
-    row, column, down, across, _, _, _, ending = walk(
-        field, time, most_steps, row, column, down, across
+        return walk_literally(potential, None, time, step, most_steps, row, column, down, across)
+    row, column, down, across, _, _, _, ending = walk_cells(
+        potential, None, None, None, time, most_steps, row, column, down, across
     )
     return row, column, down, across, ending
 
 
 @kernel
 def _advect_rows(
-    start, stop, image, channels, field, time, step, most_steps, nearest, rounded, out, unfinished
-):
+    start,
+    stop,
+    image,
+    channels,
+    potential,
+    time,
+    step,
+    most_steps,
+    nearest,
+    rounded,
+    out,
+    unfinished,
+):  # fmt: skip
     height, width = image.shape[:2]
     total = np.empty(image.shape[2])
     for y in range(start, stop):
@@ -116,7 +127,7 @@ def _advect_rows(
                 if not _exists(row, column, height, width):
                     continue
                 row, column, down, across, ending = _trace(
-                    field, time, step, most_steps, row, column, down, across
+                    potential, time, step, most_steps, row, column, down, across
                 )
                 unfinished[y] += ending == UNFINISHED
                 opacity += add_value(image, channels, row, column, down, across, nearest, total)
@@ -154,7 +165,7 @@ def _stored(cells, places, y, x, corner):
 
 
 @kernel
-def _trace_rows(start, stop, field, time, most_steps, cells, places, unfinished):
+def _trace_rows(start, stop, potential, time, most_steps, cells, places, unfinished):
     width = cells.shape[1]
     for y in range(start, stop):
         for x in range(width):
@@ -163,7 +174,7 @@ def _trace_rows(start, stop, field, time, most_steps, cells, places, unfinished)
                 if row < 0:
                     continue
                 row, column, down, across, ending = _trace(
-                    field, time, None, most_steps, row, column, down, across
+                    potential, time, None, most_steps, row, column, down, across
                 )
                 unfinished[y] += ending == UNFINISHED
                 _store(cells, places, y, x, corner, row, column, down, across)

@@ -2,11 +2,13 @@
 """Walks along the flow-lines of a grid of square cells (paper A, Appendix A).
 
 Nodes, such as pixels, are the corners of the cells, and the flow is constant in a cell. A walk has
-three parts: `velocity` is the field, which is that of the shock filter or given; `turns_back` is
-the rule by which a walk ends early; `walk` goes from cell to cell. Lengths are in steps between
-nodes.
+three parts: `cell_velocity` is the field, which is that of the shock filter or given;
+`ends_at_turn` is the rule by which a walk ends early; `walk_cells` goes from cell to cell. Lengths
+are in steps between nodes.
 
-numba compiles them for what a `Field` holds: what is None costs nothing.
+These take the parts of a `Field` one by one: numba compiles them for those that are not None, and
+counts references each time that an array is taken from a tuple, which would slow short walks by
+a third.
 """
 
 from __future__ import annotations
@@ -73,62 +75,51 @@ def follow(
         raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
     ends = np.empty_like(points)
     unfinished = np.zeros(len(points), dtype=np.bool_)
-    run(_follow, len(points), Field(vectors=vectors), float(time), MOST_STEPS, points, ends,
-        unfinished)  # fmt: skip
+    run(_follow, len(points), vectors, float(time), MOST_STEPS, points, ends, unfinished)
     warn_of_unfinished(unfinished)
     return ends
 
 
 @kernel
-def velocity(field, i, j, turned):
+def cell_velocity(potential, vectors, faces, metrics, i, j, turned):
     """Compute the flow in a cell: (down, across), and its product with the metric likewise.
 
     The axes are exchanged where `turned` is true, those of (i, j), too.
     """
     row, column = (j, i) if turned else (i, j)
-    v, w, p, q = _velocity(field.potential, field.vectors, field.faces, field.metrics, row, column)
-    return (w, v, q, p) if turned else (v, w, p, q)
-
-
-@kernel
-def _velocity(potential, vectors, faces, metrics, row, column):
+    v = w = p = q = 0.0
     # numba drops branches for arguments that are None, and only those.
-    if vectors is not None:
-        v, w = float(vectors[row, column, 0]), float(vectors[row, column, 1])
-        return v, w, v, w
-    p = q = 0.0
     if potential is not None:
         a = potential[row, column]
         b = potential[row, column + 1]
         c = potential[row + 1, column]
         d = potential[row + 1, column + 1]
-        p = -0.25 * (float(c - a) + float(d - b))
-        q = -0.25 * (float(b - a) + float(d - c))
+        v = p = -0.25 * (float(c - a) + float(d - b))
+        w = q = -0.25 * (float(b - a) + float(d - c))
     if metrics is not None:
         face = faces[row, column]
         mixed = float(metrics[face, 1])
-        return metrics[face, 0] * p + mixed * q, mixed * p + metrics[face, 2] * q, p, q
-    return p, q, p, q
+        v = metrics[face, 0] * p + mixed * q
+        w = mixed * p + metrics[face, 2] * q
+    if vectors is not None:
+        v = p = float(vectors[row, column, 0])
+        w = q = float(vectors[row, column, 1])
+    return (w, v, q, p) if turned else (v, w, p, q)
 
 
 @kernel
-def turns_back(field, v, w, p, q):
+def ends_at_turn(vectors, v, w, p, q):
     """The shock filter's rule: a walk along (v, w) ends where the flow turns by a right angle.
 
     (p, q) is the product of the metric and the flow ahead. Given fields may turn as they like.
     """
-    return field.vectors is None and v * p + w * q <= 0
+    return vectors is None and v * p + w * q <= 0
 
 
 @kernel
-def is_open(field, i, j, turned):
+def _is_open(potential, vectors, faces, i, j, turned):
     """Tell whether a walk may go into a cell; the axes are exchanged where `turned` is true."""
     row, column = (j, i) if turned else (i, j)
-    return _is_open(field.potential, field.vectors, field.faces, row, column)
-
-
-@kernel
-def _is_open(potential, vectors, faces, row, column):
     if faces is not None:
         return faces[row, column] >= 0
     rows, columns = _size(potential, vectors)
@@ -156,12 +147,13 @@ def reach(place, speed):
 
 
 @kernel
-def walk(field, time, most_steps, row, column, down, across):
+def walk_cells(potential, vectors, faces, metrics, time, most_steps, row, column, down, across):
     """Walk from cell to cell.
 
     Parameters
     ----------
-    field : Field
+    potential, vectors, faces, metrics
+        A `Field`.
     time : float
     most_steps : int
         How many cells may be crossed.
@@ -180,7 +172,7 @@ def walk(field, time, most_steps, row, column, down, across):
         `ENDED`, `LEFT_DOWN`, `LEFT_ACROSS` or `UNFINISHED`.
     """
     left = time
-    v, w, _, _ = velocity(field, row, column, False)
+    v, w, _, _ = cell_velocity(potential, vectors, faces, metrics, row, column, False)
     y = down + v * left
     x = across + w * left
     if 0.0 < y < 1.0 and 0.0 < x < 1.0:
@@ -196,7 +188,7 @@ def walk(field, time, most_steps, row, column, down, across):
     for _ in range(most_steps):
         rests = rests + 1 if left == last else 0
         last = left
-        if rests > _MOST_RESTS and field.vectors is not None:
+        if rests > _MOST_RESTS and vectors is not None:
             break  # around a node to which all cells flow
         if not sliding:
             reach_a = reach(a, v)
@@ -215,11 +207,13 @@ def walk(field, time, most_steps, row, column, down, across):
             a = 1.0 if v > 0 else 0.0
             b = min(max(b + w * reach_a, 0.0), 1.0)
             beyond = i + ahead
-            if not is_open(field, beyond, j, turned):
+            if not _is_open(potential, vectors, faces, beyond, j, turned):
                 ending = LEFT_DOWN
                 break
-            next_v, next_w, p, q = velocity(field, beyond, j, turned)
-            if turns_back(field, v, w, p, q):
+            next_v, next_w, p, q = cell_velocity(
+                potential, vectors, faces, metrics, beyond, j, turned
+            )
+            if ends_at_turn(vectors, v, w, p, q):
                 break
             if v * next_v > 0:
                 i = beyond
@@ -243,15 +237,19 @@ def walk(field, time, most_steps, row, column, down, across):
         ahead = 1 if w > 0 else -1
         b = 1.0 if w > 0 else 0.0
         beyond = j + ahead
-        if not is_open(field, i, beyond, turned) or not is_open(field, i + 1, beyond, turned):
+        if not _is_open(potential, vectors, faces, i, beyond, turned) or not _is_open(
+            potential, vectors, faces, i + 1, beyond, turned
+        ):
             ending = LEFT_ACROSS
             break
         j = beyond
         b = 1.0 - b
         # Past a node: the cells on both sides of the line decide.
         came = w
-        v, w, _, q = velocity(field, i, j, turned)
-        next_v, next_w, _, next_q = velocity(field, i + 1, j, turned)
+        v, w, _, q = cell_velocity(potential, vectors, faces, metrics, i, j, turned)
+        next_v, next_w, _, next_q = cell_velocity(
+            potential, vectors, faces, metrics, i + 1, j, turned
+        )
         if v >= 0 and next_v <= 0:
             total = v - next_v
             share = -next_v / total if total > 0 else 0.5
@@ -264,7 +262,7 @@ def walk(field, time, most_steps, row, column, down, across):
                 a = 0.0
                 v, w, q = next_v, next_w, next_q
             sliding = False
-        if turns_back(field, 0.0, came, 0.0, q):
+        if ends_at_turn(vectors, 0.0, came, 0.0, q):
             break
     else:
         ending = UNFINISHED
@@ -276,7 +274,7 @@ def walk(field, time, most_steps, row, column, down, across):
 
 
 @kernel
-def walk_literally(field, time, step, most_steps, row, column, down, across):
+def walk_literally(potential, vectors, time, step, most_steps, row, column, down, across):
     """Walk in straight steps of a given length, as the paper does; on a plane of open cells.
 
     Returns
@@ -287,8 +285,8 @@ def walk_literally(field, time, step, most_steps, row, column, down, across):
         `ENDED` or `UNFINISHED`.
     """
     left = time
-    most_y, most_x = _size(field.potential, field.vectors)
-    v, w, _, _ = velocity(field, row, column, False)
+    most_y, most_x = _size(potential, vectors)
+    v, w, _, _ = cell_velocity(potential, vectors, None, None, row, column, False)
     for _ in range(most_steps):
         speed = np.sqrt(v * v + w * w)
         if left <= 0 or speed < 1e-30:
@@ -305,8 +303,8 @@ def walk_literally(field, time, step, most_steps, row, column, down, across):
         column = min(int(x), most_x - 1)
         down = y - row
         across = x - column
-        next_v, next_w, p, q = velocity(field, row, column, False)
-        if turns_back(field, v, w, p, q):
+        next_v, next_w, p, q = cell_velocity(potential, vectors, None, None, row, column, False)
+        if ends_at_turn(vectors, v, w, p, q):
             return row, column, down, across, ENDED
         v, w = next_v, next_w
     return row, column, down, across, UNFINISHED
@@ -323,17 +321,46 @@ def _size(potential, vectors):
 
 
 @kernel
-def _follow(start, stop, field, time, most_steps, points, ends, unfinished):
-    rows, columns = _size(field.potential, field.vectors)
+def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
+    rows, columns = vectors.shape[:2]
     for i in range(start, stop):
         row = min(int(points[i, 0]), rows - 1)
         column = min(int(points[i, 1]), columns - 1)
-        row, column, down, across, _, _, _, ending = walk(
-            field, time, most_steps, row, column, points[i, 0] - row, points[i, 1] - column
+        row, column, down, across, _, _, _, ending = walk_cells(
+            None,
+            vectors,
+            None,
+            None,
+            time,
+            most_steps,
+            row,
+            column,
+            points[i, 0] - row,
+            points[i, 1] - column,
         )
         ends[i, 0] = row + down
         ends[i, 1] = column + across
         unfinished[i] = ending == UNFINISHED
+
+
+@kernel
+def walk(field, time, most_steps, row, column, down, across):
+    """Walk from cell to cell; see `walk_cells`."""
+    a, b, c, d = field
+    return walk_cells(a, b, c, d, time, most_steps, row, column, down, across)
+
+
+@kernel
+def velocity(field, i, j, turned):
+    """Compute the flow in a cell; see `cell_velocity`."""
+    a, b, c, d = field
+    return cell_velocity(a, b, c, d, i, j, turned)
+
+
+@kernel
+def turns_back(field, v, w, p, q):
+    """Apply the stop rule; see `ends_at_turn`."""
+    return ends_at_turn(field.vectors, v, w, p, q)
 
 
 @kernel
