@@ -188,15 +188,17 @@ def fuzz(session: nox.Session) -> None:
 
 @nox.session(python=PYTHON)
 def lint(session: nox.Session) -> None:
-    """Check style, formatting and types."""
+    """Check style, formatting, types, and which room uses which."""
     install(session, "-e", ".[dev]", "numpy<2")  # types differ between versions of numpy
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
-    # mypy takes a package's name from its folder, and the root may be called anything.
+    # Both take a package's name from its folder, and the root may be called anything.
     link = Path(session.create_tmp()) / "shock_filter"
     link.unlink(missing_ok=True)
     link.symlink_to(Path(__file__).parent, target_is_directory=True)
     session.run("mypy", env={"MYPYPATH": str(link.parent)})
+    rooms = ("lint-imports", "--no-cache", "--no-logo")
+    session.run(*rooms, env={"PYTHONPATH": str(link.parent)})
 
 
 @nox.session(python=PYTHON)
