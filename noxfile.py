@@ -113,16 +113,6 @@ def install_blender(
     install(session, blender, numpy, *packages, python=python)
 
 
-def provide_bare_blender(session: nox.Session, version: str) -> str:
-    """Make an environment with bpy, numpy and what builds the zips; return its Python."""
-    folder = Path(session.virtualenv.location) / f"bare-{version}"
-    python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-    install(session, "virtualenv")
-    session.run_install("virtualenv", "--quiet", str(folder))
-    install_blender(session, version, *DOCS, python=str(python))
-    return str(python)
-
-
 @nox.session(python=PYTHON)
 def demo(session: nox.Session) -> None:
     """Sharpen shapes, colors and a photo in Blender and show them before and after."""
@@ -136,8 +126,9 @@ def test(session: nox.Session) -> None:
     """Run all tests on one Blender."""
     provide_system_libraries(session)
     install(session, "-e", ".[blender,files,test,docs]")
-    bare = provide_bare_blender(session, "4.5")
-    session.run("pytest", *session.posargs, env={"SHOCK_FILTER_BARE_PYTHON": bare})
+    session.run("pytest", *(session.posargs or ["--numprocesses=2", "--dist=loadfile"]))
+    if not session.posargs:
+        session.notify("test_blender(4.5)")
 
 
 @nox.session
