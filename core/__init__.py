@@ -6,8 +6,16 @@ this package (Blender does when the extension is enabled) needs neither numba no
 
 References
 ----------
-F. Prada, M. Kazhdan: Unconditionally Stable Shock Filters for Image and Geometry Processing,
-2015.
+Docstrings cite these papers by letter, section and equation.
+
+.. [A] F. Prada, M. Kazhdan: Unconditionally Stable Shock Filters for Image and Geometry Processing.
+   Computer Graphics Forum 34(5), 2015, doi:10.1111/cgf.12708.
+.. [B] F. Prada, M. Kazhdan, M. Chuang, H. Hoppe: Gradient-Domain Processing within a Texture Atlas.
+   ACM Transactions on Graphics 37(4), 2018, doi:10.1145/3197517.3201317.
+.. [C] A. Spira, R. Kimmel, N. Sochen: A Short-Time Beltrami Kernel for Smoothing Images and
+   Manifolds. IEEE Transactions on Image Processing 16(6), 2007, doi:10.1109/TIP.2007.894253.
+.. [D] B. Jobard, G. Erlebacher, M. Y. Hussaini: Lagrangian-Eulerian Advection for Unsteady Flow
+   Visualization. IEEE Visualization 2001, doi:10.1109/VISUAL.2001.964493.
 """
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING

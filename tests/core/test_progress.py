@@ -9,7 +9,7 @@ import pytest
 from shapes import icosphere
 from shock_filter import core
 from shock_filter.core.base import parallel, progress
-from shock_filter.core.base.progress import ask, aside, phase, reporting
+from shock_filter.core.base.progress import aside, ask, phase, reporting
 
 
 @pytest.fixture
@@ -101,9 +101,13 @@ def test_a_callback_of_its_own_takes_a_function_out_of_its_callers_report(told):
 @pytest.mark.parametrize("answer", [False, np.False_, 0])
 def test_the_callback_cancels(answer):
     reached = []
-    with pytest.raises(core.Cancelled), reporting(lambda fraction, message: answer):
+
+    def work():
         with phase(0.0, 1.0, "Work"):
             reached.append("inside")
+
+    with pytest.raises(core.Cancelled), reporting(lambda fraction, message: answer):
+        work()
     assert reached == []
 
 
