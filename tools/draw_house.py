@@ -72,7 +72,8 @@ def drawing(counts: Counter[tuple[str, str]]) -> str:
         ' font-family="DejaVu Sans, Verdana, sans-serif" text-anchor="middle">',
         "<!-- SPDX-License-Identifier: GPL-3.0-or-later; written by tools/draw_house.py -->",
         '<marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="9" markerHeight="9"'
-        ' markerUnits="userSpaceOnUse" orient="auto"><path d="M0 0 8 4 0 8z" fill="#556"/></marker>',
+        ' markerUnits="userSpaceOnUse" orient="auto">',
+        '<path d="M0 0 8 4 0 8z" fill="#556"/></marker>',
         f'<rect width="900" height="{height}" fill="#fff"/>',
         f'<rect width="900" height="{line}" fill="#fdf1e3"/>',
         f'<rect y="{line}" width="900" height="{height - line}" fill="#e9f1fa"/>',
