@@ -178,6 +178,14 @@ def fuzz(session: nox.Session) -> None:
 
 
 @nox.session(python=PYTHON)
+def translations(session: nox.Session) -> None:
+    """Ask for translations of all texts on screen, before a release."""
+    provide_system_libraries(session)
+    install(session, "-e", ".[blender,files,test]")
+    session.run("pytest", "tests/release", *session.posargs)
+
+
+@nox.session(python=PYTHON)
 def lint(session: nox.Session) -> None:
     """Check style, formatting, types, and which room uses which."""
     install(session, "-e", ".[dev]", "numpy<2")  # types differ between versions of numpy
@@ -214,7 +222,6 @@ def bench(session: nox.Session) -> None:
     session.run("python", "benchmarks/geometry.py", *session.posargs)
     session.run("python", "benchmarks/textures.py", *session.posargs)
     session.run("python", "benchmarks/denoise.py", *session.posargs)
-    session.run("python", "benchmarks/rates.py")
 
 
 @nox.session(python=PYTHON)

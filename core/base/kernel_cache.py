@@ -43,7 +43,7 @@ class _ChosenFolder(UserProvidedCacheLocator):
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
         """Pass on to numba's own places where nothing was chosen."""
-        chosen = cache_folder.chosen and not config.CACHE_DIR
+        chosen = cache_folder.chosen and not config.CACHE_DIR  # type: ignore[attr-defined]
         return (
             super(UserProvidedCacheLocator, cls).from_function(py_func, py_file) if chosen else None
         )
