@@ -121,6 +121,7 @@ def test_a_moebius_strip_is_accepted():
     faces = np.concatenate([faces, [[n - 1, n, 2 * n - 1], [n, 0, 2 * n - 1]]])
     out = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
     assert np.isfinite(out).all()
+    assert not np.array_equal(out, vertices)
 
 
 def test_lengths_areas_and_normals():
