@@ -10,6 +10,7 @@ from ..base.checks import checked_mask
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..base.vectors import dot
 from ..flow.advect import advect_faces
 from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
 from ..mesh.calculus import average_to_faces, average_to_vertices, blended_normals, smooth_vertices
@@ -228,8 +229,7 @@ def _limit(moved: Floats, most: float) -> None:
 @kernel
 def _make_unit(start, stop, vectors, fallback):
     for f in range(start, stop):
-        x, y, z = vectors[f, 0], vectors[f, 1], vectors[f, 2]
-        length = np.sqrt(x * x + y * y + z * z)
+        length = np.sqrt(dot(vectors[f], vectors[f]))
         known = fallback[f, 0] != 0 or fallback[f, 1] != 0 or fallback[f, 2] != 0
         for j in range(3):
             vectors[f, j] = vectors[f, j] / length if known and length > 1e-12 else fallback[f, j]
