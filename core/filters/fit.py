@@ -86,6 +86,18 @@ def fit_to_normals(
     target normal N. The projection acts on coordinates: with G the matrix whose rows are the
     gradients of the three coordinates, w = G - N (N^T G). Solved for the displacement, whose
     right-hand side -div(N (N^T G)) is exactly zero for a face's own normal.
+
+    Examples
+    --------
+    A triangle is turned to face sideways, and its own normal leaves it as it is:
+
+    >>> from shock_filter import core
+    >>> mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> turned = core.fit_to_normals(mesh, [[0.6, 0.0, 0.8]], core.FitSettings(screening_radius=50))
+    >>> core.TriangleMesh(turned, mesh.faces).normals.round(2).tolist()
+    [[0.6, 0.0, 0.8]]
+    >>> bool((core.fit_to_normals(mesh, mesh.normals) == mesh.vertices).all())
+    True
     """
     with reporting(progress):
         targets = checked_signal(normals, mesh.face_count, "array of normals")

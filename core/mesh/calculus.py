@@ -283,9 +283,11 @@ def _cotangents(start, stop, vertices, faces, areas, out):
         if areas[f] == 0:
             out[f] = 0.0
             continue
-        for k in range(3):
-            a, b, c = faces[f, k], faces[f, after(k)], faces[f, after(after(k))]
-            out[f, k] = 0.25 * dot(edge(vertices, c, a), edge(vertices, c, b)) / areas[f]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        u, v, w = edge(vertices, a, b), edge(vertices, b, c), edge(vertices, c, a)
+        out[f, 0] = -0.25 * dot(v, w) / areas[f]
+        out[f, 1] = -0.25 * dot(w, u) / areas[f]
+        out[f, 2] = -0.25 * dot(u, v) / areas[f]
         largest = max(abs(out[f, 0]), abs(out[f, 1]), abs(out[f, 2]))
         if largest > 500.0:
             for k in range(3):
