@@ -15,6 +15,7 @@ from scipy.sparse import csr_matrix, identity
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask
+from ..base.vectors import after
 from ..linear.cg import solve
 from ..linear.system import LinearSystem
 from .atlas import TextureAtlas
@@ -145,10 +146,9 @@ def _widen(reads, columns, values, low, high):
 def _length(points, edge):
     f = edge // 3
     k = edge - 3 * f
-    after = k + 1 if k < 2 else 0
-    return np.sqrt(
-        (points[f, after, 0] - points[f, k, 0]) ** 2 + (points[f, after, 1] - points[f, k, 1]) ** 2
-    )
+    y = points[f, after(k), 0] - points[f, k, 0]
+    x = points[f, after(k), 1] - points[f, k, 1]
+    return np.sqrt(y**2 + x**2)
 
 
 @kernel
@@ -173,10 +173,10 @@ def _place_samples(borders, twins, points, owners, starts, counts, reads, weight
                 edge = borders[i] if side == 0 else twins[borders[i] // 3, borders[i] % 3]
                 f = edge // 3
                 k = edge - 3 * f
-                after = k + 1 if k < 2 else 0
+                end = after(k)
                 t = share if side == 0 else 1.0 - share
-                y = points[f, k, 0] + t * (points[f, after, 0] - points[f, k, 0])
-                x = points[f, k, 1] + t * (points[f, after, 1] - points[f, k, 1])
+                y = points[f, k, 0] + t * (points[f, end, 0] - points[f, k, 0])
+                x = points[f, k, 1] + t * (points[f, end, 1] - points[f, k, 1])
                 row = int(np.floor(y))
                 column = int(np.floor(x))
                 for corner in range(4):

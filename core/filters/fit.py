@@ -12,6 +12,7 @@ from ..base.checks import checked_mask, checked_signal
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..base.vectors import after, edge
 from ..errors import InvalidSignal, SolverError
 from ..linear.cg import SolveReport, solve
 from ..linear.system import LinearSystem
@@ -85,6 +86,18 @@ def fit_to_normals(
     target normal N. The projection acts on coordinates: with G the matrix whose rows are the
     gradients of the three coordinates, w = G - N (N^T G). Solved for the displacement, whose
     right-hand side -div(N (N^T G)) is exactly zero for a face's own normal.
+
+    Examples
+    --------
+    A triangle is turned to face sideways, and its own normal leaves it as it is:
+
+    >>> from shock_filter import core
+    >>> mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> turned = core.fit_to_normals(mesh, [[0.6, 0.0, 0.8]], core.FitSettings(screening_radius=50))
+    >>> core.TriangleMesh(turned, mesh.faces).normals.round(2).tolist()
+    [[0.6, 0.0, 0.8]]
+    >>> bool((core.fit_to_normals(mesh, mesh.normals) == mesh.vertices).all())
+    True
     """
     with reporting(progress):
         targets = checked_signal(normals, mesh.face_count, "array of normals")
@@ -189,11 +202,8 @@ def _turning(start, stop, vertices, faces, corner_start, corners, normals, targe
         for i in range(corner_start[v], corner_start[v + 1]):
             f = corners[i] // 3
             k = corners[i] - 3 * f
-            a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
             nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
-            ex = vertices[b, 0] - vertices[a, 0]
-            ey = vertices[b, 1] - vertices[a, 1]
-            ez = vertices[b, 2] - vertices[a, 2]
+            ex, ey, ez = edge(vertices, faces[f, after(k)], faces[f, after(after(k))])
             tx, ty, tz = targets[f, 0], targets[f, 1], targets[f, 2]
             x1, x2, y1, y2, z1, z2 = ny * ez, nz * ey, nz * ex, nx * ez, nx * ey, ny * ex
             along = 0.5 * (tx * (x1 - x2) + ty * (y1 - y2) + tz * (z1 - z2))

@@ -10,6 +10,7 @@ from ..base.checks import checked_mask
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..base.vectors import dot
 from ..flow.advect import advect_faces
 from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
 from ..mesh.calculus import average_to_faces, average_to_vertices, blended_normals, smooth_vertices
@@ -45,6 +46,18 @@ def sharpen_normals(
     ------
     Cancelled
         If `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    >>> quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    >>> faces = [half for q in quads for half in (q[:3], [q[0], q[2], q[3]])]
+    >>> cube = core.TriangleMesh(corners, faces)
+    >>> normals = core.sharpen_normals(cube, core.GeometrySettings(time=1.0))
+    >>> normals.shape, bool(np.allclose(np.linalg.norm(normals, axis=1), 1.0))
+    ((12, 3), True)
     """
     settings = settings or GeometrySettings()
     with reporting(progress):
@@ -99,6 +112,20 @@ def sharpen_geometry(
     Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature
     threshold (see `flow.above_surroundings`), masks, repeating, the displacement limit, and the
     screening radius in place of a fixed epsilon (see `fit_to_normals`).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    >>> quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    >>> faces = [half for q in quads for half in (q[:3], [q[0], q[2], q[3]])]
+    >>> cube = core.TriangleMesh(corners, faces)
+    >>> core.sharpen_geometry(cube, core.GeometrySettings(time=16.0)).shape
+    (8, 3)
+    >>> still = core.sharpen_geometry(cube, core.GeometrySettings(time=0.0))
+    >>> bool((still == corners).all())
+    True
     """
     settings = settings or GeometrySettings()
     weights = checked_mask(mask, mesh.vertex_count)
@@ -148,6 +175,16 @@ def geometry_flow(
     See Also
     --------
     flow_field : The same for colors and other signals.
+
+    Examples
+    --------
+    A flat triangle has nothing to flow to:
+
+    >>> from shock_filter import core
+    >>> mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> potential, flow = core.geometry_flow(mesh)
+    >>> potential.tolist(), flow.tolist()
+    ([0.0, 0.0, 0.0], [[0.0, 0.0, 0.0]])
     """
     with reporting(progress):
         with phase(0.0, 0.9, "Computing the flow"):
@@ -228,8 +265,7 @@ def _limit(moved: Floats, most: float) -> None:
 @kernel
 def _make_unit(start, stop, vectors, fallback):
     for f in range(start, stop):
-        x, y, z = vectors[f, 0], vectors[f, 1], vectors[f, 2]
-        length = np.sqrt(x * x + y * y + z * z)
+        length = np.sqrt(dot(vectors[f], vectors[f]))
         known = fallback[f, 0] != 0 or fallback[f, 1] != 0 or fallback[f, 2] != 0
         for j in range(3):
             vectors[f, j] = vectors[f, j] / length if known and length > 1e-12 else fallback[f, j]

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ask
+from ..base.vectors import after
 
 Ints = npt.NDArray[np.int32]
 
@@ -112,8 +113,8 @@ def _pair(start, stop, faces, corner_start, corners, twins, same):
         for i in range(first, last):
             f = corners[i] // 3
             k = corners[i] - 3 * f
-            ahead = faces[f, (k + 1) % 3]
-            behind = faces[f, (k + 2) % 3]
+            back = after(after(k))
+            ahead, behind = faces[f, after(k)], faces[f, back]
             if ahead == v or behind == v or ahead == behind:
                 continue  # a face with a repeated vertex has no edges
             if ahead > v:
@@ -122,7 +123,7 @@ def _pair(start, stop, faces, corner_start, corners, twins, same):
                 count += 1
             if behind > v:
                 far[count] = behind
-                half[count] = 3 * f + (k + 2) % 3
+                half[count] = 3 * f + back
                 count += 1
         if count > 64:
             order = np.argsort(far[:count], kind="mergesort")
@@ -200,7 +201,7 @@ def _count_ring(start, stop, faces, twins, corner_start, corners, ring_start):
             f = corners[i] // 3
             k = corners[i] - 3 * f
             count += 1
-            if twins[f, (k + 2) % 3] < 0:
+            if twins[f, after(after(k))] < 0:
                 count += 1
         ring_start[v + 1] = count
 
@@ -212,8 +213,9 @@ def _fill_ring(start, stop, faces, twins, corner_start, corners, ring_start, rin
         for i in range(corner_start[v], corner_start[v + 1]):
             f = corners[i] // 3
             k = corners[i] - 3 * f
-            ring[place] = faces[f, (k + 1) % 3]
+            back = after(after(k))
+            ring[place] = faces[f, after(k)]
             place += 1
-            if twins[f, (k + 2) % 3] < 0:
-                ring[place] = faces[f, (k + 2) % 3]
+            if twins[f, back] < 0:
+                ring[place] = faces[f, back]
                 place += 1

@@ -14,6 +14,7 @@ import scipy.sparse
 from ..base.checks import checked_signal
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import aside, phase
+from ..base.vectors import after, cross, dot, edge
 from ..errors import InvalidSignal
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -252,20 +253,15 @@ def _gradient(start, stop, vertices, faces, normals, areas, values, out):
     for f in range(start, stop):
         if areas[f] == 0:
             continue
-        nx, ny, nz = normals[f]
+        scale = 0.5 / areas[f]
         for k in range(3):
-            v, a, b = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            ex = vertices[b, 0] - vertices[a, 0]
-            ey = vertices[b, 1] - vertices[a, 1]
-            ez = vertices[b, 2] - vertices[a, 2]
-            scale = 0.5 / areas[f]
-            gx = (ny * ez - nz * ey) * scale
-            gy = (nz * ex - nx * ez) * scale
-            gz = (nx * ey - ny * ex) * scale
+            v, a, b = faces[f, k], faces[f, after(k)], faces[f, after(after(k))]
+            x, y, z = cross(normals[f], edge(vertices, a, b))
+            x, y, z = x * scale, y * scale, z * scale
             for j in range(values.shape[1]):
-                out[f, j, 0] += values[v, j] * gx
-                out[f, j, 1] += values[v, j] * gy
-                out[f, j, 2] += values[v, j] * gz
+                out[f, j, 0] += values[v, j] * x
+                out[f, j, 1] += values[v, j] * y
+                out[f, j, 2] += values[v, j] * z
 
 
 @kernel
@@ -274,16 +270,11 @@ def _divergence(start, stop, vertices, faces, corner_start, corners, normals, fi
         for i in range(corner_start[v], corner_start[v + 1]):
             f = corners[i] // 3
             k = corners[i] - 3 * f
-            a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            nx, ny, nz = normals[f]  # zero without area
-            ex = vertices[b, 0] - vertices[a, 0]
-            ey = vertices[b, 1] - vertices[a, 1]
-            ez = vertices[b, 2] - vertices[a, 2]
-            x = 0.5 * (ny * ez - nz * ey)
-            y = 0.5 * (nz * ex - nx * ez)
-            z = 0.5 * (nx * ey - ny * ex)
+            a, b = faces[f, after(k)], faces[f, after(after(k))]
+            x, y, z = cross(normals[f], edge(vertices, a, b))  # zero without area
+            hat = 0.5 * x, 0.5 * y, 0.5 * z
             for j in range(field.shape[1]):
-                out[v, j] -= x * field[f, j, 0] + y * field[f, j, 1] + z * field[f, j, 2]
+                out[v, j] -= dot(hat, field[f, j])
 
 
 @kernel
@@ -292,12 +283,11 @@ def _cotangents(start, stop, vertices, faces, areas, out):
         if areas[f] == 0:
             out[f] = 0.0
             continue
-        for k in range(3):
-            a, b, c = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
-            dot = 0.0
-            for x in range(3):
-                dot += (vertices[a, x] - vertices[c, x]) * (vertices[b, x] - vertices[c, x])
-            out[f, k] = 0.25 * dot / areas[f]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        u, v, w = edge(vertices, a, b), edge(vertices, b, c), edge(vertices, c, a)
+        out[f, 0] = -0.25 * dot(v, w) / areas[f]
+        out[f, 1] = -0.25 * dot(w, u) / areas[f]
+        out[f, 2] = -0.25 * dot(u, v) / areas[f]
         largest = max(abs(out[f, 0]), abs(out[f, 1]), abs(out[f, 2]))
         if largest > 500.0:
             for k in range(3):
@@ -322,7 +312,7 @@ def _assemble(
             weights[place] = weight
             total += weight
             place += 1
-            back = (k + 2) % 3
+            back = after(after(k))
             if twins[f, back] < 0:
                 weights[place] = cots[f, back]
                 total += cots[f, back]
@@ -392,7 +382,7 @@ def _blend(start, stop, faces, old, new, weights, out):
 @kernel
 def make_unit(vector):
     """Divide a vector by its length, in place; one of no length becomes zero."""
-    length = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+    length = np.sqrt(dot(vector, vector))
     if not length > 1e-12:
         length = np.inf
     for x in range(3):

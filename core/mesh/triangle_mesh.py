@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, ask, reporting
+from ..base.vectors import after, cross, dot, edge
 from ..errors import InvalidMesh
 from .adjacency import Ints, rings, wound_twins
 
@@ -273,11 +274,8 @@ _SUM_CHUNK = 1 << 15
 def _weigh_ring(start, stop, vertices, ring_start, ring, weights):
     for v in range(start, stop):
         for i in range(ring_start[v], ring_start[v + 1]):
-            w = ring[i]
-            x = vertices[w, 0] - vertices[v, 0]
-            y = vertices[w, 1] - vertices[v, 1]
-            z = vertices[w, 2] - vertices[v, 2]
-            weights[i] = np.exp(-(x * x + y * y + z * z))
+            e = edge(vertices, v, ring[i])
+            weights[i] = np.exp(-dot(e, e))
 
 
 @kernel
@@ -298,11 +296,8 @@ def _sum_edges(start, stop, vertices, faces, twins, sums):
     for f in range(start, stop):
         for k in range(3):
             if twins[f, k] < 3 * f + k:  # borders are -1: each edge once
-                a, b = faces[f, k], faces[f, (k + 1) % 3]
-                x = vertices[b, 0] - vertices[a, 0]
-                y = vertices[b, 1] - vertices[a, 1]
-                z = vertices[b, 2] - vertices[a, 2]
-                total += np.sqrt(x * x + y * y + z * z)
+                e = edge(vertices, faces[f, k], faces[f, after(k)])
+                total += np.sqrt(dot(e, e))
                 count += 1
     sums[start // _SUM_CHUNK, 0] = total
     sums[start // _SUM_CHUNK, 1] = count
@@ -312,25 +307,15 @@ def _sum_edges(start, stop, vertices, faces, twins, sums):
 def _measure_faces(start, stop, vertices, faces, normals, areas):
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux = vertices[b, 0] - vertices[a, 0]
-        uy = vertices[b, 1] - vertices[a, 1]
-        uz = vertices[b, 2] - vertices[a, 2]
-        vx = vertices[c, 0] - vertices[a, 0]
-        vy = vertices[c, 1] - vertices[a, 1]
-        vz = vertices[c, 2] - vertices[a, 2]
-        x = uy * vz - uz * vy
-        y = uz * vx - ux * vz
-        z = ux * vy - uy * vx
-        double = np.sqrt(x * x + y * y + z * z)
-        wx, wy, wz = vx - ux, vy - uy, vz - uz
-        longest = max(
-            ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
-        )
+        u, v = edge(vertices, a, b), edge(vertices, a, c)
+        w = v[0] - u[0], v[1] - u[1], v[2] - u[2]
+        n = cross(u, v)
+        double = np.sqrt(dot(n, n))
+        longest = max(dot(u, u), dot(v, v), dot(w, w))
         # Flatter than this, the direction of the normal is rounding noise.
         if double > 1e-10 * longest and double > 1e-14:
-            normals[f, 0] = x / double
-            normals[f, 1] = y / double
-            normals[f, 2] = z / double
+            for x in range(3):
+                normals[f, x] = n[x] / double
             areas[f] = 0.5 * double
         else:
             normals[f] = 0.0
