@@ -64,6 +64,15 @@ def osher_rudin_image(
         If steps, time_step or edge_detector are out of range, or a step needs 10,000 parts.
     Cancelled
         If `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> step = 1 / (1 + np.exp(-np.linspace(-4, 4, 16)))
+    >>> sharp = core.osher_rudin_image(np.tile(step, (4, 1)), 50)
+    >>> bool(np.diff(sharp).max() > 2 * np.diff(step).max())
+    True
     """
     array = as_array(image, "image")
     if array.dtype not in (np.float32, np.float64) or array.ndim not in (2, 3):
