@@ -59,6 +59,17 @@ def sharpen_image(
     Paper A, sections 3.2, 3.3 and Appendix A. Beside the image and the result, 8 bytes a pixel
     are needed while the flow is smoothed and 4 while values flow, 56 more for the scheme
     "composed", and another result for "naive".
+
+    Examples
+    --------
+    A soft step becomes a steep one.
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> image = np.tile(1 / (1 + np.exp(-np.linspace(-4, 4, 32))), (8, 1))
+    >>> sharp = core.sharpen_image(image, core.ImageSettings(time=1000.0))
+    >>> sharp.shape, bool(np.abs(np.diff(sharp)).max() > np.abs(np.diff(image)).max())
+    ((8, 32), True)
     """
     with reporting(progress):
         given = checked_image(image)

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import as_array
-from ..base.parallel import Progress, kernel, run
-from ..base.progress import ProgressCallback
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
 
 DETECTORS = {
@@ -19,6 +19,7 @@ DETECTORS = {
 
 _ROWS = 16
 _LARGEST = 1e9  # its cube is far from the end of float32
+_MOST_PARTS = 10_000  # of a step
 
 
 def osher_rudin_image(
@@ -41,8 +42,8 @@ def osher_rudin_image(
         Number of steps; 0 returns the input.
     time_step : float
         Length of a step, above 0; stable up to 0.5 for the detectors with F = sign, and no longer
-        there. For "flow", times are those of :func:`sharpen_image`, and steps are shortened to
-        0.5 / max|L| if longer.
+        there. For "flow", times are those of :func:`sharpen_image`, and a step longer than
+        0.5 / max|L| is taken in parts that are not: stable, and as far in time.
     edge_detector : {"gradient", "laplacian", "flow"}
         L is the second derivative along the gradient, or the Laplacian, with F = sign; or
         "flow": L = (grad I)^T H (grad I) / |grad I| with F the identity, the PDE that the
@@ -60,9 +61,18 @@ def osher_rudin_image(
         If the image is not of floats, is smaller than 2 x 2, or holds NaN, infinity or huge
         values.
     InvalidSettings
-        If steps, time_step or edge_detector are out of range.
+        If steps, time_step or edge_detector are out of range, or a step needs 10,000 parts.
     Cancelled
         If `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> step = 1 / (1 + np.exp(-np.linspace(-4, 4, 16)))
+    >>> sharp = core.osher_rudin_image(np.tile(step, (4, 1)), 50)
+    >>> bool(np.diff(sharp).max() > 2 * np.diff(step).max())
+    True
     """
     array = as_array(image, "image")
     if array.dtype not in (np.float32, np.float64) or array.ndim not in (2, 3):
@@ -80,20 +90,70 @@ def osher_rudin_image(
     longest = _LARGEST if edge_detector == "flow" else 0.5
     if not 0 < time_step <= longest:
         raise InvalidSettings(f"time_step is {time_step!r}; give a value in (0, {longest:g}].")
-    phases = Progress.of(progress)
     # Planar: every channel's rows lie together, which lets the processor vectorise.
     planes = np.moveaxis(array.reshape(*array.shape[:2], -1), 2, 0).copy(order="C")
-    spare = np.empty_like(planes)
-    for number, plane in enumerate(planes):
-        here, there = plane, spare[number]
-        for step in range(int(steps)):
-            phases.update((number + step / steps) / len(planes))
-            run(_pde_rows, len(here), here, there, here.dtype.type(time_step),
-                DETECTORS[edge_detector], chunk=_ROWS)  # fmt: skip
-            here, there = there, here
-        planes[number] = here
-    phases.update(1.0)
+    spares = np.empty_like(planes)
+    count = len(planes) * int(steps)
+    with reporting(progress):
+        for number in range(len(planes)):
+            here, there = planes[number], spares[number]
+            for step in range(int(steps)):
+                done = number * int(steps) + step
+                with phase(done / count, (done + 1) / count, "Sharpening"):
+                    here, there = _step(here, there, time_step, DETECTORS[edge_detector])
+            planes[number] = here
     return np.moveaxis(planes, 0, 2).reshape(array.shape).copy()
+
+
+def _step(
+    here: npt.NDArray, there: npt.NDArray, time_step: float, detector: int
+) -> tuple[npt.NDArray, npt.NDArray]:
+    # Evolve the plane `here` by a time step; returns the result and the other one of both.
+    left = time_step
+    while left > 0:
+        part = left
+        if detector == DETECTORS["flow"]:
+            fastest = _fastest(here)
+            if fastest * left > 0.5 * _MOST_PARTS:
+                raise InvalidSettings(
+                    f"time_step is {time_step!r}, too long for values that change by so much; scale"
+                    " them to [0, 1] or give a shorter one."
+                )
+            part = min(left, 0.5 / fastest) if fastest > 0 else left
+        run(_pde_rows, len(here), here, there, here.dtype.type(part), detector, chunk=_ROWS)
+        here, there = there, here
+        left -= part
+    return here, there
+
+
+def _fastest(plane: npt.NDArray) -> float:
+    # max|L| of "flow", over the pixels that move.
+    peaks = np.zeros((-(-len(plane) // _ROWS), plane.shape[1]), dtype=plane.dtype)
+    run(_find_peaks, len(plane), plane, peaks, chunk=_ROWS)
+    return float(peaks.max())
+
+
+@kernel
+def _find_peaks(start, stop, image, peaks):
+    # The largest |L| in each column of a band.
+    height, width = image.shape
+    last = width - 1
+    peak = peaks[start // _ROWS]
+    for y in range(start, stop):
+        above = image[max(y - 1, 0)]
+        row = image[y]
+        below = image[min(y + 1, height - 1)]
+        for x in range(1, last):
+            speed = _speed(above, row, below, x - 1, x, x + 1)
+            peak[x] = speed if speed > peak[x] else peak[x]
+        peak[0] = max(peak[0], _speed(above, row, below, 0, 0, 1))
+        peak[last] = max(peak[last], _speed(above, row, below, last - 1, last, last))
+
+
+@kernel
+def _speed(above, row, below, left, x, right):
+    edge, slope = _edge_and_slope(above, row, below, left, x, right, 2)
+    return abs(edge) if slope > 0 else row.dtype.type(0)
 
 
 @kernel
@@ -124,6 +184,19 @@ def _evolved(above, row, below, left, x, right, time_step, detector):
     # A pixel's value after a step.
     kind = row.dtype.type
     zero = kind(0)
+    edge, slope = _edge_and_slope(above, row, below, left, x, right, detector)
+    if detector == 2:
+        speed = time_step * edge
+    else:
+        speed = time_step if edge > zero else (-time_step if edge < zero else zero)
+    return row[np.uint64(x)] - speed * slope
+
+
+@kernel
+def _edge_and_slope(above, row, below, left, x, right, detector):
+    # L and the upwind |grad I|.
+    kind = row.dtype.type
+    zero = kind(0)
     half = kind(0.5)
     left, x, right = np.uint64(left), np.uint64(x), np.uint64(right)
     here = row[x]
@@ -145,9 +218,4 @@ def _evolved(above, row, below, left, x, right, time_step, detector):
     # minmod of both one-sided differences: zero at extrema
     mx = min(abs(west), abs(east)) if west * east > zero else zero
     my = min(abs(north), abs(south)) if north * south > zero else zero
-    slope = np.sqrt(mx * mx + my * my)
-    if detector == 2:
-        speed = min(max(time_step * edge, -half), half)
-    else:
-        speed = time_step if edge > zero else (-time_step if edge < zero else zero)
-    return here - speed * slope
+    return edge, np.sqrt(mx * mx + my * my)

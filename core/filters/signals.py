@@ -58,6 +58,23 @@ def sharpen_vertex_signal(
     Notes
     -----
     Paper A, sections 3.2, 3.3 and Appendix A, "Vertex Advection".
+
+    Examples
+    --------
+    A soft step becomes a steep one.
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.mgrid[:9, :9]
+    >>> vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
+    >>> first = (9 * x + y)[:-1, :-1].reshape(-1, 1)
+    >>> faces = np.concatenate([first + [0, 9, 10], first + [0, 10, 1]])
+    >>> mesh = core.TriangleMesh(vertices, faces)
+    >>> colors = 1 / (1 + np.exp(4.0 - vertices[:, :1]))
+    >>> sharp = core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(time=300.0))
+    >>> steepest = [np.ptp(c[mesh.faces], axis=1).max() for c in (colors, sharp)]
+    >>> bool(steepest[1] > 1.5 * steepest[0])
+    True
     """
     with reporting(progress):
         given = checked_type(signal)
@@ -104,6 +121,22 @@ def sharpen_corner_signal(
     ------
     InvalidSignal, Cancelled
         As in `sharpen_vertex_signal`.
+
+    Examples
+    --------
+    As in `sharpen_vertex_signal`, with a value for each corner.
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.mgrid[:9, :9]
+    >>> vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
+    >>> first = (9 * x + y)[:-1, :-1].reshape(-1, 1)
+    >>> faces = np.concatenate([first + [0, 9, 10], first + [0, 10, 1]])
+    >>> mesh = core.TriangleMesh(vertices, faces)
+    >>> colors = 1 / (1 + np.exp(4.0 - vertices[:, :1]))
+    >>> sharp = core.sharpen_corner_signal(mesh, colors[faces], core.ShockSettings(time=300.0))
+    >>> sharp.shape, bool(np.ptp(sharp, axis=1).max() > np.ptp(colors[faces], axis=1).max())
+    ((128, 3, 1), True)
     """
     with reporting(progress):
         with aside("Sharpening"):

@@ -52,6 +52,24 @@ def flow_field(
     Notes
     -----
     u = grad(P) / 2 as in section 3.2; Appendix A leaves out the half, which only scales time.
+
+    Examples
+    --------
+    Along a soft step, P is largest in the middle, and the flow points there.
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.mgrid[:9, :9]
+    >>> vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
+    >>> first = (9 * x + y)[:-1, :-1].reshape(-1, 1)
+    >>> faces = np.concatenate([first + [0, 9, 10], first + [0, 10, 1]])
+    >>> mesh = core.TriangleMesh(vertices, faces)
+    >>> colors = 1 / (1 + np.exp(4.0 - vertices[:, :1]))
+    >>> potential, flow = core.flow_field(mesh, colors)
+    >>> potential.shape, flow.shape
+    ((81,), (128, 3))
+    >>> int(vertices[potential.argmax(), 0])
+    4
     """
     with reporting(progress):
         values = checked_signal(signal, mesh.vertex_count)

@@ -369,9 +369,29 @@ class TestOsherRudin:
             core.osher_rudin_image(*arguments)
 
     def test_long_steps_of_flow_are_shortened(self):
-        image = photo(channels=1)
-        longest = core.osher_rudin_image(image, 3, 1e9, "flow")
-        assert image.min() <= longest.min() < longest.max() <= image.max()
+        image = photo(channels=1) * 4  # so that steps of 8 are cut to below 1
+        long = core.osher_rudin_image(image, 1, 8.0, "flow")
+        assert image.min() <= long.min() < long.max() <= image.max()
+        # As far in time as steps that are short by themselves; clipped speeds would be 0.68 off.
+        short = core.osher_rudin_image(image, 400, 0.02, "flow")
+        assert np.linalg.norm(long - short) < 0.4 * np.linalg.norm(short - image)
+        with pytest.raises(core.InvalidSettings, match="too long"):
+            core.osher_rudin_image(image, 1, 1e9, "flow")
+
+    def test_parts_of_a_step_are_half_of_the_fastest_speed(self):
+        x = np.linspace(0, 1, 20)
+        image = np.tile(3 * x**2, (20, 1))  # L = I_x I_xx, largest at the right
+        second = 6 * (x[1] - x[0]) ** 2
+        largest = 0.5 * (image[0, -1] - image[0, -3]) * second
+        once = core.osher_rudin_image(image, 1, 0.5 / largest, "flow")
+        twice = core.osher_rudin_image(image, 1, 0.5 / largest * 1.01, "flow")
+        inner = (slice(None), slice(2, -3))
+        slope = np.minimum(np.diff(image, axis=1)[:, :-1], np.diff(image, axis=1)[:, 1:])
+        edge = 0.5 * (image[:, 2:] - image[:, :-2]) * second
+        expected = image.copy()
+        expected[:, 1:-1] -= 0.5 / largest * edge * slope
+        np.testing.assert_allclose(once[inner], expected[inner])
+        assert not np.allclose(twice[inner], expected[inner], rtol=1e-4)
 
     def test_cancels(self):
         with pytest.raises(core.Cancelled):

@@ -108,6 +108,10 @@ def test_osher_rudin(image, steps, time_step, detector, stop_at):
         huge = abs(image).max() > 1e9
         assert huge or image.dtype.kind == "u" or min(image.shape[:2]) < 2
         return
+    except core.InvalidSettings:
+        assert detector == "flow"
+        assert abs(image).max() > 10  # many parts of a step
+        return
     check_image(result, image, None, steps == 0, "none")
 
 
