@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.grid.geodesics import march, open_band
+from shock_filter.core.grid.geodesics import distances_on_grid
 from shock_filter.core.mesh.geodesics import distances_from
 
 ORDER = 0.9
@@ -20,21 +20,6 @@ ROUNDING = 1e-5
 
 Measurement = tuple[float, float, float]
 """Mean edge length, largest error and mean error."""
-
-
-def grid_distances(
-    points: np.ndarray, y: int, x: int, radius: float, flat: bool = False
-) -> np.ndarray:
-    """Distances on a grid of points from one of them, infinite beyond the radius.
-
-    With `flat`, places in the plane, a pixel apart, are added to the coordinates.
-    """
-    guide = np.ascontiguousarray(points, dtype=np.float32)
-    height, width = guide.shape[:2]
-    limit = np.float32(radius**2)
-    surface, front = open_band(guide, np.float32(flat), limit, 0, height)
-    march((y + 1) * (width + 2) + x + 1, limit, surface, front)
-    return np.sqrt(front[0].reshape(height + 2, width + 2)[1:-1, 1:-1])
 
 
 def _square(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -71,7 +56,7 @@ def cone_grid(n: int, shear: float) -> tuple[np.ndarray, np.ndarray]:
 def grid_error(shape: Callable, shear: float, n: int) -> Measurement:
     """Errors within a radius of 0.4 on a parametric manifold of n x n squares."""
     points, exact = shape(n, shear)
-    found = grid_distances(points, n // 2, n // 2, 0.4)
+    found = distances_on_grid(points, n // 2, n // 2, 0.4)
     errors = abs(found - exact)[exact < 0.38]
     return 2 / n, float(errors.max()), float(errors.mean())
 

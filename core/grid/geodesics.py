@@ -6,14 +6,25 @@ parametric manifold with beta I as further coordinates. Each pixel has eight nei
 two that touch lies a triangle through which the front reaches the pixel. Triangles are known by
 the lengths of their sides in space, so their angles are those of the metric.
 
+References
+----------
+A. Spira, R. Kimmel: An Efficient Solution to the Eikonal Equation on Parametric Manifolds, 2004:
+the march on a grid with a metric, and how obtuse triangles are split there. M. Novotni, R. Klein:
+Computing Geodesic Distances on Triangular Meshes, 2002: fronts that are circles.
+
 Cells are the pixels of a band of rows with a frame of one cell around them, numbered row by row.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import as_array
 from ..base.parallel import kernel
+from ..errors import InvalidSignal
 
 # The neighbours of a pixel, clockwise from the right: even ones along the axes, odd diagonal.
 _DOWN = np.array([0, 1, 1, 1, 0, -1, -1, -1])
@@ -22,6 +33,74 @@ _RIGHT = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 _STENCIL = 40  # numbers per cell: eight lengths to neighbours, four for each of eight triangles
 _MOST_SPLITS = 16  # most triangles that an obtuse one is split into
 _CELL = 0xFFFFFFFF  # masking shows the compiler that an index is not negative
+
+
+class Band(NamedTuple):
+    """What `march` needs to know of the surface in a band of rows."""
+
+    offsets: npt.NDArray[np.int64]  # from a cell to its eight neighbours
+    stencils: npt.NDArray[np.float32]  # per cell: see `_fill_stencils`
+    ends: npt.NDArray[np.int64]  # where the ways end that lead from a cell through split triangles
+    targets: npt.NDArray[np.int32]  # per way: see `_fill_splits`
+    ways: npt.NDArray[np.float32]
+
+
+class BandFront(NamedTuple):
+    """What `march` works on, and what it finds, per cell of a band."""
+
+    final: npt.NDArray[np.float32]  # squared distances, infinite where the front was not
+    tentative: npt.NDArray[np.float32]  # negative where the front was or must not go
+    queue: npt.NDArray[np.int64]
+    reached: npt.NDArray[np.int32]
+
+
+def distances_on_grid(
+    points: npt.ArrayLike, y: int, x: int, limit: float = np.inf, *, flat: bool = False
+) -> npt.NDArray[np.float32]:
+    """Compute geodesic distances on a grid of points from one of them.
+
+    Parameters
+    ----------
+    points : (h, w, k) array of float
+        The coordinates, any number of them, in any unit.
+    y, x : int
+        Row and column of the point.
+    limit : float
+        How far to go.
+    flat : bool
+        Whether the grid's own rows and columns, a unit apart, are two further coordinates: then
+        `points` may be the values of an image.
+
+    Returns
+    -------
+    (h, w) float32
+        Infinite beyond `limit`.
+
+    Raises
+    ------
+    InvalidSignal
+        If the points are of another shape, not finite, or there is no such row and column.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter.core.grid.geodesics import distances_on_grid
+    >>> distances_on_grid(np.zeros((4, 5, 1)), 0, 0, flat=True)[3, ::4].round(4).tolist()
+    [3.0, 5.0]
+    """
+    guide = as_array(points, "points")
+    if guide.ndim != 3 or guide.dtype.kind not in "fiub" or not np.isfinite(guide).all():
+        raise InvalidSignal("The points are no (h, w, coordinates) array of finite numbers.")
+    height, width = guide.shape[:2]
+    if not (0 <= y < height and 0 <= x < width):
+        raise InvalidSignal(
+            f"The source is in row {y}, column {x}, beyond the {height} rows and {width} columns."
+        )
+    guide = np.ascontiguousarray(guide, dtype=np.float32)
+    square = np.float32(limit**2)
+    band, front = open_band(guide, np.float32(flat), square, 0, height)
+    march((y + 1) * (width + 2) + x + 1, square, band, front)
+    return np.sqrt(front.final.reshape(height + 2, width + 2)[1:-1, 1:-1])
 
 
 @kernel
@@ -260,12 +339,9 @@ def open_band(guide, spacing, limit, first, last):
 
     Returns
     -------
-    surface : tuple
-        What `march` needs to know of the surface.
-    front : tuple
-        What `march` works on: ``final`` and ``tentative``, (cells,) float32, a queue and
-        ``reached``, (cells,) int32. All values are infinite, but `tentative` is negative where
-        there are no pixels.
+    band : Band
+    front : BandFront
+        All values are infinite, but `tentative` is negative where there are no pixels.
     """
     columns = guide.shape[1]
     width = columns + 2
@@ -285,19 +361,19 @@ def open_band(guide, spacing, limit, first, last):
         tentative[row * width + 1 : row * width + 1 + columns] = np.inf
     # Each way into a cell puts it into the queue at most once.
     queue = np.empty(8 * cells + ends[cells] + 1, np.int64)
-    surface = (_DOWN * width + _RIGHT, stencils, ends, targets, ways)
-    return surface, (final, tentative, queue, np.empty(cells, np.int32))
+    band = Band(_DOWN * width + _RIGHT, stencils, ends, targets, ways)
+    return band, BandFront(final, tentative, queue, np.empty(cells, np.int32))
 
 
 @kernel
-def march(source, limit, surface, front):
+def march(source, limit, band, front):
     """Find the cells within a squared distance of `limit` from a cell, nearest first.
 
     Parameters
     ----------
     source : int
     limit : float32
-    surface, front : tuple
+    band, front : Band, BandFront
         From `open_band`. In the cells that are reached, ``final`` becomes the squared distance
         and ``tentative`` negative. Where it is negative already the front does not go.
 
@@ -306,7 +382,7 @@ def march(source, limit, surface, front):
     int
         How many cells were put into ``reached``.
     """
-    offsets, stencils, ends, targets, ways = surface
+    offsets, stencils, ends, targets, ways = band
     final, tentative, queue, reached = front
     infinite = np.float32(np.inf)
     count = 0

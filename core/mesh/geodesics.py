@@ -3,9 +3,9 @@
 
 References
 ----------
-R. Kimmel, J. Sethian: Computing Geodesic Paths on Manifolds, 1998: the march, section 3; obtuse
-corners are split by unfolding the faces that lie across, section 4. M. Novotni, R. Klein: Computing
-Geodesic Distances on Triangular Meshes, 2002: fronts that are circles.
+R. Kimmel, J. Sethian: Computing Geodesic Paths on Manifolds, 1998: the march, and obtuse
+corners, split by unfolding the faces that lie across. M. Novotni, R. Klein: Computing Geodesic
+Distances on Triangular Meshes, 2002: fronts that are circles.
 
 The mesh may be embedded in any number of dimensions: only lengths of edges are read.
 """
@@ -94,7 +94,7 @@ def distances_from(
     >>> from shock_filter.core.mesh.geodesics import distances_from
     >>> corners = [[0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]]
     >>> mesh = TriangleMesh(corners, [[0, 1, 3], [1, 2, 3]])
-    >>> distances_from(mesh, 0, mesh.vertices).tolist()
+    >>> distances_from(mesh, 0, mesh.vertices).round(6).tolist()
     [0.0, 3.0, 5.0, 4.0]
     """
     if not 0 <= source < mesh.vertex_count:

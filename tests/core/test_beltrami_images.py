@@ -8,7 +8,7 @@ import pytest
 import scipy.ndimage
 from shock_filter import core
 from shock_filter.core.filters.beltrami import grid_smoothing
-from shock_filter.core.grid.geodesics import march, open_band
+from shock_filter.core.grid.geodesics import distances_on_grid
 
 
 def photo(height=41, width=37, seed=0, channels=3, noise=0.05):
@@ -20,16 +20,6 @@ def photo(height=41, width=37, seed=0, channels=3, noise=0.05):
 
 def smooth(image, mask=None, **settings):
     return core.beltrami_image(image, core.BeltramiSettings(**settings), mask)
-
-
-def distances(points, y, x, radius, flat=False):
-    """Distances from a point, infinite beyond the radius."""
-    guide = np.ascontiguousarray(points, dtype=np.float32)
-    height, width = guide.shape[:2]
-    limit = np.float32(radius**2)
-    surface, front = open_band(guide, np.float32(flat), limit, 0, height)
-    march((y + 1) * (width + 2) + x + 1, limit, surface, front)
-    return np.sqrt(front[0].reshape(height + 2, width + 2)[1:-1, 1:-1])
 
 
 def square(n, size=1.0):
@@ -58,7 +48,7 @@ def great_circle(points, center):
 
 def largest_error(points, exact, radius):
     n = len(points) - 1
-    found = distances(points, n // 2, n // 2, radius)
+    found = distances_on_grid(points, n // 2, n // 2, radius)
     near = exact < 0.95 * radius
     assert np.isfinite(found[near]).all()
     assert np.isinf(found[exact > 1.05 * radius]).all()
@@ -116,10 +106,21 @@ def test_distances_on_a_cone_and_on_a_cylinder_converge_with_order_two():
 def test_distances_on_a_steep_image_go_around_a_wall():
     wall = np.zeros((31, 31, 1))
     wall[:20, 15] = 100.0
-    found = distances(wall, 10, 12, 40, flat=True)
+    found = distances_on_grid(wall, 10, 12, 40, flat=True)
     around = math.hypot(10, 3)  # to the wall's end, past it, and back
     assert found[10, 18] == pytest.approx(2 * around, rel=0.1)
     assert found[10, 9] == pytest.approx(3)
+
+
+def test_without_a_limit_distances_reach_everything():
+    found = distances_on_grid(np.stack(square(8), axis=-1), 0, 3)
+    assert np.isfinite(found).all()
+    for y, x in ((-1, 0), (0, -1), (9, 0), (0, 9)):
+        with pytest.raises(core.InvalidSignal, match="beyond the 9 rows"):
+            distances_on_grid(np.zeros((9, 9, 3)), y, x)
+    for points in (np.zeros((9, 9)), np.full((9, 9, 3), np.nan)):
+        with pytest.raises(core.InvalidSignal, match="coordinates"):
+            distances_on_grid(points, 0, 0)
 
 
 def test_the_result_does_not_depend_on_what_lies_beyond_the_reach():

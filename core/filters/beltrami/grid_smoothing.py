@@ -123,7 +123,7 @@ def _smooth_rows(start, stop, signal, guide, spacing, areas, limit, rate, half_w
     first, last = rows[start, 0], rows[stop - 1, 1]
     columns = guide.shape[1]
     width = columns + 2
-    surface, front = open_band(guide, spacing, limit, first, last)
+    band, front = open_band(guide, spacing, limit, first, last)
     final, tentative, _, reached = front
     values = np.zeros((final.size, signal.shape[2]), signal.dtype)
     shares = np.empty(final.size, np.float32)
@@ -146,7 +146,7 @@ def _smooth_rows(start, stop, signal, guide, spacing, areas, limit, rate, half_w
                 window[:, x + half_window : x + half_window + 1] = np.inf
                 if x > half_window:
                     window[:, x - half_window - 1] = -1.0
-            count = march(source, limit, surface, front)
+            count = march(source, limit, band, front)
             total[:] = 0.0
             weight = 0.0
             for i in range(count):

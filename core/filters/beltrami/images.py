@@ -60,6 +60,16 @@ def beltrami_image(
     to t times the Laplace-Beltrami operator as t goes to 0. Differs from the paper in the front's
     shape within a triangle, which is a circle around a point instead of a line: so distances on
     planes are exact, and beta = 0 gives exact Gaussians.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> step = np.where(np.arange(16) < 8, 0.2, 0.8) * np.ones((12, 1))
+    >>> noisy = step + 0.05 * np.random.default_rng(0).normal(size=step.shape)
+    >>> smooth = core.beltrami_image(noisy, core.BeltramiSettings(beta=15))
+    >>> bool(abs(smooth - step).mean() < 0.4 * abs(noisy - step).mean())
+    True
     """
     given = checked_image(image)
     weights = checked_weights(mask, given)
@@ -106,6 +116,20 @@ def beltrami_manifold(
         As in `beltrami_image`; also if the embedding does not fit the image.
     InvalidSettings
         If `smooth` is another word, or Euclidean distances are asked for without a window.
+
+    Notes
+    -----
+    Paper C, equations 7 and 20 to 23, as in `beltrami_image`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.meshgrid(np.arange(8.0), np.arange(6.0))
+    >>> image, roof = x / 8, np.stack([x, y, abs(x - 4)], axis=-1)
+    >>> smooth, points = core.beltrami_manifold(image, roof, core.BeltramiSettings(time=0.5))
+    >>> smooth.shape, bool((points == roof).all())
+    ((6, 8), True)
     """
     given = checked_image(image)
     places = _checked_embedding(embedding, given)

@@ -66,6 +66,15 @@ def beltrami_vertex_signal(
     Paper C, equations 20 to 22, of which only the components of the signal are filtered
     (equation 7). Lengths are in mean edge lengths; differs from the paper in weighing vertices by
     the area around them, which it leaves open.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> core.beltrami_vertex_signal(mesh, np.array([0.5, 0.51, 0.5, 0.49])).round(2).tolist()
+    [0.5, 0.5, 0.5, 0.5]
     """
     given = checked_type(signal)
     values = checked_signal(given, mesh.vertex_count)
@@ -114,6 +123,16 @@ def beltrami_corner_signal(
     Notes
     -----
     Paper C, as in `beltrami_vertex_signal`, on the surface that is cut open at the jumps.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    >>> core.beltrami_corner_signal(mesh, corners).tolist()
+    [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]
     """
     given = checked_type(signal)
     own = to_own_corners(mesh, given)
@@ -158,6 +177,16 @@ def beltrami_joint(
     ------
     InvalidSignal, Cancelled
         As in `beltrami_vertex_signal`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> positions, colors = core.beltrami_joint(mesh, np.full((4, 3), 0.5))
+    >>> positions.shape, colors.round(6).max().item()
+    ((4, 3), 0.5)
     """
     given = checked_type(signal)
     values = checked_signal(given, mesh.vertex_count)
@@ -260,6 +289,19 @@ def beltrami_mesh(
     creases; what is averaged are the normals themselves. And `beta` is divided by the noise that
     the normals have, so that one setting serves for light noise and strong noise, and a clean
     mesh hardly changes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.meshgrid(np.arange(12.0), np.arange(12.0))
+    >>> rough = 0.1 * np.random.default_rng(0).normal(size=x.shape)
+    >>> vertices = np.stack([x, y, rough], axis=-1).reshape(-1, 3)
+    >>> first = (np.arange(11)[:, None] * 12 + np.arange(11)).reshape(-1)
+    >>> faces = np.concatenate([first[:, None] + (0, 1, 13), first[:, None] + (0, 13, 12)])
+    >>> smooth = core.beltrami_mesh(core.TriangleMesh(vertices, faces))
+    >>> bool(abs(smooth[:, 2]).mean() < 0.5 * abs(rough).mean())
+    True
     """
     settings = settings or BeltramiGeometrySettings()
     weights = checked_mask(mask, mesh.vertex_count)
