@@ -31,6 +31,8 @@ def run_all(
     options: argparse.Namespace,
 ) -> int:
     """Filter each input into its output; returns the exit code."""
+    if not hasattr(backend, "filter"):  # transition
+        backend.filter = backend.sharpen  # type: ignore  # transition
     failed = False
     with _Interrupt() as interrupt:
         for source, target in pairs:
@@ -55,8 +57,7 @@ def _run_one(
     try:
         check_target(target, options.overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
-        run = getattr(backend, "filter", None) or backend.sharpen  # type: ignore[attr-defined]  # transition
-        outcome = run(options.command, source, target, settings, options, bar)
+        outcome = backend.filter(options.command, source, target, settings, options, bar)
     except (ShockError, OSError, KeyboardInterrupt) as error:
         bar.clear()
         if interrupt.asked:
