@@ -113,16 +113,6 @@ def install_blender(
     install(session, blender, numpy, *packages, python=python)
 
 
-def provide_bare_blender(session: nox.Session, version: str) -> str:
-    """Make an environment with bpy, numpy and what builds the zips; return its Python."""
-    folder = Path(session.virtualenv.location) / f"bare-{version}"
-    python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-    install(session, "virtualenv")
-    session.run_install("virtualenv", "--quiet", str(folder))
-    install_blender(session, version, *DOCS, python=str(python))
-    return str(python)
-
-
 @nox.session(python=PYTHON)
 def demo(session: nox.Session) -> None:
     """Sharpen shapes, colors and a photo in Blender and show them before and after."""
@@ -136,8 +126,9 @@ def test(session: nox.Session) -> None:
     """Run all tests on one Blender."""
     provide_system_libraries(session)
     install(session, "-e", ".[blender,files,test,docs]")
-    bare = provide_bare_blender(session, "4.5")
-    session.run("pytest", *session.posargs, env={"SHOCK_FILTER_BARE_PYTHON": bare})
+    session.run("pytest", *(session.posargs or ["--numprocesses=2", "--dist=loadfile"]))
+    if not session.posargs:
+        session.notify("test_blender(4.5)")
 
 
 @nox.session
@@ -187,16 +178,26 @@ def fuzz(session: nox.Session) -> None:
 
 
 @nox.session(python=PYTHON)
+def translations(session: nox.Session) -> None:
+    """Ask for translations of all texts on screen, before a release."""
+    provide_system_libraries(session)
+    install(session, "-e", ".[blender,files,test]")
+    session.run("pytest", "tests/release", *session.posargs)
+
+
+@nox.session(python=PYTHON)
 def lint(session: nox.Session) -> None:
-    """Check style, formatting and types."""
+    """Check style, formatting, types, and which room uses which."""
     install(session, "-e", ".[dev]", "numpy<2")  # types differ between versions of numpy
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
-    # mypy takes a package's name from its folder, and the root may be called anything.
+    # Both take a package's name from its folder, and the root may be called anything.
     link = Path(session.create_tmp()) / "shock_filter"
     link.unlink(missing_ok=True)
     link.symlink_to(Path(__file__).parent, target_is_directory=True)
     session.run("mypy", env={"MYPYPATH": str(link.parent)})
+    rooms = ("lint-imports", "--no-cache", "--no-logo")
+    session.run(*rooms, env={"PYTHONPATH": str(link.parent)})
 
 
 @nox.session(python=PYTHON)
@@ -221,7 +222,6 @@ def bench(session: nox.Session) -> None:
     session.run("python", "benchmarks/geometry.py", *session.posargs)
     session.run("python", "benchmarks/textures.py", *session.posargs)
     session.run("python", "benchmarks/denoise.py", *session.posargs)
-    session.run("python", "benchmarks/rates.py")
 
 
 @nox.session(python=PYTHON)

@@ -23,7 +23,7 @@ import trimesh
 from PIL import Image
 from report import Page
 from shock_filter import core
-from shock_filter.core.base.cores import thread_count
+from shock_filter.core.base.parallel import thread_count
 
 FLOW_TIMES = [1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, math.inf]
 

@@ -23,7 +23,8 @@ from shock_filter.core.files.formats.pillow import read_pillow
 from shock_filter.core.files.formats.trimesh import KEEPS, SceneFile
 from shock_filter.core.files.meshes import IN_PLACE, read_document
 from shock_filter.core.files.textures import read_textured_mesh
-from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
+from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
+from shock_filter.core.filters.denoising import then_sharpen
 
 MESHES = tuple(KEEPS)
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
@@ -46,10 +47,10 @@ def mesh_runs(path: Path) -> tuple[str, Iterator[Run]]:
         corners = colors[mesh.faces]
         yield "geometry", lambda: core.sharpen_geometry(mesh)
         yield "steady", lambda: core.sharpen_geometry(mesh, core.GeometrySettings(time=np.inf))
-        yield "denoise", lambda: denoise_geometry(mesh, settings, 64.0)
+        yield "denoise", lambda: then_sharpen(core.beltrami_mesh, 64.0)(mesh, settings=settings)
         yield "colors", lambda: core.sharpen_vertex_signal(mesh, colors)
         yield "corners", lambda: core.sharpen_corner_signal(mesh, corners)
-        yield "both", lambda: denoise_jointly(mesh, corners, core.BeltramiMeshSettings(), 64.0)
+        yield "both", lambda: then_sharpen(beltrami_joint_corners, 64.0)(mesh, corners)
         yield "texture", lambda: textured(path)
 
     return f"{mesh.vertex_count:,} vertices", runs()
@@ -73,7 +74,7 @@ def image_runs(path: Path) -> tuple[str, Iterator[Run]]:
     def runs() -> Iterator[Run]:
         yield "image", lambda: core.sharpen_image(pixels)
         yield "steady", lambda: core.sharpen_image(pixels, core.ImageSettings(time=np.inf))
-        yield "denoise", lambda: denoise_image(pixels, core.BeltramiSettings(), 16.0)
+        yield "denoise", lambda: then_sharpen(core.beltrami_image, 16.0)(pixels)
 
     return f"{width} x {height} pixels", runs()
 

@@ -64,7 +64,7 @@ def redo(flow_time: float) -> float:
 
 def measure(side: int) -> tuple[int, float, float, float]:
     """Return the number of vertices, and the seconds of first run, quick and full redo."""
-    from shock_filter.core.host import surface
+    from shock_filter.core.host import welding
 
     bpy.ops.wm.read_homefile(use_empty=True)
     count = len(add_relief(side).data.vertices)
@@ -73,7 +73,7 @@ def measure(side: int) -> tuple[int, float, float, float]:
     quick = [redo(flow_time) for flow_time in TIMES]
     full = []
     for flow_time in TIMES:
-        surface.forget()
+        welding.forget()
         full.append(redo(flow_time))
     return count, first, statistics.median(quick), statistics.median(full)
 

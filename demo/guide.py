@@ -18,8 +18,8 @@ from picture import PAINT, View, render
 from PIL import Image
 from run import FACE, GEAR, copied, run
 from shock_filter import core
-from shock_filter.shock_addon.flow.drawing import potential_colors
-from shock_filter.shock_addon.ui.shipped_presets import SHIPPED
+from shock_filter.core.host.strokes import potential_colors
+from shock_filter.shock_addon.modes import find
 
 OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "guide"
 
@@ -68,7 +68,7 @@ def show_presets() -> None:
     obj = shapes.suzanne(subdivisions=2)
     shapes.soften(obj, passes=2)
     columns = [("Softened", obj.data)]
-    for preset in SHIPPED["geometry"]:
+    for preset in find("geometry").presets:
         columns.append((preset.name, filtered(obj, "sharpen_geometry", **preset.values)))
     draw("presets", FACE, columns)
 

@@ -14,22 +14,13 @@ from .commands import registration as command
 from .flow import operator as flow_operator
 from .flow import overlay as flow_overlay
 from .operators import base as operators
-from .operators import colors as colors_operator
-from .operators import denoise as denoise_operator
-from .operators import geometry as geometry_operator
-from .operators import images as image_operator
-from .operators import jobs, kernels, properties, statistics
-from .operators import textures as texture_operator
+from .operators import filtering, jobs, kernels, properties, statistics
 from .preview import operator as preview_operator
 from .ui import manual, menus, panels, presets, translations
 
 _CLASSES = (
     *jobs.CLASSES,
-    *denoise_operator.CLASSES,
-    *geometry_operator.CLASSES,
-    *colors_operator.CLASSES,
-    *image_operator.CLASSES,
-    *texture_operator.CLASSES,
+    *filtering.classes(),
     *flow_operator.CLASSES,
     *preview_operator.CLASSES,
     *presets.CLASSES,
@@ -68,6 +59,7 @@ def _unregister_at_exit() -> None:
 def register() -> None:
     """Add everything to Blender, until its process ends at the latest."""
     atexit.register(_unregister_at_exit)
+    kernels.register()
     translations.register()
     properties.register()
     for cls in _CLASSES:
@@ -98,4 +90,4 @@ def unregister() -> None:
     translations.unregister()
     _forget_file()
     statistics.forget()
-    kernels.forget()
+    kernels.unregister()

@@ -19,9 +19,8 @@ from typing import Any
 import bpy
 import shock_filter
 from shock_filter.core import settings
-from shock_filter.shock_addon.operators.properties import SHOCK_FILTER_PG_scene
+from shock_filter.shock_addon.modes import choices
 from shock_filter.shock_addon.ui.manual import heading
-from shock_filter.shock_addon.ui.shipped_presets import SHIPPED
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 WINDOW = DOCS / "images" / "window"
@@ -58,17 +57,17 @@ def operator_tables(_: str) -> str:
 def preset_tables(_: str) -> str:
     """Return a section with the shipped presets of each mode."""
     sections = []
-    for mode, presets in SHIPPED.items():
+    for mode in choices():
         rows = [
             (
                 preset.name,
                 preset.reason,
-                ", ".join(_shown(mode, *pair) for pair in preset.values.items()),
+                ", ".join(_shown(mode.key, *pair) for pair in preset.values.items()),
             )
-            for preset in presets
+            for preset in mode.presets
         ]
         table = _table(("preset", "why", "what differs from the defaults"), rows)
-        sections.append(f"## {mode.replace('_', ' ').title()}\n\n{table}")
+        sections.append(f"## {mode.key.replace('_', ' ').title()}\n\n{table}")
     return "\n\n".join(sections)
 
 
@@ -106,7 +105,8 @@ def _title(path: Path) -> str:
 
 def _shown(mode: str, name: str, value: Any) -> str:
     """Say what is set to what, in the words on screen."""
-    group = SHOCK_FILTER_PG_scene.bl_rna.properties[mode].fixed_type
+    scene = bpy.types.Scene.bl_rna.properties["shock_filter"].fixed_type
+    group = scene.properties[mode].fixed_type
     about = group.properties[name]
     if value is True:
         return about.name

@@ -10,21 +10,24 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, identity
 
-from ..base.parallel import Progress, kernel, run
+from ..base.checks import Floats
+from ..base.parallel import kernel, run
+from ..base.progress import aside, ask
+from ..linear.cg import solve
+from ..linear.system import LinearSystem
 from .atlas import TextureAtlas
 from .sheet import NOTHING, ROWS
 
 _SPACING = 0.5
 """Distance of the samples along a seam, in texels."""
 
-_HOLD = np.float32(0.02)
+_HOLD = 0.02
 """Weight of the texels' values as read from across the seam, per sample of weight 1."""
 
-_STEPS = 12
-
-_TINY = np.float32(1e-30)
+_TOLERANCE = 3e-2
+"""Residual of the least squares, relative to its right-hand side (see `SolveReport`)."""
 
 _SLACK = 0.5
 """How far a texel may leave the range around it, in sizes of that range. Its own centre is not
@@ -35,7 +38,7 @@ def stitch(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
     step: float,
-    progress: Progress = Progress(None),
+    progress: object = None,  # transition
 ) -> None:
     """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
@@ -45,9 +48,9 @@ def stitch(
     """
     nodes = atlas.sheet.nodes.reshape(-1)
     free = atlas.owners[(atlas.owners != NOTHING) & ~atlas.inside]
-    progress.update(0.0)
+    ask()
     reads, weights = _seam_samples(atlas)
-    progress.update(0.0)
+    ask()
     numbers = np.full(len(nodes), -1, dtype=np.int32)
     numbers[free] = np.arange(len(free), dtype=np.int32)
     columns = numbers[reads]
@@ -56,52 +59,45 @@ def stitch(
     if len(reads) == 0:
         return
     flat = values.reshape(len(nodes), -1)
-    progress.update(0.0)
+    ask()
     known = columns >= 0
     rows = np.broadcast_to(np.arange(len(reads))[:, None], columns.shape)
     reading = csr_matrix(
         (weights[known], (rows[known], columns[known])), shape=(len(reads), len(free))
     )
     jumps = np.einsum("sk,skc->sc", weights, flat[reads])
-    largest = np.maximum(np.abs(jumps).max(axis=0), _TINY)  # squares of values may not fit
-    adjusted = flat[free] - largest * _least_squares(reading, jumps / largest, progress)
+    largest = np.abs(jumps).max(axis=0).astype(np.float64)
+    largest[largest == 0] = 1.0
+    # Columns that are alike in size count alike, whatever the unit of the values.
+    adjustment = largest * _least_squares(reading, jumps / largest)
+    adjusted = flat[free] - adjustment.astype(np.float32)
     low = flat[free]
     high = low.copy()
     _widen(reads, columns, flat, low, high)
     slack = np.maximum(_SLACK * (high - low), np.float32(step))
-    least, most = _range_on_charts(atlas, flat, progress)
+    least, most = _range_on_charts(atlas, flat)
     low = np.maximum(low - slack, least)
     high = np.minimum(high + slack, most)
     flat[free] = np.clip(adjusted, low, high)
 
 
 def _range_on_charts(
-    atlas: TextureAtlas, values: npt.NDArray[np.float32], progress: Progress = Progress(None)
+    atlas: TextureAtlas, values: npt.NDArray[np.float32]
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     shape = -(-atlas.height // ROWS), values.shape[1]
     lows, highs = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
-    run(_bound, atlas.height, atlas.owners, atlas.inside, values, lows, highs, chunk=ROWS,
-        progress=progress)  # fmt: skip
+    with aside("Filling the gutter"):
+        run(_bound, atlas.height, atlas.owners, atlas.inside, values, lows, highs, chunk=ROWS)
     return lows.min(axis=0), highs.max(axis=0)
 
 
-def _least_squares(
-    reading: csr_matrix, wanted: npt.NDArray[np.float32], progress: Progress = Progress(None)
-) -> npt.NDArray[np.float32]:
-    # min |A x - wanted|^2 + hold |x|^2 by conjugate gradients, all columns at once.
+def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
+    # min |A x - wanted|^2 + hold |x|^2, all columns at once.
     normal = (reading.T @ reading).tocsr()
-    solution = np.zeros((reading.shape[1], wanted.shape[1]), dtype=np.float32)
-    residual = reading.T @ wanted
-    direction = residual.copy()
-    square = np.einsum("nc,nc->c", residual, residual)
-    for _ in range(_STEPS):
-        progress.update(0.0)
-        image = normal @ direction + _HOLD * direction
-        step = square / np.maximum(np.einsum("nc,nc->c", direction, image), _TINY)
-        solution += step * direction
-        residual -= step * image
-        before, square = square, np.einsum("nc,nc->c", residual, residual)
-        direction = residual + (square / np.maximum(before, _TINY)) * direction
+    ask()
+    system = LinearSystem.from_csr(normal + _HOLD * identity(normal.shape[0]))
+    with aside("Filling the gutter"):
+        solution, _ = solve(system, reading.T @ wanted, _TOLERANCE, message="Filling the gutter")
     return solution
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many cores there are to work on. Imports neither numpy nor numba."""
+"""How many cores there are; for what must not import numba."""  # transition: file goes
 
 from __future__ import annotations
 

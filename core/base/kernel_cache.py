@@ -43,7 +43,7 @@ class _ChosenFolder(UserProvidedCacheLocator):
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
         """Pass on to numba's own places where nothing was chosen."""
-        chosen = cache_folder.chosen and not config.CACHE_DIR
+        chosen = cache_folder.chosen and not config.CACHE_DIR  # type: ignore[attr-defined]
         return (
             super(UserProvidedCacheLocator, cls).from_function(py_func, py_file) if chosen else None
         )
@@ -116,17 +116,12 @@ def _stamp(path: Path) -> str:
 @cache
 def _imported(path: Path) -> frozenset[Path]:
     """Find the modules that a file imports relatively, at its top."""
-    found = set()
+    found: set[Path] = set()
     for dots, module, names in _IMPORT.findall(_text(path).decode()):
-        folder = (
-            path.parents[len(dots) - 1].joinpath(*module.split("."))
-            if module
-            else path.parents[len(dots) - 1]
-        )
-        found.add(folder.with_suffix(".py"))
-        found.update(
-            folder / f"{name.split()[0]}.py" for name in re.findall(r"\w+(?: as \w+)?", names)
-        )
+        place = path.parents[len(dots) - 1].joinpath(*module.split("."))
+        below = [place / name for name in re.findall(r"(\w+)(?: as \w+)?", names)]
+        for imported in (place, *below):
+            found |= {imported.with_suffix(".py"), imported / "__init__.py"}
     return frozenset(file for file in found if file.is_file())
 
 

@@ -18,7 +18,6 @@ from typing import Any
 from numba import njit
 
 from ..errors import Cancelled
-from .cores import thread_count
 from .kernel_cache import keep_on_disk
 from .progress import ask
 
@@ -71,6 +70,15 @@ class Progress:  # transition: replaced by base.progress
         answer = self._callback(whole, self._message)
         if answer is not None and not answer:
             raise Cancelled("The run was cancelled; nothing was changed.")
+
+
+@cache
+def thread_count() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS and Windows
+        return os.cpu_count() or 1
 
 
 @cache

@@ -10,18 +10,19 @@ import numpy.typing as npt
 
 from ..base.checks import checked_mask, checked_signal
 from ..base.memo import kept
-from ..base.parallel import Progress, kernel, run
-from ..base.progress import ProgressCallback
-from ..errors import InvalidSignal
-from ..linear.cg import ScreenedLaplacian, SolveReport, solve
-from ..mesh.calculus import cotangents, lumped_mass
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..errors import InvalidSignal, SolverError
+from ..linear.cg import SolveReport, solve
+from ..linear.system import LinearSystem
+from ..mesh.calculus import cotangents, lumped_mass, stiffness_weights
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import FitSettings
 
 log = logging.getLogger(__name__)
 
 TOLERANCE = 3e-3
-"""Residual of the linear solve, relative to its right side (see `solve.SolveReport`)."""
+"""Residual of the linear solve, relative to its right-hand side (see `SolveReport`)."""
 
 LEAST_MOVE = 1e-6
 """Moves below this many mean edge lengths are left out: the solver's rounding is of that size."""
@@ -31,6 +32,12 @@ ROUNDING = 4e-16
 
 LEAST_WEIGHT = 1e-6
 """Mask weights up to this one count as 0."""
+
+ADVICE = (
+    "Repair needle-like faces and vertices with thousands of faces, or try a smaller radius of the"
+    " fit."
+)
+"""What helps where the linear system cannot be solved."""
 
 MULTIGRID_RADIUS = 80.0
 """Screening radius, in mean edge lengths, beyond which multigrid is used from the start."""
@@ -77,21 +84,20 @@ def fit_to_normals(
     Minimises eps |c - c0|^2 + |grad c - w|^2, where w is grad c0 without its part along the
     target normal N. The projection acts on coordinates: with G the matrix whose rows are the
     gradients of the three coordinates, w = G - N (N^T G). Solved for the displacement, whose
-    right side -div(N (N^T G)) is exactly zero for a face's own normal.
+    right-hand side -div(N (N^T G)) is exactly zero for a face's own normal.
     """
-    targets = checked_signal(normals, mesh.face_count, "array of normals")
-    if targets.shape[1] != 3:
-        raise InvalidSignal(
-            f"Normals have {targets.shape[1]} components; give ({mesh.face_count}, 3)."
-        )
-    lengths = np.linalg.norm(targets, axis=1)
-    if not ((abs(lengths - 1) < 1e-3) | (lengths == 0)).all():
-        raise InvalidSignal("Some normals are not unit vectors; divide them by their lengths.")
-    weights = checked_mask(mask, mesh.vertex_count)
-    moved, _ = displacement(
-        mesh, targets, settings or FitSettings(), weights, Progress.of(progress)
-    )
-    return moved_vertices(mesh, moved)
+    with reporting(progress):
+        targets = checked_signal(normals, mesh.face_count, "array of normals")
+        if targets.shape[1] != 3:
+            raise InvalidSignal(
+                f"Normals have {targets.shape[1]} components; give ({mesh.face_count}, 3)."
+            )
+        lengths = np.linalg.norm(targets, axis=1)
+        if not ((abs(lengths - 1) < 1e-3) | (lengths == 0)).all():
+            raise InvalidSignal("Some normals are not unit vectors; divide them by their lengths.")
+        weights = checked_mask(mask, mesh.vertex_count)
+        moved, _ = displacement(mesh, targets, settings or FitSettings(), weights)
+        return moved_vertices(mesh, moved)
 
 
 def moved_vertices(mesh: TriangleMesh, moved: Floats) -> Floats:
@@ -106,39 +112,45 @@ def displacement(
     normals: Floats,
     settings: FitSettings,
     mask: Floats | None,
-    progress: Progress = Progress(None),
+    progress: object = None,  # transition
 ) -> tuple[Floats, SolveReport]:
     """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went."""
     eps = screening(mesh, settings)
-    step = progress.part(0.0, 0.2, "Preparing the refit")
-    matrix = kept(mesh, "refit", (eps, mask), lambda: _refit_matrix(mesh, eps, mask, step))
-    right = np.zeros((mesh.vertex_count, 3))
-    run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
-        mesh.normals, normals, matrix.screen, right,
-        progress=progress.part(0.2, 0.3, "Preparing the refit"))  # fmt: skip
-    solution, report = solve(
-        matrix,
-        right,
-        TOLERANCE,
-        multigrid=eps < 0.999 * MULTIGRID_RADIUS**-2,
-        progress=progress.part(0.3, 1.0, "Fitting the surface"),
-    )
+    try:
+        with phase(0.0, 0.2, "Preparing the refit"):
+            system = kept(mesh, "refit", (eps, mask), lambda: _refit_system(mesh, eps, mask))
+        rhs = np.zeros((mesh.vertex_count, 3))
+        with phase(0.2, 0.3, "Preparing the refit"):
+            run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
+                mesh.normals, normals, system.fixed, rhs)  # fmt: skip
+        with phase(0.3, 1.0, "Fitting the surface"):
+            multigrid = eps < 0.999 * MULTIGRID_RADIUS**-2
+            moved, report = solve(
+                system, rhs, TOLERANCE, multigrid=multigrid, message="Fitting the surface"
+            )
+    except SolverError as error:
+        raise SolverError(f"{error.sentence} {ADVICE}", **error.values) from error
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
              " with multigrid" if report.multigrid else "", report.residual)  # fmt: skip
-    run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, solution,
-        progress=progress.part(1.0, 1.0, "Fitting the surface"))  # fmt: skip
-    return solution, report
+    with aside("Fitting the surface"):
+        run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, moved)
+    return moved, report
 
 
-def _refit_matrix(
-    mesh: TriangleMesh, eps: float, mask: Floats | None, progress: Progress = Progress(None)
-) -> ScreenedLaplacian:
-    screen = eps * lumped_mass(mesh, progress.part(0.0, 0.2, "Preparing the refit"))
+def _refit_system(mesh: TriangleMesh, eps: float, mask: Floats | None) -> LinearSystem:
+    # A vertex without area stays put, and one whose mask is 0.
+    with phase(0.0, 0.2, "Preparing the refit"):
+        screen = eps * lumped_mass(mesh)
+    fixed = screen == 0
     if mask is not None:
-        free = mask > LEAST_WEIGHT
-        np.divide(screen, mask, out=screen, where=free)
-        screen[~free] = 0.0
-    return screened_stiffness(mesh, screen, progress.part(0.2, 1.0, "Preparing the refit"))
+        fixed |= mask <= LEAST_WEIGHT
+        np.divide(screen, mask, out=screen, where=~fixed)
+        screen[fixed] = 0.0
+    with phase(0.2, 0.6, "Preparing the refit"):
+        halves = cotangents(mesh)
+    with phase(0.6, 1.0, "Preparing the refit"):
+        start, columns, weights, diagonal = stiffness_weights(mesh, halves, screen)
+    return LinearSystem(start, columns, weights, screen, diagonal, fixed)
 
 
 def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
@@ -146,24 +158,6 @@ def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
     if settings.fidelity > 0:
         return settings.fidelity / float(mesh.areas.sum())
     return settings.screening_radius**-2
-
-
-def screened_stiffness(
-    mesh: TriangleMesh, screen: Floats, progress: Progress | None = None
-) -> ScreenedLaplacian:
-    """Assemble the cotangent stiffness plus `screen` on the diagonal.
-
-    Vertices whose `screen` (n,) is zero stay put.
-    """
-    progress = progress or Progress(None)
-    halves = cotangents(mesh, progress.part(0.0, 0.5, "Preparing the refit"))
-    mesh.find_neighbours(progress.part(0.5, 0.5, "Preparing the refit"))
-    start, ring = mesh.neighbours
-    weights = np.empty(len(ring))
-    diagonal = np.empty(mesh.vertex_count)
-    run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, halves, screen, start, weights,
-        diagonal, progress=progress.part(0.5, 1.0, "Preparing the refit"))  # fmt: skip
-    return ScreenedLaplacian(start, ring, weights, screen, diagonal)
 
 
 @kernel
@@ -186,37 +180,11 @@ def _move(start, stop, vertices, moved, positions):
 
 
 @kernel
-def _assemble(
-    start, stop, corner_start, corners, twins, cots, screen, ring_start, weights, diagonal
-):
-    # Entries follow the corners, as in TriangleMesh.neighbours.
-    for v in range(start, stop):
-        place = ring_start[v]
-        total = screen[v]
-        for i in range(corner_start[v], corner_start[v + 1]):
-            f = corners[i] // 3
-            k = corners[i] - 3 * f
-            weight = cots[f, k]
-            t = twins[f, k]
-            if t >= 0:
-                weight += cots[t // 3, t % 3]
-            weights[place] = weight
-            total += weight
-            place += 1
-            back = (k + 2) % 3
-            if twins[f, back] < 0:
-                weights[place] = cots[f, back]
-                total += cots[f, back]
-                place += 1
-        diagonal[v] = total
-
-
-@kernel
-def _turning(start, stop, vertices, faces, corner_start, corners, normals, targets, screen, right):
+def _turning(start, stop, vertices, faces, corner_start, corners, normals, targets, fixed, rhs):
     # Minus the integral of <grad(hat function), grad(N . x)> N over each face; the gradient of
     # a hat function times the area is half of normal x opposite edge.
     for v in range(start, stop):
-        if screen[v] == 0:
+        if fixed[v]:
             continue
         for i in range(corner_start[v], corner_start[v + 1]):
             f = corners[i] // 3
@@ -233,6 +201,6 @@ def _turning(start, stop, vertices, faces, corner_start, corners, normals, targe
             terms += abs(tz) * (abs(z1) + abs(z2))
             if abs(along) <= ROUNDING * terms:
                 continue  # the face's own normal, up to rounding
-            right[v, 0] -= along * tx
-            right[v, 1] -= along * ty
-            right[v, 2] -= along * tz
+            rhs[v, 0] -= along * tx
+            rhs[v, 1] -= along * ty
+            rhs[v, 2] -= along * tz

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from ..base.checks import checked_mask
 from ..base.memo import kept
-from ..base.parallel import Progress, kernel, run
-from ..base.progress import ProgressCallback
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..flow.advect import advect_faces
 from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
 from ..mesh.calculus import average_to_faces, average_to_vertices, blended_normals, smooth_vertices
@@ -47,17 +47,16 @@ def sharpen_normals(
         If `progress` returned False.
     """
     settings = settings or GeometrySettings()
-    phases = Progress.of(progress)
-    if is_scattered(mesh):
-        ordered, _, face_order = _ordered(mesh, phases)
-        sharpened = _sharpened(ordered, settings, phases)
-        sharpened[ordered.flipped] *= -1
-        normals = np.empty_like(sharpened)
-        normals[face_order] = sharpened
-    else:
-        normals = _sharpened(mesh, settings, phases)
-    normals[mesh.flipped] *= -1
-    phases.update(1.0)
+    with reporting(progress):
+        if is_scattered(mesh):
+            ordered, _, face_order = _ordered(mesh)
+            sharpened = _sharpened(ordered, settings)
+            sharpened[ordered.flipped] *= -1
+            normals = np.empty_like(sharpened)
+            normals[face_order] = sharpened
+        else:
+            normals = _sharpened(mesh, settings)
+        normals[mesh.flipped] *= -1
     return normals
 
 
@@ -88,6 +87,8 @@ def sharpen_geometry(
     ------
     InvalidSignal
         If the mask does not fit the mesh or leaves [0, 1].
+    InvalidMesh
+        If repeating shrinks the mesh to a point or a line.
     SolverError
         If the refit's linear system cannot be solved.
     Cancelled
@@ -100,18 +101,17 @@ def sharpen_geometry(
     screening radius in place of a fixed epsilon (see `fit_to_normals`).
     """
     settings = settings or GeometrySettings()
-    phases = Progress.of(progress)
     weights = checked_mask(mask, mesh.vertex_count)
     if settings.time == 0 and settings.mollify_passes == 0:
         return mesh.vertices.copy()
-    if is_scattered(mesh):
-        ordered, order, _ = _ordered(mesh, phases)
-        moved = np.empty_like(mesh.vertices)
-        ordered_weights = None if weights is None else weights[order]
-        moved[order] = _displaced(ordered, settings, ordered_weights, phases)
-    else:
-        moved = _displaced(mesh, settings, weights, phases)
-    phases.update(1.0)
+    with reporting(progress):
+        if is_scattered(mesh):
+            ordered, order, _ = _ordered(mesh)
+            moved = np.empty_like(mesh.vertices)
+            ordered_weights = None if weights is None else weights[order]
+            moved[order] = _displaced(ordered, settings, ordered_weights)
+        else:
+            moved = _displaced(mesh, settings, weights)
     return moved_vertices(mesh, moved)
 
 
@@ -149,90 +149,73 @@ def geometry_flow(
     --------
     flow_field : The same for colors and other signals.
     """
-    phases = Progress.of(progress)
-    _, _, potential = _signal_and_potential(
-        mesh, settings or GeometrySettings(), phases.part(0.0, 0.9, "Computing the flow")
-    )
-    flow = flow_from_potential(mesh, potential, phases.part(0.9, 1.0, "Computing the flow"))
-    phases.update(1.0)
-    return potential, flow
+    with reporting(progress):
+        with phase(0.0, 0.9, "Computing the flow"):
+            _, _, potential = _signal_and_potential(mesh, settings or GeometrySettings())
+        with phase(0.9, 1.0, "Computing the flow"):
+            return potential, flow_from_potential(mesh, potential)
 
 
 def _ordered(
-    mesh: TriangleMesh, progress: Progress = Progress(None)
-) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
-    return kept(mesh, "order", (), lambda: sorted_along_curve(mesh, progress))
-
-
-def _displaced(
     mesh: TriangleMesh,
-    settings: GeometrySettings,
-    weights: Floats | None,
-    progress: Progress = Progress(None),
-) -> Floats:
+) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
+    return kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
+
+
+def _displaced(mesh: TriangleMesh, settings: GeometrySettings, weights: Floats | None) -> Floats:
     moved, current = np.zeros((0, 3)), mesh
     for turn in range(settings.repeat):
-        round_ = progress.part(turn / settings.repeat, (turn + 1) / settings.repeat, "Sharpening")
-        normals = _sharpened(current, settings, round_.part(0.0, 0.6, "Sharpening"))
-        if weights is not None:
-            normals = blended_normals(
-                mesh, current.normals, normals, weights, round_.part(0.6, 0.6, "Sharpening")
-            )
-        step, _ = displacement(
-            current, normals, settings, weights, round_.part(0.6, 1.0, "Fitting the surface")
-        )
+        with phase(turn / settings.repeat, (turn + 1) / settings.repeat, "Sharpening"):
+            with phase(0.0, 0.6, "Sharpening"):
+                normals = _sharpened(current, settings)
+            if weights is not None:
+                with aside("Sharpening"):
+                    normals = blended_normals(mesh, current.normals, normals, weights)
+            with phase(0.6, 1.0, "Fitting the surface"):
+                step, _ = displacement(current, normals, settings, weights)
         moved = step if turn == 0 else moved + step
         if settings.max_displacement > 0:
             _limit(moved, settings.max_displacement * mesh.mean_edge_length)
         if turn + 1 < settings.repeat:
-            current = mesh.displaced(moved)
+            current = mesh.moved_to(mesh.vertices + moved)
     return moved
 
 
-def _sharpened(
-    mesh: TriangleMesh, settings: GeometrySettings, progress: Progress = Progress(None)
-) -> Floats:
-    normals, signal, potential = _signal_and_potential(
-        mesh, settings, progress.part(0.0, 0.5, "Computing the flow")
-    )
-    return advect_faces(
-        mesh,
-        normals,
-        signal,
-        potential,
-        settings.time,
-        settings.sampling,
-        progress.part(0.5, 1.0, "Tracing flow-lines"),
-    )
+def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
+    with phase(0.0, 0.5, "Computing the flow"):
+        normals, signal, potential = _signal_and_potential(mesh, settings)
+    with phase(0.5, 1.0, "Tracing flow-lines"):
+        return advect_faces(mesh, normals, signal, potential, settings.time, settings.sampling)
 
 
 def _signal_and_potential(
-    mesh: TriangleMesh, settings: GeometrySettings, progress: Progress = Progress(None)
+    mesh: TriangleMesh, settings: GeometrySettings
 ) -> tuple[Floats, Floats, Floats]:
     # Normals of the faces, mollified if asked for; their averages at the vertices; P there.
     normals = mesh.normals
     if settings.mollify_passes:
-        normals = _mollified(
-            mesh, normals, settings.mollify_passes, progress.part(0.0, 0.2, "Mollifying")
-        )
-    signal = average_to_vertices(mesh, normals, progress.part(0.2, 0.3, "Computing the flow"))
-    potential = flow_potential(
-        mesh, signal, settings.smoothing_passes, progress.part(0.3, 0.8, "Computing the flow")
-    )
+        with phase(0.0, 0.2, "Mollifying"):
+            normals = _mollified(mesh, normals, settings.mollify_passes)
+    with phase(0.2, 0.3, "Computing the flow"):
+        signal = average_to_vertices(mesh, normals)
+    with phase(0.3, 0.8, "Computing the flow"):
+        potential = flow_potential(mesh, signal, settings.smoothing_passes)
     if settings.feature_threshold > 0:
-        potential = above_surroundings(
-            mesh, potential, settings.feature_threshold, settings.time, progress.part(
-                0.8, 1.0, "Finding features"))  # fmt: skip
+        with phase(0.8, 1.0, "Finding features"):
+            potential = above_surroundings(
+                mesh, potential, settings.feature_threshold, settings.time
+            )
     return normals, signal, potential
 
 
-def _mollified(
-    mesh: TriangleMesh, normals: Floats, passes: int, progress: Progress = Progress(None)
-) -> Floats:
-    averages = average_to_vertices(mesh, normals, progress.part(0.0, 0.1, "Mollifying"))
-    smooth = smooth_vertices(mesh, averages, passes, progress.part(0.1, 0.9, "Mollifying"))
-    mollified = average_to_faces(mesh, smooth, progress.part(0.9, 1.0, "Mollifying"))
-    run(_make_unit, mesh.face_count, mollified, normals)
+def _mollified(mesh: TriangleMesh, normals: Floats, passes: int) -> Floats:
+    with phase(0.0, 0.1, "Mollifying"):
+        averages = average_to_vertices(mesh, normals)
+    with phase(0.1, 0.9, "Mollifying"):
+        smooth = smooth_vertices(mesh, averages, passes)
+    with phase(0.9, 1.0, "Mollifying"):
+        mollified = average_to_faces(mesh, smooth)
+        run(_make_unit, mesh.face_count, mollified, normals)
     return mollified
 
 

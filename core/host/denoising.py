@@ -1,47 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoise what a host program keeps, then sharpen it if asked for."""
+"""Denoise the shape and the colors of a surface with the same weights."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
-from ... import core
 from ..base.progress import ProgressCallback, reporting
-from .colors import ColoredSurface, check_colors, filter_colors, repainted_corners
-from .geometry import MirroredSurface, Sharpened, placed
-from .picture import Picture, Pixels, filter_picture
+from ..filters.beltrami.meshes import beltrami_joint_corners
+from .colors import check_colors, repainted_corners
+from .geometry import Sharpened, placed
+from .inputs import Denoising, PaintedSurface
 from .recolored import Recolored
-from .surface import welded
-
-
-@dataclass(frozen=True)
-class Denoising:
-    """What is done: settings for the kernel, and the sharpening's time or None."""
-
-    kernel: Any
-    sharpen_time: float | None
-
-    def by(self, denoise: Callable[..., Any]) -> Callable[..., Any]:
-        """Return ``function(*data, mask)``: the filter with these settings, then the sharpening."""
-        from ..filters.denoising import then_sharpen
-
-        function = then_sharpen(denoise, self.sharpen_time)
-        return lambda *data: function(*data[:-1], settings=self.kernel, mask=data[-1])
-
-
-@dataclass(frozen=True)
-class PaintedSurface:
-    """A mesh object's shape and colors; the shape's mask says what may change of both."""
-
-    shape: MirroredSurface
-    paint: ColoredSurface
-
-    @property
-    def size(self) -> int:
-        """How much work it is, beside others."""
-        return self.shape.size
+from .welding import welded
 
 
 @dataclass(frozen=True)
@@ -52,26 +22,6 @@ class Both:
     paint: Recolored
 
 
-def denoise_shape(
-    surface: MirroredSurface, denoising: Denoising, weld: bool, progress: ProgressCallback | None
-) -> Sharpened:
-    """Denoise a surface; parameters are those of `sharpen`."""
-    with reporting(progress):
-        part = welded(surface, weld)
-        positions = denoising.by(core.beltrami_mesh)(part.mesh, part.mask)
-        return placed(surface, part, positions, None)
-
-
-def denoise_colors(
-    surface: ColoredSurface, denoising: Denoising, weld: bool, progress: ProgressCallback | None
-) -> Recolored:
-    """Denoise the colors of a surface; parameters are those of `sharpen_colors`."""
-    at_vertices = denoising.by(core.beltrami_vertex_signal)
-    at_corners = denoising.by(core.beltrami_corner_signal)
-    with reporting(progress):
-        return filter_colors(surface, at_vertices, at_corners, weld, None)
-
-
 def denoise_both(
     surface: PaintedSurface, denoising: Denoising, weld: bool, progress: ProgressCallback | None
 ) -> Both:
@@ -80,8 +30,6 @@ def denoise_both(
     Colors of vertices are taken as those of the corners around them: so vertices at the same
     place move together, even where their colors differ.
     """
-    from ..filters.beltrami.meshes import beltrami_joint_corners
-
     shape, paint = surface.shape, surface.paint
     check_colors(paint)
     corners = shape.triangles if paint.corners is None else paint.corners
@@ -90,18 +38,5 @@ def denoise_both(
         positions, colors = denoising.by(beltrami_joint_corners)(
             part.mesh, paint.colors[corners], part.mask
         )
-        moved = placed(shape, part, positions, None)
-        return Both(moved, repainted_corners(paint, corners, colors, None))
-
-
-def denoise_picture(
-    picture: Picture, denoising: Denoising, progress: ProgressCallback | None
-) -> Recolored:
-    """Denoise an image; opacity stays, see `sharpen_picture`."""
-
-    def denoise(pixels: Pixels, alpha: str) -> Pixels:
-        kernel = replace(denoising.kernel, alpha=alpha)
-        return Denoising(kernel, denoising.sharpen_time).by(core.beltrami_image)(pixels, None)
-
-    with reporting(progress):
-        return filter_picture(picture, denoising.kernel.alpha, denoise, None)
+        moved = placed(shape, part, positions)
+        return Both(moved, repainted_corners(paint, corners, colors))

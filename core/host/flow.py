@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the filters will pull a surface as Blender keeps it, or its colors. Needs no bpy."""
+"""Where the filters will pull a surface as a host program keeps it, or its colors."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ... import core
-from .colors import ColoredSurface, check_colors
-from .surface import Progress as Callback
-from .surface import Surface, Welded, welded
+from ..base.progress import ProgressCallback, reporting
+from ..filters.geometry import geometry_flow
+from ..filters.signals import luminance, to_own_corners
+from ..flow.potential import flow_field
+from ..mesh.triangle_mesh import split_at_jumps
+from ..settings import GeometrySettings, ShockSettings
+from .colors import check_colors
+from .inputs import ColoredSurface, Surface
+from .welding import Welded, welded
 
 
 @dataclass(frozen=True)
@@ -21,7 +26,7 @@ class Flow:
     Attributes
     ----------
     potential : (n,) float32
-        See `core.geometry_flow` and `core.flow_field`; 0 at vertices without faces.
+        See `geometry_flow` and `flow_field`; 0 at vertices without faces.
     flow : (m, 3) float32
         In the object's space and unit of length, per unit of flow time.
     """
@@ -31,44 +36,42 @@ class Flow:
 
 
 def flow_of_shape(
-    surface: Surface, settings: core.GeometrySettings, weld: bool, progress: Callback | None
+    surface: Surface, settings: GeometrySettings, weld: bool, progress: ProgressCallback | None
 ) -> Flow:
-    """Compute where normals will be pulled; parameters are those of `sharpening.sharpen`."""
-    part = welded(surface, weld, progress)
-    potential, flow = core.geometry_flow(part.mesh, settings, progress)
-    return _brought_back(surface, part, potential, flow)
+    """Compute where normals will be pulled; parameters are those of `geometry.sharpen`."""
+    with reporting(progress):
+        part = welded(surface, weld)
+        potential, flow = geometry_flow(part.mesh, settings)
+        return _brought_back(surface, part, potential, flow)
 
 
 def flow_of_colors(
-    surface: ColoredSurface, settings: core.ShockSettings, weld: bool, progress: Callback | None
+    surface: ColoredSurface, settings: ShockSettings, weld: bool, progress: ProgressCallback | None
 ) -> Flow:
-    """Compute where colors will be pulled; parameters are those of `coloring.sharpen_colors`.
+    """Compute where colors will be pulled; parameters are those of `colors.sharpen_colors`.
 
     With independent channels, this is the flow of all of them together. Where corners at a
     vertex differ, the highest potential counts.
     """
-    from ..base.parallel import Progress
-    from ..filters.signals import luminance, to_own_corners
-    from ..mesh.triangle_mesh import split_at_jumps
-
     check_colors(surface)
-    if surface.corners is None:
-        part = welded(surface, weld, progress, surface.colors)
-        cut, values = part.mesh, surface.colors[part.used][part.representatives]
-    else:
-        part = welded(surface, weld, progress)
-        corners = to_own_corners(part.mesh, surface.colors[surface.corners])
-        cut, values = split_at_jumps(part.mesh, corners, Progress.of(progress))
-    if settings.channels == "luminance":
-        values = luminance(values)
-    highest, flow = core.flow_field(cut, values, settings, progress)
-    if cut is part.mesh:
-        potential = highest
-    else:
-        potential = np.zeros(part.mesh.vertex_count)
-        own = cut.own_corners(cut.faces)  # as in part.mesh: cutting can turn a face
-        np.maximum.at(potential, part.mesh.faces.reshape(-1), highest[own.reshape(-1)])
-    return _brought_back(surface, part, potential, flow)
+    with reporting(progress):
+        if surface.corners is None:
+            part = welded(surface, weld, surface.colors)
+            cut = part.mesh
+            values = surface.colors[part.used][part.representatives].astype(np.float64)
+        else:
+            part = welded(surface, weld)
+            corners = to_own_corners(part.mesh, surface.colors[surface.corners])
+            cut, values = split_at_jumps(part.mesh, corners)
+        if settings.channels == "luminance":
+            values = luminance(values)
+        potential, flow = flow_field(cut, values, settings)
+        if cut is not part.mesh:
+            highest = np.zeros(part.mesh.vertex_count)
+            own = cut.own_corners(cut.faces)  # as in part.mesh: cutting can turn a face
+            np.maximum.at(highest, part.mesh.faces.reshape(-1), potential[own.reshape(-1)])
+            potential = highest
+        return _brought_back(surface, part, potential, flow)
 
 
 def _brought_back(

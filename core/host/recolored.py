@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""New colors beside the old ones: what changed, in numbers. Needs no bpy."""
+"""New colors beside the old ones: what changed, in numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+from ..base.progress import aside, ask
 
 Colors = npt.NDArray[np.float32]
 
@@ -24,12 +25,7 @@ class Recolored:
     largest_change: float
 
 
-def recolored(
-    old: Colors,
-    new: Colors,
-    levels: int,
-    progress: Callable[[float, str], bool] | None = None,
-) -> Recolored:
+def recolored(old: Colors, new: Colors, levels: int) -> Recolored:
     """Round new colors to what can be stored, and compare them with the old ones.
 
     Parameters
@@ -37,26 +33,22 @@ def recolored(
     old, new : (..., channels) float32
     levels : int
         255 for bytes, 0 for floats.
-    progress : callable or None
-        ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     Recolored
         Colors that do not change are the old ones bit for bit.
     """
-    from ..base.parallel import Progress
-
-    phase = Progress.of(progress).part(1.0, 1.0, "Comparing colors")
     colors = np.empty_like(old)
     changed, largest = 0, 0.0
     band = max(_BAND * len(old) // old.size, 1)
-    for start in range(0, len(old), band):
-        rows = slice(start, start + band)
-        same = _choose(old[rows], new[rows], levels, colors[rows])
-        changed += int(np.count_nonzero(~same.all(axis=-1)))
-        largest = max(largest, float(np.abs(colors[rows] - old[rows]).max()))
-        phase.update(1.0)
+    with aside("Comparing colors"):
+        for start in range(0, len(old), band):
+            ask()
+            rows = slice(start, start + band)
+            same = _choose(old[rows], new[rows], levels, colors[rows])
+            changed += int(np.count_nonzero(~same.all(axis=-1)))
+            largest = max(largest, float(np.abs(colors[rows] - old[rows]).max()))
     return Recolored(colors, changed, largest)
 
 

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keep a mirror-symmetric surface symmetric, and its halves closed. Needs no bpy."""
+"""Keep a mirror-symmetric surface symmetric."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
-Floats = npt.NDArray[np.float64]
+from ..base.parallel import blocks
+from .inputs import Floats
 
 _TOLERANCE = 0.01
 """How far from its partner's mirror image a vertex may lie, in edge lengths."""
@@ -23,7 +22,6 @@ def mirror_pairs(
     triangles: npt.NDArray[np.integer],
     mask: Floats | None,
     axis: int,
-    progress: Callable[[float, str], bool] | None = None,
 ) -> npt.NDArray[np.intp]:
     """Find each vertex's partner across the plane through the origin.
 
@@ -35,21 +33,14 @@ def mirror_pairs(
         Vertices with different masks are no pair: the person wants them to differ.
     axis : int
         0, 1 or 2: the plane's normal.
-    progress : callable, optional
-        ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     (n,) int
         The partner, the vertex itself if it lies on the plane, or -1 if it has none.
     """
-    from scipy.spatial import cKDTree
-
-    from ..base.parallel import Progress, blocks
-
-    phase = Progress.of(progress).part(1.0, 1.0, "Placing vertices")
     lengths = np.empty(len(triangles))
-    for rows in blocks(len(triangles), _ROWS, phase):
+    for rows in blocks(len(triangles), _ROWS):
         steps = points[triangles[rows, 0]] - points[triangles[rows, 1]]
         lengths[rows] = np.linalg.norm(steps, axis=1)
     tolerance = _TOLERANCE * lengths.mean()
@@ -58,7 +49,7 @@ def mirror_pairs(
     tree = cKDTree(points, compact_nodes=False, balanced_tree=False)
     distance = np.empty(len(points))
     partner = np.empty(len(points), dtype=np.intp)
-    for rows in blocks(len(points), _ROWS, phase):
+    for rows in blocks(len(points), _ROWS):
         distance[rows], partner[rows] = tree.query(
             mirrored[rows], workers=-1, distance_upper_bound=2.0 * tolerance
         )
@@ -87,30 +78,3 @@ def symmetrise(moves: Floats, partner: npt.NDArray[np.intp], axis: int) -> Float
     reflected = moves[partner]
     reflected[:, axis] *= -1
     return np.where((partner >= 0)[:, None], 0.5 * (moves + reflected), moves)
-
-
-@dataclass(frozen=True)
-class MirrorPlane:
-    """A plane at which a modifier joins a surface with its mirror image.
-
-    Attributes
-    ----------
-    normal : (3,) float64
-        Points in the plane have ``points @ normal + offset == 0``.
-    offset : float
-    reach : float
-        Points up to this value on either side belong to the plane.
-    """
-
-    normal: Floats
-    offset: float
-    reach: float
-
-    def hold(self, moves: Floats, points: Floats) -> Floats:
-        """Let the points that belong to the plane move along it only: (n, 3)."""
-        inside = np.abs(points @ self.normal + self.offset) <= self.reach
-        along = self.normal / (self.normal @ self.normal)
-        held = moves[inside] - np.outer(moves[inside] @ self.normal, along)
-        result = moves.copy()
-        result[inside] = held
-        return result

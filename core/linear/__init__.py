@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Linear systems: conjugate gradients and multigrid over matrices and columns."""
+"""Symmetric linear systems: conjugate gradients and multigrid over matrices and columns."""

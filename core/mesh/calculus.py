@@ -9,14 +9,20 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse
 
 from ..base.checks import checked_signal
-from ..base.parallel import Progress, kernel, run, run_in_order
+from ..base.parallel import kernel, run, run_in_order
+from ..base.progress import aside, phase
 from ..errors import InvalidSignal
-from .triangle_mesh import Floats, TriangleMesh
+from .triangle_mesh import Floats, Ints, TriangleMesh
 
 
-def gradient(mesh: TriangleMesh, signal: npt.ArrayLike, progress: Progress | None = None) -> Floats:
+def gradient(
+    mesh: TriangleMesh,
+    signal: npt.ArrayLike,
+    progress: object = None,  # transition
+) -> Floats:
     """Compute the gradient of the linear interpolant in each face (paper A, Appendix A).
 
     Parameters
@@ -24,7 +30,6 @@ def gradient(mesh: TriangleMesh, signal: npt.ArrayLike, progress: Progress | Non
     mesh : TriangleMesh
     signal : (n,) or (n, d) array of float
         Values at the vertices.
-    progress : Progress, optional
 
     Returns
     -------
@@ -39,7 +44,7 @@ def gradient(mesh: TriangleMesh, signal: npt.ArrayLike, progress: Progress | Non
     values = checked_signal(signal, mesh.vertex_count, largest=np.inf)
     out = np.zeros((mesh.face_count, values.shape[1], 3))
     run(_gradient, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals, mesh.areas,
-        values, out, progress=progress)  # fmt: skip
+        values, out)  # fmt: skip
     return out
 
 
@@ -69,52 +74,125 @@ def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
     return out
 
 
-def cotangents(mesh: TriangleMesh, progress: Progress | None = None) -> Floats:
+def cotangents(
+    mesh: TriangleMesh,
+    progress: object = None,  # transition
+) -> Floats:
     """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate.
 
     Needle-like faces (cotangents above 1000, angles below 0.06 degrees) are weakened as a whole
     to that bound, which keeps the stiffness positive and linear solves possible.
     """
     out = np.empty((mesh.face_count, 3))
-    run(_cotangents, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, out,
-        progress=progress)  # fmt: skip
+    run(_cotangents, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, out)
     return out
 
 
-def lumped_mass(mesh: TriangleMesh, progress: Progress | None = None) -> Floats:
+def lumped_mass(
+    mesh: TriangleMesh,
+    progress: object = None,  # transition
+) -> Floats:
     """A third of the area around each vertex, in squared mean edge lengths: (n,)."""
     out = np.empty(mesh.vertex_count)
-    run(_lumped_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out, progress=progress)
+    run(_lumped_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out)
     return out
+
+
+def stiffness_weights(
+    mesh: TriangleMesh, halves: Floats, screen: Floats
+) -> tuple[Ints, Ints, Floats, Floats]:
+    """Assemble the cotangent stiffness plus `screen` on the diagonal, row by row.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    halves : (m, 3) float64
+        Its `cotangents`.
+    screen : (n,) float64
+
+    Returns
+    -------
+    start, columns : (n + 1,) int32, (k,) int32
+        ``mesh.neighbours``.
+    weights : (k,) float64
+        Of each neighbour, symmetric: minus the entry of the matrix.
+    diagonal : (n,) float64
+    """
+    start, columns = mesh.neighbours
+    weights, diagonal = np.empty(len(columns)), np.empty(mesh.vertex_count)
+    run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, halves, screen, start, weights,
+        diagonal)  # fmt: skip
+    return start, columns, weights, diagonal
+
+
+def stiffness_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
+    """The cotangent stiffness L, positive semidefinite: (n, n).
+
+    ``L @ x`` is minus `divergence` of `gradient` of x, but for needle-like faces (see
+    `cotangents`). With the `mass_matrix` M, ``M + t * L`` is an implicit step of heat.
+    """
+    n = mesh.vertex_count
+    start, columns, weights, diagonal = stiffness_weights(mesh, cotangents(mesh), np.zeros(n))
+    off = scipy.sparse.csr_matrix((-weights, columns, start), shape=(n, n))
+    return (off + scipy.sparse.diags(diagonal)).tocsr()
+
+
+def mass_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
+    """`lumped_mass` as a diagonal matrix: (n, n)."""
+    return scipy.sparse.diags(lumped_mass(mesh), format="csr")
+
+
+def gradient_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
+    """The `gradient` as a matrix: (3 m, n), the three components of each face in turn.
+
+    With A the areas, each three times, ``G.T @ A @ G`` is the `stiffness_matrix`.
+    """
+    corners = mesh.scaled_vertices[mesh.faces]
+    opposite = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
+    double = 2.0 * np.where(mesh.areas > 0, mesh.areas, np.inf)
+    hats = np.cross(mesh.normals[:, None], opposite) / double[:, None, None]
+    columns = np.repeat(mesh.faces, 3, axis=0)
+    start = np.arange(0, columns.size + 1, 3)
+    values = hats.transpose(0, 2, 1).reshape(-1)
+    shape = 3 * mesh.face_count, mesh.vertex_count
+    return scipy.sparse.csr_matrix((values, columns.reshape(-1), start), shape=shape)
 
 
 def average_to_vertices(
-    mesh: TriangleMesh, values: Floats, progress: Progress | None = None
+    mesh: TriangleMesh,
+    values: Floats,
+    progress: object = None,  # transition
 ) -> Floats:
     """Area-weighted averages of face values at the vertices: (m, d) -> (n, d).
 
     Vertices without area get zeros.
     """
     out = np.empty((mesh.vertex_count, values.shape[1]))
-    run(_average, mesh.vertex_count, *mesh.corners, mesh.areas, values, out, progress=progress)
+    run(_average, mesh.vertex_count, *mesh.corners, mesh.areas, values, out)
     return out
 
 
 def average_to_faces(
-    mesh: TriangleMesh, values: Floats, progress: Progress | None = None
+    mesh: TriangleMesh,
+    values: Floats,
+    progress: object = None,  # transition
 ) -> Floats:
     """Means of the three vertex values of each face: (n, d) -> (m, d)."""
     out = np.empty((mesh.face_count, values.shape[1]))
-    run(_average_corners, mesh.face_count, mesh.faces, values, out, progress=progress)
+    run(_average_corners, mesh.face_count, mesh.faces, values, out)
     return out
 
 
 def blended_normals(
-    mesh: TriangleMesh, old: Floats, new: Floats, weights: Floats, progress: Progress | None = None
+    mesh: TriangleMesh,
+    old: Floats,
+    new: Floats,
+    weights: Floats,
+    progress: object = None,  # transition
 ) -> Floats:
     """Mix normals of the faces by weights (n,) of the vertices; opposite ones may become zero."""
     out = np.empty_like(old)
-    run(_blend, mesh.face_count, mesh.faces, old, new, weights, out, progress=progress)
+    run(_blend, mesh.face_count, mesh.faces, old, new, weights, out)
     return out
 
 
@@ -122,7 +200,7 @@ def group_means(
     groups: npt.NDArray[np.integer],
     rows: npt.NDArray,
     out: npt.NDArray,
-    progress: Progress = Progress(None),
+    progress: object = None,  # transition
 ) -> None:
     """Put the mean of each group's rows into `out`, where others stay as they are.
 
@@ -132,16 +210,18 @@ def group_means(
         The row of `out` that each row counts for.
     rows : (k, d) array of float
     out : (n, d) array of float
-    progress : Progress
     """
     sums = np.zeros(out.shape)
     sizes = np.zeros(len(out), dtype=np.int64)
-    run_in_order(_add_rows, len(rows), groups, rows, sums, sizes, progress=progress)
-    run(_divide_rows, len(out), sums, sizes, out, progress=progress)
+    run_in_order(_add_rows, len(rows), groups, rows, sums, sizes)
+    run(_divide_rows, len(out), sums, sizes, out)
 
 
 def smooth_vertices(
-    mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress | None = None
+    mesh: TriangleMesh,
+    signal: Floats,
+    passes: int,
+    progress: object = None,  # transition
 ) -> Floats:
     """Umbrella smoothing with Gaussian weights (paper A, Appendix A, "Smoothing").
 
@@ -154,15 +234,14 @@ def smooth_vertices(
     """
     if passes == 0:
         return signal
-    mesh.weigh_neighbours(progress.part(0.0, 0.0, "Smoothing") if progress else None)
-    ring_start, ring = mesh.neighbours
-    weights = mesh.neighbour_weights
+    with aside("Smoothing"):
+        weights = mesh.neighbour_weights
+    start, ring = mesh.neighbours
     spare = None
     for done in range(passes):
-        phase = progress.part(done / passes, (done + 1) / passes, "Smoothing") if progress else None
         out = np.empty_like(signal) if spare is None else spare
-        run(_umbrella, mesh.vertex_count, ring_start, ring, weights, signal, out,
-            progress=phase)  # fmt: skip
+        with phase(done / passes, (done + 1) / passes, "Smoothing"):
+            run(_umbrella, mesh.vertex_count, start, ring, weights, signal, out)
         spare = signal if done else None  # the caller's array is never written to
         signal = out
     return signal
@@ -223,6 +302,32 @@ def _cotangents(start, stop, vertices, faces, areas, out):
         if largest > 500.0:
             for k in range(3):
                 out[f, k] *= 500.0 / largest
+
+
+@kernel
+def _assemble(
+    start, stop, corner_start, corners, twins, cots, screen, ring_start, weights, diagonal
+):
+    # Entries follow the corners, as in TriangleMesh.neighbours.
+    for v in range(start, stop):
+        place = ring_start[v]
+        total = screen[v]
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            weight = cots[f, k]
+            t = twins[f, k]
+            if t >= 0:
+                weight += cots[t // 3, t % 3]
+            weights[place] = weight
+            total += weight
+            place += 1
+            back = (k + 2) % 3
+            if twins[f, back] < 0:
+                weights[place] = cots[f, back]
+                total += cots[f, back]
+                place += 1
+        diagonal[v] = total
 
 
 @kernel

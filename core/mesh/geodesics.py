@@ -1,23 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Local geodesic distances on triangle meshes by fast marching.
+"""Geodesic distances on triangle meshes by fast marching.
 
-After Kimmel and Sethian (Computing geodesic paths on manifolds, 1998), with obtuse corners split
-by unfolding the faces that lie across. The mesh may be embedded in any number of dimensions:
-only lengths of edges are read.
+References
+----------
+R. Kimmel, J. Sethian: Computing Geodesic Paths on Manifolds, 1998: the march, section 3; obtuse
+corners are split by unfolding the faces that lie across, section 4. M. Novotni, R. Klein: Computing
+Geodesic Distances on Triangular Meshes, 2002: fronts that are circles.
+
+The mesh may be embedded in any number of dimensions: only lengths of edges are read.
 """
 
 from __future__ import annotations
 
+import logging
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run, run_in_order
+from ..base.checks import checked_signal
+from ..base.parallel import kernel, run, run_in_order
+from ..errors import InvalidSignal
 from .triangle_mesh import Floats, Ints, TriangleMesh
+
+log = logging.getLogger(__name__)
 
 UNFOLDED = 30
 """Most faces that are unfolded to split one obtuse corner."""
+
+_ACUTE, _AT_BORDER, _GIVEN_UP = -1, -2, -3  # why a corner is not split
 
 
 class Stencils(NamedTuple):
@@ -33,7 +44,75 @@ class Stencils(NamedTuple):
     shapes: npt.NDArray[np.float32]  # length of v-other; target's place along it and beside it
 
 
-def stencils(mesh: TriangleMesh, embedding: Floats, progress: Progress | None = None) -> Stencils:
+class Front(NamedTuple):
+    """What `march` works on, and what it finds.
+
+    The vertices that were reached are ``reached[:count]``, nearest first, with their squared
+    distances in `squares`. All else are the march's own notes.
+    """
+
+    reached: Ints
+    squares: Floats
+    stamps: Ints
+    heap: Ints
+    slots: Ints  # where in the heap each vertex is
+
+
+def distances_from(
+    mesh: TriangleMesh, source: int, embedding: npt.ArrayLike | None = None, limit: float = np.inf
+) -> Floats:
+    """Compute geodesic distances from one vertex.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    source : int
+        The vertex.
+    embedding : (n, any number) array of float, optional
+        Where the vertices lie, in any unit; ``mesh.scaled_vertices`` if left out, so that
+        distances are in mean edge lengths.
+    limit : float
+        How far to go.
+
+    Returns
+    -------
+    (n,) float64
+        Infinite beyond `limit`, and where no faces lead to.
+
+    Raises
+    ------
+    InvalidSignal
+        If there is no such vertex, or the embedding does not fit the mesh or is not finite.
+
+    Notes
+    -----
+    First order in the edge length, on planes exact up to what obtuse corners at borders leave out.
+
+    Examples
+    --------
+    >>> from shock_filter.core import TriangleMesh
+    >>> from shock_filter.core.mesh.geodesics import distances_from
+    >>> corners = [[0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]]
+    >>> mesh = TriangleMesh(corners, [[0, 1, 3], [1, 2, 3]])
+    >>> distances_from(mesh, 0, mesh.vertices).tolist()
+    [0.0, 3.0, 5.0, 4.0]
+    """
+    if not 0 <= source < mesh.vertex_count:
+        raise InvalidSignal(
+            f"The source is vertex {source}; give one from 0 to {mesh.vertex_count - 1}."
+        )
+    points = mesh.scaled_vertices
+    if embedding is not None:
+        points = checked_signal(embedding, mesh.vertex_count, "embedding", np.inf)
+    front = new_front(mesh.vertex_count)
+    count = march(source, 1, limit, stencils(mesh, points), front)
+    found = np.full(mesh.vertex_count, np.inf)
+    vertices = front.reached[:count]
+    found[vertices] = np.sqrt(front.squares[vertices])
+    return found
+
+
+def stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     """Prepare marching on a mesh whose vertices lie at `embedding` (n, any number).
 
     Each corner takes its distance from the opposite edge. An obtuse corner may be reached before
@@ -43,103 +122,88 @@ def stencils(mesh: TriangleMesh, embedding: Floats, progress: Progress | None = 
     count, faces = mesh.face_count, mesh.faces
     splits = np.empty(3 * count, dtype=np.int32)
     places = np.empty((3 * count, 2), dtype=np.float32)
-    run(_split_corners, count, faces, mesh.twins, embedding, splits, places, progress=progress)
+    run(_split_corners, count, faces, mesh.twins, embedding, splits, places)
+    given_up = np.count_nonzero(splits == _GIVEN_UP)
+    if given_up:
+        log.info("%d obtuse corners are not split: no vertex lies opposite within %d faces.",
+                 given_up, UNFOLDED)  # fmt: skip
     start = np.zeros(mesh.vertex_count + 1, dtype=np.int64)
-    run_in_order(_count_stencils, count, faces, splits, start, progress=progress)
-    np.cumsum(start, out=start)
-    targets = np.empty(start[-1], dtype=np.int32)
-    others = np.empty(start[-1], dtype=np.int32)
-    shapes = np.empty((start[-1], 3), dtype=np.float32)
-    run_in_order(_fill_stencils, count, faces, embedding, splits, places, start[:-1].copy(),
-                 targets, others, shapes, progress=progress)  # fmt: skip
-    return Stencils(start, targets, others, shapes)
+    run_in_order(_count_stencils, count, faces, splits, start)
+    graph = _empty_stencils(start)
+    run_in_order(_fill_stencils, count, faces, embedding, splits, places, start[:-1].copy(), graph)
+    return graph
 
 
-def face_stencils(
-    mesh: TriangleMesh, embedding: Floats, progress: Progress | None = None
-) -> Stencils:
+def face_stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     """Prepare marching from face to face, their centres at `embedding` (m, any number).
 
     Distances run straight from centre to centre: between faces there are no triangles to go
     through.
     """
     start = np.zeros(mesh.face_count + 1, dtype=np.int64)
-    run(_count_links, mesh.face_count, mesh.twins, start, progress=progress)
+    run(_count_links, mesh.face_count, mesh.twins, start)
+    graph = _empty_stencils(start)
+    run(_link_faces, mesh.face_count, mesh.twins, embedding, graph)
+    return graph
+
+
+def _empty_stencils(start: npt.NDArray[np.int64]) -> Stencils:
+    # From the number of triangles in each row, which `start` holds one place further.
     np.cumsum(start, out=start)
-    targets = np.empty(start[-1], dtype=np.int32)
-    others = np.empty(start[-1], dtype=np.int32)
-    shapes = np.zeros((start[-1], 3), dtype=np.float32)
-    run(_link_faces, mesh.face_count, mesh.twins, embedding, start, targets, others, shapes,
-        progress=progress)  # fmt: skip
-    return Stencils(start, targets, others, shapes)
-
-
-def distances_from(
-    mesh: TriangleMesh, source: int, embedding: Floats | None = None, limit: float = np.inf
-) -> Floats:
-    """Geodesic distances from one vertex: (n,), infinite beyond `limit`.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    source : int
-    embedding : (n, any number) float64, optional
-        Where the vertices lie; as a rule, `mesh.scaled_vertices`.
-    limit : float
-        Where to stop.
-    """
-    points = mesh.scaled_vertices if embedding is None else embedding
-    scratch = march_scratch(mesh.vertex_count)
-    reached = march(source, 1, limit, stencils(mesh, points), *scratch)
-    found = np.full(mesh.vertex_count, np.inf)
-    vertices = scratch[0][:reached]
-    found[vertices] = np.sqrt(scratch[1][vertices])
-    return found
+    count = start[-1]
+    shapes = np.zeros((count, 3), dtype=np.float32)
+    return Stencils(start, np.empty(count, np.int32), np.empty(count, np.int32), shapes)
 
 
 @kernel
-def march_scratch(count):
-    """Memory that `march` needs for a mesh of `count` vertices; untouched pages cost nothing."""
+def new_front(count):
+    """Make a `Front` for a mesh of `count` vertices; untouched pages of memory cost nothing."""
     reached = np.empty(count, np.int32)
     squares = np.empty(count, np.float64)
     stamps = np.zeros(count, np.int32)
-    heap = np.empty(count, np.int32)
-    places = np.empty(count, np.int32)
-    return reached, squares, stamps, heap, places
+    return Front(reached, squares, stamps, np.empty(count, np.int32), np.empty(count, np.int32))
 
 
 @kernel
-def march(source, turn, limit, graph, reached, squares, stamps, heap, places):
+def march(source, turn, limit, graph, front):
     """March from `source` up to the distance `limit`; return how many vertices were reached.
 
-    They are ``reached[:count]``, nearest first, with their squared distances in `squares`.
-    `turn` is another number above zero for each march that uses the same scratch, so that
-    nothing need be cleared.
+    Parameters
+    ----------
+    source : int
+    turn : int
+        Another number above zero for each march with the same front, so that nothing need be
+        cleared.
+    limit : float
+    graph : Stencils
+    front : Front
+        Gets the vertices and their distances.
     """
-    start, targets, others, shapes = graph
+    start, targets, others, shapes = graph  # once: reading a field counts its references
+    reached, squares, stamps, heap, slots = front
     # A vertex is far while its stamp is below `close`, then close (in the heap), then accepted.
     close, accepted = 2 * turn, 2 * turn + 1
     count, size = 0, 0
     farthest = limit * limit
     squares[source] = 0.0
     stamps[source] = close
-    size = _push(source, size, heap, places, squares)
+    size = _push(source, size, heap, slots, squares)
     while size > 0:
         v = heap[0]
-        size = _pop(size, heap, places, squares)
+        size = _pop(size, heap, slots, squares)
         stamps[v] = accepted
         reached[count] = v
         count += 1
         square = squares[v]
         for i in range(start[v], start[v + 1]):
-            target = targets[i]
+            target, other = targets[i], others[i]
             if stamps[target] == accepted:
                 continue
             along, beside = float(shapes[i, 1]), float(shapes[i, 2])
             found = np.inf
-            if stamps[others[i]] == accepted:
+            if stamps[other] == accepted:
                 length = float(shapes[i, 0])
-                found = _across(square, squares[others[i]], length, along, beside)
+                found = _across(square, squares[other], length, along, beside)
             if found == np.inf:
                 found = (np.sqrt(square) + np.sqrt(along * along + beside * beside)) ** 2
             if not found <= farthest:  # nor NaN, where lengths overflow
@@ -147,10 +211,10 @@ def march(source, turn, limit, graph, reached, squares, stamps, heap, places):
             if stamps[target] != close:
                 stamps[target] = close
                 squares[target] = found
-                size = _push(target, size, heap, places, squares)
+                size = _push(target, size, heap, slots, squares)
             elif found < squares[target]:
                 squares[target] = found
-                _rise(places[target], heap, places, squares)
+                _rise(slots[target], heap, slots, squares)
     return count
 
 
@@ -171,61 +235,62 @@ def _across(from_v, from_other, length, along, beside):
 
 
 @kernel
-def _push(v, size, heap, places, squares):
+def _push(v, size, heap, slots, squares):
     heap[size] = v
-    places[v] = size
-    _rise(size, heap, places, squares)
+    slots[v] = size
+    _rise(size, heap, slots, squares)
     return size + 1
 
 
 @kernel
-def _rise(place, heap, places, squares):
-    v = heap[place]
+def _rise(slot, heap, slots, squares):
+    v = heap[slot]
     key = squares[v]
-    while place > 0:
-        parent = (place - 1) >> 1
+    while slot > 0:
+        parent = (slot - 1) >> 1
         if squares[heap[parent]] <= key:
             break
-        heap[place] = heap[parent]
-        places[heap[place]] = place
-        place = parent
-    heap[place] = v
-    places[v] = place
+        heap[slot] = heap[parent]
+        slots[heap[slot]] = slot
+        slot = parent
+    heap[slot] = v
+    slots[v] = slot
 
 
 @kernel
-def _pop(size, heap, places, squares):
+def _pop(size, heap, slots, squares):
     size -= 1
     v = heap[size]
     key = squares[v]
-    place = 0
+    slot = 0
     while True:
-        child = 2 * place + 1
+        child = 2 * slot + 1
         if child >= size:
             break
         if child + 1 < size and squares[heap[child + 1]] < squares[heap[child]]:
             child += 1
         if squares[heap[child]] >= key:
             break
-        heap[place] = heap[child]
-        places[heap[place]] = place
-        place = child
-    heap[place] = v
-    places[v] = place
+        heap[slot] = heap[child]
+        slots[heap[slot]] = slot
+        slot = child
+    heap[slot] = v
+    slots[v] = slot
     return size
 
 
 @kernel
-def _squared(embedding, a, b):
+def squared_distance(points, a, b):
+    """Compute the squared straight distance of two of the points (n, any number)."""
     total = 0.0
-    for j in range(embedding.shape[1]):
-        step = embedding[a, j] - embedding[b, j]
+    for j in range(points.shape[1]):
+        step = points[a, j] - points[b, j]
         total += step * step
     return total
 
 
 @kernel
-def _third(ax, ay, bx, by, square_ac, square_bc):
+def _apex(ax, ay, bx, by, square_ac, square_bc):
     # Where c lies, right of the way from a to b, given its squared distances.
     ux, uy = bx - ax, by - ay
     square = ux * ux + uy * uy
@@ -244,7 +309,8 @@ def _count_links(start, stop, twins, row_start):
 
 
 @kernel
-def _link_faces(start, stop, twins, embedding, row_start, targets, others, shapes):
+def _link_faces(start, stop, twins, embedding, graph):
+    row_start, targets, others, shapes = graph
     for f in range(start, stop):
         place = row_start[f]
         for k in range(3):
@@ -252,27 +318,27 @@ def _link_faces(start, stop, twins, embedding, row_start, targets, others, shape
                 g = twins[f, k] // 3
                 targets[place] = g
                 others[place] = f
-                shapes[place, 1] = np.sqrt(_squared(embedding, f, g))
+                shapes[place, 1] = np.sqrt(squared_distance(embedding, f, g))
                 place += 1
 
 
 @kernel
 def _split_corners(start, stop, faces, twins, embedding, splits, places):
     # Per corner: the vertex that splits it and its place in the corner's own frame (see below),
-    # or -1 if the corner is not obtuse; -2 if it is, but the unfolding runs over a border.
+    # or why it is not split.
     for f in range(start, stop):
         for k in range(3):
             c, a, b = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
             corner = 3 * f + k
-            splits[corner] = -1
-            square_a = _squared(embedding, c, a)
-            square_b = _squared(embedding, c, b)
-            if square_a + square_b >= _squared(embedding, a, b) * (1 - 1e-9):
+            splits[corner] = _ACUTE
+            square_a = squared_distance(embedding, c, a)
+            square_b = squared_distance(embedding, c, b)
+            if square_a + square_b >= squared_distance(embedding, a, b) * (1 - 1e-9):
                 continue
-            splits[corner] = -2
+            splits[corner] = _AT_BORDER
             # The corner at the origin, a on the x axis, b above it; unfold across a-b.
             ax, ay = np.sqrt(square_a), 0.0
-            bx, by = _third(ax, ay, 0.0, 0.0, _squared(embedding, a, b), square_b)
+            bx, by = _apex(ax, ay, 0.0, 0.0, squared_distance(embedding, a, b), square_b)
             if ax == 0.0:
                 continue
             fx, fy, gx, gy = ax, ay, bx, by
@@ -285,8 +351,8 @@ def _split_corners(start, stop, faces, twins, embedding, splits, places):
                 # The half-edge runs from the end near b to the one near a.
                 d = faces[g, (m + 2) % 3]
                 near_b, near_a = faces[g, m], faces[g, (m + 1) % 3]
-                dx, dy = _third(fx, fy, gx, gy, _squared(embedding, near_a, d),
-                                _squared(embedding, near_b, d))  # fmt: skip
+                dx, dy = _apex(fx, fy, gx, gy, squared_distance(embedding, near_a, d),
+                                squared_distance(embedding, near_b, d))  # fmt: skip
                 beyond_a = dx * ax + dy * ay < 0.0  # more than 90 degrees from a
                 beyond_b = dx * bx + dy * by < 0.0
                 if not beyond_a and not beyond_b:
@@ -300,6 +366,8 @@ def _split_corners(start, stop, faces, twins, embedding, splits, places):
                 else:
                     fx, fy = dx, dy
                     edge = twins[g, (m + 2) % 3]
+            else:
+                splits[corner] = _GIVEN_UP
 
 
 @kernel
@@ -315,20 +383,21 @@ def _count_stencils(start, stop, faces, splits, row_start):
 
 
 @kernel
-def _fill_stencils(start, stop, faces, embedding, splits, places, cursors, targets, others, shapes):
+def _fill_stencils(start, stop, faces, embedding, splits, places, cursors, graph):
+    _, targets, others, shapes = graph
     for f in range(start, stop):
         for k in range(3):
             c, a, b = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
             d = splits[3 * f + k]
-            square_a = _squared(embedding, c, a)
-            square_b = _squared(embedding, c, b)
-            square_ab = _squared(embedding, a, b)
+            square_a = squared_distance(embedding, c, a)
+            square_b = squared_distance(embedding, c, b)
+            square_ab = squared_distance(embedding, a, b)
             _put(a, b, c, square_ab, square_a, square_b, cursors, targets, others, shapes)
             if d < 0:
                 continue
             x, y = float(places[3 * f + k, 0]), float(places[3 * f + k, 1])
             ax = np.sqrt(square_a)
-            bx, by = _third(ax, 0.0, 0.0, 0.0, square_ab, square_b)
+            bx, by = _apex(ax, 0.0, 0.0, 0.0, square_ab, square_b)
             square_d = x * x + y * y
             square_ad = (x - ax) ** 2 + y * y
             square_bd = (x - bx) ** 2 + (y - by) ** 2

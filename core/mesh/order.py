@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress
-from .triangle_mesh import TriangleMesh, count_sort
+from ..base.progress import aside, ask
+from .adjacency import count_sort
+from .triangle_mesh import TriangleMesh
 
 _SMALL = 100_000
 """Faces below which everything fits into the processor's caches anyway."""
@@ -28,7 +29,8 @@ def is_scattered(mesh: TriangleMesh) -> bool:
 
 
 def sorted_along_curve(
-    mesh: TriangleMesh, progress: Progress | None = None
+    mesh: TriangleMesh,
+    progress: object = None,  # transition
 ) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
     """Sort vertices along a Morton curve, and faces by their lowest vertex.
 
@@ -40,20 +42,19 @@ def sorted_along_curve(
     vertex_order : (n,) int
     face_order : (m,) int32
     """
-    phase = (progress or Progress(None)).part(0.0, 0.0, "Sorting")
-    codes = _morton_codes(mesh)
-    phase.update(0.0)
-    vertex_order = np.argsort(codes, kind="stable")
-    phase.update(0.0)
-    rank = np.empty(mesh.vertex_count, dtype=np.int32)
-    rank[vertex_order] = np.arange(mesh.vertex_count, dtype=np.int32)
-    faces = rank[mesh.faces]
-    phase.update(0.0)
-    lowest = np.minimum(np.minimum(faces[:, 0], faces[:, 1]), faces[:, 2])
-    _, face_order = count_sort(lowest, mesh.vertex_count, phase)
-    vertices, faces = mesh.vertices[vertex_order], faces[face_order]
-    ordered = TriangleMesh(vertices, faces, phase)
-    return ordered, vertex_order, face_order
+    with aside("Sorting"):
+        codes = _morton_codes(mesh)
+        ask()
+        vertex_order = np.argsort(codes, kind="stable")
+        ask()
+        rank = np.empty(mesh.vertex_count, dtype=np.int32)
+        rank[vertex_order] = np.arange(mesh.vertex_count, dtype=np.int32)
+        faces = rank[mesh.faces]
+        ask()
+        lowest = np.minimum(np.minimum(faces[:, 0], faces[:, 1]), faces[:, 2])
+        _, face_order = count_sort(lowest, mesh.vertex_count)
+        vertices, faces = mesh.vertices[vertex_order], faces[face_order]
+    return TriangleMesh(vertices, faces), vertex_order, face_order
 
 
 def _morton_codes(mesh: TriangleMesh) -> npt.NDArray[np.uint64]:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-import numpy as np
 
-from ...core.host.colors import ColoredSurface
-from ...core.host.recolored import Colors, Recolored
+from ...core.host.inputs import ColoredSurface
+from ...core.host.recolored import Recolored
+from .arrays import read_attribute, write_attribute
 from .masks import color_mask
 from .meshes import (
     Target,
@@ -44,7 +44,7 @@ def read_colors(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str,
         triangles=read_corner_vertices(mesh)[triangles],
         mask=mask,
         to_world=lengths_in_world(obj),
-        colors=_read(attribute)[:, :3].copy(),
+        colors=read_attribute(attribute)[:, :3].copy(),
         corners=triangles if attribute.domain == "CORNER" else None,
         free=free,
         levels=255 if attribute.data_type == "BYTE_COLOR" else 0,
@@ -63,9 +63,9 @@ def write_colors(target: Target, result: Recolored) -> bpy.types.Object:
     obj = find(target)
     check_unchanged(obj, target)
     attribute = obj.data.color_attributes[target.place]
-    values = _read(attribute)
+    values = read_attribute(attribute)
     values[:, :3] = result.colors
-    attribute.data.foreach_set(stored(attribute), values.reshape(-1))
+    write_attribute(attribute, values)
     obj.data.update()
     return obj
 
@@ -76,7 +76,7 @@ def check_unchanged(obj: bpy.types.Object, target: Target) -> None:
     reason = "its colors were changed meanwhile; run again"
     if attribute is None:
         raise Skipped(reason)
-    check_same(_read(attribute)[:, :3], target.surface.colors, reason)
+    check_same(read_attribute(attribute)[:, :3], target.surface.colors, reason)
 
 
 def _attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:
@@ -96,14 +96,3 @@ def _attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:
         name=name,
         names=", ".join(attributes.keys()),
     )
-
-
-def stored(attribute: bpy.types.Attribute) -> str:
-    """Name the property under which an attribute's colors are read and written."""
-    return "color_srgb" if attribute.data_type == "BYTE_COLOR" else "color"
-
-
-def _read(attribute: bpy.types.Attribute) -> Colors:
-    flat = np.empty(4 * len(attribute.data), dtype=np.float32)
-    attribute.data.foreach_get(stored(attribute), flat)
-    return flat.reshape(-1, 4)

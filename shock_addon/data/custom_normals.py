@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from . import arrays
 from .meshes import read_corner_vertices
 
 _LAYER = "custom_normal"
@@ -28,8 +29,7 @@ def recompute(obj: bpy.types.Object, mask: npt.NDArray[np.float64] | None) -> No
         _forget_turns(layer, free)
         return
     # Before Blender 4.5, and where normals are stored as vectors; slow, but there is no other way.
-    normals = np.empty((len(vertices), 3), dtype=np.float32)
-    mesh.corner_normals.foreach_get("vector", normals.reshape(-1))
+    normals = arrays.read(mesh.corner_normals, "vector", 3)
     normals[free] = 0.0  # which Blender takes for those of the surface
     clear(obj)
     mesh.normals_split_custom_set(normals)
@@ -37,8 +37,6 @@ def recompute(obj: bpy.types.Object, mask: npt.NDArray[np.float64] | None) -> No
 
 def _forget_turns(layer: bpy.types.Attribute, free: npt.NDArray[np.bool_]) -> None:
     """Set how far normals are turned from those of the surface to nothing."""
-    turns = np.empty(2 * len(free), dtype=np.int16)
-    layer.data.foreach_get("value", turns)
-    turns = turns.reshape(-1, 2)
+    turns = arrays.read_attribute(layer)
     turns[free] = 0
-    layer.data.foreach_set("value", turns.reshape(-1))
+    arrays.write_attribute(layer, turns)

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.geometry import MirroredSurface, Sharpened
-from ...core.host.symmetry import MirrorPlane
+from ...core.host.inputs import MirroredSurface, MirrorPlane
 from . import custom_normals, shape_keys
 from .edge_marks import mark_sharp
 from .masks import vertex_mask
@@ -26,6 +25,9 @@ from .meshes import (
 )
 from .skipped import Skipped
 from .unchanged import check_same
+
+if TYPE_CHECKING:
+    from ...core.host.geometry import Sharpened
 
 
 @dataclass(frozen=True)

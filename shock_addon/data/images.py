@@ -17,7 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.host import forgetting
-from ...core.host.picture import Picture
+from ...core.host.inputs import HostImage
+from . import arrays
+from .arrays import read_pixels
 from .chosen import refusal
 from .skipped import Skipped
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
@@ -33,7 +35,7 @@ class ImageTarget:
 
     name: str
     image_uid: int
-    surface: Picture
+    surface: HostImage
 
     @property
     def parts(self) -> Tiles:
@@ -68,13 +70,13 @@ def read_image(image: bpy.types.Image) -> ImageTarget:
     reason = refusal(image)
     if reason:
         raise Skipped(reason)
-    picture = picture_of(image, read_pixels(image))
-    return ImageTarget(image.name, image.session_uid, picture)
+    surface = host_image(image, read_pixels(image))
+    return ImageTarget(image.name, image.session_uid, surface)
 
 
-def picture_of(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> Picture:
+def host_image(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> HostImage:
     """Say what pixels that were read from an image mean."""
-    return Picture(
+    return HostImage(
         pixels=pixels,
         opacity=image.alpha_mode,
         premultiplied=image.is_float,
@@ -118,18 +120,11 @@ def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
         write_pixels(image, parts[UNTILED], pack)
 
 
-def read_pixels(image: bpy.types.Image) -> npt.NDArray[np.float32]:
-    """Read the pixels, from the bottom up: (h, w, channels)."""
-    flat = np.empty(len(image.pixels), dtype=np.float32)
-    image.pixels.foreach_get(flat)
-    return flat.reshape(image.size[1], image.size[0], -1)
-
-
 def write_pixels(image: bpy.types.Image, pixels: npt.NDArray[np.float32], pack: bool) -> None:
     """Write the pixels, and pack them into the blend file if asked to."""
     if pack:
         dress(image, image)
-    image.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
+    arrays.write_pixels(image, pixels)
     image.update()
     if pack:
         image.pack()

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from . import arrays
 from .meshes import read_corner_vertices
 from .skipped import Skipped
 from .vertex_groups import group_weights
@@ -102,9 +103,7 @@ def _free_corners(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArr
     faces = _free_faces(mesh, mode, parameters)
     if faces is None:
         return None
-    counts = np.empty(len(mesh.polygons), dtype=np.int32)
-    mesh.polygons.foreach_get("loop_total", counts)
-    return np.repeat(faces, counts)
+    return np.repeat(faces, arrays.read(mesh.polygons, "loop_total", dtype=np.int32))
 
 
 def _free_faces(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
@@ -130,16 +129,10 @@ def _product(masks: list[npt.NDArray]) -> npt.NDArray[np.float64] | None:
 
 
 def _flags(elements: Any, name: str) -> npt.NDArray[np.bool_]:
-    flags = np.empty(len(elements), dtype=bool)
-    elements.foreach_get(name, flags)
-    return flags
+    return arrays.read(elements, name, dtype=bool)
 
 
 def _sculpt_masks(mesh: bpy.types.Mesh) -> list[npt.NDArray[np.float32]]:
-    attribute = mesh.attributes.get(".sculpt_mask")
     # One of another kind may have come from a file; Blender does not sculpt with it.
-    if attribute is None or (attribute.domain, attribute.data_type) != ("POINT", "FLOAT"):
-        return []
-    values = np.empty(len(mesh.vertices), dtype=np.float32)
-    attribute.data.foreach_get("value", values)
-    return [1.0 - values]
+    attribute = arrays.find_attribute(mesh, ".sculpt_mask", "FLOAT", "POINT")
+    return [] if attribute is None else [1.0 - arrays.read_attribute(attribute)]

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from bpy.app.translations import pgettext_iface
 
-from ...core.host.surface import Surface
+from ...core.host.inputs import Surface
+from . import arrays
 from .chosen import CONVERTIBLE, mesh_objects, mesh_refusal
 from .skipped import Skipped, sentences
 
@@ -140,22 +141,17 @@ def find(target: Target) -> bpy.types.Object:
 
 def read_positions(mesh: bpy.types.Mesh) -> npt.NDArray[np.float32]:
     """Read vertex positions: (n, 3)."""
-    flat = np.empty(3 * len(mesh.vertices), dtype=np.float32)
-    mesh.attributes["position"].data.foreach_get("vector", flat)
-    return flat.reshape(-1, 3)
+    return arrays.read_attribute(mesh.attributes["position"])
 
 
 def write_positions(mesh: bpy.types.Mesh, positions: npt.NDArray[np.float32]) -> None:
     """Write vertex positions; call ``mesh.update()`` afterwards."""
-    flat = np.ascontiguousarray(positions, dtype=np.float32).reshape(-1)
-    mesh.attributes["position"].data.foreach_set("vector", flat)
+    arrays.write_attribute(mesh.attributes["position"], positions)
 
 
 def read_corner_vertices(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     """Read the vertex of each face corner: (number of corners,)."""
-    vertices = np.empty(len(mesh.loops), dtype=np.int32)
-    mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
-    return vertices
+    return arrays.read_attribute(mesh.attributes[".corner_vert"])
 
 
 def read_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
@@ -163,9 +159,7 @@ def read_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     mesh.calc_loop_triangles()
     if len(mesh.loop_triangles) == len(mesh.polygons):  # triangles already: 100 times faster
         return np.arange(len(mesh.loops), dtype=np.int32).reshape(-1, 3)
-    corners = np.empty(3 * len(mesh.loop_triangles), dtype=np.int32)
-    mesh.loop_triangles.foreach_get("loops", corners)
-    return corners.reshape(-1, 3)
+    return arrays.read(mesh.loop_triangles, "loops", 3, np.int32)
 
 
 def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:

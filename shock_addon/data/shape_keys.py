@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from . import arrays
 from .skipped import Skipped
 from .vertex_groups import group_weights
 
@@ -22,14 +23,12 @@ Positions = npt.NDArray[np.float32]
 
 def read(key: bpy.types.ShapeKey) -> Positions:
     """Read a key's positions: (n, 3)."""
-    flat = np.empty(3 * len(key.points), dtype=np.float32)
-    key.points.foreach_get("co", flat)
-    return flat.reshape(-1, 3)
+    return arrays.read(key.points, "co", 3)
 
 
 def write(key: bpy.types.ShapeKey, positions: Positions) -> None:
     """Write a key's positions."""
-    key.points.foreach_set("co", np.ascontiguousarray(positions, dtype=np.float32).reshape(-1))
+    arrays.write(key.points, "co", positions)
 
 
 def active_key(obj: bpy.types.Object) -> bpy.types.ShapeKey:

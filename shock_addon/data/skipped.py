@@ -29,8 +29,14 @@ class Skipped(Exception):
         return _said(self.reason, self.values)
 
 
-def explain(error: ShockError) -> str:
-    """Say in the interface's language what the core could not do."""
+class Refused(Skipped):
+    """Nothing can be done at all; as text it is a whole sentence in the interface's language."""
+
+
+def explain(error: ShockError | Refused) -> str:
+    """Say in the interface's language what could not be done."""
+    if isinstance(error, Refused):
+        return str(error)
     return _said(error.sentence, error.values)
 
 

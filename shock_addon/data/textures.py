@@ -13,7 +13,8 @@ import numpy.typing as npt
 from bpy.app.translations import pgettext_rpt
 
 from ...core.host.mosaic import Mosaic
-from ...core.host.textures import TexturedFaces, TexturedSurface
+from ...core.host.textured import TexturedFaces, TexturedSurface
+from . import arrays
 from . import images as image_data
 from .chosen import mesh_objects, refusal
 from .masks import color_mask
@@ -102,7 +103,7 @@ def read_texture(
         faces, notes = _in_tiles(faces, mosaic)
     surface = TexturedSurface(
         faces=faces,
-        picture=image_data.picture_of(image, _whole(parts, mosaic)),
+        picture=image_data.host_image(image, _whole(parts, mosaic)),
         mask=_read_mask(image, parameters, mosaic),
     )
     notes += _other_users(context, image, objects)
@@ -230,15 +231,14 @@ def _read_faces(
         raise Skipped(
             "no face of it has a material that shows {image}; assign one", image=image.name
         )
-    flat = np.empty(2 * len(mesh.loops), dtype=np.float32)
-    layer.uv.foreach_get("vector", flat)
+    uv = arrays.read(layer.uv, "vector", 2)
     matrix = matrix_in_world(obj)
     positions = read_positions(mesh).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     vertices = read_corner_vertices(mesh)
     return TexturedFaces(
         positions,
         vertices[corners].astype(np.int64),
-        flat.reshape(-1, 2)[corners].astype(np.float64),
+        uv[corners].astype(np.float64),
         _weights(obj, mode, parameters, vertices, corners),
     )
 
@@ -246,10 +246,8 @@ def _read_faces(
 def _faces_with(obj: bpy.types.Object, image: bpy.types.Image) -> npt.NDArray[np.bool_]:
     mesh = obj.data
     shows = np.array([_shows(slot.material, image) for slot in obj.material_slots] or [False])
-    slots = np.empty(len(mesh.polygons), dtype=np.int32)
-    mesh.polygons.foreach_get("material_index", slots)
-    polygons = np.empty(len(mesh.loop_triangles), dtype=np.int32)
-    mesh.loop_triangles.foreach_get("polygon_index", polygons)
+    slots = arrays.read(mesh.polygons, "material_index", dtype=np.int32)
+    polygons = arrays.read(mesh.loop_triangles, "polygon_index", dtype=np.int32)
     return shows[np.clip(slots, 0, len(shows) - 1)][polygons]
 
 

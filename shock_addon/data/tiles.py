@@ -17,6 +17,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from .arrays import read_pixels, write_pixels
 from .skipped import Skipped
 from .unchanged import check_same
 
@@ -113,7 +114,7 @@ def _files(image: bpy.types.Image, tiles: Tiles) -> Iterator[Path]:
             )
             try:
                 part.alpha_mode = "CHANNEL_PACKED"  # nothing is multiplied
-                part.pixels.foreach_set(np.ascontiguousarray(pixels).reshape(-1))
+                write_pixels(part, pixels)
                 part.file_format = file_format
                 _save(part, _numbered(pattern, number), number)
             finally:
@@ -132,7 +133,7 @@ def _save(part: bpy.types.Image, path: str, number: int) -> None:
     try:
         part.save(filepath=path)
         saved = _read(path, number, part)
-        check_same(saved, _pixels(part))
+        check_same(saved, read_pixels(part))
     except (RuntimeError, Skipped) as error:
         raise Skipped(
             "its tile {number} cannot be saved; make room on the disk of {folder}",
@@ -168,15 +169,9 @@ def _read(path: str, number: int, image: bpy.types.Image) -> npt.NDArray[np.floa
                 "its tile {number} has another depth than the first; save them alike",
                 number=number,
             )
-        return _pixels(part)
+        return read_pixels(part)
     finally:
         bpy.data.images.remove(part)
-
-
-def _pixels(part: bpy.types.Image) -> npt.NDArray[np.float32]:
-    flat = np.empty(len(part.pixels), dtype=np.float32)
-    part.pixels.foreach_get(flat)
-    return flat.reshape(part.size[1], part.size[0], -1)
 
 
 def _linear_space() -> str:

@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from . import arrays
 from .skipped import Skipped
 
 _NAME = "shock_filter"
@@ -32,13 +33,11 @@ def group_weights(obj: bpy.types.Object, name: str) -> npt.NDArray[np.float64]:
         raise Skipped(
             "it has no vertex group named {name!r}; add it, or leave the field empty", name=name
         )
-    weights = np.empty(len(obj.data.vertices), dtype=np.float32)
     with _copy(obj.data) as copy:
         group = copy.vertex_groups[name]
         group.name = "shock_filter group"  # an attribute's name would hide it
         with _weights_as_attribute(copy, group.name) as mesh:
-            mesh.attributes[_WEIGHTS].data.foreach_get("value", weights)
-    return weights.astype(np.float64)
+            return arrays.read_attribute(mesh.attributes[_WEIGHTS]).astype(np.float64)
 
 
 @contextmanager

@@ -3,19 +3,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_rpt
 
-from ...core import host as filters
-from ...core.settings import GeometrySettings, ShockSettings
 from .. import data
-from ..operators.base import Filter, MeshOperator, Steps
-from ..operators.properties import settings_from
+from ..modes import Mode, choices, find, load
+from ..operators.base import Filter
+from ..operators.meshes import MeshOperator
+from ..operators.properties import settings_of
 from . import overlay as flow_overlay
-
-_SETTINGS = {"geometry": GeometrySettings, "colors": ShockSettings}
 
 
 class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
@@ -33,10 +32,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
     mode: bpy.props.EnumProperty(
         name="Mode",
         description="Whose flow to show",
-        items=[
-            ("geometry", "Geometry", "Where normals are pulled: to the creases"),
-            ("colors", "Colors", "Where colors are pulled: to the edges between them"),
-        ],
+        items=[(mode.key, mode.label, mode.flow) for mode in choices() if mode.flow],
     )
 
     @classmethod
@@ -49,26 +45,27 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
             return False
         return True
 
-    def steps(self) -> Steps:
-        """Compute the mode's flow."""
-        from .data import write_flow
+    @property
+    def row(self) -> Mode:
+        """The mode whose flow it is."""
+        return find(self.mode)
 
-        if self.mode == "geometry":
-            return Steps(data.read_geometry, filters.flow_of_shape, write_flow)
-        return Steps(data.read_colors, filters.flow_of_colors, write_flow)
+    def writer(self) -> Callable:
+        """Write the mesh's attributes."""
+        return data.flow.write_flow
 
     def read_settings(self) -> Any:
         """Read those of the panel."""
-        return settings_from(_SETTINGS[self.mode], self._parameters())
+        return settings_of(self.row, self._parameters())
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return data.read_active(context, self.steps().read, self._parameters())
+        return data.active_object.read_active(context, self.reader(), self._parameters())
 
     def filter(self, settings: Any) -> Filter:
         """Compute one object's flow."""
-        function, weld = self.steps().filter, self._parameters().weld
-        return lambda surface, progress: function(surface, settings, weld, progress)
+        flow, weld = self.row.data.flow, self._parameters().weld
+        return lambda surface, progress: load(flow)(surface, settings, weld, progress)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
         """Write the attributes, and draw them from now on."""
@@ -79,12 +76,14 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def summary(self, written: list[tuple], seconds: float) -> str:
         """Name the attributes."""
-        from .data import FLOW, POTENTIAL
-
         (obj, _), *_ = written
         return pgettext_rpt("Wrote {potential} and {flow} to {name}, {seconds:.1f} s.").format(
-            potential=POTENTIAL, flow=FLOW, name=obj.name, seconds=seconds
+            potential=data.flow.POTENTIAL, flow=data.flow.FLOW, name=obj.name, seconds=seconds
         )
+
+    def notes(self, written: list[tuple]) -> str:
+        """Leave it at that: nothing has moved."""
+        return ""
 
     def _parameters(self) -> bpy.types.PropertyGroup:
         return getattr(bpy.context.scene.shock_filter, self.mode)

@@ -95,7 +95,7 @@ def _follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _refresh(*_: object) -> None:
-    from .data import read_flow
+    from ..data.flow import read_flow
 
     obj = _shown.object()
     if obj is None or obj.type != "MESH":
@@ -168,9 +168,9 @@ def _batches(mesh: bpy.types.Mesh) -> list:
     from gpu.shader import from_builtin
     from gpu_extras.batch import batch_for_shader
 
+    from ...core.host.strokes import potential_colors, strokes
+    from ..data.flow import read_faces, read_flow
     from ..data.meshes import read_corner_vertices, read_positions, read_triangle_corners
-    from .data import read_faces, read_flow
-    from .drawing import potential_colors, strokes
 
     found = read_flow(mesh)
     if found is None:
@@ -191,7 +191,7 @@ def _draw_legend(overlay: _Overlay) -> None:
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    from .drawing import bar
+    from ...core.host.strokes import bar
 
     context = bpy.context
     if not _is_seen(overlay.object(), context.space_data):

@@ -6,20 +6,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
-from ...core import host as filters
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
-from .. import data
-from ..data.skipped import Skipped, as_reason, explain, sentences
-from ..ui import sections
-from . import kernels, statistics
-from . import poll as obstacles
+from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
+from ..modes import Mode, load
+from . import drawing, kernels, statistics
 from .jobs import ModalJob, Work, current, is_scene_read
-from .properties import settings_from
+from .properties import settings_of
 
 Progress = Callable[[float, str], bool]
 Filter = Callable[[Any, Progress], Any]
@@ -30,8 +27,11 @@ _HARDLY_SEEN = 0.01
 summaries: dict[str, str] = {}
 """What each mode has done last, or why it has not."""
 
-listener: Progress | None = None
-"""Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C."""
+listener: Any = None
+"""Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C.
+
+Its `counts` become those of the operator.
+"""
 
 
 _FAILED = "{operator} failed: {reason}; the console has the details."
@@ -40,38 +40,44 @@ _FAILED_WRITING = (
 )
 
 
-class SharpenOperator(ModalJob):
+class FilterOperator(ModalJob):
     """Mixin for operators; subclasses say what they read, filter and write.
 
     Attributes
     ----------
-    mode : str
-        Key of `summaries`.
-    settings_type : type
-        One of the core's settings classes.
+    row : Mode
+        What it does.
     """
 
-    mode: str
-    settings_type: type
+    row: Mode
+
+    @property
+    def key(self) -> str:
+        """Key of `summaries`."""
+        return self.row.group
 
     def read_settings(self) -> Any:
         """Read what is handed to `filter` from the operator's properties."""
-        return settings_from(self.settings_type, self)
+        return settings_of(self.row, self)
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Return the targets, which have `name` and `surface`, and reasons for what is no target.
 
-        What is handed to the filter is ``target.surface``, which has `size`. A `ShockError` that
-        is raised is reported.
+        What is handed to the filter is ``target.surface``, which has `size`. A `ShockError` or
+        `Refused` that is raised is reported.
         """
         raise NotImplementedError
 
     def filter(self, settings: Any) -> Filter:
         """Return ``filter(surface, progress)``, which runs on any thread and knows no bpy."""
-        raise NotImplementedError
+        return filter_of(self.row, settings, self)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
         """Write the results of `self.targets`; see `write_results`."""
+        raise NotImplementedError
+
+    def counts(self, results: list[Any]) -> tuple[int, int]:
+        """Count what has changed, and what was worked on; results may be errors."""
         raise NotImplementedError
 
     def summary(self, written: list[tuple], seconds: float) -> str:
@@ -82,9 +88,14 @@ class SharpenOperator(ModalJob):
         """Say what was left as it is although it shapes what is seen."""
         return ""
 
+    def done(self) -> str:
+        """Say what was done, in a verb."""
+        sharpened = self.row.follows is not None and self.then_sharpen
+        return pgettext_rpt(f"{self.row.done} and sharpened" if sharpened else self.row.done)
+
     def draw(self, context: bpy.types.Context) -> None:
         """Show the parameters after the run, as the tab does."""
-        sections.draw_after_run(self.layout, context, self.properties, self.mode)
+        drawing.draw_after_run(self.layout, context, self.properties, self.row)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end: for scripts, background and redo."""
@@ -112,8 +123,8 @@ class SharpenOperator(ModalJob):
             self.targets, self._skipped = self.read(context)
             if self.targets:
                 targets, function = self.targets, self.filter(settings)
-                folder = kernels.cache_folder()
-                return lambda progress: filter_targets(targets, function, folder, progress)
+                kernels.choose_folder()
+                return lambda progress: filter_targets(targets, function, progress)
             self.tell("ERROR", " ".join(self._skipped))
         return None
 
@@ -137,7 +148,7 @@ class SharpenOperator(ModalJob):
     def tell(self, kind: str, text: str) -> None:
         """Say how it ended, also in the panel."""
         super().tell(kind, text)
-        summaries[self.mode] = text
+        summaries[self.key] = text
 
     def _forget(self) -> None:
         # Blender keeps the last 32 operators, so what a run has read and computed goes.
@@ -150,7 +161,7 @@ class SharpenOperator(ModalJob):
             yield
         except Cancelled as error:
             self.tell("INFO", explain(error))
-        except ShockError as error:
+        except (ShockError, Refused) as error:
             self.tell("ERROR", explain(error))
         except Exception as error:  # the boundary of a run: a bug, or Blender's own refusal
             import logging
@@ -168,55 +179,33 @@ class SharpenOperator(ModalJob):
             return {"CANCELLED"}
         seconds = time.perf_counter() - self._began
         statistics.learn(self, seconds)
+        if listener is not None:
+            listener.counts = self.counts(results)
         # In one line: Blender's status bar shows only the last report.
         parts = [self.summary(written, seconds), self.notes(written), *skipped]
         self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
         return {"FINISHED"}
 
 
-class Steps(NamedTuple):
-    """What is done with each mesh object.
+def filter_of(mode: Mode, settings: Any, parameters: Any) -> Filter:
+    """Return ``filter(surface, progress)``, for any thread: a mode's filter with settings.
 
-    Attributes
+    Parameters
     ----------
-    read : callable
-        ``read(obj, mode, parameters)``; see `data.read_targets`.
-    filter : callable
-        ``filter(surface, settings, weld, progress)``, on any thread.
-    write : callable
-        ``write(target, result)``, in Object Mode; returns the object, or raises `Skipped`.
+    mode : Mode
+    settings : object
+        Of `settings_of`.
+    parameters : object
+        Those of the operator or the panel.
     """
+    target = mode.target(parameters)
+    weld = (parameters.weld,) if "weld" in target.places else ()
 
-    read: Callable
-    filter: Callable
-    write: Callable
+    def run(surface: Any, progress: Progress) -> Any:
+        function = load(target.data.filter)
+        return function(surface, target.filter, settings, *weld, progress)
 
-
-class MeshOperator(SharpenOperator):
-    """Mixin for operators on mesh objects."""
-
-    def steps(self) -> Steps:
-        """Say how one object is read, filtered and written."""
-        raise NotImplementedError
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a mesh object and no other run."""
-        return can_run(cls, obstacles.of_meshes(context))
-
-    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
-        """Read all selected objects, or those in the current mode."""
-        return data.read_targets(context, self.steps().read, self)
-
-    def filter(self, settings: Any) -> Filter:
-        """Filter one object's surface."""
-        function, weld = self.steps().filter, self.weld
-        return lambda surface, progress: function(surface, settings, weld, progress)
-
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
-        """Write them, and return to the current mode."""
-        with data.object_mode(context):
-            return write_results(self.targets, results, self.steps().write)
+    return run
 
 
 def can_run(operator: type, obstacle: str) -> bool:
@@ -230,12 +219,11 @@ def can_run(operator: type, obstacle: str) -> bool:
     return not obstacle
 
 
-def filter_targets(
-    targets: Sequence[Any], function: Filter, folder: str | None, progress: Progress
-) -> list[Any]:
+def filter_targets(targets: Sequence[Any], function: Filter, *last: Any) -> list[Any]:
     """Filter all targets, on any thread; one that fails gives its error as its result."""
+    progress = last[-1]  # transition
     progress(0.0, "Preparing (compiles on first use)")
-    kernels.load(folder)
+    kernels.load()
     total = sum(target.surface.size for target in targets)
     done = 0
     results: list[Any] = []
@@ -282,11 +270,7 @@ def counted(number: int, one: str, many: str) -> str:
     return pgettext_rpt(one) if number == 1 else pgettext_rpt(many).format(number)
 
 
-def describe_colors(
-    results: Sequence[filters.Recolored],
-    things: str,
-    advice: str = "for wide edges raise Time",
-) -> str:
+def describe_colors(results: Sequence[Any], things: str, advice: str) -> str:
     """Say how many things changed and how much, and what to do if it was little."""
     total = sum(result.colors[..., 0].size for result in results)
     changed = sum(result.changed for result in results)
@@ -294,7 +278,7 @@ def describe_colors(
     text = pgettext_rpt(
         "{total:,} {things}, changed {changed:,}, largest change {largest:.2g}"
     ).format(total=total, things=pgettext_rpt(things), changed=changed, largest=largest)
-    if largest < _HARDLY_SEEN:
+    if largest < _HARDLY_SEEN and advice:
         text += f" ({pgettext_rpt(advice)})"
     return text
 

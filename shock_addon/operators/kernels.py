@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 import threading
-from contextlib import suppress
 from functools import cache
 
 import bpy
 
 from ... import __version__
+from ...core import registry
+from ...core.base import cache_folder
 from ...core.errors import ShockError
 
 _PACKAGE = __package__.removesuffix(".shock_addon.operators")
@@ -29,8 +31,6 @@ _UNUSABLE = (
 
 _loading = threading.Lock()
 _import_error = ""
-_known: set[str] = set()
-"""The kinds of runs that `has_run` said yes to."""
 
 
 class KernelsUnavailable(ShockError):
@@ -57,53 +57,35 @@ def _places() -> str:
     )
 
 
-def cache_folder() -> str | None:
-    """Choose the folder for compiled code; None leaves the choice to numba.
+def register() -> None:
+    """Have compiled code go to the extension's user folder, whatever imports the kernels first.
 
-    An extension's own folder is not for writing, so its code goes to the extension's user
-    folder, or to this session's temporary folder if that is read-only. Main thread only.
+    An extension's own folder is not for writing. Elsewhere numba chooses.
     """
-    if not _PACKAGE.startswith("bl_ext."):
-        return None
+    if _PACKAGE.startswith("bl_ext."):
+        cache_folder.chosen = bpy.utils.extension_path_user(_PACKAGE, path=f"kernels-{__version__}")
+
+
+@cache
+def choose_folder() -> None:
+    """Take the session's temporary folder if the user folder cannot be written.
+
+    Main thread only, before kernels are imported.
+    """
+    if cache_folder.chosen is None:
+        return
     import tempfile
 
-    folder = _user_folder()
     try:
-        os.makedirs(folder, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
+        os.makedirs(cache_folder.chosen, exist_ok=True)
+        with tempfile.TemporaryFile(dir=cache_folder.chosen):
+            pass
     except OSError:
-        return os.path.join(bpy.app.tempdir, "shock_filter_kernels")
+        cache_folder.chosen = os.path.join(bpy.app.tempdir, "shock_filter_kernels")
 
 
-def has_run(kind: str) -> bool:
-    """Whether the kernels of a kind of run are compiled already, as far as is known."""
-    if kind not in _known and (not _PACKAGE.startswith("bl_ext.") or os.path.exists(_mark(kind))):
-        _known.add(kind)
-    return kind in _known
-
-
-def remember_run(kind: str) -> None:
-    """Note beside the compiled code that it has what such runs need."""
-    if not has_run(kind):
-        _known.add(kind)
-        with suppress(OSError):  # a folder that cannot be written keeps no compiled code either
-            open(_mark(kind), "wb").close()
-
-
-def _mark(kind: str) -> str:
-    return os.path.join(_user_folder(), f"{kind}.compiled")
-
-
-def _user_folder() -> str:
-    return bpy.utils.extension_path_user(_PACKAGE, path=f"kernels-{__version__}")
-
-
-def load(folder: str | None) -> None:
-    """Import the core's kernels so that their compiled code is kept in `folder`.
-
-    numba fixes the place when a kernel is decorated, so its global setting is changed only for
-    the import. Safe on any thread.
+def load() -> None:
+    """Import the core's kernels; safe on any thread.
 
     Raises
     ------
@@ -116,14 +98,8 @@ def load(folder: str | None) -> None:
         if problem():
             raise KernelsUnavailable(problem())
         try:
-            import numba
-
-            chosen_by_user = numba.config.CACHE_DIR
-            numba.config.CACHE_DIR = chosen_by_user or folder or ""
-            try:
-                from ...core.filters import denoising, geometry, images, signals, textures  # noqa: F401
-            finally:
-                numba.config.CACHE_DIR = chosen_by_user
+            for name in registry.kernel_modules():
+                importlib.import_module(name)
         except _UNUSABLE as error:
             import logging
 
@@ -135,9 +111,10 @@ def load(folder: str | None) -> None:
             raise KernelsUnavailable(_import_error) from error
 
 
-def forget() -> None:
+def unregister() -> None:
     """Look again for numba and scipy when they are next asked for."""
     global _import_error
     _import_error = ""
+    cache_folder.chosen = None
     _missing.cache_clear()
-    _known.clear()
+    choose_folder.cache_clear()

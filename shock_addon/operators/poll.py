@@ -10,16 +10,16 @@ from bpy.app.translations import pgettext_rpt
 
 from .. import data
 from ..data.skipped import Skipped
+from ..modes import Mode
 
 
-def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:
+def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     """Look more closely than the operators' own polls, which do not know the settings.
 
     Parameters
     ----------
     context : bpy.types.Context
-    mode : str
-        A key of `properties.NAMES`.
+    mode : Mode
     settings : bpy.types.PropertyGroup
         The mode's settings.
 
@@ -28,22 +28,22 @@ def of_mode(context: bpy.types.Context, mode: str, settings: Any) -> str:
     str
         Empty if there is no obstacle.
     """
-    if mode in {"image", "denoise_image"}:
-        return of_images(context) or _of_image(data.edited_image(context), tiles=False)
-    if mode == "texture":
+    if not mode.data.on_surface:
+        return of_images(context) or _of_image(data.chosen.edited_image(context), tiles=False)
+    if mode.data.in_images:
         return of_textures(context) or _of_texture(context, settings)
     obstacle = of_meshes(context) or _of_links(context) or _of_faces(context)
-    if not obstacle and (mode == "colors" or (mode == "denoise" and settings.target != "geometry")):
+    if not obstacle and mode.target(settings).data.has_colors:
         obstacle = _of_colors(context)
     return obstacle
 
 
 def of_meshes(context: bpy.types.Context) -> str:
     """Say what to select."""
-    if data.mesh_objects(context):
+    if data.chosen.mesh_objects(context):
         return ""
     obj = context.object
-    if obj is not None and obj.type in data.CONVERTIBLE:
+    if obj is not None and obj.type in data.chosen.CONVERTIBLE:
         return "Convert the object to a mesh first (Object > Convert > Mesh)."
     return "Select a mesh object."
 
@@ -58,12 +58,12 @@ def of_images(context: bpy.types.Context) -> str:
 
 def of_textures(context: bpy.types.Context) -> str:
     """Say what a texture's surface lacks."""
-    if not data.mesh_objects(context) and data.edited_image(context) is not None:
+    if not data.chosen.mesh_objects(context) and data.chosen.edited_image(context) is not None:
         return "Select a mesh object that shows this image."
     obstacle = of_meshes(context)
     if obstacle:
         return obstacle
-    if not any(obj.data.uv_layers for obj in data.mesh_objects(context)):
+    if not any(obj.data.uv_layers for obj in data.chosen.mesh_objects(context)):
         return "Unwrap the mesh in Edit Mode (UV > Unwrap): it has no UV map."
     if not bpy.data.images:
         return "Add an Image Texture node with an image to the material."
@@ -71,32 +71,34 @@ def of_textures(context: bpy.types.Context) -> str:
 
 
 def _of_links(context: bpy.types.Context) -> str:
-    objects = data.mesh_objects(context)
-    reasons = [data.mesh_refusal(obj.data) for obj in objects]
+    objects = data.chosen.mesh_objects(context)
+    reasons = [data.chosen.mesh_refusal(obj.data) for obj in objects]
     return f"{objects[0].name}: {pgettext_rpt(reasons[0])}." if all(reasons) else ""
 
 
 def _of_faces(context: bpy.types.Context) -> str:
     # Blender counts what is edited only when Edit Mode is left.
-    if context.mode == "EDIT_MESH" or any(obj.data.polygons for obj in data.mesh_objects(context)):
+    if context.mode == "EDIT_MESH" or any(
+        obj.data.polygons for obj in data.chosen.mesh_objects(context)
+    ):
         return ""
     return "The mesh has no faces; add some, or select another object."
 
 
 def _of_colors(context: bpy.types.Context) -> str:
-    if any(obj.data.color_attributes for obj in data.mesh_objects(context)):
+    if any(obj.data.color_attributes for obj in data.chosen.mesh_objects(context)):
         return ""
     return "The mesh has no colors; paint some in Vertex Paint Mode."
 
 
 def _of_texture(context: bpy.types.Context, settings: Any) -> str:
     try:
-        image = data.chosen_image(context, settings.image)
+        image = data.chosen.chosen_image(context, settings.image)
     except Skipped as reason:
-        return f"{data.mesh_objects(context)[0].name}: {reason}."
+        return f"{data.chosen.mesh_objects(context)[0].name}: {reason}."
     return _of_image(image, tiles=True)
 
 
 def _of_image(image: bpy.types.Image, tiles: bool) -> str:
-    reason = data.refusal(image, tiles)
+    reason = data.chosen.refusal(image, tiles)
     return f"{image.name}: {pgettext_rpt(reason)}." if reason else ""

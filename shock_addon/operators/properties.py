@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender properties, made from the core's settings, and the way back."""
+"""Blender properties, made from the core's settings and the table of modes, and the way back."""
 
 from __future__ import annotations
 
@@ -8,20 +8,8 @@ from typing import Any
 
 import bpy
 
-from ...core.settings import (
-    BeltramiGeometrySettings,
-    BeltramiMeshSettings,
-    BeltramiSettings,
-    DilateSettings,
-    GeometrySettings,
-    ImageSettings,
-    Setting,
-    ShockSettings,
-    TextureSettings,
-    describe,
-)
-
-STEADY_STATE = "steady_state"
+from ...core.settings import Setting, describe
+from ..modes import STEADY_STATE, Mode, choices, find
 
 _WIDE = 100.0
 """Numbers with a larger range are shown with one digit after the point instead of three."""
@@ -78,6 +66,17 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
     return settings(**values)
 
 
+def settings_of(mode: Mode, owner: Any) -> Any:
+    """Read what is handed to a mode's filter: a `Denoising` where a sharpening may follow."""
+    target = mode.target(owner)
+    settings = settings_from(target.row.settings, owner, target.prefix)
+    if mode.follows is None:
+        return settings
+    from ...core.host.inputs import Denoising
+
+    return Denoising(settings, shortest(owner.sharpen_time) if owner.then_sharpen else None)
+
+
 def shortest(value: float) -> float:
     """Read a float property: Blender keeps 0.1 as 0.100000001, but 0.1 was typed."""
     import numpy as np
@@ -115,7 +114,39 @@ def _step(default: float, width: float) -> float:
     return min(width, 100.0 * default / 16.0) if default else width
 
 
-_WHERE = {
+def _output(*items: tuple[str, str, str]) -> Any:
+    return bpy.props.EnumProperty(name="Output", items=items, default=items[0][0])
+
+
+def _weld(description: str) -> Any:
+    return bpy.props.BoolProperty(name="Weld", description=description, default=True)
+
+
+_MESH_OUTPUT = _output(
+    (
+        "MESH",
+        "Mesh",
+        "Move the vertices; on a mesh with shape keys, those of the active key",
+    ),
+    (
+        "SHAPE_KEY",
+        "New Shape Key",
+        "Keep the mesh and put the new shape into a new shape key, whose value sets the strength",
+    ),
+)
+
+_TEXTURE_IMAGE = {
+    "name": "Image",
+    "description": "Texture to work on. Empty takes the one in the Image Editor, the one that is"
+    " painted on in Texture Paint Mode, or that of the active Image Texture node in the active"
+    " object's material",
+}
+
+_PLACES = {
+    "attribute": bpy.props.StringProperty(
+        name="Attribute",
+        description="Color attribute to work on. Empty takes each object's active one",
+    ),
     "vertex_group": bpy.props.StringProperty(
         name="Vertex Group",
         description="Vertices with weight 1 change fully, with weight 0 not at all."
@@ -131,18 +162,40 @@ _WHERE = {
         description="In Edit Mode, change only what is selected",
         default=True,
     ),
-}
-
-
-def _output(*items: tuple[str, str, str]) -> Any:
-    return bpy.props.EnumProperty(name="Output", items=items, default=items[0][0])
-
-
-def _weld(description: str) -> Any:
-    return bpy.props.BoolProperty(name="Weld", description=description, default=True)
-
-
-_SHADING = {
+    "mask_image": bpy.props.StringProperty(
+        name="Mask Image",
+        description="Image of the texture's size: white is sharpened fully, black not at all."
+        " Empty sharpens everywhere",
+    ),
+    "image": bpy.props.StringProperty(**_TEXTURE_IMAGE),
+    "geometry output": _MESH_OUTPUT,
+    "both output": _MESH_OUTPUT,
+    "output": _output(
+        ("NEW", "New Image", "Keep the image and put the new one beside it"),
+        (
+            "REPLACE",
+            "Replace",
+            "Overwrite the image's pixels. Blender cannot undo this; the file on disk stays until"
+            " you save the image",
+        ),
+    ),
+    "assign": bpy.props.BoolProperty(
+        name="Assign",
+        description="Show the new image instead of the old one in the materials of the objects",
+        default=True,
+    ),
+    "geometry weld": _weld(
+        "Vertices at exactly the same place move together, so that meshes that are split along UV"
+        " seams do not crack open. Nothing is merged"
+    ),
+    "colors weld": _weld(
+        "Vertices at exactly the same place count as one where their colors agree, so that colors"
+        " flow across UV seams of split meshes. Nothing is merged"
+    ),
+    "both weld": _weld(
+        "Vertices at exactly the same place count as one, so that meshes that are split along UV"
+        " seams do not crack open; as to colors, where these agree. Nothing is merged"
+    ),
     "custom_normals": bpy.props.EnumProperty(
         name="Custom Normals",
         description="What happens to custom normals, on meshes that have them",
@@ -173,116 +226,48 @@ _SHADING = {
         max=math.pi,
     ),
 }
+"""Where it is done: by name, or by kind of data and name where kinds differ."""
 
+_RESULT = bpy.props.StringProperty(
+    name="Result",
+    description="Image that an earlier run has written, which redo writes again",
+    options={"HIDDEN", "SKIP_SAVE"},
+)
 
-class GeometryProperties:
-    """All parameters of the operator Sharpen Geometry; the panel keeps the same ones."""
-
-    __annotations__ = {
-        **annotations_of(GeometrySettings),
-        **_WHERE,
-        "output": _output(
-            (
-                "MESH",
-                "Mesh",
-                "Move the vertices; on a mesh with shape keys, those of the active key",
-            ),
-            (
-                "SHAPE_KEY",
-                "New Shape Key",
-                "Keep the mesh and put the new shape into a new shape key, whose value"
-                " sets the strength",
-            ),
+OF_ONE_RUN = {
+    "image": {
+        "image": bpy.props.StringProperty(
+            name="Image",
+            description="Image to work on. Empty takes the one in the Image Editor",
+            options={"SKIP_SAVE"},
         ),
-        "weld": _weld(
-            "Vertices at exactly the same place move together, so that meshes that are split"
-            " along UV seams do not crack open. Nothing is merged"
-        ),
-        **_SHADING,
-    }
-
-
-class ColorProperties:
-    """All parameters of the operator Sharpen Colors; the panel keeps the same ones."""
-
-    __annotations__ = {
-        **annotations_of(ShockSettings),
-        "attribute": bpy.props.StringProperty(
-            name="Attribute",
-            description="Color attribute to work on. Empty takes each object's active one",
-        ),
-        **_WHERE,
-        "weld": _weld(
-            "Vertices at exactly the same place count as one where their colors agree, so that"
-            " colors flow across UV seams of split meshes. Nothing is merged"
-        ),
-    }
-
-
-_IMAGE_OUTPUT = {
-    "output": _output(
-        ("NEW", "New Image", "Keep the image and put the new one beside it"),
-        (
-            "REPLACE",
-            "Replace",
-            "Overwrite the image's pixels. Blender cannot undo this; the file on disk stays until"
-            " you save the image",
-        ),
-    ),
+        "result": _RESULT,
+    },
+    "texture": {
+        "image": bpy.props.StringProperty(options={"SKIP_SAVE"}, **_TEXTURE_IMAGE),
+        "result": _RESULT,
+    },
 }
+"""What operators on a kind of data have beside what the panel keeps."""
 
 
-class ImageProperties:
-    """The parameters of the operator Sharpen Image that the panel keeps, too."""
-
-    __annotations__ = {**annotations_of(ImageSettings), **_IMAGE_OUTPUT}
-
-
-def texture_image(options: set[str]) -> Any:
-    """Make the property that names a texture."""
-    return bpy.props.StringProperty(
-        name="Image",
-        description="Texture to work on. Empty takes the one in the Image Editor, the one that is"
-        " painted on in Texture Paint Mode, or that of the active Image Texture node in the active"
-        " object's material",
-        options=options,
-    )
-
-
-_TEXTURE = {
-    "image": texture_image(set()),
-    **_IMAGE_OUTPUT,
-    "assign": bpy.props.BoolProperty(
-        name="Assign",
-        description="Show the new image instead of the old one in the materials of the objects",
-        default=True,
-    ),
-}
-
-
-class TextureProperties:
-    """The parameters of the operator Sharpen Texture that the panel keeps, too."""
-
-    __annotations__ = {
-        **annotations_of(TextureSettings),
-        **_WHERE,
-        "mask_image": bpy.props.StringProperty(
-            name="Mask Image",
-            description="Image of the texture's size: white is sharpened fully, black not at all."
-            " Empty sharpens everywhere",
-        ),
-        **_TEXTURE,
-    }
-
-
-class DilateProperties:
-    """The parameters of the operator Dilate Texture; the panel keeps them with the others."""
-
-    __annotations__ = {**annotations_of(DilateSettings), **_TEXTURE}
-
-
-COLOR_PREFIX = "color_"
-"""What the names of the settings for denoising colors begin with."""
+def parameters_of(mode: Mode) -> dict[str, Any]:
+    """Make the annotations of a mode's property group and operator."""
+    found: dict[str, Any] = {}
+    if len(mode.targets) > 1:
+        found["target"] = bpy.props.EnumProperty(
+            name="Target",
+            description="What to work on",
+            items=[(target.key, target.label, target.about) for target in mode.targets],
+        )
+    for target in mode.targets:
+        found |= annotations_of(target.row.settings, target.prefix)
+    if mode.follows is not None:
+        found |= _then_sharpen(mode.follows)
+    widest = mode.targets[-1]
+    for name in widest.places:
+        found[name] = _PLACES.get(f"{widest.data_kind} {name}") or _PLACES[name]
+    return found
 
 
 def _then_sharpen(settings: type) -> dict[str, Any]:
@@ -301,154 +286,68 @@ def _then_sharpen(settings: type) -> dict[str, Any]:
     }
 
 
-class DenoiseProperties:
-    """All parameters of the operator Denoise; the panel keeps the same ones."""
-
-    __annotations__ = {
-        "target": bpy.props.EnumProperty(
-            name="Target",
-            description="What to denoise",
-            items=[
-                ("geometry", "Geometry", "Move vertices so that the surface becomes smooth between"
-                 " its creases"),
-                ("colors", "Colors", "Average colors within the areas between edges"),
-                ("both", "Both", "Average vertices and colors with the same weights, so that edges"
-                 " between colors keep the shape, too"),
-            ],
-        ),
-        **annotations_of(BeltramiGeometrySettings),
-        **annotations_of(BeltramiMeshSettings, COLOR_PREFIX),
-        **_then_sharpen(GeometrySettings),
-        **{name: ColorProperties.__annotations__[name] for name in ("attribute", *_WHERE)},
-        "output": GeometryProperties.__annotations__["output"],
-        "weld": _weld(
-            "Vertices at exactly the same place count as one, so that meshes that are split along"
-            " UV seams do not crack open; as to colors, where these agree. Nothing is merged"
-        ),
-        **_SHADING,
-    }  # fmt: skip
+def _group(mode: Mode) -> type:
+    return type(
+        f"SHOCK_FILTER_PG_{mode.key}",
+        (bpy.types.PropertyGroup,),
+        {
+            "__doc__": f"The panel's parameters for the mode {label(mode.key)}.",
+            "__module__": __name__,
+            "__annotations__": parameters_of(mode),
+        },
+    )
 
 
-class DenoiseImageProperties:
-    """The parameters of the operator Denoise Image that the panel keeps, too."""
-
-    __annotations__ = {
-        **annotations_of(BeltramiSettings),
-        **_then_sharpen(ImageSettings),
-        **_IMAGE_OUTPUT,
-    }
-
-
-class SHOCK_FILTER_PG_denoise(DenoiseProperties, bpy.types.PropertyGroup):
-    """The panel's parameters for denoising meshes and colors."""
+def _choice(modes: list[Mode], default: str, description: str, in_images: bool) -> Any:
+    return bpy.props.EnumProperty(
+        name="Mode",
+        description=description,
+        items=[
+            (mode.key.upper(), mode.label, (in_images and mode.about_in_images) or mode.about)
+            for mode in modes
+        ],
+        default=default,
+    )
 
 
-class SHOCK_FILTER_PG_denoise_image(DenoiseImageProperties, bpy.types.PropertyGroup):
-    """The Image Editor's parameters for denoising."""
+def _scene_group(groups: dict[str, type]) -> type:
+    in_3d = [mode for mode in choices() if mode.in_3d]
+    in_images = [mode for mode in choices() if mode.in_images]
+    return type(
+        "SHOCK_FILTER_PG_scene",
+        (bpy.types.PropertyGroup,),
+        {
+            "__doc__": "What the panels keep in each scene.",
+            "__module__": __name__,
+            "__annotations__": {
+                "mode": _choice(in_3d, "GEOMETRY", "What to do", False),
+                "image_mode": _choice(in_images, "IMAGE", "What to do with the image", True),
+                **{key: bpy.props.PointerProperty(type=group) for key, group in groups.items()},
+            },
+        },
+    )
 
 
-class SHOCK_FILTER_PG_geometry(GeometryProperties, bpy.types.PropertyGroup):
-    """The panel's parameters for geometry."""
-
-
-class SHOCK_FILTER_PG_colors(ColorProperties, bpy.types.PropertyGroup):
-    """The panel's parameters for colors."""
-
-
-class SHOCK_FILTER_PG_image(ImageProperties, bpy.types.PropertyGroup):
-    """The Image Editor's parameters."""
-
-
-class SHOCK_FILTER_PG_texture(TextureProperties, bpy.types.PropertyGroup):
-    """The panels' parameters for textures."""
-
-
-class SHOCK_FILTER_PG_scene(bpy.types.PropertyGroup):
-    """What the panels keep in each scene."""
-
-    __annotations__ = {
-        "mode": bpy.props.EnumProperty(
-            name="Mode",
-            description="What to do",
-            items=[
-                ("DENOISE", "Denoise", "Remove noise from vertices and colors; creases and edges"
-                 " stay"),
-                ("GEOMETRY", "Geometry", "Move vertices so that rounded creases become sharp"),
-                ("COLORS", "Colors", "Move the colors on the surface so that blurred edges in"
-                 " them become sharp"),
-                ("TEXTURE", "Texture", "Move the colors of an image on the surface that shows it,"
-                 " across seams, so that blurred edges in it become sharp"),
-            ],
-            default="GEOMETRY",
-        ),
-        "image_mode": bpy.props.EnumProperty(
-            name="Mode",
-            description="What to do with the image",
-            items=[
-                ("DENOISE_IMAGE", "Denoise", "Remove noise; edges stay"),
-                ("IMAGE", "Image", "Sharpen it as a flat picture"),
-                ("TEXTURE", "Texture", "Sharpen it on the surface of the selected objects that show"
-                 " it, across seams"),
-            ],
-            default="IMAGE",
-        ),
-        "denoise": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_denoise),
-        "denoise_image": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_denoise_image),
-        "geometry": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_geometry),
-        "colors": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_colors),
-        "image": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_image),
-        "texture": bpy.props.PointerProperty(type=SHOCK_FILTER_PG_texture),
-    }  # fmt: skip
-
-
-NAMES = {
-    "denoise": tuple(DenoiseProperties.__annotations__),
-    "denoise_image": tuple(DenoiseImageProperties.__annotations__),
-    "geometry": tuple(GeometryProperties.__annotations__),
-    "colors": tuple(ColorProperties.__annotations__),
-    "image": tuple(ImageProperties.__annotations__),
-    "texture": tuple(TextureProperties.__annotations__),
-}
-"""The names of each mode's parameters; the scene keeps them under the mode's name."""
-
-
-def denoise_names(target: str) -> list[str]:
-    """List the parameters of the operator Denoise that matter for a target."""
-    return [name for name in NAMES["denoise"] if name not in _WITHOUT[target]]
-
-
-_GEOMETRY = set(describe(BeltramiGeometrySettings))
-_COLORS = {COLOR_PREFIX + name for name in describe(BeltramiMeshSettings)} | {"attribute"}
-_WITHOUT = {
-    "geometry": _COLORS,
-    "colors": _GEOMETRY | {"output", *_SHADING},
-    "both": _GEOMETRY,
-}
-
-
-DILATE_NAMES = tuple(DilateProperties.__annotations__)
-"""The names of the parameters of Dilate Texture, which are among those of textures."""
-
-CLASSES = (
-    SHOCK_FILTER_PG_denoise,
-    SHOCK_FILTER_PG_denoise_image,
-    SHOCK_FILTER_PG_geometry,
-    SHOCK_FILTER_PG_colors,
-    SHOCK_FILTER_PG_image,
-    SHOCK_FILTER_PG_texture,
-    SHOCK_FILTER_PG_scene,
-)
+_classes: list[type] = []
 
 
 def register() -> None:
     """Add the property groups and the scene's settings."""
-    for cls in CLASSES:
+    groups = {mode.key: _group(mode) for mode in choices()}
+    scene = _scene_group(groups)
+    _classes[:] = [*groups.values(), scene]
+    for cls in _classes:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.shock_filter = bpy.props.PointerProperty(type=SHOCK_FILTER_PG_scene)
+    bpy.types.Scene.shock_filter = bpy.props.PointerProperty(type=scene)
 
 
 def unregister() -> None:
     """Remove them."""
     del bpy.types.Scene.shock_filter
-    for cls in reversed(CLASSES):
+    for cls in reversed(_classes):
         bpy.utils.unregister_class(cls)
+
+
+COLOR_PREFIX = "color_"  # transition
+NAMES = {mode.key: mode.names for mode in choices()}  # transition
+DILATE_NAMES = find("dilate").names  # transition

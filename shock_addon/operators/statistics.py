@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run would work on, how long it would take, and how long the last one took.
+"""What a run would work on, and how fast the last one was.
 
 All of this is asked for at each redraw, so it only counts: nothing is read from meshes or images.
 """
@@ -11,35 +11,9 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ...core.base.cores import thread_count
-from ...core.errors import InvalidSettings
-from ...core.estimate import Estimate, estimate, wall_seconds
-from ...core.settings import (
-    BeltramiGeometrySettings,
-    BeltramiMeshSettings,
-    BeltramiSettings,
-    GeometrySettings,
-    ImageSettings,
-    ShockSettings,
-    TextureSettings,
-)
 from .. import data
 from ..data.skipped import Skipped
-from . import kernels
-from .properties import COLOR_PREFIX, settings_from
-
-_MODES = {
-    "SHOCK_FILTER_OT_denoise": "denoise",
-    "SHOCK_FILTER_OT_denoise_image": "denoise_image",
-    "SHOCK_FILTER_OT_sharpen_colors": "colors",
-    "SHOCK_FILTER_OT_sharpen_geometry": "geometry",
-    "SHOCK_FILTER_OT_sharpen_image": "image",
-    "SHOCK_FILTER_OT_sharpen_texture": "texture",
-}
-"""The operators whose time is estimated."""
-
-_SHORTEST = 0.2
-"""Seconds below which a run says nothing about the machine's speed."""
+from ..modes import Mode
 
 
 class Counts(NamedTuple):
@@ -56,136 +30,63 @@ class Counts(NamedTuple):
         return self.pixels or self.vertices
 
 
-class _History(NamedTuple):
-    """The runs of one kind in this session."""
+class Run(NamedTuple):
+    """How much was filtered, in vertices or pixels, and how long it took."""
 
+    size: int
     seconds: float
-    slowness: float | None = None  # how many times longer than estimated
 
 
-_history: dict[str, _History] = {}
+_last: dict[tuple[str, str], Run] = {}
+"""The last run of each operator and target in this session."""
 
 
-def count(context: bpy.types.Context, mode: str, settings: Any) -> Counts:
+def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
     """Count what a run in this mode would work on.
 
     Parameters
     ----------
     context : bpy.types.Context
-    mode : str
-        A key of `properties.NAMES`.
+    mode : Mode
     settings : bpy.types.PropertyGroup or bpy.types.Operator
         The mode's settings.
     """
-    if mode in {"image", "denoise_image"}:
-        return Counts(pixels=_pixels(data.edited_image(context)))
-    found = {obj.data.session_uid: obj.data for obj in data.mesh_objects(context)}.values()
+    if not mode.data.on_surface:
+        return Counts(pixels=_pixels(data.chosen.edited_image(context)))
+    objects = data.chosen.mesh_objects(context)
+    found = {obj.data.session_uid: obj.data for obj in objects}.values()
     meshes = [mesh for mesh in found if mesh.polygons or mesh.is_editmode]
     counts = Counts(
         meshes=len(meshes),
         vertices=sum(len(mesh.vertices) for mesh in meshes),
         faces=sum(len(mesh.polygons) for mesh in meshes),
     )
-    if mode == "texture" and meshes:
+    if mode.data.in_images and meshes:
         pixels = _pixels(_texture(context, settings))
         return counts._replace(pixels=pixels) if pixels else Counts()
     return counts
 
 
-def expected(mode: str, settings: Any, size: int) -> Estimate | None:
-    """Estimate a run on this machine, in seconds on the clock.
-
-    None if there is nothing to do or the settings clash.
-
-    Parameters
-    ----------
-    mode, settings
-        As for `count`.
-    size : int
-        Number of pixels or vertices, as `Counts.size` says.
-    """
-    if not size:
-        return None
-    try:
-        parts = [estimate(part, size) for part in _parts(mode, settings)]
-    except InvalidSettings:
-        return None
-    seconds = wall_seconds(sum(part.seconds for part in parts), thread_count())
-    return Estimate(seconds, max(part.memory for part in parts))
-
-
-def corrected(mode: str, settings: Any, seconds: float) -> float:
-    """Correct an estimate by the last such run in this session."""
-    known = _history.get(_kind(mode, settings))
-    return seconds * known.slowness if known and known.slowness else seconds
-
-
-def last_seconds(mode: str, settings: Any) -> float | None:
-    """Return how long the last such run in this session took, if there was one."""
-    known = _history.get(_kind(mode, settings))
-    return known.seconds if known else None
-
-
-def compiles(mode: str, settings: Any) -> bool:
-    """Whether the next such run has to compile its kernels, as far as is known."""
-    return not kernels.has_run(_kind(mode, settings))
-
-
 def learn(operator: bpy.types.Operator, seconds: float) -> None:
-    """Remember how long an operator's run took, beside what was expected.
+    """Remember how long an operator's run took, and on how much."""
+    size = sum(target.surface.size for target in operator.targets)
+    _last[operator.bl_idname, getattr(operator, "target", "")] = Run(size, seconds)
 
-    The first run of a kind corrects nothing: it may have compiled the kernels.
-    """
-    mode = _MODES.get(operator.bl_idname)
-    if mode is None:
-        return
-    kind = _kind(mode, operator)
-    kernels.remember_run(kind)
-    if kind not in _history:
-        _history[kind] = _History(seconds)
-        return
-    slowness = _history[kind].slowness
-    guess = expected(mode, operator, sum(target.surface.size for target in operator.targets))
-    if guess is not None and seconds > _SHORTEST:
-        slowness = seconds / guess.seconds
-    _history[kind] = _History(seconds, slowness)
+
+def last_run(mode: Mode, settings: Any) -> Run | None:
+    """Return the last such run in this session, if there was one."""
+    name = f"SHOCK_FILTER_OT_{mode.operator}"
+    return _last.get((name, getattr(settings, "target", "")))
 
 
 def forget() -> None:
     """Forget all runs."""
-    _history.clear()
-
-
-def _kind(mode: str, settings: Any) -> str:
-    """Tell runs apart that take times of their own."""
-    return f"{mode} {settings.target}" if mode == "denoise" else mode
-
-
-def _parts(mode: str, settings: Any) -> list[Any]:
-    if mode == "geometry":
-        return [settings_from(GeometrySettings, settings)]
-    if mode == "colors":
-        return [settings_from(ShockSettings, settings)]
-    if mode == "texture":
-        return [settings_from(TextureSettings, settings)]
-    if mode == "image":
-        return [settings_from(ImageSettings, settings)]
-    parts: list[Any]
-    if mode == "denoise_image":
-        parts, sharpening = [settings_from(BeltramiSettings, settings)], [ImageSettings]
-    elif settings.target == "geometry":
-        parts, sharpening = [settings_from(BeltramiGeometrySettings, settings)], [GeometrySettings]
-    else:
-        parts = [settings_from(BeltramiMeshSettings, settings, COLOR_PREFIX)]
-        sharpening = [ShockSettings] + [GeometrySettings] * (settings.target == "both")
-    if settings.then_sharpen:
-        parts += [sharpen(time=settings.sharpen_time) for sharpen in sharpening]
-    return parts
+    _last.clear()
 
 
 def _texture(context: bpy.types.Context, settings: Any) -> bpy.types.Image | None:
     try:
-        return data.chosen_image(context, settings.image)
+        return data.chosen.chosen_image(context, settings.image)
     except Skipped:
         return None
 

@@ -10,21 +10,16 @@ from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
-from bpy.app.translations import pgettext_rpt
 
-from ...core import host as filters
-from ...core.errors import InvalidSignal
-from ...core.host.picture import Picture
-from ...core.settings import BeltramiSettings, ImageSettings, TextureSettings
+from ...core.host.crop import Crop, crop_around, smoothed_at_once
+from ...core.host.inputs import HostImage
+from ...core.host.screen_colors import is_transparent, screen_colors
 from .. import data
-from ..data.skipped import Skipped
-from ..operators.denoise import denoising
-from ..operators.properties import settings_from
-from .crop import Crop, crop_around, smoothed_at_once
+from ..data.skipped import Refused, Skipped
+from ..modes import Mode
 from .overlay import Overlay, Piece
 from .pointing import editors_of, pointed_at
-from .previewing import Kind, Preview, parameters_of
-from .screen_colors import is_transparent, screen_colors
+from .previewing import Preview, parameters_of
 
 _QUICK, _SLOW = 500_000, 25_000
 """Most pixels that are sharpened, or denoised, for each look: a quarter of a second."""
@@ -76,51 +71,50 @@ class ImageStage:
         self._overlay.end()
 
 
-def begin(context: bpy.types.Context, event: bpy.types.Event, mode: str) -> Preview:
+def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
     """Begin on the image in the Image Editor or, in the 3D view, on the active object's texture.
 
     Raises
     ------
-    core.InvalidSignal
+    Refused
         If it cannot be read.
     """
     parameters = parameters_of(context, mode)
-    read = _read_texture if mode == "texture" else _read_image
+    read = _read_texture if mode.data.on_surface else _read_image
     try:
         stage = read(context, event, mode, parameters)
     except Skipped as reason:
-        text = pgettext_rpt("There is nothing to preview: {reason}.")
-        raise InvalidSignal(text.format(reason=reason)) from None
-    return Preview(_KINDS[mode], parameters, stage)
+        raise Refused("There is nothing to preview: {reason}.", reason=reason) from None
+    return Preview(mode, parameters, stage)
 
 
 def _read_image(
-    context: bpy.types.Context, event: bpy.types.Event, mode: str, parameters: Any
+    context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
 ) -> ImageStage:
-    image = data.shown_image(context)
-    most = _QUICK if mode == "image" else _SLOW
-    picture = data.read_image(image).surface
+    image = data.chosen.shown_image(context)
+    most = _SLOW if mode.is_slow else _QUICK
+    whole = data.images.read_image(image).surface
     place = _place(context, event)
-    crop = crop_around(picture, place, most)
+    crop = crop_around(whole, place, most)
     colors = _colors_of(image)
 
-    def part(settings: Any) -> tuple[Picture, Callable[[Any], list[Piece]]]:
+    def part(settings: Any) -> tuple[HostImage, Callable[[Any], list[Piece]]]:
         smaller = crop
-        if mode == "denoise_image":
+        if hasattr(settings, "kernel"):
             smaller = crop.shrunk(place, smoothed_at_once(settings.kernel))
-        return smaller.picture, partial(_pieces, smaller, colors)
+        return smaller.image, partial(_pieces, smaller, colors)
 
     return ImageStage(image, part)
 
 
 def _read_texture(
-    context: bpy.types.Context, event: bpy.types.Event, mode: str, parameters: Any
+    context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
 ) -> ImageStage:
-    image = data.chosen_image(context, parameters.image)
-    target, _ = data.read_texture(context, image, parameters, parameters.gutter + 1)
+    image = data.chosen.chosen_image(context, parameters.image)
+    target, _ = data.textures.read_texture(context, image, parameters, parameters.gutter + 1)
     colors = _colors_of(image)
 
-    def pieces(result: filters.Retextured) -> list[Piece]:
+    def pieces(result: Any) -> list[Piece]:
         whole = result.recolored.colors
         tiles = {_FIRST_TILE: whole} if target.mosaic is None else target.mosaic.cut(whole)
         pictures = {n: replace(target.surface.picture, pixels=tiles[n]) for n in tiles}
@@ -149,38 +143,12 @@ def _note(piece: Piece) -> str:
     return iface_("patch of {width:,} x {height:,} pixels").format(width=width, height=height)
 
 
-def _pieces(crop: Crop, colors: Callable[[Picture], Any], result: filters.Recolored) -> list[Piece]:
-    part = replace(crop.picture, pixels=crop.shown(result.colors))
+def _pieces(crop: Crop, colors: Callable[[HostImage], Any], result: Any) -> list[Piece]:
+    part = replace(crop.image, pixels=crop.shown(result.colors))
     return [Piece(crop.box, colors(part), not crop.is_all, is_transparent(part))]
 
 
-def _colors_of(image: bpy.types.Image) -> Callable[[Picture], Any]:
+def _colors_of(image: bpy.types.Image) -> Callable[[HostImage], Any]:
     space = image.colorspace_settings
     linear = image.is_float or space.is_data or space.name.startswith("Linear")
     return partial(screen_colors, encoded=not linear, multiply_encoded=bpy.app.version < (5, 0, 0))
-
-
-def _sharpened(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.sharpen_picture(picture, settings, progress)
-
-
-def _denoised(picture: Picture, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.denoise_picture(picture, settings, progress)
-
-
-def _on_surface(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
-    return filters.sharpen_texture(surface, settings, progress)
-
-
-def _denoising(parameters: Any) -> Any:
-    return denoising(settings_from(BeltramiSettings, parameters), parameters)
-
-
-_KINDS = {
-    "image": Kind("sharpen_image", _sharpened, partial(settings_from, ImageSettings),
-                  ImageSettings, "time", "smoothing_passes"),
-    "denoise_image": Kind("denoise_image", _denoised, _denoising, BeltramiSettings,
-                          "time", "beta"),
-    "texture": Kind("sharpen_texture", _on_surface, partial(settings_from, TextureSettings),
-                    TextureSettings, "time", "smoothing_passes"),
-}  # fmt: skip

@@ -4,25 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import bpy
 import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core import host as filters
-from ...core.errors import InvalidMesh
-from ...core.settings import GeometrySettings, ShockSettings
+from ...core.host.inputs import PaintedSurface
+from ...core.host.patch import Patch, patch_around, seen_vertex, whole_surface
 from .. import data
-from ..data.skipped import Skipped
-from ..operators.denoise import SETTINGS, denoise_settings, steps_of
-from ..operators.properties import settings_from
-from .data import Original, color_attribute, show
+from ..data.original import Original, color_attribute, show
+from ..data.skipped import Refused, Skipped
+from ..modes import Mode, load
 from .outline import Outline
-from .patch import Patch, patch_around, seen_vertex, whole_surface
 from .pointing import is_over_view, pointed_at
-from .previewing import Kind, Preview, parameters_of
+from .previewing import Preview, parameters_of
 
 _QUICK, _SLOW = 50_000, 8_000
 """Vertices that are sharpened, or denoised, in about a quarter of a second."""
@@ -42,14 +38,14 @@ class MeshStage:
     """
 
     def __init__(
-        self, target: data.Target, patch: Patch, words: str = "patch of {size:,} vertices"
+        self, target: data.meshes.Target, patch: Patch, words: str = "patch of {size:,} vertices"
     ) -> None:
         self.settings = patch.settings
         self.chosen, self.note = {}, ""
         if patch.share < 1.0:
             self.note = iface_(words).format(size=patch.surface.size)
         self._target, self._patch = target, patch
-        obj = data.find(target)
+        obj = data.meshes.find(target)
         self._original = Original(obj.data, color_attribute(target))
         self._outline = Outline(obj, patch.outline)
 
@@ -64,7 +60,7 @@ class MeshStage:
     def lost(self) -> str:
         """Ask for the object, in Object Mode."""
         try:
-            in_object_mode = data.find(self._target).mode == "OBJECT"
+            in_object_mode = data.meshes.find(self._target).mode == "OBJECT"
         except Skipped:
             in_object_mode = False
         return "" if in_object_mode else "the object was removed or left Object Mode"
@@ -72,63 +68,38 @@ class MeshStage:
     def end(self) -> None:
         """Bring the mesh back, and draw no outline any more."""
         self._outline.end()
-        with data.object_mode(bpy.context):
+        with data.meshes.object_mode(bpy.context):
             self._original.restore()
 
 
-def begin(context: bpy.types.Context, event: bpy.types.Event, mode: str) -> Preview:
+def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
     """Begin on the active object.
 
     Raises
     ------
-    core.InvalidMesh
+    Refused
         If it cannot be read, or has no faces where the mouse points.
     """
     parameters = parameters_of(context, mode)
-    kind, read = kind_of(mode, parameters)
-    targets, skipped = data.read_active(context, read, parameters)
+    read = load(mode.target(parameters).data.read)
+    targets, skipped = data.active_object.read_active(context, read, parameters)
     if not targets:
-        raise InvalidMesh(" ".join(skipped))
-    patch = _patch(context, event, targets[0], _SLOW if mode == "denoise" else _QUICK)
+        raise Refused(" ".join(skipped))
+    patch = _patch(context, event, targets[0], _SLOW if mode.is_slow else _QUICK)
     words = "patch of {size:,} vertices"
     if not is_over_view(context.area, event):
         words = "patch of {size:,} vertices in the middle of the view"
-    return Preview(kind, parameters, MeshStage(targets[0], patch, words))
-
-
-def kind_of(mode: str, parameters: Any) -> tuple[Kind, Callable[..., tuple]]:
-    """Choose what is previewed by the panel's mode and its settings, and how it is read."""
-    if mode == "geometry":
-        settings = partial(settings_from, GeometrySettings)
-        kind = Kind("sharpen_geometry", _welding(filters.sharpen), settings, GeometrySettings,
-                    "time", "feature_threshold")  # fmt: skip
-        return kind, data.read_geometry
-    if mode == "colors":
-        settings = partial(settings_from, ShockSettings)
-        kind = Kind("sharpen_colors", _welding(filters.sharpen_colors), settings, ShockSettings,
-                    "time", "smoothing_passes")  # fmt: skip
-        return kind, data.read_colors
-    steps, (about, prefix) = steps_of(parameters.target), SETTINGS[parameters.target]
-    kind = Kind("denoise", _welding(steps.filter), denoise_settings, about,
-                prefix + "time", prefix + "beta")  # fmt: skip
-    return kind, steps.read
-
-
-def _welding(function: Callable[..., Any]) -> Callable[..., Any]:
-    def filter_surface(surface: Any, settings: Any, parameters: Any, progress: Any) -> Any:
-        return function(surface, settings, parameters.weld, progress)
-
-    return filter_surface
+    return Preview(mode, parameters, MeshStage(targets[0], patch, words))
 
 
 def _patch(
-    context: bpy.types.Context, event: bpy.types.Event, target: data.Target, size: int
+    context: bpy.types.Context, event: bpy.types.Event, target: data.meshes.Target, size: int
 ) -> Patch:
     surface = target.surface
     if surface.size <= 3 * size:
         return whole_surface(surface)
-    shape = surface.shape if isinstance(surface, filters.PaintedSurface) else surface
-    vertex = _pointed_at(context, event, data.find(target), shape.positions)
+    shape = surface.shape if isinstance(surface, PaintedSurface) else surface
+    vertex = _pointed_at(context, event, data.meshes.find(target), shape.positions)
     return patch_around(surface, vertex, size)
 
 

@@ -13,11 +13,11 @@ from bpy.app.translations import pgettext_rpt
 
 from ...core.errors import ShockError
 from .. import data
-from ..data.skipped import Skipped, explain
+from ..data.skipped import Refused, Skipped, explain
+from ..modes import STEADY_STATE, Mode, find
 from ..operators import jobs
 from ..operators import poll as obstacles
 from ..operators.base import can_run
-from ..operators.properties import NAMES
 from ..operators.status import StatusText
 from .pointing import editors_of, is_over_view
 
@@ -34,8 +34,6 @@ _PASSED_ON = {
 }
 _CANCELS = {"ESC", "RIGHTMOUSE"}
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
-
-_ON_IMAGES = {"image", "denoise_image", "texture"}
 
 _running: list[SHOCK_FILTER_OT_preview] = []
 
@@ -77,10 +75,11 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         from . import meshes as preview_meshes
 
         self._mode = _shown_mode(context)
-        begin = preview_images.begin if self._mode in _ON_IMAGES else preview_meshes.begin
+        on_images = self._mode.data.in_images
+        begin = preview_images.begin if on_images else preview_meshes.begin
         try:
             self._preview = begin(context, event, self._mode)
-        except ShockError as error:
+        except (ShockError, Refused) as error:
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
         self._ended, self._status = False, StatusText()
@@ -159,15 +158,15 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
     def _apply(self, context: bpy.types.Context) -> set[str]:
         self.end()
-        kind, parameters = self._preview.kind, self._preview.parameters
-        settings = getattr(context.scene.shock_filter, self._mode)
-        for name in (kind.time, kind.second, "steady_state"):
-            if hasattr(parameters, name):
-                setattr(settings, name, getattr(parameters, name))
-        operator = getattr(bpy.ops.shock_filter, kind.operator)
-        chosen = {name: getattr(settings, name) for name in NAMES[self._mode]}
+        mode, preview = self._mode, self._preview
+        settings = getattr(context.scene.shock_filter, mode.key)
+        for name in (preview.time, preview.second, STEADY_STATE):
+            if hasattr(preview.parameters, name):
+                setattr(settings, name, getattr(preview.parameters, name))
+        operator = getattr(bpy.ops.shock_filter, mode.operator)
+        chosen = {name: getattr(settings, name) for name in mode.names}
         try:
-            operator("INVOKE_DEFAULT", **{**chosen, **self._preview.stage.chosen})
+            operator("INVOKE_DEFAULT", **{**chosen, **preview.stage.chosen})
         except RuntimeError as error:  # what the operator has reported
             self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
             return {"CANCELLED"}
@@ -179,9 +178,9 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         self._status.show(context, f"{text} | {keys}", context.area)
 
 
-def _shown_mode(context: bpy.types.Context) -> str:
+def _shown_mode(context: bpy.types.Context) -> Mode:
     chosen = context.scene.shock_filter
-    return (chosen.image_mode if _in_images(context) else chosen.mode).lower()
+    return find((chosen.image_mode if _in_images(context) else chosen.mode).lower())
 
 
 def _in_images(context: bpy.types.Context) -> bool:
@@ -193,16 +192,17 @@ def _of_meshes(context: bpy.types.Context) -> str:
     obstacle = obstacles.of_meshes(context)
     if not obstacle and context.mode != "OBJECT":
         obstacle = "Switch to Object Mode to preview."
-    if not obstacle and context.object not in data.mesh_objects(context):
+    if not obstacle and context.object not in data.chosen.mesh_objects(context):
         obstacle = "Make one of the selected mesh objects the active one."
-    if not obstacle and context.scene.shock_filter.mode == "TEXTURE":
-        obstacle = _of_texture(context)
+    mode = _shown_mode(context)
+    if not obstacle and mode.in_images:
+        obstacle = _of_texture(context, getattr(context.scene.shock_filter, mode.key).image)
     return obstacle
 
 
-def _of_texture(context: bpy.types.Context) -> str:
+def _of_texture(context: bpy.types.Context, name: str) -> str:
     try:
-        image = data.chosen_image(context, context.scene.shock_filter.texture.image)
+        image = data.chosen.chosen_image(context, name)
     except Skipped:
         return "Add an Image Texture node with an image to the material."
     if any(editors_of(image.session_uid)):

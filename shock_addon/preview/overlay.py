@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ...core.host.screen_colors import decoded
 from .pointing import editors_of, is_shown_in
-from .screen_colors import decoded
 
 _FRAME = (1.0, 1.0, 1.0, 0.5)
 

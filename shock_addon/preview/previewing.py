@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, Protocol
 
@@ -14,42 +13,17 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
+from ...core.host.dials import TimeDial, turned
 from ...core.settings import describe
 from ..data.skipped import explain
+from ..modes import STEADY_STATE, Mode
 from ..operators import kernels
-from ..operators.base import Progress, filter_targets
+from ..operators.base import Progress, filter_of, filter_targets
 from ..operators.jobs import Job
-from ..operators.properties import COLOR_PREFIX, NAMES, STEADY_STATE, label
-from .dials import TimeDial, turned
+from ..operators.properties import label, settings_of
 
 _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""
-
-
-@dataclass(frozen=True)
-class Kind:
-    """What is previewed.
-
-    Attributes
-    ----------
-    operator : str
-        The name of the operator that does it in earnest.
-    filter : callable
-        ``filter(surface, settings, parameters, progress)``, on any thread.
-    settings : callable
-        ``settings(parameters)`` makes what `filter` wants.
-    about : type
-        The settings class that describes the dials.
-    time, second : str
-        The parameters that dragging and the wheel change.
-    """
-
-    operator: str
-    filter: Callable[[Any, Any, SimpleNamespace, Progress], Any]
-    settings: Callable[[SimpleNamespace], Any]
-    about: type
-    time: str
-    second: str
 
 
 class Stage(Protocol):
@@ -85,10 +59,10 @@ class Stage(Protocol):
         """Bring everything back bit for bit."""
 
 
-def parameters_of(context: bpy.types.Context, mode: str) -> SimpleNamespace:
+def parameters_of(context: bpy.types.Context, mode: Mode) -> SimpleNamespace:
     """Copy the panel's settings."""
-    settings = getattr(context.scene.shock_filter, mode)
-    return SimpleNamespace(**{name: getattr(settings, name) for name in NAMES[mode]})
+    settings = getattr(context.scene.shock_filter, mode.key)
+    return SimpleNamespace(**{name: getattr(settings, name) for name in mode.names})
 
 
 class Preview:
@@ -96,14 +70,14 @@ class Preview:
 
     Parameters
     ----------
-    kind : Kind
+    mode : Mode
     parameters : SimpleNamespace
         The panel's settings to begin with.
     stage : Stage
 
     Attributes
     ----------
-    kind, stage
+    mode, stage
         As given.
     parameters : SimpleNamespace
         As the dials stand now.
@@ -111,14 +85,18 @@ class Preview:
         How many results were shown.
     """
 
-    def __init__(self, kind: Kind, parameters: SimpleNamespace, stage: Stage) -> None:
-        self.kind, self.parameters, self.stage = kind, parameters, stage
+    def __init__(self, mode: Mode, parameters: SimpleNamespace, stage: Stage) -> None:
+        self.mode, self.parameters, self.stage = mode, parameters, stage
         self.updates = 0
-        self._about = describe(kind.about)
-        start = getattr(parameters, kind.time)
-        endless = getattr(parameters, STEADY_STATE, False)
-        self._dial = TimeDial(math.inf if endless else start, self._about["time"][2])
-        self._folder = kernels.cache_folder()
+        target = mode.target(parameters)
+        self.time, self.second = target.time, target.prefix + mode.second if mode.second else ""
+        self._prefix, self._about = target.prefix, describe(target.row.settings)
+        self._dial = None
+        if self.time:
+            endless = getattr(parameters, STEADY_STATE, False)
+            start = math.inf if endless else getattr(parameters, self.time)
+            self._dial = TimeDial(start, self._about["time"][2])
+        kernels.choose_folder()
         self._job: Job | None = None
         self._began = 0.0
         self._computing: SimpleNamespace | None = None
@@ -126,34 +104,36 @@ class Preview:
 
     def drag(self, pixels: float) -> None:
         """Change the time; 0 pixels leave it as it is, to the last digit."""
-        if pixels == 0:
+        if pixels == 0 or self._dial is None:
             return
         self._dial.drag(pixels)
         time_ = self._dial.time
         if hasattr(self.parameters, STEADY_STATE):
             self.parameters.steady_state = math.isinf(time_)
         if math.isfinite(time_):
-            setattr(self.parameters, self.kind.time, time_)
+            setattr(self.parameters, self.time, time_)
 
     def roll(self, clicks: float) -> None:
         """Change the second setting."""
-        name = self.kind.second
-        kind, _, about = self._about[name.removeprefix(COLOR_PREFIX)]
+        name = self.second
+        if not name:
+            return
+        kind, _, about = self._about[name.removeprefix(self._prefix)]
         setattr(self.parameters, name, turned(getattr(self.parameters, name), kind, about, clicks))
 
     def text(self) -> str:
         """Say in one line how the dials stand."""
-        endless = getattr(self.parameters, STEADY_STATE, False)
-        time_ = getattr(self.parameters, self.kind.time)
-        second = getattr(self.parameters, self.kind.second)
-        parts = [
-            iface_("Time {time} (move mouse)").format(
-                time=iface_("Steady State") if endless else f"{time_:g}"
-            ),
-            iface_("{name} {value:.4g} (wheel)").format(
-                name=iface_(self.second_label()), value=second
-            ),
-        ]
+        parts = []
+        if self.time:
+            endless = getattr(self.parameters, STEADY_STATE, False)
+            time_ = (
+                iface_("Steady State") if endless else f"{getattr(self.parameters, self.time):g}"
+            )
+            parts.append(iface_("Time {time} (move mouse)").format(time=time_))
+        if self.second:
+            value = getattr(self.parameters, self.second)
+            name = iface_(self.second_label())
+            parts.append(iface_("{name} {value:.4g} (wheel)").format(name=name, value=value))
         if self.stage.note:
             parts.append(self.stage.note)
         if self._job is not None and time.perf_counter() - self._began > _PATIENCE:
@@ -164,7 +144,7 @@ class Preview:
 
     def second_label(self) -> str:
         """Return the words for what the wheel changes."""
-        name = self.kind.second.removeprefix(COLOR_PREFIX)
+        name = self.second.removeprefix(self._prefix)
         return self._about[name][2].label or label(name)
 
     def tick(self) -> None:
@@ -195,17 +175,19 @@ class Preview:
     def _start(self) -> None:
         parameters = SimpleNamespace(**vars(self.parameters))
         self._computing, self._began = parameters, time.perf_counter()
-        kind, stage, folder = self.kind, self.stage, self._folder
+        mode, stage = self.mode, self.stage
 
         def work(progress: Progress) -> Any:
-            settings = stage.settings(kind.settings(parameters))
+            settings = stage.settings(settings_of(mode, parameters))
             part, seen = stage.part(settings)
 
+            function = filter_of(mode, settings, parameters)
+
             def filter_part(surface: Any, phase: Progress) -> Any:
-                return seen(kind.filter(surface, settings, parameters, phase))
+                return seen(function(surface, phase))
 
             target = SimpleNamespace(surface=part)
-            (result,) = filter_targets([target], filter_part, folder, progress)
+            (result,) = filter_targets([target], filter_part, progress)
             return result
 
         self._job = Job(work)

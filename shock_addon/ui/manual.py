@@ -11,37 +11,20 @@ from pathlib import Path
 
 import bpy
 
-from ..operators.properties import NAMES, SHOCK_FILTER_PG_scene
+from ..modes import MODES, choices
 
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 
 HOME = "index"
 
-PAGES = {
-    "denoise": "denoising",
-    "denoise_image": "denoising",
-    "geometry": "geometry",
-    "colors": "colors",
-    "image": "images",
-    "texture": "textures",
-}
-"""The page of each mode."""
-
 _OPERATORS = {
-    "denoise": "denoising",
-    "denoise_image": "denoising",
-    "sharpen_geometry": "geometry",
-    "sharpen_colors": "colors",
-    "sharpen_image": "images",
-    "sharpen_texture": "textures",
-    "dilate_texture": "textures#dilate-texture",
     "preview": "preview",
     "show_flow": "preview#show-flow",
     "hide_flow": "preview#show-flow",
     "cancel": "panel#while-it-runs",
     "use_preset": "presets",
-    **{f"{mode}_preset_add": "presets" for mode in PAGES},
 }
+"""The places of the operators that are no filters."""
 
 _SHARED = {
     "mode": "panel#modes",
@@ -73,12 +56,15 @@ def heading(name: str, on_screen: str) -> str:
 
 def entries() -> dict[str, str]:
     """List the place for each of Blender's names, most special first."""
-    found = {f"bpy.ops.shock_filter.{name}": where for name, where in _OPERATORS.items()}
-    for mode, page in PAGES.items():
-        group = SHOCK_FILTER_PG_scene.bl_rna.properties[mode].fixed_type
-        for name in NAMES[mode]:
+    places = _OPERATORS | {mode.operator: mode.page for mode in MODES}
+    places |= {f"{mode.key}_preset_add": "presets" for mode in choices()}
+    found = {f"bpy.ops.shock_filter.{name}": where for name, where in places.items()}
+    scene = bpy.types.Scene.bl_rna.properties["shock_filter"].fixed_type
+    for mode in choices():
+        group = scene.properties[mode.key].fixed_type
+        for name in mode.names:
             on_screen = group.properties[name].name
-            where = _SHARED.get(name) or f"{page}#{heading(name, on_screen)}"
+            where = _SHARED.get(name) or f"{mode.page}#{heading(name, on_screen)}"
             found[f"bpy.types.{group.identifier.lower()}.{name}"] = where
     for name in ("mode", "image_mode"):
         found[f"bpy.types.shock_filter_pg_scene.{name}"] = _SHARED[name]

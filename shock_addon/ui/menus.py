@@ -5,19 +5,8 @@ from __future__ import annotations
 
 import bpy
 
-from .panels import draw_dilate, draw_sharpen
-
-_MODES = {
-    "OBJECT": ("denoise", "geometry", "colors", "texture"),
-    "EDIT_MESH": ("denoise", "geometry"),
-    "SCULPT": ("denoise", "geometry"),
-    "PAINT_VERTEX": ("denoise", "colors"),
-    "PAINT_TEXTURE": ("texture",),
-}
-_IMAGE_MODES = ("denoise_image", "image", "texture")
-
-_TARGETS = {"EDIT_MESH": "geometry", "SCULPT": "geometry", "PAINT_VERTEX": "colors"}
-"""What is denoised in modes that work on one thing only."""
+from ..modes import below, choices
+from .panels import draw_filter
 
 _PLACES = (
     "VIEW3D_MT_object",
@@ -37,14 +26,18 @@ class SHOCK_FILTER_MT_filters(bpy.types.Menu):
         """Draw a button for each."""
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        in_image_editor = context.space_data.type == "IMAGE_EDITOR"
-        modes = _IMAGE_MODES if in_image_editor else _MODES.get(context.mode, ())
-        for mode in modes:
-            operator = draw_sharpen(layout, context, mode)
-            if mode == "denoise" and context.mode in _TARGETS:
-                operator.target = _TARGETS[context.mode]
-        if "texture" in modes:
-            draw_dilate(layout, context)
+        in_images = context.space_data.type == "IMAGE_EDITOR"
+        for mode in choices():
+            target = mode.target_in(context.mode)
+            if not (mode.in_images if in_images else target):
+                continue
+            operator = draw_filter(layout, context, mode)
+            if len(mode.targets) > 1 and context.mode != "OBJECT":
+                operator.target = target.key
+        for mode in choices():
+            for other in below(mode):
+                if mode.in_images if in_images else mode.target_in(context.mode):
+                    draw_filter(layout, context, other)
 
 
 def _draw_at_end(self: bpy.types.Menu, context: bpy.types.Context) -> None:

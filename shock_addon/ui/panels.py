@@ -9,21 +9,11 @@ from bpy.app.translations import pgettext_iface as iface_
 from .. import data
 from ..data.skipped import Skipped
 from ..flow import overlay as flow_overlay
+from ..modes import Mode, below, find
 from ..operators import base as operators
-from ..operators import jobs, kernels, statistics
+from ..operators import drawing, jobs, kernels, statistics
 from ..operators import poll as obstacles
-from ..operators.properties import DILATE_NAMES, NAMES
-from . import sections
-from .presets import PANELS as PRESETS
-from .wrapping import draw_text, fit
-
-_DENOISE = {
-    "denoise": ("Denoise", "Denoise, then Sharpen"),
-    "denoise_image": ("Denoise Image", "Denoise Image, then Sharpen"),
-}
-"""The words on the buttons that denoise, and on those that sharpen, too."""
-
-_WITH_FLOW = {"geometry", "colors"}
+from ..operators.wrapping import draw_text, fit
 
 
 class _Panel:
@@ -34,20 +24,20 @@ class _Panel:
     bl_category = "Shock Filter"
 
     @classmethod
-    def mode(cls, context: bpy.types.Context) -> str:
-        return context.scene.shock_filter.mode.lower()
+    def mode(cls, context: bpy.types.Context) -> Mode:
+        return find(context.scene.shock_filter.mode.lower())
 
     @classmethod
     def settings(cls, context: bpy.types.Context) -> bpy.types.PropertyGroup:
-        return getattr(context.scene.shock_filter, cls.mode(context))
+        return getattr(context.scene.shock_filter, cls.mode(context).key)
 
 
 class _ImagePanel(_Panel):
     bl_space_type = "IMAGE_EDITOR"
 
     @classmethod
-    def mode(cls, context: bpy.types.Context) -> str:
-        return context.scene.shock_filter.image_mode.lower()
+    def mode(cls, context: bpy.types.Context) -> Mode:
+        return find(context.scene.shock_filter.image_mode.lower())
 
 
 class _MainPanel(_Panel):
@@ -55,7 +45,8 @@ class _MainPanel(_Panel):
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Offer presets of the mode."""
-        PRESETS[self.mode(context)].draw_panel_header(self.layout)
+        header = getattr(bpy.types, f"SHOCK_FILTER_PT_{self.mode(context).key}_presets")
+        header.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the main settings, the buttons, and what was last done."""
@@ -63,7 +54,7 @@ class _MainPanel(_Panel):
         mode = self.mode(context)
         settings = self.settings(context)
         self.draw_choice(context)
-        sections.draw_main(layout, settings, mode)
+        drawing.draw_main(layout, settings, mode)
         problem = kernels.problem()
         if problem:
             draw_text(layout, context, problem, icon="ERROR")
@@ -76,8 +67,8 @@ class _MainPanel(_Panel):
         layout.separator(factor=0.01)
         if obstacle:
             draw_text(layout, context, obstacle, icon="INFO")
-        elif mode in operators.summaries:
-            draw_text(layout, context, operators.summaries[mode])
+        elif mode.key in operators.summaries:
+            draw_text(layout, context, operators.summaries[mode.key])
 
 
 class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
@@ -85,21 +76,17 @@ class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
 
     def draw_choice(self, context: bpy.types.Context) -> None:
         """Draw the modes, and for colors the attribute, for textures the image."""
-        scene_settings = context.scene.shock_filter
-        _draw_choices(self.layout, context, scene_settings, "mode")
-        if scene_settings.mode == "DENOISE":
-            settings = scene_settings.denoise
+        _draw_choices(self.layout, context, context.scene.shock_filter, "mode")
+        settings = self.settings(context)
+        names = self.mode(context).names_for(settings)
+        if "target" in names:
             _draw_choices(self.layout, context, settings, "target")
-            if settings.target != "geometry":
-                column = sections.split(self.layout)
-                sections.draw_search(column, context, settings, "attribute", "color_attributes")
-        elif scene_settings.mode == "COLORS":
-            settings, column = scene_settings.colors, sections.split(self.layout)
-            sections.draw_search(column, context, settings, "attribute", "color_attributes")
-        elif scene_settings.mode == "TEXTURE":
-            column = sections.split(self.layout)
-            column.prop_search(scene_settings.texture, "image", bpy.data, "images")
-            if not scene_settings.texture.image:
+        column = drawing.split(self.layout)
+        if "attribute" in names:
+            drawing.draw_search(column, context, settings, "attribute", "color_attributes")
+        if "image" in names:
+            column.prop_search(settings, "image", bpy.data, "images")
+            if not settings.image:
                 _draw_shown_image(self.layout, context)
 
 
@@ -112,89 +99,59 @@ class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
 
 
 class _SubPanel:
-    bl_parent_id = "SHOCK_FILTER_PT_main"
     bl_options = {"DEFAULT_CLOSED"}
-    modes = set(NAMES)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return cls.mode(context) in cls.modes
 
     def draw(self, context: bpy.types.Context) -> None:
         self.draw_settings(context, self.settings(context))
 
 
 class _MaskPanel(_SubPanel):
+    """What may change."""
+
     bl_label = "Mask"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a mode that has masks."""
+        return "vertex_group" in cls.mode(context).names
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw what may change."""
-        sections.draw_mask(self.layout, context, settings, self.mode(context))
-
-
-class SHOCK_FILTER_PT_mask(_MaskPanel, _Panel, bpy.types.Panel):
-    """What may change."""
-
-    modes = {"denoise", "geometry", "colors", "texture"}
-
-
-class SHOCK_FILTER_PT_image_mask(_MaskPanel, _ImagePanel, bpy.types.Panel):
-    """What of the texture may change."""
-
-    bl_parent_id = "SHOCK_FILTER_PT_image_main"
-    modes = {"texture"}
+        drawing.draw_mask(self.layout, context, settings, self.mode(context))
 
 
 class _OutputPanel(_SubPanel):
-    bl_label = "Output"
-
-    def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        """Draw the choice."""
-        sections.draw_output(self.layout, settings, self.mode(context))
-
-
-class SHOCK_FILTER_PT_output(_OutputPanel, _Panel, bpy.types.Panel):
     """Where the new shape or the new image goes."""
 
-    modes = {"denoise", "geometry", "texture"}
+    bl_label = "Output"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Colors stay where they are."""
-        return super().poll(context) and sections.has_output(
-            cls.settings(context), cls.mode(context)
-        )
+        return drawing.has_output(cls.settings(context), cls.mode(context))
 
-
-class SHOCK_FILTER_PT_image_output(_OutputPanel, _ImagePanel, bpy.types.Panel):
-    """Where the new image goes."""
-
-    bl_parent_id = "SHOCK_FILTER_PT_image_main"
+    def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
+        """Draw the choice."""
+        drawing.draw_output(self.layout, settings, self.mode(context))
 
 
 class _AdvancedPanel(_SubPanel):
+    """Settings that few need."""
+
     bl_label = "Advanced"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Draw what few need."""
-        sections.draw_advanced(self.layout, settings, self.mode(context))
-
-
-class SHOCK_FILTER_PT_advanced(_AdvancedPanel, _Panel, bpy.types.Panel):
-    """Settings that few need."""
-
-
-class SHOCK_FILTER_PT_image_advanced(_AdvancedPanel, _ImagePanel, bpy.types.Panel):
-    """Settings that few need."""
-
-    bl_parent_id = "SHOCK_FILTER_PT_image_main"
+        drawing.draw_advanced(self.layout, settings, self.mode(context))
 
 
 class _StatisticsPanel(_SubPanel):
+    """What a run would work on, and how fast the last one was."""
+
     bl_label = "Statistics"
 
     def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        """Draw what a run would work on and take, and how long the last one took."""
+        """Draw what a run would work on, and how fast the last one was."""
         mode = self.mode(context)
         column = self.layout.column(align=True)
         counts = statistics.count(context, mode, settings)
@@ -208,69 +165,54 @@ class _StatisticsPanel(_SubPanel):
                 _draw_value(column, text, f"{number:,}")
         if not counts.size:
             column.label(text="Nothing to work on.")
-        guess = statistics.expected(mode, settings, counts.size)
-        if guess is not None:
+        last = statistics.last_run(mode, settings)
+        if last is not None:
             column.separator()
-            seconds = statistics.corrected(mode, settings, guess.seconds)
-            _draw_value(column, "Duration", iface_("about {}").format(_clock(seconds)))
-            _draw_value(column, "Memory", iface_("about {}").format(_megabytes(guess.memory)))
-            if statistics.compiles(mode, settings):
-                draw_text(column, context, "The first run compiles the filter, too: some seconds.")
-        seconds = statistics.last_seconds(mode, settings)
-        if seconds is not None:
-            column.separator()
-            _draw_value(column, "Last Run", _clock(seconds))
+            _draw_value(column, "Last Run", _clock(last.seconds))
+            speed = iface_("{:,.0f} a second").format(last.size / last.seconds)
+            _draw_value(column, "Speed", speed)
 
 
-class SHOCK_FILTER_PT_statistics(_StatisticsPanel, _Panel, bpy.types.Panel):
-    """What a run would work on and take."""
+def _sub_panels() -> list[type]:
+    """Make each for the 3D view and for the Image Editor."""
+    return [
+        type(
+            f"{parent.__name__.removesuffix('main')}{panel.bl_label.lower()}",
+            (panel, editor, bpy.types.Panel),
+            {"__doc__": panel.__doc__, "__module__": __name__, "bl_parent_id": parent.__name__},
+        )
+        for editor, parent in (
+            (_Panel, SHOCK_FILTER_PT_main),
+            (_ImagePanel, SHOCK_FILTER_PT_image_main),
+        )
+        for panel in (_MaskPanel, _OutputPanel, _AdvancedPanel, _StatisticsPanel)
+    ]
 
 
-class SHOCK_FILTER_PT_image_statistics(_StatisticsPanel, _ImagePanel, bpy.types.Panel):
-    """What a run would work on and take."""
-
-    bl_parent_id = "SHOCK_FILTER_PT_image_main"
-
-
-def draw_sharpen(
-    layout: bpy.types.UILayout, context: bpy.types.Context, mode: str
+def draw_filter(
+    layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode
 ) -> bpy.types.OperatorProperties:
     """Draw a mode's button, which copies the scene's settings into the operator."""
-    settings = getattr(context.scene.shock_filter, mode)
-    if mode in _DENOISE:
-        text = _DENOISE[mode][settings.then_sharpen]
-        operator = layout.operator(f"shock_filter.{mode}", text=text, icon="SMOOTHCURVE")
-    else:
-        operator = layout.operator(f"shock_filter.sharpen_{mode}", icon="SHARPCURVE")
-    for name in NAMES[mode]:
+    settings = getattr(context.scene.shock_filter, mode.group)
+    words = {}
+    if mode.follows is not None:
+        words["text"] = f"{mode.title}, then Sharpen" if settings.then_sharpen else mode.title
+    operator = layout.operator(f"shock_filter.{mode.operator}", icon=mode.icon, **words)
+    for name in mode.names:
         setattr(operator, name, getattr(settings, name))
-    if mode == "texture":
-        _name_edited_image(operator, context)
-    return operator
-
-
-def draw_dilate(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the button that fills a texture's gutter."""
-    settings = context.scene.shock_filter.texture
-    operator = layout.operator("shock_filter.dilate_texture", icon="UV_ISLANDSEL")
-    for name in DILATE_NAMES:
-        setattr(operator, name, getattr(settings, name))
-    _name_edited_image(operator, context)
-
-
-def _name_edited_image(operator: bpy.types.OperatorProperties, context: bpy.types.Context) -> None:
-    # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
-    image = data.edited_image(context)
-    if image is not None:
+    image = data.chosen.edited_image(context)
+    if "image" in mode.names and image is not None:
+        # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
         operator.image = image.name
+    return operator
 
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Say which image will be sharpened."""
-    if not data.mesh_objects(context):
+    if not data.chosen.mesh_objects(context):
         return
     try:
-        name = data.shown_image(context).name
+        name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why
         return
     layout.label(text=iface_("Shown: {}").format(name), icon="IMAGE_DATA", translate=False)
@@ -295,16 +237,16 @@ def _draw_choices(
 
 
 def _draw_buttons(
-    layout: bpy.types.UILayout, context: bpy.types.Context, mode: str, enabled: bool
+    layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode, enabled: bool
 ) -> None:
     column = layout.column()
     runs = column.column()
     runs.enabled = enabled
     main = runs.column()
     main.scale_y = 1.5
-    draw_sharpen(main, context, mode)
-    if mode == "texture":
-        draw_dilate(runs, context)
+    draw_filter(main, context, mode)
+    for other in below(mode):
+        draw_filter(runs, context, other)
     row = column.row(align=True)
     if context.mode == "OBJECT" or context.space_data.type == "IMAGE_EDITOR":
         preview = row.row(align=True)
@@ -312,10 +254,10 @@ def _draw_buttons(
         preview.operator("shock_filter.preview")
     shown = flow_overlay.shown_object()
     is_active = context.object is not None and context.object.name == shown
-    if mode in _WITH_FLOW and not is_active:
+    if mode.flow and not is_active:
         flow = row.row(align=True)
         flow.enabled = enabled
-        flow.operator("shock_filter.show_flow").mode = mode
+        flow.operator("shock_filter.show_flow").mode = mode.key
     if shown is not None and context.space_data.type == "VIEW_3D":
         (row if is_active else column).operator("shock_filter.hide_flow")
 
@@ -343,19 +285,4 @@ def _clock(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min"
 
 
-def _megabytes(number: float) -> str:
-    return f"{max(number / 1e6, 1.0):.0f} MB" if number < 1e9 else f"{number / 1e9:.1f} GB"
-
-
-CLASSES = (
-    SHOCK_FILTER_PT_main,
-    SHOCK_FILTER_PT_mask,
-    SHOCK_FILTER_PT_output,
-    SHOCK_FILTER_PT_advanced,
-    SHOCK_FILTER_PT_statistics,
-    SHOCK_FILTER_PT_image_main,
-    SHOCK_FILTER_PT_image_mask,
-    SHOCK_FILTER_PT_image_output,
-    SHOCK_FILTER_PT_image_advanced,
-    SHOCK_FILTER_PT_image_statistics,
-)
+CLASSES = (SHOCK_FILTER_PT_main, SHOCK_FILTER_PT_image_main, *_sub_panels())

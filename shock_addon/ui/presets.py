@@ -8,24 +8,18 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_tip
 
-from ..operators.fields import filter_names
-from ..operators.properties import NAMES, label
-from .shipped_presets import DEFAULTS, SHIPPED, ShippedPreset
+from ..modes import DEFAULTS, Mode, Preset, choices, find
+from ..operators.properties import label
 
 _OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
 
 
-class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
+class _UsePreset:
     """Set all settings of the filter; masks and output stay"""
 
     bl_idname = "shock_filter.use_preset"
     bl_label = "Use Preset"
     bl_options = {"UNDO", "INTERNAL"}
-
-    __annotations__ = {
-        "mode": bpy.props.EnumProperty(items=[(mode, label(mode), "") for mode in NAMES]),
-        "name": bpy.props.StringProperty(),
-    }
 
     @classmethod
     def description(
@@ -43,18 +37,18 @@ class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
             self.report({"ERROR"}, f"There is no preset {self.name!r}; choose one of: {names}.")
             return {"CANCELLED"}
         settings = getattr(context.scene.shock_filter, self.mode)
-        for name in filter_names(self.mode):
+        for name in find(self.mode).filter_names:
             settings.property_unset(name)
         for name, value in preset.values.items():
             setattr(settings, name, value)
         return {"FINISHED"}
 
 
-def _presets(mode: str) -> tuple[ShippedPreset, ...]:
-    return DEFAULTS, *SHIPPED[mode]
+def _presets(mode: str) -> tuple[Preset, ...]:
+    return DEFAULTS, *find(mode).presets
 
 
-def _find(mode: str, name: str) -> ShippedPreset | None:
+def _find(mode: str, name: str) -> Preset | None:
     return next((preset for preset in _presets(mode) if preset.name == name), None)
 
 
@@ -90,42 +84,57 @@ def _draw_new(layout: bpy.types.UILayout, context: bpy.types.Context, add_operat
     row.operator(add_operator, text="", icon="ADD").name = context.window_manager.preset_name
 
 
-def _panel(mode: str) -> type:
+def _use_operator() -> type:
+    modes = [(mode.key, label(mode.key), "") for mode in choices()]
     return type(
-        f"SHOCK_FILTER_PT_{mode}_presets",
-        (_ModePresets, bpy.types.Panel),
+        "SHOCK_FILTER_OT_use_preset",
+        (_UsePreset, bpy.types.Operator),
         {
-            "__doc__": _ModePresets.__doc__,
+            "__doc__": _UsePreset.__doc__,
             "__module__": __name__,
-            "mode": mode,
-            "bl_label": f"{label(mode)} Presets",
-            "preset_subdir": f"shock_filter/{mode}",
-            "preset_add_operator": f"shock_filter.{mode}_preset_add",
+            "__annotations__": {
+                "mode": bpy.props.EnumProperty(items=modes),
+                "name": bpy.props.StringProperty(),
+            },
         },
     )
 
 
-def _add_operator(mode: str) -> type:
-    names = [name for name in NAMES[mode] if name not in _OF_ONE_OBJECT]
+def _panel(mode: Mode) -> type:
     return type(
-        f"SHOCK_FILTER_OT_{mode}_preset_add",
+        f"SHOCK_FILTER_PT_{mode.key}_presets",
+        (_ModePresets, bpy.types.Panel),
+        {
+            "__doc__": _ModePresets.__doc__,
+            "__module__": __name__,
+            "mode": mode.key,
+            "bl_label": f"{label(mode.key)} Presets",
+            "preset_subdir": f"shock_filter/{mode.key}",
+            "preset_add_operator": f"shock_filter.{mode.key}_preset_add",
+        },
+    )
+
+
+def _add_operator(mode: Mode) -> type:
+    names = [name for name in mode.names if name not in _OF_ONE_OBJECT]
+    return type(
+        f"SHOCK_FILTER_OT_{mode.key}_preset_add",
         (AddPresetBase, bpy.types.Operator),
         {
-            "__doc__": f"Add or remove a preset of the settings for {label(mode).lower()}",
+            "__doc__": f"Add or remove a preset of the settings for {label(mode.key).lower()}",
             "__module__": __name__,
-            "bl_idname": f"shock_filter.{mode}_preset_add",
-            "bl_label": f"Add {label(mode)} Preset",
-            "preset_menu": f"SHOCK_FILTER_PT_{mode}_presets",
-            "preset_subdir": f"shock_filter/{mode}",
-            "preset_defines": [f"settings = bpy.context.scene.shock_filter.{mode}"],
+            "bl_idname": f"shock_filter.{mode.key}_preset_add",
+            "bl_label": f"Add {label(mode.key)} Preset",
+            "preset_menu": f"SHOCK_FILTER_PT_{mode.key}_presets",
+            "preset_subdir": f"shock_filter/{mode.key}",
+            "preset_defines": [f"settings = bpy.context.scene.shock_filter.{mode.key}"],
             "preset_values": [f"settings.{name}" for name in names],
         },
     )
 
 
-PANELS = {mode: _panel(mode) for mode in NAMES}
 CLASSES = (
-    SHOCK_FILTER_OT_use_preset,
-    *PANELS.values(),
-    *(_add_operator(mode) for mode in NAMES),
+    _use_operator(),
+    *(_panel(mode) for mode in choices()),
+    *(_add_operator(mode) for mode in choices()),
 )

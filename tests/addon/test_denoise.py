@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operator Denoise: geometry, colors, and both."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core.host.denoising import Denoising, denoise_both
+from shock_filter.core.host.denoising import denoise_both
+from shock_filter.core.host.inputs import Denoising
+from shock_filter.shock_addon.data import painted
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_targets,
     write_positions,
 )
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import denoise as denoise_operator
 from shock_filter.shock_addon.operators import properties
-from shock_filter.shock_addon.operators.fields import fields_of
-from shock_filter.shock_addon.ui import menus, panels
+from shock_filter.shock_addon.ui import menus
 
 denoise = bpy.ops.shock_filter.denoise
 
@@ -203,9 +205,11 @@ def test_several_objects_at_once_and_a_shared_mesh_once(noisy_cube, select):
 
 def test_modifiers_are_named_when_vertices_move():
     obj = SimpleNamespace(modifiers=["Mirror"], data=None)
-    operator = denoise_operator.SHOCK_FILTER_OT_denoise
+    operator = bpy.types.SHOCK_FILTER_OT_denoise
     quiet = {"custom_normals": "CLEAR", "mark_sharp": False, "output": "SHAPE_KEY"}
-    geometry, colors = (SimpleNamespace(target=t, **quiet) for t in ("geometry", "colors"))
+    geometry, colors = (
+        SimpleNamespace(row=operator.row, target=t, **quiet) for t in ("geometry", "colors")
+    )
     assert operator.notes(geometry, [(obj, None)]).startswith("Modifiers were left in place")
     assert operator.notes(colors, [(obj, None)]) == ""
 
@@ -403,13 +407,15 @@ def test_both_are_sharpened_afterwards(noisy_cube):
 
 def test_nothing_is_written_when_one_of_both_was_changed_meanwhile(noisy_cube):
     cube, _ = noisy_cube()
-    (target,), _ = read_targets(bpy.context, denoise_operator.read_both, parameters())
+    (target,), _ = read_targets(bpy.context, painted.read_painted, parameters())
     settings = Denoising(properties_of("both"), None)
     result = denoise_both(target.surface, settings, True, None)
     data = cube.data.color_attributes["Paint"].data
     data[0].color = (0.0, 0.0, 0.0, 1.0)
     points = read_positions(cube.data)
-    done, skipped = operators.write_results([target], [result], denoise_operator.write_both)
+    done, skipped = operators.write_results(
+        [target], [result], partial(painted.write_painted, key_name="Denoised")
+    )
     assert done == []
     assert skipped == ["Skipped Cube: its colors were changed meanwhile; run again."]
     np.testing.assert_array_equal(read_positions(cube.data), points)
@@ -428,7 +434,8 @@ def parameters():
 
 
 def properties_of(target):
-    kind, prefix = denoise_operator.SETTINGS[target]
+    row = find("denoise").target(SimpleNamespace(target=target))
+    kind, prefix = row.row.settings, row.prefix
     owner = bpy.context.scene.shock_filter.denoise
     return properties.settings_from(kind, owner, prefix)
 
@@ -482,10 +489,10 @@ def test_only_the_targets_settings_are_asked_for():
     settings = bpy.context.scene.shock_filter.denoise
     for target, prefix in (("geometry", ""), ("colors", "color_"), ("both", "color_")):
         settings.target = target
-        names = list(fields_of("denoise", target))
+        names = list(find("denoise").target(settings).fields)
         assert names[:3] == [prefix + name for name in ("time", "beta", "iterations")]
         assert all(name.startswith("color_") == bool(prefix) for name in names)
-        every = properties.denoise_names(target)
+        every = find("denoise").names_for(settings)
         assert set(names) < set(every)
         assert ("output" in every) == (target != "colors")
         assert ("attribute" in every) == (target != "geometry")
@@ -498,7 +505,7 @@ def test_the_output_is_asked_for_unless_colors_are_denoised():
     scene.shock_filter.mode = "DENOISE"
     for target, seen in (("geometry", True), ("colors", False), ("both", True)):
         scene.shock_filter.denoise.target = target
-        assert panels.SHOCK_FILTER_PT_output.poll(SimpleNamespace(scene=scene)) is seen
+        assert bpy.types.SHOCK_FILTER_PT_output.poll(SimpleNamespace(scene=scene)) is seen
 
 
 def test_the_mode_stands_first_and_geometry_is_the_default():
@@ -554,4 +561,4 @@ def test_times_arrive_as_they_were_typed(mode):
     settings = getattr(bpy.context.scene.shock_filter, mode)
     settings.sharpen_time = 0.1
     settings.then_sharpen = True
-    assert denoise_operator.denoising(None, settings).sharpen_time == 0.1
+    assert properties.settings_of(find(mode), settings).sharpen_time == 0.1

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators.fields import fields_of
 from shock_filter.shock_addon.ui import panels
 
 denoise = bpy.ops.shock_filter.denoise_image
@@ -115,9 +114,9 @@ def test_the_image_editor_has_the_mode():
     scene.shock_filter.image_mode = "DENOISE_IMAGE"
     context = SimpleNamespace(scene=scene)
     main = panels.SHOCK_FILTER_PT_image_main
-    assert main.mode(context) == "denoise_image"
+    assert main.mode(context).key == "denoise_image"
     assert main.settings(context) == scene.shock_filter.denoise_image
-    shown = list(fields_of("denoise_image", ""))
+    shown = list(main.mode(context).targets[0].fields)
     assert shown[:3] == ["time", "beta", "iterations"]
-    assert panels.SHOCK_FILTER_PT_image_output.poll(context)
-    assert not panels.SHOCK_FILTER_PT_image_mask.poll(context)
+    assert bpy.types.SHOCK_FILTER_PT_image_output.poll(context)
+    assert not bpy.types.SHOCK_FILTER_PT_image_mask.poll(context)

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter import core
 from shock_filter.core import Cancelled, GeometrySettings
-from shock_filter.core.host.geometry import sharpen
+from shock_filter.core.filters import geometry
+from shock_filter.core.host.registered import filter_shape
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions
@@ -354,7 +354,7 @@ def test_an_unexpected_error_ends_the_run_with_a_sentence(
     def broken(*arguments):
         raise kind(*words)
 
-    monkeypatch.setattr(core, "sharpen_geometry", broken)
+    monkeypatch.setattr(geometry, "sharpen_geometry", broken)
     with pytest.raises(RuntimeError, match=f"Sharpen Geometry failed: {reason}; the console has"):
         bpy.ops.shock_filter.sharpen_geometry()
     np.testing.assert_array_equal(read_positions(box.data), before)
@@ -438,7 +438,7 @@ def target(rounded_box):
 
 def sharpened(*targets, progress=lambda fraction, message: True):
     def function(surface, part):
-        return sharpen(surface, GeometrySettings(), True, part)
+        return filter_shape(surface, "sharpen_geometry", GeometrySettings(), True, part)
 
     return operators.filter_targets(targets, function, None, progress)
 

@@ -30,7 +30,7 @@ if sys.argv[1:] == ["load only"]:
 else:
     bpy.ops.mesh.primitive_uv_sphere_add()
     result = bpy.ops.shock_filter.sharpen_geometry(feature_threshold=0.0)
-mesh = importlib.import_module(NAME + ".core.mesh.triangle_mesh")
+mesh = importlib.import_module(NAME + ".core.mesh.adjacency")
 import numba
 state = {
     "result": list(result),

@@ -7,16 +7,17 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from shock_filter.shock_addon.operators.fields import filter_names
-from shock_filter.shock_addon.operators.properties import NAMES
+from shock_filter.shock_addon.modes import choices, find
 from shock_filter.shock_addon.ui import presets
-from shock_filter.shock_addon.ui.shipped_presets import SHIPPED
+
+KEYS = [mode.key for mode in choices()]
 
 
 @pytest.fixture(autouse=True)
 def labels(monkeypatch):
     """Bring back the labels, which Blender replaces by the name of the last preset."""
-    for panel in presets.PANELS.values():
+    for key in KEYS:
+        panel = getattr(bpy.types, f"SHOCK_FILTER_PT_{key}_presets")
         monkeypatch.setattr(panel, "bl_label", panel.bl_label)
 
 
@@ -68,12 +69,12 @@ def test_a_preset_brings_the_settings_back(mode, of_one_object):
     assert not pathlib.Path(folder, "Seven.py").exists()
 
 
-CHOICES = [(mode, preset) for mode, presets in SHIPPED.items() for preset in presets]
+CHOICES = [(mode.key, preset) for mode in choices() for preset in mode.presets]
 
 
 def test_each_mode_has_shipped_presets():
-    assert SHIPPED.keys() == NAMES.keys()
-    for shipped in SHIPPED.values():
+    for mode in choices():
+        shipped = mode.presets
         assert len({preset.name for preset in shipped}) == len(shipped) >= 2
         for preset in shipped:
             assert preset.reason.startswith("For ")
@@ -83,12 +84,15 @@ def test_each_mode_has_shipped_presets():
 @pytest.mark.parametrize(("mode", "preset"), CHOICES, ids=lambda part: getattr(part, "name", part))
 def test_a_shipped_preset_sets_the_filter_and_nothing_else(mode, preset):
     settings = getattr(bpy.context.scene.shock_filter, mode)
-    everything = filter_names(mode)
+    everything = find(mode).filter_names
     assert preset.values.keys() <= set(everything)
     others = {name: getattr(settings, name) for name in everything}
     settings.time = 77.0
-    kept = {"vertex_group": "Kept", "output": "SHAPE_KEY" if "weld" in NAMES[mode] else "REPLACE"}
-    kept = {name: value for name, value in kept.items() if name in NAMES[mode]}
+    kept = {
+        "vertex_group": "Kept",
+        "output": "SHAPE_KEY" if "weld" in find(mode).names else "REPLACE",
+    }
+    kept = {name: value for name, value in kept.items() if name in find(mode).names}
     for name, value in kept.items():
         setattr(settings, name, value)
 
@@ -100,13 +104,13 @@ def test_a_shipped_preset_sets_the_filter_and_nothing_else(mode, preset):
     assert {name: getattr(settings, name) for name in kept} == kept
 
 
-@pytest.mark.parametrize("mode", NAMES)
+@pytest.mark.parametrize("mode", KEYS)
 def test_the_first_preset_is_the_defaults(mode):
     settings = getattr(bpy.context.scene.shock_filter, mode)
-    defaults = {name: getattr(settings, name) for name in filter_names(mode)}
+    defaults = {name: getattr(settings, name) for name in find(mode).filter_names}
     settings.time = 77.0
     assert bpy.ops.shock_filter.use_preset(mode=mode, name="Defaults") == {"FINISHED"}
-    assert {name: getattr(settings, name) for name in filter_names(mode)} == defaults
+    assert {name: getattr(settings, name) for name in find(mode).filter_names} == defaults
 
 
 def test_a_preset_that_is_not_there_is_named():
@@ -116,8 +120,8 @@ def test_a_preset_that_is_not_there_is_named():
 
 def test_the_tooltip_says_the_reason():
     properties = SimpleNamespace(mode="colors", name="Subtle")
-    found = presets.SHOCK_FILTER_OT_use_preset.description(bpy.context, properties)
-    assert found == SHIPPED["colors"][0].reason
+    found = presets.CLASSES[0].description(bpy.context, properties)
+    assert found == find("colors").presets[0].reason
 
 
 def test_nothing_is_written_into_the_persons_folder():

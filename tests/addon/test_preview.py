@@ -9,31 +9,33 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
-from shock_filter.core.host.denoising import Denoising, denoise_shape
-from shock_filter.core.host.geometry import MirroredSurface, sharpen
+from shock_filter.core.host.dials import TimeDial, turned
+from shock_filter.core.host.inputs import Denoising, MirroredSurface
+from shock_filter.core.host.patch import patch_around, seen_vertex, whole_surface
+from shock_filter.core.host.registered import filter_shape
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
 from shock_filter.shock_addon.data.active_object import read_active
 from shock_filter.shock_addon.data.geometry import read_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, write_positions
 from shock_filter.shock_addon.data.skipped import Skipped
+from shock_filter.shock_addon.modes import find, load
 from shock_filter.shock_addon.preview import meshes as preview_meshes
 from shock_filter.shock_addon.preview import operator as preview_operator
 from shock_filter.shock_addon.preview import previewing
-from shock_filter.shock_addon.preview.dials import TimeDial, turned
-from shock_filter.shock_addon.preview.patch import patch_around, seen_vertex, whole_surface
 
 ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items()}
 
 
 def begun(mode, size=None):
     """Begin a preview of the active object, on a patch if a size is given."""
-    parameters = previewing.parameters_of(bpy.context, mode)
-    kind, read = preview_meshes.kind_of(mode, parameters)
+    row = find(mode)
+    parameters = previewing.parameters_of(bpy.context, row)
+    read = load(row.target(parameters).data.read)
     (target,), _ = read_active(bpy.context, read, parameters)
     patch = whole_surface(target.surface)
     if size is not None:
         patch = patch_around(target.surface, 0, size)
-    return previewing.Preview(kind, parameters, preview_meshes.MeshStage(target, patch))
+    return previewing.Preview(row, parameters, preview_meshes.MeshStage(target, patch))
 
 
 def settle(running):
@@ -262,7 +264,7 @@ def test_a_patch_begun_from_a_panel_is_said_to_be_in_the_middle(rounded_box, mon
     monkeypatch.setattr(preview_meshes, "_pointed_at", lambda *given: 0)
     for over_view, words in ((False, "vertices in the middle of the view"), (True, "vertices")):
         monkeypatch.setattr(preview_meshes, "is_over_view", lambda *given, over=over_view: over)
-        running = preview_meshes.begin(bpy.context, None, "geometry")
+        running = preview_meshes.begin(bpy.context, None, find("geometry"))
         assert running.stage.note.endswith(words)
         running.end()
 
@@ -331,18 +333,18 @@ KERNEL = BeltramiGeometrySettings(repeat=1)
 
 
 @pytest.mark.parametrize(
-    ("function", "settings"),
+    ("name", "settings"),
     [
-        (sharpen, GeometrySettings(time=16.0)),
-        (sharpen, GeometrySettings(time=16.0, screening_radius=1.0)),
-        (sharpen, GeometrySettings(time=16.0, fidelity=2000.0)),
-        (sharpen, GeometrySettings(time=16.0, max_displacement=0.01)),
-        (denoise_shape, Denoising(KERNEL, None)),
-        (denoise_shape, Denoising(KERNEL, 16.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0, screening_radius=1.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0, fidelity=2000.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0, max_displacement=0.01)),
+        ("beltrami_mesh", Denoising(KERNEL, None)),
+        ("beltrami_mesh", Denoising(KERNEL, 16.0)),
     ],
     ids=["time", "radius", "fidelity", "displacement", "denoising", "sharpened"],
 )
-def test_settings_mean_the_same_on_a_patch_with_shorter_edges(function, settings):
+def test_settings_mean_the_same_on_a_patch_with_shorter_edges(name, settings):
     """The patch is a fine sheet, alone; the whole has a coarse one beside it."""
     fine, triangles = bumpy_sheet(20, 0.5, 0.0)
     coarse, others = bumpy_sheet(20, 1.5, 100.0)
@@ -358,7 +360,7 @@ def test_settings_mean_the_same_on_a_patch_with_shorter_edges(function, settings
     assert patch.lengths == pytest.approx(2.0)
 
     def moves(surface, chosen):
-        found = function(surface, chosen, True, lambda fraction, message: True)
+        found = filter_shape(surface, name, chosen, True, lambda fraction, message: True)
         return found.positions[: len(fine)] - fine
 
     wanted = moves(whole, settings)
@@ -373,7 +375,7 @@ def test_loose_vertices_make_no_patch(rounded_box):
     box.data.vertices.add(1)
     box.data.vertices[len(box.data.vertices) - 1].co = (100, 0, 0)
     (target,), _ = read_active(
-        bpy.context, read_geometry, previewing.parameters_of(bpy.context, "geometry")
+        bpy.context, read_geometry, previewing.parameters_of(bpy.context, find("geometry"))
     )
     patch = patch_around(target.surface, len(box.data.vertices) - 1, 200)
     assert patch.surface.size > 100
@@ -517,7 +519,7 @@ class _Events:
     def __init__(self, running, monkeypatch):
         cls = preview_operator.SHOCK_FILTER_OT_preview
         self.reports, self.status, self.ran = [], [], []
-        self._mode = "geometry"
+        self._mode = find("geometry")
         self._preview, self._ended, self._timer = running, False, "timer"
         self._arrived, self._last_move = True, math.inf
         self._status = SimpleNamespace(

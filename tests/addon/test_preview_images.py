@@ -8,15 +8,17 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core import BeltramiSettings, InvalidSignal
-from shock_filter.core.host.picture import Picture
+from shock_filter.core import BeltramiSettings
+from shock_filter.core.host.crop import crop_around, smoothed_at_once
+from shock_filter.core.host.inputs import HostImage
+from shock_filter.core.host.screen_colors import decoded, screen_colors
 from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.skipped import Refused
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import images as preview_images
 from shock_filter.shock_addon.preview import operator as preview_operator
-from shock_filter.shock_addon.preview.crop import crop_around, smoothed_at_once
 from shock_filter.shock_addon.preview.overlay import Overlay
 from shock_filter.shock_addon.preview.pointing import is_over_view, pointed_at
-from shock_filter.shock_addon.preview.screen_colors import decoded, screen_colors
 
 
 def soft(height=96, width=120):
@@ -72,7 +74,7 @@ def begun(editor, monkeypatch):
             monkeypatch.setattr(preview_images, "_QUICK", size)
             monkeypatch.setattr(preview_images, "_SLOW", size)
         monkeypatch.setattr(preview_images, "_place", lambda context, event: (0.5, 0.5))
-        running.append(preview_images.begin(editor(image), None, mode))
+        running.append(preview_images.begin(editor(image), None, find(mode)))
         return running[-1]
 
     yield begin
@@ -104,11 +106,11 @@ def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
     preview.drag(200 if mode == "image" else 20)
     preview.roll(-1)
     (piece,) = shown(preview)
-    parameters = {name: getattr(preview.parameters, name) for name in ("time", preview.kind.second)}
+    parameters = {name: getattr(preview.parameters, name) for name in ("time", preview.second)}
     assert ("patch of 40 x 40 pixels" in preview.text()) == (size is not None)
     assert piece.framed == (size is not None)
     preview.end()
-    run = getattr(bpy.ops.shock_filter, preview.kind.operator)
+    run = getattr(bpy.ops.shock_filter, preview.mode.operator)
     assert run(image="Photo", output="REPLACE", **parameters) == {"FINISHED"}
     left, bottom, right, top = np.round(np.array(piece.box) * (120, 96, 120, 96)).astype(int)
     made = decoded(image_data.read_pixels(photo)[bottom:top, left:right, :3])
@@ -155,11 +157,11 @@ def test_it_ends_when_the_image_is_gone_or_seen_no_more(begun, editor):
 
 
 def test_images_that_cannot_be_sharpened_are_refused_in_words(editor):
-    with pytest.raises(InvalidSignal, match="no image is open here"):
-        preview_images.begin(editor(None), None, "image")
+    with pytest.raises(Refused, match="no image is open here"):
+        preview_images.begin(editor(None), None, find("image"))
     tiled = bpy.data.images.new("Tiled", 8, 8, tiled=True)
-    with pytest.raises(InvalidSignal, match="There is nothing to preview: it has UDIM tiles"):
-        preview_images.begin(editor(tiled), None, "image")
+    with pytest.raises(Refused, match="There is nothing to preview: it has UDIM tiles"):
+        preview_images.begin(editor(tiled), None, find("image"))
 
 
 @pytest.mark.parametrize(
@@ -172,26 +174,26 @@ def test_images_that_cannot_be_sharpened_are_refused_in_words(editor):
 )
 def test_a_patch_lies_inside_and_around_the_place(place, box):
     pixels = np.random.default_rng(0).random((80, 100, 4)).astype(np.float32)
-    crop = crop_around(Picture(pixels, "STRAIGHT", False, 0), place, 1600)
+    crop = crop_around(HostImage(pixels, "STRAIGHT", False, 0), place, 1600)
     left, bottom, right, top = box
     assert crop.box == (left / 100, bottom / 80, right / 100, top / 80)
     assert not crop.is_all
-    np.testing.assert_array_equal(crop.shown(crop.picture.pixels), pixels[bottom:top, left:right])
-    height, width = crop.picture.pixels.shape[:2]
+    np.testing.assert_array_equal(crop.shown(crop.image.pixels), pixels[bottom:top, left:right])
+    height, width = crop.image.pixels.shape[:2]
     assert 20 < height <= 40
     assert 20 < width <= 40
-    assert not np.shares_memory(crop.picture.pixels, pixels)
+    assert not np.shares_memory(crop.image.pixels, pixels)
 
 
 @pytest.mark.parametrize("place", [(0.5, 0.5), (0.3, 0.7), (0.0, 1.0)])
 def test_a_patch_shrinks_around_its_place(place):
     pixels = np.random.default_rng(0).random((80, 100, 4)).astype(np.float32)
-    picture = Picture(pixels, "STRAIGHT", False, 0)
-    less = crop_around(picture, place, 400)
+    image = HostImage(pixels, "STRAIGHT", False, 0)
+    less = crop_around(image, place, 400)
     for size in (3000, pixels.size):
-        shrunk = crop_around(picture, place, size).shrunk(place, 400)
+        shrunk = crop_around(image, place, size).shrunk(place, 400)
         assert shrunk.box == less.box
-        np.testing.assert_array_equal(shrunk.picture.pixels, less.picture.pixels)
+        np.testing.assert_array_equal(shrunk.image.pixels, less.image.pixels)
     assert less.shrunk(place, 400) is less
 
 
@@ -224,9 +226,9 @@ def test_denoising_longer_draws_a_smaller_patch(begun):
 
 def test_small_images_are_no_patch():
     pixels = np.zeros((4, 100, 4), dtype=np.float32)
-    crop = crop_around(Picture(pixels, "STRAIGHT", False, 0), (0.9, 0.9), 400)
+    crop = crop_around(HostImage(pixels, "STRAIGHT", False, 0), (0.9, 0.9), 400)
     assert crop.is_all
-    assert crop.shown(crop.picture.pixels).shape == pixels.shape
+    assert crop.shown(crop.image.pixels).shape == pixels.shape
 
 
 def pixel(*values):
@@ -234,21 +236,21 @@ def pixel(*values):
 
 
 @pytest.mark.parametrize(
-    ("picture", "encoded", "early", "seen"),
+    ("image", "encoded", "early", "seen"),
     [
-        (Picture(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, False, (0.107, 0, 0.5)),
-        (Picture(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, True, (0.0509, 0, 0.214)),
-        (Picture(pixel(0.5, 0, 1, 0.5), "NONE", False, 255), True, True, (0.214, 0, 1)),
-        (Picture(pixel(0.5, 0, 1, 0.5), "CHANNEL_PACKED", False, 255), False, True, (0.5, 0, 1)),
-        (Picture(pixel(0.5, 0, 2, 0.5), "PREMUL", True, 0), False, True, (0.5, 0, 2)),
-        (Picture(pixel(0.5, 0, 1), "STRAIGHT", True, 0), False, False, (0.5, 0, 1)),
-        (Picture(pixel(0.5), "STRAIGHT", True, 0), False, False, (0.5, 0.5, 0.5)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, False, (0.107, 0, 0.5)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "STRAIGHT", False, 255), True, True, (0.0509, 0, 0.214)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "NONE", False, 255), True, True, (0.214, 0, 1)),
+        (HostImage(pixel(0.5, 0, 1, 0.5), "CHANNEL_PACKED", False, 255), False, True, (0.5, 0, 1)),
+        (HostImage(pixel(0.5, 0, 2, 0.5), "PREMUL", True, 0), False, True, (0.5, 0, 2)),
+        (HostImage(pixel(0.5, 0, 1), "STRAIGHT", True, 0), False, False, (0.5, 0, 1)),
+        (HostImage(pixel(0.5), "STRAIGHT", True, 0), False, False, (0.5, 0.5, 0.5)),
     ],
 )
-def test_screens_show_linear_colors_times_opacity(picture, encoded, early, seen):
-    ((color,),) = screen_colors(picture, encoded, early)
+def test_screens_show_linear_colors_times_opacity(image, encoded, early, seen):
+    ((color,),) = screen_colors(image, encoded, early)
     np.testing.assert_allclose(color[:3], seen, atol=1e-3)
-    assert color[3] == (0.5 if picture.pixels.shape[2] == 4 else 1.0)
+    assert color[3] == (0.5 if image.pixels.shape[2] == 4 else 1.0)
 
 
 @pytest.mark.parametrize(
@@ -311,7 +313,7 @@ def test_a_texture_is_drawn_as_the_operator_makes_it(editor):
     textured_sheet(wood)
     editor(wood)
     before = state(wood)
-    preview = preview_images.begin(bpy.context, None, "texture")
+    preview = preview_images.begin(bpy.context, None, find("texture"))
     try:
         preview.drag(100)
         (piece,) = shown(preview)
@@ -350,7 +352,7 @@ def test_what_the_tab_shows_is_previewed():
     scene.mode, scene.image_mode = "COLORS", "DENOISE_IMAGE"
     for kind, mode in (("VIEW_3D", "colors"), ("IMAGE_EDITOR", "denoise_image")):
         context = SimpleNamespace(scene=bpy.context.scene, space_data=SimpleNamespace(type=kind))
-        assert preview_operator._shown_mode(context) == mode
+        assert preview_operator._shown_mode(context).key == mode
 
 
 def test_drawing_ends_with_the_preview():

@@ -18,6 +18,7 @@ from shock_filter.core import (
     TextureSettings,
 )
 from shock_filter.core.settings import describe
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import properties
 
 SETTINGS = describe(GeometrySettings)
@@ -58,7 +59,7 @@ def test_each_setting_is_a_property_of_panel_and_operator(mode, name):
 
 DENOISING = [
     ("denoise", "", BeltramiGeometrySettings),
-    ("denoise", properties.COLOR_PREFIX, BeltramiMeshSettings),
+    ("denoise", "color_", BeltramiMeshSettings),
     ("denoise_image", "", BeltramiSettings),
 ]
 
@@ -84,7 +85,7 @@ def test_untouched_properties_give_the_default_settings(mode):
 def test_dilation_has_its_settings_among_those_of_textures():
     names = set(bpy.ops.shock_filter.dilate_texture.get_rna_type().properties.keys())
     kept = set(panel_settings("texture").bl_rna.properties.keys())
-    assert set(describe(DilateSettings)) <= set(properties.DILATE_NAMES) <= names & kept
+    assert set(describe(DilateSettings)) <= set(find("dilate").names) <= names & kept
 
 
 def test_numbers_come_back_as_they_were_typed():

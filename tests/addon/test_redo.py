@@ -6,7 +6,8 @@ import threading
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core.host import surface
+from shock_filter.core.host import welding
+from shock_filter.core.host.inputs import Surface
 from shock_filter.shock_addon.data.meshes import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
@@ -14,22 +15,22 @@ sharpen = bpy.ops.shock_filter.sharpen_geometry
 
 @pytest.fixture(autouse=True)
 def forgotten():
-    surface.forget()
+    welding.forget()
     yield
-    surface.forget()
+    welding.forget()
 
 
 @pytest.fixture
 def preparations(monkeypatch):
     """Count how often a surface is prepared."""
     counts = []
-    prepare = surface._welded
+    prepare = welding._welded
 
     def counted(*arguments):
         counts.append(1)
         return prepare(*arguments)
 
-    monkeypatch.setattr(surface, "_welded", counted)
+    monkeypatch.setattr(welding, "_welded", counted)
     return counts
 
 
@@ -48,7 +49,7 @@ def test_a_redo_prepares_nothing_and_gives_what_a_fresh_run_gives(rounded_box, p
     quick = [redone(box, start, time=time) for time in (16.0, 1000.0, 16.0)]
     assert len(preparations) == 1
     for time, result in zip((16.0, 1000.0, 16.0), quick, strict=True):
-        surface.forget()
+        welding.forget()
         assert redone(box, start, time=time).tobytes() == result.tobytes()
     assert len(preparations) == 4
 
@@ -86,7 +87,7 @@ def test_whatever_changes_is_seen(rounded_box, preparations, change):
     start = read_positions(box.data)
     stale = redone(box, start, vertex_group="Some")
     assert len(preparations) == 2
-    surface.forget()
+    welding.forget()
     assert redone(box, start, vertex_group="Some").tobytes() == stale.tobytes()
 
 
@@ -104,30 +105,30 @@ def test_only_the_last_surfaces_are_kept(rounded_box, preparations, monkeypatch)
         bpy.ops.object.select_all(action="DESELECT")
         box.select_set(True)
         sharpen(time=0.0)
-    assert len(surface._recent) == 2
+    assert len(welding._recent) == 2
     sharpen(time=0.0)
     assert len(preparations) == 3
-    monkeypatch.setattr(surface, "_MOST_VERTICES", 10)
+    monkeypatch.setattr(welding, "_MOST_VERTICES", 10)
     sharpen(time=0.0)
-    assert surface._recent == []
+    assert welding._recent == []
 
 
 def test_another_file_drops_what_is_kept(rounded_box):
     rounded_box()
     sharpen()
-    assert surface._recent
+    assert welding._recent
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert surface._recent == []
+    assert welding._recent == []
 
 
 def test_threads_may_ask_at_the_same_time(rounded_box):
     box = rounded_box()
     positions = read_positions(box.data)
     corners = np.array([p.vertices[:3] for p in box.data.polygons], dtype=np.int32)
-    one = surface.Surface(positions, corners, None, np.identity(3))
+    one = Surface(positions, corners, None, np.identity(3))
     found = []
     threads = [
-        threading.Thread(target=lambda: found.append(surface.welded(one, True))) for _ in range(8)
+        threading.Thread(target=lambda: found.append(welding.welded(one, True))) for _ in range(8)
     ]
     for thread in threads:
         thread.start()
@@ -135,4 +136,4 @@ def test_threads_may_ask_at_the_same_time(rounded_box):
         thread.join()
     assert len(found) == 8
     assert len({part.mesh.vertex_count for part in found}) == 1
-    assert len(surface._recent) <= 2
+    assert len(welding._recent) <= 2

@@ -15,7 +15,7 @@ from shock_filter.shock_addon.data.meshes import (
     write_positions,
 )
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators.geometry import notes
+from shock_filter.shock_addon.operators.meshes import notes
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

@@ -7,17 +7,14 @@ import pytest
 import shapes
 from scipy.ndimage import gaussian_filter
 from shock_filter import core
-from shock_filter.core.filters.denoising import (
-    denoise_geometry,
-    denoise_image,
-    denoise_vertex_signal,
-)
+from shock_filter.core.filters.denoising import then_sharpen
 from shock_filter.core.settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,
 )
-from shock_filter.shock_addon.operators.properties import NAMES, settings_from
+from shock_filter.shock_addon.modes import find
+from shock_filter.shock_addon.operators.properties import settings_from
 
 DEFAULT = None
 
@@ -25,7 +22,7 @@ DEFAULT = None
 def use(mode, name):
     """Choose a preset, or the defaults, and return the scene's settings of the mode."""
     settings = getattr(bpy.context.scene.shock_filter, mode)
-    for known in NAMES[mode]:
+    for known in find(mode).names:
         settings.property_unset(known)
     if name is not DEFAULT:
         assert bpy.ops.shock_filter.use_preset(mode=mode, name=name) == {"FINISHED"}
@@ -69,7 +66,8 @@ def denoised(name, vertices, faces):
     settings = use("denoise", name)
     time = settings.sharpen_time if settings.then_sharpen else None
     kernel = settings_from(BeltramiGeometrySettings, settings)
-    return denoise_geometry(core.TriangleMesh(vertices, faces), kernel, time, None, None)
+    denoise = then_sharpen(core.beltrami_mesh, time)
+    return denoise(core.TriangleMesh(vertices, faces), settings=kernel)
 
 
 def test_subtle_geometry_moves_less_than_half_as_far():
@@ -141,7 +139,7 @@ def test_noisy_vertex_colors_leaves_half_the_noise():
 
     def left(name):
         settings = settings_from(BeltramiMeshSettings, use("denoise", name), "color_")
-        found = denoise_vertex_signal(mesh, noisy(clean, 0.05), settings, None, None, None)
+        found = core.beltrami_vertex_signal(mesh, noisy(clean, 0.05), settings)
         return abs(found - clean).mean()
 
     assert bpy.context.scene.shock_filter.denoise.target == "geometry"
@@ -196,7 +194,8 @@ def test_painterly_images_are_flat():
 def denoised_image(name, image):
     settings = use("denoise_image", name)
     time = settings.sharpen_time if settings.then_sharpen else None
-    return denoise_image(image, settings_from(BeltramiSettings, settings), time)
+    kernel = settings_from(BeltramiSettings, settings)
+    return then_sharpen(core.beltrami_image, time)(image, settings=kernel)
 
 
 @pytest.mark.parametrize(("name", "noise"), [("Light Noise", 0.02), ("Strong Noise", 0.15)])

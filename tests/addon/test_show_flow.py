@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter import core
-from shock_filter.core.host.colors import ColoredSurface
 from shock_filter.core.host.flow import flow_of_colors
+from shock_filter.core.host.inputs import ColoredSurface
+from shock_filter.core.host.strokes import MOST_STROKES, potential_colors, strokes
+from shock_filter.shock_addon.data.flow import read_flow
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,
 )
 from shock_filter.shock_addon.flow import overlay as flow_overlay
-from shock_filter.shock_addon.flow.data import read_flow
-from shock_filter.shock_addon.flow.drawing import MOST_STROKES, potential_colors, strokes
 from shock_filter.shock_addon.operators import base as operators
 
 show_flow = bpy.ops.shock_filter.show_flow

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from shock_filter.core.host.symmetry import MirrorPlane
+from shock_filter.core.host.inputs import MirrorPlane
 from shock_filter.shock_addon.data import shape_keys
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,

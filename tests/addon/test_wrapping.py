@@ -6,7 +6,7 @@ import textwrap
 from types import SimpleNamespace
 
 import pytest
-from shock_filter.shock_addon.ui.wrapping import fit, wrap
+from shock_filter.shock_addon.operators.wrapping import fit, wrap
 
 ENGLISH = "The mesh has no colors; paint some in Vertex Paint Mode."
 JAPANESE = "メッシュにカラーがありません。頂点ペイントモードでペイントしてください。"

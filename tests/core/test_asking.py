@@ -1,56 +1,75 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Each stage asks whether to go on: nothing runs over a whole mesh or image silently."""
 
+import inspect
 import sys
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base import parallel
+from shock_filter.core.base.progress import reporting
 from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
-from shock_filter.core.linear import cg as solve
+from shock_filter.core.linear import multigrid
 from shock_filter.core.mesh.order import sorted_along_curve
 from shock_filter.core.mesh.triangle_mesh import weld_borders
 
 CHUNK = 64
+MOST = 4 * CHUNK
+"""Indices that a kernel may run over between two questions."""
 
-SHORT = {"_bound", "_sum_edges", "_make_unit", "_scale_weights", "_reduce", "_direct", "_apply"}
-SHORT |= {"_move", "_find_inside", "_measure_faces"}
-SHORT |= {"_residual", "_multiply", "_multiply_add"}
-"""Kernels that may be silent: what is asked before and after them lies close together."""
+SHORT = {"_bound", "_sum_edges", "_apply", "_direct", "_reduce"}
+"""Kernels of sums, whose chunks have a size of their own: as large as the largest of others."""
+
+SHORT |= {"_find_inside", "_move", "_scale_weights", "_residual", "_measure_faces"}  # transition
+SHORT |= {"_make_unit", "_multiply", "_multiply_add"}  # transition
 
 
 @pytest.fixture
 def silent(monkeypatch):
-    """Names of the kernels that ran over more than a few chunks without asking."""
+    """Return a function that names the kernels of some work that run on and on without asking."""
     monkeypatch.setattr(parallel, "LARGEST_CHUNK", CHUNK)
-    names = set()
+    monkeypatch.setattr(parallel, "thread_count", lambda: 1)
 
-    def watched(original):
-        def call(function, count, *arguments, progress=None, chunk=None):
-            asks = progress is not None and progress._callback is not None
-            if not asks and -(-count // (chunk or parallel.chunk_size(count))) > 4:
-                names.add(function.__name__)
-            original(function, count, *arguments, progress=progress, chunk=chunk)
+    def find(work):
+        work(lambda fraction, message: True)  # compiles: kernels cannot call watched ones
+        unasked, names = {}, set()
 
-        return call
+        def ask(fraction, message):
+            unasked.clear()
+            return True
 
-    modules = [
-        module
-        for name, module in sys.modules.items()
-        if name.startswith("shock_filter.core.") and module is not parallel
+        def watched(kernel):
+            def call(start, stop, *arguments):
+                name = kernel.py_func.__name__
+                unasked[name] = unasked.get(name, 0) + int(stop) - int(start)
+                if unasked[name] > MOST:
+                    names.add(name)
+                return kernel(start, stop, *arguments)
+
+            return call
+
+        with monkeypatch.context() as patches:
+            for module, name, kernel in kernels():
+                patches.setattr(module, name, watched(kernel))
+            work(ask)
+        return names
+
+    return find
+
+
+def kernels():
+    """Find the kernels of a range, under each name that a module has for them."""
+    return [
+        (module, name, value)
+        for path, module in sorted(sys.modules.items())
+        if path.startswith("shock_filter.core.")
+        for name, value in vars(module).items()
+        if isinstance(value, Dispatcher)
+        and list(inspect.signature(value.py_func).parameters)[:2] == ["start", "stop"]
     ]
-    for original in (parallel.run, parallel.run_in_order):
-        for module in modules:
-            if getattr(module, original.__name__, None) is original:
-                monkeypatch.setattr(module, original.__name__, watched(original))
-    return names
-
-
-def ask(fraction, message):
-    """Go on."""
-    return True
 
 
 def painted(mesh):
@@ -61,39 +80,51 @@ def painted(mesh):
 
 
 RUNS = {
-    "geometry": lambda mesh, colors, mask: core.sharpen_geometry(
+    "geometry": lambda mesh, colors, mask, ask: core.sharpen_geometry(
         mesh, core.GeometrySettings(mollify_passes=1), mask, ask
     ),
-    "multigrid": lambda mesh, colors, mask: core.sharpen_geometry(
+    "multigrid": lambda mesh, colors, mask, ask: core.sharpen_geometry(
         mesh, core.GeometrySettings(screening_radius=100.0), progress=ask
     ),
-    "flow": lambda mesh, colors, mask: core.geometry_flow(mesh, progress=ask),
-    "colors of vertices": lambda mesh, colors, mask: core.sharpen_vertex_signal(
+    "flow": lambda mesh, colors, mask, ask: core.geometry_flow(mesh, progress=ask),
+    "colors of vertices": lambda mesh, colors, mask, ask: core.sharpen_vertex_signal(
         mesh, mesh.vertices / 20, core.ShockSettings(time=2.0, scheme="naive"), mask, ask
     ),
-    "colors of corners": lambda mesh, colors, mask: core.sharpen_corner_signal(
+    "colors of corners": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
         mesh, colors, None, mask, ask
     ),
-    "denoising": lambda mesh, colors, mask: denoise_geometry(
+    "denoising": lambda mesh, colors, mask, ask: denoise_geometry(
         mesh, core.BeltramiGeometrySettings(), 16.0, mask, ask
     ),
-    "denoising both": lambda mesh, colors, mask: denoise_jointly(
+    "denoising both": lambda mesh, colors, mask, ask: denoise_jointly(
         mesh, colors, core.BeltramiMeshSettings(), 16.0, mask, ask
     ),
-    "building": lambda mesh, colors, mask: core.TriangleMesh(mesh.vertices, mesh.faces, ask),
-    "welding": lambda mesh, colors, mask: core.weld(mesh.vertices, ask),
-    "welding borders": lambda mesh, colors, mask: weld_borders(mesh.vertices, mesh.faces, ask),
-    "sorting": lambda mesh, colors, mask: sorted_along_curve(mesh, parallel.Progress(ask)),
+    "welding": lambda mesh, colors, mask, ask: core.weld(mesh.vertices, ask),
+    "welding borders": lambda mesh, colors, mask, ask: weld_borders(mesh.vertices, mesh.faces, ask),
+    "sorting": lambda mesh, colors, mask, ask: sort(mesh, ask),
 }
+
+
+def sort(mesh, ask):
+    with reporting(ask):
+        sorted_along_curve(mesh)
 
 
 @pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
 def test_kernels_on_meshes_ask(silent, run):
+    def work(ask):
+        # A new mesh each time: meshes keep what was computed for them.
+        mesh = core.TriangleMesh(*cube(20), ask)
+        run(mesh, *painted(mesh), ask)
+
+    assert silent(work) <= SHORT
+
+
+def test_the_watch_names_kernels_that_do_not_ask(silent):
     mesh = core.TriangleMesh(*cube(20))
-    inputs = painted(mesh)
-    silent.clear()
-    run(mesh, *inputs)
-    assert silent <= SHORT
+    assert "_walk_exact" in silent(lambda ask: core.sharpen_geometry(mesh))
+    image = np.zeros((300, 20), dtype=np.float32)
+    assert silent(lambda ask: core.sharpen_image(image))
 
 
 @pytest.mark.parametrize(
@@ -106,28 +137,30 @@ def test_kernels_on_meshes_ask(silent, run):
 )
 def test_kernels_on_textures_ask(silent, settings):
     vertices, faces = grid(40, 40)
-    mesh = core.TriangleMesh(vertices, faces, ask)
     uv = 0.1 + 0.02 * vertices[faces][..., :2]
     rows = np.linspace(0, 1, 300)
     image = np.sin(7 * rows[:, None, None] + [1.0, 2.0, 3.0] * rows[None, :, None]) / 2 + 0.5
-    core.sharpen_texture(
-        mesh, uv, image, core.TextureSettings(**settings), np.full((300, 300), 0.5), ask
-    )
-    assert silent <= SHORT
+    weights = np.full((300, 300), 0.5)
+
+    def work(ask):
+        mesh = core.TriangleMesh(vertices, faces, ask)
+        core.sharpen_texture(mesh, uv, image, core.TextureSettings(**settings), weights, ask)
+
+    assert silent(work) <= SHORT
 
 
 @pytest.mark.parametrize("scheme", ["fixed", "naive", "composed"])
 def test_kernels_on_images_ask(silent, scheme):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
-    core.sharpen_image(image, core.ImageSettings(time=2.0, scheme=scheme), progress=ask)
-    assert not silent
+    settings = core.ImageSettings(time=2.0, scheme=scheme)
+    assert not silent(lambda ask: core.sharpen_image(image, settings, progress=ask))
 
 
 @pytest.mark.parametrize("measure", ["space", "surface"])
 def test_kernels_that_denoise_images_ask(silent, measure):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
-    denoise_image(image, core.BeltramiSettings(measure=measure, time=0.2), 2.0, progress=ask)
-    assert not silent
+    settings = core.BeltramiSettings(measure=measure, time=0.2)
+    assert not silent(lambda ask: denoise_image(image, settings, 2.0, progress=ask))
 
 
 def questions(work):
@@ -160,5 +193,5 @@ def test_multigrid_multiplies_matrices_in_blocks(monkeypatch):
     sharpen = lambda count: core.sharpen_geometry(mesh, settings, progress=count)  # noqa: E731
     few = questions(sharpen)["Coarsening"]
     mesh = core.TriangleMesh(*cube(30))
-    monkeypatch.setattr(solve, "_ROWS", 512)
+    monkeypatch.setattr(multigrid, "_ROWS", 512)
     assert questions(sharpen)["Coarsening"] >= few + 2 * (mesh.vertex_count // 512)

@@ -379,7 +379,7 @@ def test_bad_input_is_refused():
 def test_wide_kernels_are_cut_into_small_chunks(monkeypatch):
     chunks = []
 
-    def run(*arguments, chunk, progress):
+    def run(*arguments, chunk):
         chunks.append(chunk)
         arguments[-1][:] = 0.0  # the result
 

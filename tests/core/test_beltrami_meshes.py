@@ -5,13 +5,13 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from shapes import angles, cube, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
-from shock_filter.core.filters.beltrami.meshes import noise_of_normals
+from shock_filter.core.filters.beltrami.normals import noise_of_normals
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
 from shock_filter.core.mesh.geodesics import (
     distances_from,
     face_stencils,
     march,
-    march_scratch,
+    new_front,
 )
 
 
@@ -143,21 +143,43 @@ def test_the_march_stops_at_its_limit():
     assert 20 < np.isfinite(near).sum() < 100
 
 
-def test_scratch_is_reused_from_march_to_march():
+def test_a_front_is_used_again_from_march_to_march():
     mesh = core.TriangleMesh(*icosphere(3))
     graph = face_stencils(mesh, mesh.scaled_vertices[mesh.faces].mean(axis=1))
     a, b = mesh.twins.reshape(-1) // 3, np.repeat(np.arange(mesh.face_count), 3)
     centres = mesh.scaled_vertices[mesh.faces].mean(axis=1)
     lengths = np.linalg.norm(centres[a] - centres[b], axis=1)
     whole = csr_matrix((lengths, (a, b)), shape=(mesh.face_count, mesh.face_count))
-    scratch = march_scratch(mesh.face_count)
+    front = new_front(mesh.face_count)
     for turn, source in enumerate((7, 1000, 7, 300), start=1):
-        count = march(source, turn, 5.0, graph, *scratch)
-        reached, squares = scratch[0][:count], scratch[1]
+        count = march(source, turn, 5.0, graph, front)
+        reached, squares = front.reached[:count], front.squares
         exact = dijkstra(whole, indices=source)
         assert set(reached) == set(np.flatnonzero(exact <= 5.0))
         assert np.allclose(np.sqrt(squares[reached]), exact[reached], rtol=1e-6)
         assert (np.diff(squares[reached]) >= 0).all()
+
+
+def test_a_source_that_is_no_vertex_is_refused():
+    mesh = core.TriangleMesh(*grid(2, 2))
+    for source in (-1, 9):
+        with pytest.raises(core.InvalidSignal, match=f"vertex {source}; give one from 0 to 8"):
+            distances_from(mesh, source)
+    with pytest.raises(core.InvalidSignal, match="embedding has the shape"):
+        distances_from(mesh, 0, np.zeros((8, 3)))
+
+
+def test_corners_that_are_not_split_are_counted(caplog):
+    # A flat corner above a long strip, all of whose vertices lie to the left or right of it.
+    rows = 40
+    sides = [[x, -0.1 * y, 0.0] for y in range(rows) for x in (-1.0, 1.0)]
+    faces = [[0, 1, 2]]
+    for i in range(1, 2 * rows - 2, 2):
+        faces += [[i, i + 2, i + 1], [i + 1, i + 2, i + 3]]
+    mesh = core.TriangleMesh([[0.0, 0.01, 0.0], *sides], faces)
+    with caplog.at_level("INFO"):
+        distances_from(mesh, 0)
+    assert "1 obtuse corners are not split" in caplog.text
 
 
 def dense_means(mesh, embedding, values, time, threshold=0.01):

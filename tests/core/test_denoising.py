@@ -9,7 +9,8 @@ from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files.output import Outcome
-from shock_filter.core.filters import denoising
+from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
+from shock_filter.core.filters.denoising import then_sharpen
 
 GEOMETRY = core.BeltramiGeometrySettings(repeat=1)
 SIGNAL = core.BeltramiMeshSettings()
@@ -42,22 +43,35 @@ def photo(noise=0.05):
 # ------------------------------------------------------------------------------------------ arrays
 
 
-def test_without_sharpening_it_is_the_kernel_alone():
-    _, vertices, faces = noisy_cube()
-    mesh = core.TriangleMesh(vertices, faces)
-    colors, _ = painted(vertices)
-    same = np.testing.assert_array_equal
-    same(denoising.denoise_geometry(mesh, GEOMETRY), core.beltrami_mesh(mesh, GEOMETRY))
-    same(
-        denoising.denoise_vertex_signal(mesh, colors, SIGNAL),
-        core.beltrami_vertex_signal(mesh, colors, SIGNAL),
-    )
-    corners = colors[faces]
-    same(
-        denoising.denoise_corner_signal(mesh, corners, SIGNAL),
-        core.beltrami_corner_signal(mesh, corners, SIGNAL),
-    )
-    same(denoising.denoise_image(photo(), IMAGE), core.beltrami_image(photo(), IMAGE))
+FILTERS = [
+    core.beltrami_mesh,
+    core.beltrami_vertex_signal,
+    core.beltrami_corner_signal,
+    core.beltrami_image,
+    beltrami_joint_corners,
+]
+
+
+@pytest.mark.parametrize("denoise", FILTERS)
+def test_a_time_is_checked_before_work_begins(denoise):
+    assert then_sharpen(denoise, None) is denoise
+    for time, reason in ((-1.0, "time is -1"), (float("nan"), "time is nan"), ("1", "a number")):
+        with pytest.raises(core.InvalidSettings, match=reason):
+            then_sharpen(denoise, time)
+
+
+@pytest.mark.parametrize("alpha", ["auto", "none"])
+def test_opacity_of_an_image_stays_or_is_denoised_and_sharpened(alpha):
+    image = np.repeat(photo(0.1)[..., None], 4, axis=2)
+    settings = core.BeltramiSettings(iterations=1, alpha=alpha)
+    smooth = core.beltrami_image(image, settings)
+    sharp = core.sharpen_image(smooth, core.ImageSettings(time=64, alpha=alpha))
+    result = then_sharpen(core.beltrami_image, 64.0)(image, settings=settings)
+    np.testing.assert_array_equal(result, sharp)
+    assert (result[..., 3] == image[..., 3]).all() == (alpha == "auto")
+    mask = np.zeros(image.shape[:2])
+    result = then_sharpen(core.beltrami_image, 64.0)(image, settings=settings, mask=mask)
+    np.testing.assert_array_equal(result, image)
 
 
 def test_sharpening_works_on_the_result():
@@ -68,17 +82,24 @@ def test_sharpening_works_on_the_result():
     denoised = core.TriangleMesh(core.beltrami_mesh(mesh, GEOMETRY), faces)
     sharp = core.sharpen_geometry(denoised, core.GeometrySettings(time=16, sampling="linear"))
     assert abs(sharp - denoised.vertices).max() > 0.01
-    close(denoising.denoise_geometry(mesh, GEOMETRY, 16.0), sharp, atol=1e-9)
+    close(then_sharpen(core.beltrami_mesh, 16.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
 
     smooth = core.beltrami_vertex_signal(mesh, colors, SIGNAL)
     sharp = core.sharpen_vertex_signal(mesh, smooth, core.ShockSettings(time=64))
     assert abs(sharp - smooth).max() > 0.01
-    close(denoising.denoise_vertex_signal(mesh, colors, SIGNAL, 64.0), sharp, atol=1e-12)
+    function = then_sharpen(core.beltrami_vertex_signal, 64.0)
+    close(function(mesh, colors, settings=SIGNAL), sharp, atol=1e-12)
+
+    smooth = core.beltrami_corner_signal(mesh, colors[faces], SIGNAL)
+    sharp = core.sharpen_corner_signal(mesh, smooth, core.ShockSettings(time=64))
+    assert abs(sharp - smooth).max() > 0.01
+    function = then_sharpen(core.beltrami_corner_signal, 64.0)
+    close(function(mesh, colors[faces], settings=SIGNAL), sharp, atol=1e-12)
 
     smooth = core.beltrami_image(photo(0.1), IMAGE)
     sharp = core.sharpen_image(smooth, core.ImageSettings(time=64))
     assert abs(sharp - smooth).max() > 0.01
-    close(denoising.denoise_image(photo(0.1), IMAGE, 64.0), sharp, atol=1e-12)
+    close(then_sharpen(core.beltrami_image, 64.0)(photo(0.1), settings=IMAGE), sharp, atol=1e-12)
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -91,10 +112,11 @@ def test_both_are_those_of_the_vertices_where_corners_agree(turned):
     assert mesh.flipped.any() == turned
     colors, _ = painted(vertices)
     points, values = core.beltrami_joint(mesh, colors, SIGNAL)
-    positions, corners = denoising.denoise_jointly(mesh, colors[faces], SIGNAL)
+    positions, corners = beltrami_joint_corners(mesh, colors[faces], SIGNAL)
     np.testing.assert_allclose(positions, points, atol=1e-9)
     np.testing.assert_allclose(corners, values[faces], atol=1e-9)
-    positions, corners = denoising.denoise_jointly(mesh, colors[faces], SIGNAL, 64.0)
+    both = then_sharpen(beltrami_joint_corners, 64.0)
+    positions, corners = both(mesh, colors[faces], settings=SIGNAL)
     moved = core.TriangleMesh(positions, faces)
     sharp = core.sharpen_corner_signal(moved, values[faces], core.ShockSettings(time=64))
     np.testing.assert_allclose(corners, sharp, atol=1e-9)
@@ -106,7 +128,7 @@ def test_both_keep_jumps_and_move_their_vertices_as_one():
     mesh = core.TriangleMesh(vertices, faces)
     centers = vertices[faces].mean(axis=1)[:, 0]
     corners = np.repeat((centers > 5).astype(float)[:, None], 3, axis=1)
-    positions, values = denoising.denoise_jointly(mesh, corners, SIGNAL)
+    positions, values = beltrami_joint_corners(mesh, corners, SIGNAL)
     np.testing.assert_array_equal(values, corners)
     middle = slice(33, 88)
     assert abs(positions[middle, 2]).mean() < 0.6 * abs(vertices[middle, 2]).mean()
@@ -119,10 +141,12 @@ def test_weight_zero_stays_bit_for_bit(sharpen_time):
     mesh = core.TriangleMesh(vertices, faces)
     colors, right = painted(vertices)
     mask = np.where(right, 1.0, 0.0)
-    positions = denoising.denoise_geometry(mesh, GEOMETRY, sharpen_time, mask)
+    denoise = then_sharpen(core.beltrami_mesh, sharpen_time)
+    positions = denoise(mesh, settings=GEOMETRY, mask=mask)
     np.testing.assert_array_equal(positions[~right], vertices[~right])
     assert (positions[right] != vertices[right]).any(axis=1).mean() > 0.9
-    positions, corners = denoising.denoise_jointly(mesh, colors[faces], SIGNAL, sharpen_time, mask)
+    both = then_sharpen(beltrami_joint_corners, sharpen_time)
+    positions, corners = both(mesh, colors[faces], settings=SIGNAL, mask=mask)
     np.testing.assert_array_equal(positions[~right], vertices[~right])
     np.testing.assert_array_equal(corners[~right[faces]], colors[faces][~right[faces]])
 
@@ -134,9 +158,11 @@ def test_weight_zero_keeps_the_sign_of_zero(sharpen_time):
     mesh = core.TriangleMesh(vertices, faces)
     nothing = np.zeros(len(vertices))
     colors = np.random.default_rng(0).random((len(faces), 3))
-    positions = denoising.denoise_geometry(mesh, GEOMETRY, sharpen_time, nothing)
+    denoise = then_sharpen(core.beltrami_mesh, sharpen_time)
+    positions = denoise(mesh, settings=GEOMETRY, mask=nothing)
     assert positions.tobytes() == vertices.tobytes()
-    positions, _ = denoising.denoise_jointly(mesh, colors, SIGNAL, sharpen_time, nothing)
+    both = then_sharpen(beltrami_joint_corners, sharpen_time)
+    positions, _ = both(mesh, colors, settings=SIGNAL, mask=nothing)
     assert positions.tobytes() == vertices.tobytes()
 
 
@@ -145,14 +171,13 @@ def test_progress_rises_to_one_and_cancels(sharpen_time):
     _, vertices, faces = noisy_cube()
     mesh = core.TriangleMesh(vertices, faces)
     colors, _ = painted(vertices)
+    geometry = then_sharpen(core.beltrami_mesh, sharpen_time)
+    both = then_sharpen(beltrami_joint_corners, sharpen_time)
+    image = then_sharpen(core.beltrami_image, sharpen_time)
     runs = [
-        lambda progress: denoising.denoise_geometry(
-            mesh, GEOMETRY, sharpen_time, progress=progress
-        ),
-        lambda progress: denoising.denoise_jointly(
-            mesh, colors[faces], SIGNAL, sharpen_time, progress=progress
-        ),
-        lambda progress: denoising.denoise_image(photo(), IMAGE, sharpen_time, progress=progress),
+        lambda progress: geometry(mesh, settings=GEOMETRY, progress=progress),
+        lambda progress: both(mesh, colors[faces], settings=SIGNAL, progress=progress),
+        lambda progress: image(photo(), settings=IMAGE, progress=progress),
     ]
     for run in runs:
         seen = []

@@ -4,9 +4,11 @@ import pytest
 import scipy.sparse.linalg
 from shapes import angles, cube, grid, icosphere
 from shock_filter import core
-from shock_filter.core.base.parallel import Progress
+from shock_filter.core.base.progress import reporting
 from shock_filter.core.filters import fit
-from shock_filter.core.linear import cg as solve
+from shock_filter.core.linear import cg
+from shock_filter.core.linear.cg import solve
+from shock_filter.core.linear.system import LinearSystem
 from shock_filter.core.mesh import calculus
 
 
@@ -96,59 +98,68 @@ def test_bad_normals_are_refused(normals, words):
         core.fit_to_normals(core.TriangleMesh(*icosphere(2)), normals)
 
 
+def refit_system(mesh, screen):
+    """What the refit solves, and the same as a scipy matrix with rows of fixed unknowns gone."""
+    fixed = screen == 0
+    weights = calculus.stiffness_weights(mesh, calculus.cotangents(mesh), screen)
+    matrix = (calculus.stiffness_matrix(mesh) + scipy.sparse.diags(screen)).tolil()
+    matrix[fixed] = 0
+    matrix[:, fixed] = 0
+    matrix[fixed, fixed] = 1
+    return LinearSystem(*weights[:3], screen, weights[3], fixed), matrix.tocsr()
+
+
 def system(radius, fixed=False):
     mesh = core.TriangleMesh(*icosphere(4))
     screen = calculus.lumped_mass(mesh) / radius**2
     if fixed:
         screen[::7] = 0
-    right = np.random.default_rng(1).normal(size=(mesh.vertex_count, 3))
-    right[screen == 0] = 0
-    return fit.screened_stiffness(mesh, screen), right
+    rhs = np.random.default_rng(1).normal(size=(mesh.vertex_count, 3))
+    rhs[screen == 0] = 0
+    return *refit_system(mesh, screen), rhs
 
 
 @pytest.mark.parametrize("multigrid", [False, True])
 @pytest.mark.parametrize("fixed", [False, True])
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
 def test_solves_agree_with_a_direct_solver(multigrid, fixed, tolerance):
-    matrix, right = system(20.0, fixed)
-    x, report = solve.solve(matrix, right, tolerance, multigrid=multigrid)
-    full = matrix.scipy()
+    equations, full, rhs = system(20.0, fixed)
+    x, report = solve(equations, rhs, tolerance, multigrid=multigrid)
     roots = np.sqrt(full.diagonal())[:, None]
-    true = np.linalg.norm((right - full @ x) / roots) / np.linalg.norm(right / roots)
+    true = np.linalg.norm((rhs - full @ x) / roots) / np.linalg.norm(rhs / roots)
     assert true == pytest.approx(report.residual, rel=1e-3)
     assert true <= tolerance
-    expected = scipy.sparse.linalg.spsolve(full.tocsc(), right)
+    expected = scipy.sparse.linalg.spsolve(full.tocsc(), rhs)
     assert np.linalg.norm(x - expected) < 300 * tolerance * np.linalg.norm(expected)
-    assert (x[matrix.screen == 0] == 0).all()
+    assert (x[equations.fixed] == 0).all()
 
 
 def test_multigrid_needs_few_iterations_where_the_diagonal_needs_many():
-    matrix, right = system(1e4)
-    right -= right.mean(axis=0)
-    _, slow = solve.solve(matrix, right, 1e-6, multigrid=False)
-    _, fast = solve.solve(matrix, right, 1e-6, multigrid=True)
+    equations, _, rhs = system(1e4)
+    rhs -= rhs.mean(axis=0)
+    _, slow = solve(equations, rhs, 1e-6, multigrid=False)
+    _, fast = solve(equations, rhs, 1e-6, multigrid=True)
     assert fast.iterations < 40
     assert fast.iterations < slow.iterations / 4
 
 
 def test_a_solve_that_does_not_get_there_is_an_error():
-    matrix, right = system(100.0)
+    equations, full, rhs = system(100.0)
     with pytest.raises(core.SolverError, match="after 2 iterations"):
-        solve.solve(matrix, right, 1e-8, multigrid=True, limit=2)
+        solve(equations, rhs, 1e-8, multigrid=True, limit=2)
     with pytest.raises(core.SolverError, match="finite"):
-        solve.solve(matrix, np.full_like(right, np.nan), 1e-3, multigrid=False)
-    indefinite = solve.ScreenedLaplacian(
-        matrix.start, matrix.columns, 3 * matrix.weights, matrix.screen, matrix.diagonal
-    )
+        solve(equations, np.full_like(rhs, np.nan), 1e-3, multigrid=False)
+    diagonal = scipy.sparse.diags(full.diagonal())
+    indefinite = LinearSystem.from_csr(3 * full - 2 * diagonal)
     with pytest.raises(core.SolverError, match="stopped at"):
-        solve.solve(indefinite, right, 1e-3, multigrid=False)
+        solve(indefinite, rhs, 1e-3, multigrid=False)
 
 
 def test_multigrid_takes_over_where_the_diagonal_gives_up(monkeypatch):
-    matrix, right = system(50.0)
-    expected, _ = solve.solve(matrix, right, 1e-6, multigrid=True)
-    monkeypatch.setattr(solve, "PATIENCE", 10)
-    x, report = solve.solve(matrix, right, 1e-6, multigrid=False)
+    equations, _, rhs = system(50.0)
+    expected, _ = solve(equations, rhs, 1e-6, multigrid=True)
+    monkeypatch.setattr(cg, "PATIENCE", 10)
+    x, report = solve(equations, rhs, 1e-6, multigrid=False)
     assert report.multigrid
     assert report.residual <= 1e-6
     assert np.allclose(x, expected, atol=1e-3 * abs(expected).max())
@@ -159,31 +170,38 @@ def test_multigrid_with_many_fixed_unknowns_stays_small(share):
     mesh = core.TriangleMesh(*icosphere(5))
     screen = calculus.lumped_mass(mesh) / 30.0**2
     screen[np.random.default_rng(0).random(len(screen)) < share] = 0
-    right = np.ones((mesh.vertex_count, 3)) * (screen > 0)[:, None]
-    matrix = fit.screened_stiffness(mesh, screen)
-    hierarchies = []
-    real = solve.Multigrid
-    solve.Multigrid = lambda *a: hierarchies.append(real(*a)) or hierarchies[-1]
-    try:
-        x, report = solve.solve(matrix, right, 1e-6, multigrid=True)
-    finally:
-        solve.Multigrid = real
-    assert hierarchies[0]._inverse is None or len(hierarchies[0]._inverse) <= 400
+    rhs = np.ones((mesh.vertex_count, 3)) * (screen > 0)[:, None]
+    equations, full = refit_system(mesh, screen)
+    x, report = solve(equations, rhs, 1e-6, multigrid=True)
+    coarsest = equations.hierarchy._inverse
+    assert coarsest is None or len(coarsest) <= 400
     assert report.iterations < 60
-    assert np.allclose(matrix.scipy() @ x, right, atol=1e-3)
+    assert np.allclose(full @ x, rhs, atol=1e-3)
+
+
+def many(vertices, faces, count):
+    """Copies of a mesh, side by side."""
+    shifts = 5 * np.stack([np.arange(count), 0 * np.arange(count), 0 * np.arange(count)], 1)
+    everywhere = (vertices[None] + shifts[:, None]).reshape(-1, 3)
+    numbers = faces[None] + len(vertices) * np.arange(count)[:, None, None]
+    return core.TriangleMesh(everywhere, numbers.reshape(-1, 3))
 
 
 def test_multigrid_with_many_components():
-    vertices, faces = cube(2)
-    count = 2000
-    shifts = 5 * np.stack([np.arange(count), 0 * np.arange(count), 0 * np.arange(count)], 1)
-    everywhere = (vertices[None] + shifts[:, None]).reshape(-1, 3)
-    faces = (faces[None] + len(vertices) * np.arange(count)[:, None, None]).reshape(-1, 3)
-    mesh = core.TriangleMesh(everywhere, faces)
-    matrix = fit.screened_stiffness(mesh, calculus.lumped_mass(mesh) / 100.0**2)
-    right = np.random.default_rng(0).normal(size=(mesh.vertex_count, 3))
-    _, report = solve.solve(matrix, right, 1e-6, multigrid=True)
+    mesh = many(*cube(2), 2000)
+    equations, _ = refit_system(mesh, calculus.lumped_mass(mesh) / 100.0**2)
+    rhs = np.random.default_rng(0).normal(size=(mesh.vertex_count, 3))
+    _, report = solve(equations, rhs, 1e-6, multigrid=True)
     assert report.iterations < 60
+
+
+def test_triangles_that_next_to_nothing_holds_are_turned_without_a_warning():
+    triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0.3, 0.8, 0]]), np.array([[0, 1, 2]])
+    mesh = many(*triangle, 1352)
+    normal = np.array([0.1, 0.2, 1.0]) / np.linalg.norm([0.1, 0.2, 1.0])
+    out = core.fit_to_normals(mesh, np.tile(normal, (1352, 1)), core.FitSettings(fidelity=2e-309))
+    turned = core.TriangleMesh(out, mesh.faces).normals
+    assert np.degrees(np.arccos(turned @ normal)).max() < 1
 
 
 @pytest.mark.parametrize("sides", [1000, 4000])
@@ -200,26 +218,141 @@ def test_fans_of_needles_are_solved(sides):
 
 
 def test_a_right_side_of_zero_needs_no_iterations():
-    matrix, right = system(5.0)
-    x, report = solve.solve(matrix, 0 * right, 1e-3, multigrid=True)
+    equations, _, rhs = system(5.0)
+    x, report = solve(equations, 0 * rhs, 1e-3, multigrid=True)
     assert not x.any()
     assert report.iterations == 0
 
 
 def test_a_column_of_zeros_stays_zero():
-    matrix, right = system(5.0)
-    right[:, 1] = 0
+    equations, _, rhs = system(5.0)
+    rhs[:, 1] = 0
     for multigrid in (False, True):
-        x, _ = solve.solve(matrix, right, 1e-6, multigrid=multigrid)
+        x, _ = solve(equations, rhs, 1e-6, multigrid=multigrid)
         assert not x[:, 1].any()
         assert np.isfinite(x).all()
 
 
+def test_the_advice_on_meshes_stands_under_an_error_of_the_refit(softened, monkeypatch):
+    mesh, sharp = softened
+    monkeypatch.setattr(fit, "TOLERANCE", 1e-30)
+    with pytest.raises(core.SolverError, match=r"is needed\). Repair needle-like faces") as caught:
+        core.fit_to_normals(mesh, sharp.normals)
+    assert set(caught.value.values) == {"relative", "iterations", "tolerance"}
+
+
+@pytest.mark.parametrize("multigrid", [False, True])
+@pytest.mark.parametrize("columns", [1, 2, 3, 5])
+def test_any_number_of_columns(columns, multigrid):
+    equations, full, _ = system(20.0, fixed=True)
+    rhs = np.random.default_rng(2).normal(size=(len(equations.fixed), columns))
+    rhs[equations.fixed] = 0
+    x, report = solve(equations, rhs, 1e-8, multigrid=multigrid)
+    expected = scipy.sparse.linalg.spsolve(full.tocsc(), rhs).reshape(x.shape)
+    assert np.allclose(x, expected, atol=1e-6)
+    assert report.residual <= 1e-8
+    if columns == 1:
+        assert np.array_equal(solve(equations, rhs[:, 0], 1e-8, multigrid=multigrid)[0], x[:, 0])
+
+
+def test_a_random_definite_matrix_agrees_with_a_dense_solve():
+    rng = np.random.default_rng(3)
+    factor = np.where(rng.random((60, 60)) < 0.1, rng.normal(size=(60, 60)), 0.0)
+    dense = factor @ factor.T + np.eye(60)
+    rhs = rng.normal(size=(60, 2))
+    x, _ = solve(LinearSystem.from_csr(scipy.sparse.csr_matrix(dense)), rhs, 1e-10)
+    assert np.allclose(x, np.linalg.solve(dense, rhs), atol=1e-7)
+
+
+@pytest.mark.parametrize("multigrid", [False, True])
+def test_poisson_with_two_pinned_unknowns(multigrid):
+    mesh = core.TriangleMesh(*icosphere(3))
+    stiffness = calculus.stiffness_matrix(mesh)
+    fixed = np.zeros(mesh.vertex_count, dtype=bool)
+    fixed[[5, 300]] = True
+    known = np.zeros(mesh.vertex_count)
+    known[[5, 300]] = -1.0, 2.0
+    equations = LinearSystem.from_csr(stiffness, fixed)
+    x, report = solve(equations, 0 * known, 1e-9, x0=known, multigrid=multigrid)
+    inner = ~fixed
+    expected = known.copy()
+    part = stiffness.toarray()[inner]
+    expected[inner] = np.linalg.solve(part[:, inner], -part[:, fixed] @ known[fixed])
+    assert np.allclose(x, expected, atol=1e-6)
+    assert (x[fixed] == known[fixed]).all()
+    assert report.residual <= 1e-9
+
+
+@pytest.mark.parametrize("multigrid", [False, True])
+def test_what_leaves_constants_alone_is_solved_up_to_them(multigrid):
+    mesh = many(*icosphere(2), 3)
+    stiffness = calculus.stiffness_matrix(mesh)
+    equations = LinearSystem.from_csr(stiffness)
+    parts = np.repeat(np.arange(3), mesh.vertex_count // 3)
+    expected = np.random.default_rng(4).normal(size=(mesh.vertex_count, 2))
+    for part in range(3):
+        expected[parts == part] -= expected[parts == part].mean(axis=0)
+    x, _ = solve(equations, stiffness @ expected, 1e-9, multigrid=multigrid)
+    assert np.allclose(x, expected, atol=1e-6)
+    with pytest.raises(core.SolverError, match="no solution"):
+        solve(equations, 1.0 + stiffness @ expected, 1e-9, multigrid=multigrid)
+
+
+def test_a_matrix_that_cannot_be_solved_is_refused():
+    for matrix, words in (
+        ([[1.0, 2.0], [0.0, 1.0]], "symmetric"),
+        ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], "square"),
+        ([[np.nan, 0.0], [0.0, 1.0]], "finite"),
+        ([[1.0, 0.0], [0.0, 0.0]], "Row 1"),
+    ):
+        with pytest.raises(core.SolverError, match=words):
+            LinearSystem.from_csr(scipy.sparse.csr_matrix(matrix))
+
+
+def test_a_start_nearby_saves_iterations_and_changes_nothing_else():
+    equations, _, rhs = system(50.0)
+    cold, slow = solve(equations, rhs, 1e-6)
+    start = 1.00001 * cold
+    warm, fast = solve(equations, rhs, 1e-6, x0=start)
+    assert 0 < fast.iterations < 0.7 * slow.iterations
+    assert fast.residual <= 1e-6
+    assert np.allclose(warm, cold, atol=1e-4 * abs(cold).max())
+    same, none = solve(equations, rhs, 1e-6, x0=cold)
+    assert none.iterations == 0
+    assert np.array_equal(same, cold)
+    nothing, _ = solve(equations, 0 * rhs, 1e-6, x0=start)
+    assert not nothing.any()
+
+
+@pytest.mark.parametrize("shape", ["sphere", "plane"])
+def test_the_heat_method_measures_distances(shape):
+    # Crane, Weischedel, Wardetzky 2013: heat for a short time, normalise its gradient, integrate.
+    vertices, faces = icosphere(4) if shape == "sphere" else grid(40, 40, jitter=0.2)
+    mesh = core.TriangleMesh(vertices, faces)
+    source = 0 if shape == "sphere" else int(np.argmin(abs(vertices - [20, 20, 0]).sum(axis=1)))
+    stiffness, mass = calculus.stiffness_matrix(mesh), calculus.mass_matrix(mesh)
+    spot = np.zeros(mesh.vertex_count)
+    spot[source] = 1.0
+    heat, _ = solve(LinearSystem.from_csr(mass + 4.0 * stiffness), spot, 1e-12)
+    away = -calculus.gradient(mesh, heat)
+    away /= np.linalg.norm(away, axis=2, keepdims=True)
+    divergence = calculus.divergence(mesh, away)
+    distance, _ = solve(LinearSystem.from_csr(stiffness, spot > 0), -divergence, 1e-8)
+    distance = distance[:, 0] * mesh.mean_edge_length
+    if shape == "sphere":
+        expected = np.arccos(np.clip(vertices @ vertices[source], -1, 1))
+    else:
+        expected = np.linalg.norm(vertices - vertices[source], axis=1)
+    assert abs(distance - expected).max() < 0.05 * expected.max()
+
+
 def test_progress_of_a_solve_rises():
     seen = []
-    progress = Progress(lambda fraction, message: seen.append(fraction) or True)
-    matrix, right = system(30.0)
-    solve.solve(matrix, right, 1e-4, multigrid=True, progress=progress)
-    solve.solve(matrix, right, 1e-4, multigrid=False, progress=progress)
-    assert len(seen) > 20
-    assert min(seen) >= 0 and max(seen) <= 1
+    equations, _, rhs = system(30.0)
+    for multigrid in (True, False):
+        seen.clear()
+        with reporting(lambda fraction, message: seen.append((fraction, message))):
+            solve(equations, rhs, 1e-4, multigrid=multigrid, message="Solving it")
+        fractions = [fraction for fraction, _ in seen]
+        assert fractions == sorted(fractions)
+        assert len({fraction for fraction, message in seen if message == "Solving it"}) > 5

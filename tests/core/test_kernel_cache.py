@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compiled code on disk that is damaged, mixed up or cannot be written: results stay right."""
+"""Compiled code on disk that is damaged, old, mixed up or not writable: results stay right."""
 
 import importlib.util
-import itertools
+import os
+import sys
 
 import pytest
+from shock_filter.core.base import cache_folder, kernel_cache
 
 SOURCE = """
 from shock_filter.core.base.parallel import kernel
@@ -15,7 +17,36 @@ def double(value):
     return value + value
 """
 
-_numbers = itertools.count()
+PACKAGE = {
+    "__init__.py": "",
+    "scaled.py": """
+from shock_filter.core.base.parallel import kernel
+
+from .below import (
+    factor,
+)
+
+
+@kernel
+def scaled(value):
+    return factor() * value
+""",
+    "below/__init__.py": "from .deeper import factor",
+    "below/deeper.py": """
+from shock_filter.core.base.parallel import kernel
+
+from .. import unrelated, numbers as its_numbers
+
+FACTOR = its_numbers.FACTOR
+
+
+@kernel
+def factor():
+    return FACTOR
+""",
+    "numbers.py": "FACTOR = 2",
+    "unrelated.py": "",
+}
 
 
 @pytest.fixture
@@ -32,6 +63,32 @@ def module(tmp_path, monkeypatch):
         return loaded
 
     return load
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Return a package's folder, and a function that imports it anew, as another process would."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", "")
+    monkeypatch.syspath_prepend(tmp_path)
+    folder = tmp_path / "scaling"
+    for name, text in PACKAGE.items():
+        (folder / name).parent.mkdir(exist_ok=True, parents=True)
+        (folder / name).write_text(text)
+
+    def load():
+        for name in [name for name in sys.modules if name.partition(".")[0] == "scaling"]:
+            del sys.modules[name]
+        for remembered in ("_stamp", "_imported", "_text"):
+            getattr(kernel_cache, remembered).cache_clear()
+        sys.dont_write_bytecode = True  # Python's own cache looks at dates and sizes only
+        try:
+            return importlib.import_module("scaling.scaled").scaled
+        finally:
+            sys.dont_write_bytecode = False
+
+    yield folder, load
+    for name in [name for name in sys.modules if name.partition(".")[0] == "scaling"]:
+        del sys.modules[name]
 
 
 def misses(function):
@@ -88,3 +145,70 @@ def test_kernels_work_where_no_folder_can_be_written(tmp_path, module, monkeypat
         monkeypatch.setenv(name, str(tmp_path / "__pycache__" / "below"))
     assert module().double(2) == 4
     assert "not kept" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "result"),
+    [
+        ("numbers.py", "2", "3", 15),  # imported by what is imported
+        ("below/deeper.py", "return FACTOR", "return FACTOR + 5", 35),
+        ("below/__init__.py", "from .deeper import factor", "from .deeper import factor  #", 10),
+        ("scaled.py", "* value", "* value + 1", 11),
+    ],
+)
+def test_an_edit_of_what_a_kernel_imports_compiles_it_anew(package, name, old, new, result):
+    folder, load = package
+    assert load()(5) == 10
+    path = folder / name
+    dates = path.stat()
+    path.write_text(path.read_text().replace(old, new))
+    os.utime(path, ns=(dates.st_atime_ns, dates.st_mtime_ns))
+    after = load()
+    assert after(5) == result
+    assert misses(after) == 1
+    again = load()
+    assert again(5) == result
+    assert misses(again) == 0
+
+
+def test_new_dates_alone_compile_nothing(package):
+    folder, load = package
+    assert load()(5) == 10
+    for path in folder.rglob("*.py"):
+        os.utime(path, (1e9, 1e9))
+    after = load()
+    assert after(5) == 10
+    assert misses(after) == 0
+
+
+def test_files_that_a_kernel_does_not_import_are_left_out_of_it(package):
+    folder, load = package
+    (folder / "other.py").write_text("")
+    assert load()(5) == 10
+    (folder / "other.py").write_text("# edited")
+    after = load()
+    assert after(5) == 10
+    assert misses(after) == 0
+
+
+def test_compiled_code_goes_to_the_chosen_folder(package, tmp_path, monkeypatch):
+    folder, load = package
+    chosen = tmp_path / "chosen"  # made when needed
+    monkeypatch.setattr(cache_folder, "chosen", str(chosen))
+    first = load()
+    assert first(5) == 10
+    assert list(chosen.rglob("scaled.*.nbi"))
+    assert not list(folder.rglob("*.nb[ic]"))
+    after = load()
+    assert after(5) == 10
+    assert misses(after) == 0
+
+
+def test_the_environment_comes_before_the_chosen_folder(package, tmp_path, monkeypatch):
+    folder, load = package
+    monkeypatch.setattr(cache_folder, "chosen", str(tmp_path / "chosen"))
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "environment"))
+    assert load()(5) == 10
+    assert list((tmp_path / "environment").rglob("scaled.*.nbi"))
+    assert not (tmp_path / "chosen").exists()
+    assert not list(folder.rglob("*.nb[ic]"))

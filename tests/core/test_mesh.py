@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from shapes import cube, grid, icosphere, shuffled
 from shock_filter import core
-from shock_filter.core.base.parallel import Progress
+from shock_filter.core.base.progress import reporting
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
-from shock_filter.core.mesh.triangle_mesh import split_at_jumps
+from shock_filter.core.mesh.weld import split_at_jumps
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 
@@ -121,6 +121,7 @@ def test_a_moebius_strip_is_accepted():
     faces = np.concatenate([faces, [[n - 1, n, 2 * n - 1], [n, 0, 2 * n - 1]]])
     out = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
     assert np.isfinite(out).all()
+    assert not np.array_equal(out, vertices)
 
 
 def test_lengths_areas_and_normals():
@@ -261,6 +262,24 @@ def test_cutting_at_jumps_can_be_cancelled():
     mesh = core.TriangleMesh(vertices, faces)
     signal = np.repeat(np.arange(len(faces), dtype=float), 3)[:, None]
     progress, messages = cancel_after(1)
-    with pytest.raises(core.Cancelled):
-        split_at_jumps(mesh, signal, Progress.of(progress))
+    with pytest.raises(core.Cancelled), reporting(progress):
+        split_at_jumps(mesh, signal)
     assert messages == ["Finding jumps"] * 2
+
+
+def test_a_moved_mesh_is_checked():
+    mesh = core.TriangleMesh(*icosphere(1))
+    moved = mesh.moved_to(2 * mesh.vertices)
+    assert moved.mean_edge_length == pytest.approx(2 * mesh.mean_edge_length)
+    assert moved.twins is mesh.twins
+    line = mesh.vertices * [1.0, 0.0, 0.0]
+    broken = mesh.vertices.copy()
+    broken[3, 1] = np.nan
+    for positions, words in (
+        (0 * line, "shrunk"),
+        (line, "shrunk"),
+        (broken, "Vertex 3"),
+        (1e200 * mesh.vertices, "units large"),
+    ):
+        with pytest.raises(core.InvalidMesh, match=words):
+            mesh.moved_to(positions)

@@ -2,12 +2,16 @@
 import multiprocessing
 import os
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 import pytest
-from shapes import icosphere
+from shapes import cube, icosphere
 from shock_filter import core
 from shock_filter.core.base import parallel
+from shock_filter.core.base.progress import reporting
 
 
 def test_every_index_is_visited_once():
@@ -22,14 +26,6 @@ def test_every_index_is_visited_once():
     assert (seen == 1).all()
 
 
-def test_cancelling_stops_after_few_chunks_and_raises():
-    visited = []
-    stop_at_once = parallel.Progress(lambda fraction, message: False)
-    with pytest.raises(core.Cancelled):
-        parallel.run(lambda a, b: visited.append(a), 10_000, chunk=1, progress=stop_at_once)
-    assert len(visited) < 10_000
-
-
 def test_errors_of_kernels_reach_the_caller():
     def fail(start, stop):
         if start == 50:
@@ -39,21 +35,42 @@ def test_errors_of_kernels_reach_the_caller():
         parallel.run(fail, 100, chunk=1)
 
 
-def test_progress_is_reported_from_the_calling_thread_and_maps_parts():
-    calls = []
+def test_an_error_is_raised_only_when_all_threads_have_stopped(monkeypatch):
+    """The caller owns the arrays again: nobody writes into them any more."""
+    monkeypatch.setattr(parallel, "thread_count", lambda: 4)
+    monkeypatch.setattr(parallel, "_pool", cache(lambda: ThreadPoolExecutor(3)))
+    for failing in range(4):
+        together = threading.Barrier(4)
+        written = np.zeros(4)
 
-    def callback(fraction, message):
-        calls.append((fraction, message, threading.get_ident()))
-        return True
+        def work(start, stop, failing=failing, together=together, written=written):
+            together.wait(timeout=10)  # each chunk has a thread of its own
+            if start == failing:
+                raise ZeroDivisionError
+            time.sleep(0.05 * (start + 1))
+            written[start] = 1.0
 
-    whole = parallel.Progress.of(callback)
-    part = whole.part(0.5, 1.0, "Second half").part(0.5, 1.0, "Last quarter")
-    parallel.run(lambda a, b: None, 10, chunk=1, progress=part)
-    assert {ident for _, _, ident in calls} == {threading.get_ident()}
-    assert calls[0][:2] == (0.5, "Second half")
-    assert calls[1][:2] == (0.75, "Last quarter")
-    assert all(0.75 <= fraction <= 1 for fraction, _, _ in calls[2:])
-    assert parallel.Progress.of(whole) is whole
+        with pytest.raises(ZeroDivisionError):
+            parallel.run(work, 4, chunk=1)
+        assert written.sum() == 3
+
+
+def test_canceling_waits_for_all_threads(monkeypatch):
+    monkeypatch.setattr(parallel, "thread_count", lambda: 4)
+    monkeypatch.setattr(parallel, "_pool", cache(lambda: ThreadPoolExecutor(3)))
+    together = threading.Barrier(4)
+    caller = threading.get_ident()
+    written = []
+
+    def work(start, stop):
+        together.wait(timeout=10)
+        if threading.get_ident() != caller:
+            time.sleep(0.1)
+            written.append(start)
+
+    with pytest.raises(core.Cancelled), reporting(lambda fraction, message: False):
+        parallel.run(work, 400, chunk=1)
+    assert len(written) == 3
 
 
 def test_a_callback_that_returns_nothing_goes_on():
@@ -62,13 +79,23 @@ def test_a_callback_that_returns_nothing_goes_on():
     )
 
 
-def test_two_threads_may_run_at_once():
-    vertices = np.random.default_rng(0).normal(size=(60, 3))
-    faces = np.arange(60).reshape(-1, 3)
-    expected = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
+def test_two_threads_may_run_at_once(monkeypatch):
+    monkeypatch.setattr(parallel, "thread_count", lambda: 3)
+    pool = ThreadPoolExecutor(2, thread_name_prefix="shared")
+    monkeypatch.setattr(parallel, "_pool", lambda: pool)
+    submitted = []
+    monkeypatch.setattr(pool, "submit", watched(pool.submit, submitted))
+    vertices, faces = cube(40)
+    vertices = vertices / np.linalg.norm(vertices, ord=6, axis=1, keepdims=True)  # round edges
+    mesh = core.TriangleMesh(vertices, faces)
+    expected = core.sharpen_geometry(mesh)
+    assert not np.array_equal(expected, vertices)
+    submitted.clear()
     results = [None] * 4
+    together = threading.Barrier(4)
 
     def work(i):
+        together.wait(timeout=60)
         results[i] = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
 
     threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
@@ -77,6 +104,17 @@ def test_two_threads_may_run_at_once():
     for thread in threads:
         thread.join()
     assert all(np.array_equal(result, expected) for result in results)
+    assert set(submitted) == {thread.ident for thread in threads}  # all shared the pool
+
+
+def watched(function, callers):
+    """Note the threads that call a function."""
+
+    def call(*arguments):
+        callers.append(threading.get_ident())
+        return function(*arguments)
+
+    return call
 
 
 def fractions_of_a_run(_):

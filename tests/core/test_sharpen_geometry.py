@@ -339,3 +339,10 @@ def test_default_settings_bring_shapes_nearer_to_what_they_were(name, most):
         return np.sqrt(((vertices - clean.vertices) ** 2).sum(axis=1).mean())
 
     assert rms(out) < 1.5 * rms(soft.vertices)
+
+
+def test_a_mesh_that_repeating_collapses_is_an_error(soft_cube, monkeypatch):
+    shrink = lambda mesh, *rest: (-mesh.vertices, None)  # noqa: E731
+    monkeypatch.setattr(shock, "displacement", shrink)
+    with pytest.raises(core.InvalidMesh, match="shrunk"):
+        core.sharpen_geometry(soft_cube, core.GeometrySettings(repeat=2))

@@ -80,6 +80,7 @@ def test_nearest_sampling_makes_no_new_values_at_corners(ball):
     out = core.sharpen_corner_signal(mesh, colors[mesh.faces], settings)
     known = {tuple(row) for row in colors}
     assert all(tuple(row) in known for row in out.reshape(-1, 3))
+    assert (out != colors[mesh.faces]).any(axis=2).mean() > 0.1
 
 
 def test_corners_that_agree_give_what_vertices_give(ball):

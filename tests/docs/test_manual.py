@@ -103,6 +103,14 @@ def test_settings_lead_to_headings_of_their_own_mode(links):
     assert links["shock_filter.sharpen_colors"].endswith("/colors.html")
 
 
+def test_the_reference_is_made_from_docstrings(manual):
+    page = manual / "api.html"
+    assert {"core.sharpen_geometry", "core.TriangleMesh", "core.InvalidSettings"} <= Page(page).ids
+    text = re.sub(r"<[^>]+>", "", page.read_text(encoding="utf-8"))
+    sentence = core.sharpen_geometry.__doc__.splitlines()[0]
+    assert sentence in text
+
+
 def test_without_a_manual_nothing_is_promised(tmp_path):
     links = looked_up(tmp_path / "nothing")
     assert set(links.values()) == {None}
@@ -128,6 +136,7 @@ def test_a_broken_link_stops_the_build(build_docs, tmp_path, monkeypatch, capfd)
         shutil.copytree(ROOT / name, tmp_path / name)
     for name in ("mkdocs.yml", "CHANGELOG.md"):
         shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / "core").symlink_to(ROOT / "core", target_is_directory=True)
     page = tmp_path / "docs" / "panel.md"
     page.write_text(page.read_text("utf-8") + "\n[lost](geometry.md#nowhere)\n", "utf-8")
     monkeypatch.setattr(build_docs, "ROOT", tmp_path)
@@ -146,12 +155,28 @@ def test_tables_say_what_the_code_says():
     assert process.returncode == 0, process.stdout + process.stderr
 
 
+NOT_YET = {"core/registry.py", "shock_addon/modes.py", "operators/meshes.py"}  # transition
+NOT_YET |= {"tools/write_stub.py", "tests/addon/test_toy_filter.py"}  # transition
+
+
+@pytest.mark.parametrize(
+    ("page", "folder"),
+    [("README.md", "."), ("docs/developing.md", "."), ("docs/method.md", "core")],
+)
+def test_files_that_pages_name_are_there(page, folder):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    named = set(re.findall(r"[`(= ]((?:\w+/)+\w+\.(?:py|svg))\b", text)) - NOT_YET
+    assert len(named) > 5
+    bases = [ROOT / folder, ROOT / "shock_addon", ROOT / "core", ROOT / "docs"]
+    lost = [name for name in named if not any((base / name).is_file() for base in bases)]
+    assert lost == []
+
+
 def test_every_public_name_and_every_command_is_explained():
-    python = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-    pages = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md"))
+    reference = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     for name in core.__all__:
-        where = pages if name.endswith("Settings") else python
-        assert re.search(rf"\b{name}\b", where), f"core.{name} is in no page; see docs/python.md"
+        entries = f"::: core.{name}\n", f"`{name}`"  # settings have tables on other pages
+        assert any(entry in reference for entry in entries), f"core.{name} is not in docs/api.md"
     batch = (ROOT / "docs" / "batch.md").read_text(encoding="utf-8")
     for command in cli.COMMANDS:
         assert f"`{command.name}`" in batch

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The repository's root and the zip, for all tests of the packaged extension.
 
-``SHOCK_FILTER_BARE_PYTHON`` names the Python to use, one with bpy and numpy only; without it the
-Python that runs pytest is used. The sessions of noxfile.py provide both.
+The Python that runs pytest has bpy and numpy only: `nox -s test_blender` provides it. Where
+``SHOCK_FILTER_ZIPS`` names a folder, its zips are tested; without it one is built.
 """
 
 import os
@@ -12,8 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-PYTHON = os.environ.get("SHOCK_FILTER_BARE_PYTHON", sys.executable)
 
 
 @pytest.fixture(scope="session")
@@ -29,7 +27,7 @@ def start() -> Callable[..., subprocess.Popen]:
     def begin(*command: str | Path) -> subprocess.Popen:
         environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
         return subprocess.Popen(
-            [PYTHON, *map(str, command)],
+            [sys.executable, *map(str, command)],
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -64,9 +62,12 @@ def run(start, finish) -> Callable[..., str]:
 
 @pytest.fixture(scope="session")
 def extension_zip(root: Path, run: Callable[..., str]) -> Path:
-    """Build the zip for the Blender at hand from the present source."""
+    """Return the zip for the Blender at hand, built from the present source."""
     version = run("-c", "import bpy; print(*bpy.app.version[:2], sep='.')").split()[-1]
     series = "4.2" if tuple(map(int, version.split("."))) < (5, 1) else "5.1"
+    if folder := os.environ.get("SHOCK_FILTER_ZIPS"):
+        (ready,) = Path(folder).glob(f"*-linux_x64-blender{series.replace('.', '')}.zip")
+        return ready
     output = run(
         root / "tools" / "build_extension.py", "--platform", "linux-x64", "--series", series
     )

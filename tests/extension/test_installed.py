@@ -56,7 +56,7 @@ def test_zip_holds_the_extension_and_nothing_else(extension_zip):
 
 
 def test_environment_was_bare(first):
-    assert first["found_before"] == [], "run this test with `nox -s test` or `nox -s test_blender`"
+    assert first["found_before"] == [], "run this test with `nox -s test_blender`"
 
 
 def test_enabling_registers_the_operator_and_imports_nothing_heavy(first, second):

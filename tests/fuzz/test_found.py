@@ -6,8 +6,9 @@ import pytest
 from checks import Watch
 from shapes import grid
 from shock_filter import core
-from shock_filter.core.filters import denoising
-from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
+from shock_filter.core.filters.beltrami import meshes
+from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
+from shock_filter.core.filters.denoising import then_sharpen
 
 
 @pytest.fixture
@@ -29,7 +30,9 @@ def wings():
         lambda mesh, colors: core.beltrami_corner_signal(
             mesh, colors, core.BeltramiMeshSettings(time=1e-9)
         ),
-        lambda mesh, colors: denoise_jointly(mesh, colors, core.BeltramiMeshSettings(time=1e-9))[1],
+        lambda mesh, colors: beltrami_joint_corners(
+            mesh, colors, core.BeltramiMeshSettings(time=1e-9)
+        )[1],
     ],
 )
 def test_corners_keep_their_places_where_cutting_turns_a_face(wings, filtered):
@@ -41,7 +44,7 @@ def test_corners_keep_their_places_where_cutting_turns_a_face(wings, filtered):
 def test_a_joint_time_of_zero_keeps_the_sign_of_zero(wings):
     mesh, colors = wings
     colors[0, 0] = -0.0
-    _, result = denoise_jointly(mesh, colors, core.BeltramiMeshSettings(time=0.0))
+    _, result = beltrami_joint_corners(mesh, colors, core.BeltramiMeshSettings(time=0.0))
     assert result.tobytes() == colors.tobytes()
 
 
@@ -69,7 +72,7 @@ def test_ragged_lists_are_refused(wings):
 
 def test_opacity_beyond_one_does_not_overflow():
     image = np.full((4, 4, 4), 1e38, np.float32)
-    result = denoise_image(image, core.BeltramiSettings())
+    result = core.beltrami_image(image)
     assert (result == image).all()
 
 
@@ -90,10 +93,11 @@ def test_a_mesh_that_denoising_draws_to_a_point_is_not_sharpened(wings):
     mesh, colors = wings
     long = {"time": 1e6, "iterations": 9}
     settings = core.BeltramiGeometrySettings(filtered="positions", **long)
-    positions = denoise_geometry(mesh, settings, 16.0)
+    positions = then_sharpen(core.beltrami_mesh, 16.0)(mesh, settings=settings)
     assert np.ptp(positions, axis=0).max() < 1e-6
     joint = core.BeltramiMeshSettings(beta=0.0, **long)
-    positions, result = denoise_jointly(mesh, np.full_like(colors, 0.5), joint, 16.0)
+    both = then_sharpen(beltrami_joint_corners, 16.0)
+    positions, result = both(mesh, np.full_like(colors, 0.5), settings=joint)
     assert np.ptp(positions, axis=0).max() < 1e-6
     assert (result == 0.5).all()
 
@@ -101,8 +105,13 @@ def test_a_mesh_that_denoising_draws_to_a_point_is_not_sharpened(wings):
 def test_a_mesh_that_denoising_draws_to_a_line_is_not_sharpened(wings, monkeypatch):
     mesh, colors = wings
     line = mesh.vertices * (1.0, 0.0, 0.0)
-    monkeypatch.setattr(denoising, "moved_vertices", lambda mesh, moved: line)
-    positions, _ = denoise_jointly(mesh, colors, core.BeltramiMeshSettings(), 16.0)
+    original = meshes.moved_vertices
+    monkeypatch.setattr(
+        meshes,
+        "moved_vertices",
+        lambda given, moved: line if given is mesh else original(given, moved),
+    )
+    positions, _ = then_sharpen(beltrami_joint_corners, 16.0)(mesh, colors)
     assert (positions == line).all()
 
 
@@ -127,5 +136,5 @@ def test_progress_does_not_fall_where_a_mesh_has_several_chunks():
     mesh = core.TriangleMesh(*grid(50, 50, jitter=0.3))
     watch = Watch()
     settings = core.BeltramiMeshSettings(time=0.1)
-    denoise_jointly(mesh, np.zeros((mesh.face_count, 3)), settings, progress=watch)
+    beltrami_joint_corners(mesh, np.zeros((mesh.face_count, 3)), settings, progress=watch)
     assert watch.seen[-1] == 1.0

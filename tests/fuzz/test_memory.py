@@ -6,7 +6,6 @@ import pytest
 from memory import assert_flat
 from shapes import cube
 from shock_filter import core
-from shock_filter.core.filters import denoising
 
 VERTICES, FACES = cube(40)  # its positions are 230 kB: one such array a run is found
 IMAGE = np.random.default_rng(0).random((100, 100, 3))
@@ -21,7 +20,7 @@ def textured():
 def denoised():
     mesh = core.TriangleMesh(VERTICES, FACES)
     settings = core.BeltramiGeometrySettings(repeat=1, iterations=1)
-    denoising.denoise_geometry(mesh, settings)
+    core.beltrami_mesh(mesh, settings)
 
 
 RUNS = {

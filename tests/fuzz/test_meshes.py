@@ -7,7 +7,8 @@ from checks import assert_alike, assert_same_bits, assert_sentence, assert_withi
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from shock_filter import core
-from shock_filter.core.filters import denoising
+from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
+from shock_filter.core.filters.denoising import then_sharpen
 from strategies import broken, examples, masks, meshes, settings_of, signals, triangles
 
 pytestmark = pytest.mark.timeout(1800, method="thread")  # a thread can end compiled code, too
@@ -195,10 +196,10 @@ def test_flow_field(data, settings, stop_at):
 def test_denoise_geometry(data, settings, sharpen_time, stop_at):
     mesh = data.draw(meshes())
     mask = data.draw(masks(mesh.vertex_count))
+    function = then_sharpen(core.beltrami_mesh, sharpen_time)
     positions = call_on(
-        mesh,
-        lambda m, watch: denoising.denoise_geometry(m, settings, sharpen_time, mask, watch),
-        mask, stop_at=stop_at)  # fmt: skip
+        mesh, lambda m, watch: function(m, settings=settings, mask=mask, progress=watch), mask,
+        stop_at=stop_at)  # fmt: skip
     check_positions(positions, mesh, mask, settings.time == 0 and not sharpen_time)
 
 
@@ -210,26 +211,27 @@ def test_denoise_signals(data, settings, sharpen_time, stop_at):
     keeps_all = settings.time == 0 and not sharpen_time
     corner = data.draw(st.booleans())
     signal = data.draw(signals(mesh.face_count, 3) if corner else signals(mesh.vertex_count))
-    function = denoising.denoise_corner_signal if corner else denoising.denoise_vertex_signal
+    denoise = core.beltrami_corner_signal if corner else core.beltrami_vertex_signal
+    function = then_sharpen(denoise, sharpen_time)
     result = call_on(
-        mesh, lambda m, watch: function(m, signal, settings, sharpen_time, mask, watch), signal,
-        mask, stop_at=stop_at)  # fmt: skip
+        mesh, lambda m, watch: function(m, signal, settings=settings, mask=mask, progress=watch),
+        signal, mask, stop_at=stop_at)  # fmt: skip
     weights = corner_weights(mesh, mask) if corner else mask
     check_signal(result, signal, weights, keeps_all, corner)
 
 
 @examples(40)
 @given(st.data(), settings_of(core.BeltramiMeshSettings), SHARPEN_TIMES, STOPS)
-def test_denoise_jointly(data, settings, sharpen_time, stop_at):
+def test_denoise_both(data, settings, sharpen_time, stop_at):
     mesh = data.draw(meshes())
     mask = data.draw(masks(mesh.vertex_count))
     keeps_all = settings.time == 0 and not sharpen_time
     if data.draw(st.booleans()):
         signal = data.draw(signals(mesh.face_count, 3))
+        function = then_sharpen(beltrami_joint_corners, sharpen_time)
         positions, result = call_on(
             mesh,
-            lambda m, watch: denoising.denoise_jointly(
-                m, signal, settings, sharpen_time, mask, watch),
+            lambda m, watch: function(m, signal, settings=settings, mask=mask, progress=watch),
             signal, mask, stop_at=stop_at)  # fmt: skip
         check_signal(result, signal, corner_weights(mesh, mask), keeps_all, corner=True)
     else:
@@ -281,7 +283,7 @@ def test_what_does_not_fit_is_refused(data):
         lambda: core.beltrami_vertex_signal(mesh, bad_signal),
         lambda: core.beltrami_corner_signal(mesh, bad_corners),
         lambda: core.beltrami_joint(mesh, bad_signal),
-        lambda: denoising.denoise_jointly(mesh, bad_corners, core.BeltramiMeshSettings()),
+        lambda: beltrami_joint_corners(mesh, bad_corners),
         lambda: core.fit_to_normals(mesh, bad_signal),
         lambda: core.sharpen_vertex_signal(mesh, signal, mask=bad_mask),
         lambda: core.sharpen_corner_signal(mesh, corners, mask=bad_mask),

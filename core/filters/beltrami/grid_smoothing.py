@@ -8,7 +8,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ...base.parallel import Progress, kernel, run
+from ...base.parallel import kernel, run
 from ...grid.geodesics import chord, march, open_band
 from ...settings import BeltramiSettings
 
@@ -25,7 +25,6 @@ def smooth_grid(
     flat: bool,
     areas: npt.NDArray[np.float32],
     settings: BeltramiSettings,
-    progress: Progress = Progress(None),
 ) -> npt.NDArray:
     """Apply the kernel once.
 
@@ -57,16 +56,14 @@ def smooth_grid(
         around = min(around, settings.window**2)
     chunk = max(min(int(_REACHED / (around * signal.shape[1])), _ROWS), 1)
     run(smooth_rows, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
-        half_window, rows, out, chunk=chunk, progress=progress)  # fmt: skip
+        half_window, rows, out, chunk=chunk)  # fmt: skip
     return out
 
 
-def surface_areas(
-    guide: Coordinates, flat: bool, progress: Progress | None = None
-) -> npt.NDArray[np.float32]:
+def surface_areas(guide: Coordinates, flat: bool) -> npt.NDArray[np.float32]:
     """Compute the area element, sqrt(det g), from central differences; parameters as above."""
     areas = np.empty(guide.shape[:2], dtype=np.float32)
-    run(_area_rows, len(guide), guide, np.float32(flat), areas, chunk=_ROWS, progress=progress)
+    run(_area_rows, len(guide), guide, np.float32(flat), areas, chunk=_ROWS)
     return areas
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...base.checks import BAND, SCALES, as_array, checked_image, checked_weights
-from ...base.parallel import Progress, blocks
-from ...base.progress import ProgressCallback
+from ...base.parallel import blocks
+from ...base.progress import ProgressCallback, aside, ask, phase, reporting
 from ...errors import InvalidSettings, InvalidSignal
 from ...grid.pixels import copied, mix, opacity_channel
 from ...settings import BeltramiSettings
@@ -67,7 +67,8 @@ def beltrami_image(
     if settings.time == 0:
         return given.copy()
     flat = np.empty((*given.shape[:2], 0), dtype=np.float32)
-    return _smoothed(given, flat, settings, weights, "image", Progress.of(progress))[0]
+    with reporting(progress):
+        return _smoothed(given, flat, settings, weights, "image")[0]
 
 
 def beltrami_manifold(
@@ -120,13 +121,15 @@ def beltrami_manifold(
         return given.copy(), places.copy()
     center, unit = places.mean(axis=(0, 1), dtype=np.float64), _mean_distance(places)
     points = (places - center) / unit
-    result, points = _smoothed(given, points, settings, weights, smooth, Progress.of(progress))
-    new_places = places.copy()
-    if smooth != "image":
-        new_places[...] = points * unit + center
-        if weights is not None:
-            mix(places, weights, new_places, Progress(None))
-    return result, new_places
+    with reporting(progress):
+        result, points = _smoothed(given, points, settings, weights, smooth)
+        new_places = places.copy()
+        if smooth != "image":
+            new_places[...] = points * unit + center
+            if weights is not None:
+                with phase(1.0, 1.0, "Smoothing"):
+                    mix(places, weights, new_places)
+        return result, new_places
 
 
 def _checked_embedding(embedding: npt.ArrayLike, given: npt.NDArray) -> npt.NDArray:
@@ -148,7 +151,6 @@ def _smoothed(
     settings: BeltramiSettings,
     mask: npt.NDArray | None,
     smooth: str,
-    progress: Progress = Progress(None),
 ) -> tuple[npt.NDArray, npt.NDArray]:
     # The image smoothed, and the points, (h, w, 3) in mean distances; (h, w, 0) is a flat image.
     pixels = given.reshape(*given.shape[:2], -1)
@@ -158,23 +160,24 @@ def _smoothed(
     count = pixels.shape[2] if alpha < 0 else alpha
     colors = np.empty((*pixels.shape[:2], count), dtype=floats)
     opacity = np.empty((*pixels.shape[:2], pixels.shape[2] - count), dtype=floats)  # of 0 or 1
-    for band in blocks(len(pixels), BAND, progress.part(0.0, 0.0, "Smoothing")):
-        np.multiply(pixels[band, :, :count], scale, out=colors[band], dtype=floats)
-        np.multiply(pixels[band, :, count:], scale, out=opacity[band], dtype=floats)
-        np.clip(opacity[band], 0.0, 1.0, out=opacity[band])
+    with aside("Smoothing"):
+        for band in blocks(len(pixels), BAND):
+            np.multiply(pixels[band, :, :count], scale, out=colors[band], dtype=floats)
+            np.multiply(pixels[band, :, count:], scale, out=opacity[band], dtype=floats)
+            np.clip(opacity[band], 0.0, 1.0, out=opacity[band])
     for i in range(settings.iterations):
-        part = progress.part(i / settings.iterations, (i + 1) / settings.iterations, "Smoothing")
-        new_colors, new_points = _step(colors, opacity, points, settings, part)
+        with phase(i / settings.iterations, (i + 1) / settings.iterations, "Smoothing"):
+            new_colors, new_points = _step(colors, opacity, points, settings)
         colors = colors if smooth == "embedding" else new_colors
         points = points if smooth == "image" else new_points
-    last = progress.part(1.0, 1.0, "Smoothing")
-    result = copied(pixels, last)
-    if smooth != "embedding":
-        for band in blocks(len(pixels), BAND, last):
-            values = np.divide(colors[band], scale)
-            result[band, :, :count] = np.rint(values) if scale != 1.0 else values
-        if mask is not None:
-            mix(pixels, mask, result, last)
+    with phase(1.0, 1.0, "Smoothing"):
+        result = copied(pixels)
+        if smooth != "embedding":
+            for band in blocks(len(pixels), BAND):
+                values = np.divide(colors[band], scale)
+                result[band, :, :count] = np.rint(values) if scale != 1.0 else values
+            if mask is not None:
+                mix(pixels, mask, result)
     return result.reshape(given.shape), points
 
 
@@ -183,33 +186,33 @@ def _step(
     opacity: npt.NDArray,
     points: npt.NDArray,
     settings: BeltramiSettings,
-    progress: Progress = Progress(None),
 ) -> tuple[npt.NDArray, npt.NDArray]:
     # Colors count as much as they are opaque, for distances and for means.
     (height, width, count), transparent = colors.shape, opacity.shape[2] > 0
     beside = count + opacity.shape[2]
-    still = progress.part(0.0, 0.0, "Smoothing")
     kind = np.result_type(colors, points)
     signal = np.empty((height, width, beside + points.shape[2]), dtype=kind)
     guide = np.empty((height, width, count + points.shape[2]), dtype=np.float32)
-    for band in blocks(height, BAND, still):
-        covered = colors[band] * opacity[band] if transparent else colors[band]
-        signal[band, :, :count] = covered
-        signal[band, :, count:beside] = opacity[band]
-        signal[band, :, beside:] = points[band]
-        with np.errstate(over="ignore"):  # too bright for float32: an edge that nothing crosses
-            guide[band, :, :count] = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
-        guide[band, :, count:] = points[band]
-    areas = _areas(guide, points, settings, still)
-    still.update(0.0)
-    means = smooth_grid(signal, guide, points.shape[2] == 0, areas, settings, progress)
+    with aside("Smoothing"):
+        for band in blocks(height, BAND):
+            covered = colors[band] * opacity[band] if transparent else colors[band]
+            signal[band, :, :count] = covered
+            signal[band, :, count:beside] = opacity[band]
+            signal[band, :, beside:] = points[band]
+            with np.errstate(over="ignore"):  # too bright for float32: an edge nothing crosses
+                guide[band, :, :count] = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
+            guide[band, :, count:] = points[band]
+        areas = _areas(guide, points, settings)
+        ask()
+    means = smooth_grid(signal, guide, points.shape[2] == 0, areas, settings)
     if not transparent:
         return means[..., :count], means[..., beside:]
     new_colors = np.empty_like(colors, dtype=means.dtype)
-    for band in blocks(height, BAND, progress.part(1.0, 1.0, "Smoothing")):
-        share = means[band, :, count:beside]
-        shown = means[band, :, :count] / np.where(share > 0, share, 1)
-        new_colors[band] = np.where(share > 0, shown, colors[band])
+    with phase(1.0, 1.0, "Smoothing"):
+        for band in blocks(height, BAND):
+            share = means[band, :, count:beside]
+            shown = means[band, :, :count] / np.where(share > 0, share, 1)
+            new_colors[band] = np.where(share > 0, shown, colors[band])
     return new_colors, means[..., beside:]
 
 
@@ -217,14 +220,13 @@ def _areas(
     guide: npt.NDArray,
     points: npt.NDArray,
     settings: BeltramiSettings,
-    progress: Progress = Progress(None),
 ) -> npt.NDArray:
     flat = points.shape[2] == 0
     if settings.measure == "surface":
-        return surface_areas(guide, flat, progress)
+        return surface_areas(guide, flat)
     if flat:
         return np.ones(guide.shape[:2], dtype=np.float32)
-    return surface_areas(points.astype(np.float32), flat, progress)
+    return surface_areas(points.astype(np.float32), flat)
 
 
 def _mean_distance(embedding: npt.NDArray) -> float:

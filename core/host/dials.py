@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings that a preview changes: the time by moving the mouse, another one by the wheel.
-
-Needs no bpy.
-"""
+"""Settings that a preview changes: the time by moving the mouse, another one by the wheel."""
 
 from __future__ import annotations
 
 import math
 
-from ...core.settings import Setting
+from ..settings import Setting
 
 _OCTAVE = 50.0
 """Pixels that double the time."""

@@ -1,34 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a screen shows of an image's pixels. Needs no bpy."""
+"""What a screen shows of an image's pixels."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.picture import Picture
+from .inputs import HostImage
 
 Values = npt.NDArray[np.float32]
 
 
-def screen_colors(picture: Picture, encoded: bool, multiply_encoded: bool) -> Values:
+def screen_colors(image: HostImage, encoded: bool, multiply_encoded: bool) -> Values:
     """Turn pixels into linear colors that are multiplied by opacity, if they have any: (h, w, 4).
 
     Parameters
     ----------
-    picture : Picture
+    image : HostImage
     encoded : bool
         Whether colors are sRGB values, and not linear ones or data.
     multiply_encoded : bool
         Whether opacity counts before they are decoded, as in Blender before 5.0.
     """
-    height, width, channels = picture.pixels.shape
+    height, width, channels = image.pixels.shape
     new = np.ones((height, width, 4), dtype=np.float32)
-    colors = picture.pixels[..., : 3 if channels > 2 else 1]
+    colors = image.pixels[..., : 3 if channels > 2 else 1]
     new[..., :3] = colors
     if channels == 4:
-        new[..., 3] = picture.pixels[..., 3]
-    multiplies = is_transparent(picture) and not picture.premultiplied
+        new[..., 3] = image.pixels[..., 3]
+    multiplies = is_transparent(image) and not image.premultiplied
     if multiplies and multiply_encoded:
         new[..., :3] *= new[..., 3:]
     if encoded:
@@ -38,9 +38,9 @@ def screen_colors(picture: Picture, encoded: bool, multiply_encoded: bool) -> Va
     return new
 
 
-def is_transparent(picture: Picture) -> bool:
+def is_transparent(image: HostImage) -> bool:
     """Whether the fourth channel is opacity."""
-    return picture.opacity in {"STRAIGHT", "PREMUL"}
+    return image.opacity in {"STRAIGHT", "PREMUL"}
 
 
 def decoded(values: Values) -> Values:

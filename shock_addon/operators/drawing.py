@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ...core.settings import Setting
-from ..operators.fields import fields_of
-from ..operators.properties import NAMES, STEADY_STATE
+from ..modes import STEADY_STATE, Mode
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
@@ -18,18 +16,23 @@ def draw_after_run(
     layout: bpy.types.UILayout,
     context: bpy.types.Context,
     parameters: bpy.types.OperatorProperties,
-    mode: str,
+    mode: Mode,
 ) -> None:
     """Draw an operator's parameters: the main ones, and below them the others, folded."""
     column = split(layout)
-    if hasattr(parameters, "target"):
+    if mode.within:
+        for name in mode.names:
+            column.prop(parameters, name)
+        return
+    names = mode.names_for(parameters)
+    if "target" in names:
         column.prop(parameters, "target")
-    if "attribute" in NAMES[mode] and _target(parameters) != "geometry":
+    if "attribute" in names:
         draw_search(column, context, parameters, "attribute", "color_attributes")
     if hasattr(parameters, "image"):
         column.prop_search(parameters, "image", bpy.data, "images")
     draw_main(layout, parameters, mode)
-    if "vertex_group" in NAMES[mode]:
+    if "vertex_group" in names:
         section = _section(layout, mode, "Mask")
         if section:
             draw_mask(section, context, parameters, mode)
@@ -42,17 +45,17 @@ def draw_after_run(
         draw_advanced(section, parameters, mode)
 
 
-def _section(layout: bpy.types.UILayout, mode: str, title: str) -> bpy.types.UILayout | None:
+def _section(layout: bpy.types.UILayout, mode: Mode, title: str) -> bpy.types.UILayout | None:
     """Draw a section's title; return its layout if it is open."""
-    header, body = layout.panel(f"SHOCK_FILTER_{mode}_{title.lower()}", default_closed=True)
+    header, body = layout.panel(f"SHOCK_FILTER_{mode.key}_{title.lower()}", default_closed=True)
     header.label(text=title)
     return body
 
 
-def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: str) -> None:
+def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
     """Draw the settings that most runs differ in."""
     column = split(layout)
-    for name, about in _fields(parameters, mode).items():
+    for name, about in mode.target(parameters).fields.items():
         if about.advanced:
             continue
         row = column.row()
@@ -60,18 +63,18 @@ def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: str) -> 
         if name == "time" and hasattr(parameters, STEADY_STATE):
             row.active = not parameters.steady_state
             column.prop(parameters, STEADY_STATE)
-    if "then_sharpen" in NAMES[mode]:
+    if mode.follows is not None:
         _draw_switched(column, parameters, "then_sharpen", "sharpen_time")
 
 
 def draw_mask(
-    layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: str
+    layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode
 ) -> None:
     """Draw what says where values may change, and what the current mode adds."""
     column = split(layout)
     draw_search(column, context, parameters, "vertex_group", "vertex_groups")
     masks = [parameters.vertex_group]
-    if mode == "texture":
+    if "mask_image" in mode.names:
         column.prop_search(parameters, "mask_image", bpy.data, "images")
         masks.append(parameters.mask_image)
     row = column.row()
@@ -85,33 +88,33 @@ def draw_mask(
         draw_text(column, context, "The paint mask protects, too.", icon="INFO")
 
 
-def has_output(parameters: Parameters, mode: str) -> bool:
+def has_output(parameters: Parameters, mode: Mode) -> bool:
     """Whether there is a choice of where results go; colors stay where they are."""
-    return "output" in NAMES[mode] and _target(parameters) != "colors"
+    return "output" in mode.names_for(parameters)
 
 
-def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: str) -> None:
+def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
     """Draw where results go, and what is set anew there."""
     column = split(layout)
     column.prop(parameters, "output", expand=True)
-    if mode == "texture":
+    if "assign" in mode.names:
         row = column.row()
         row.active = parameters.output == "NEW"
         row.prop(parameters, "assign")
-    if "mark_sharp" in NAMES[mode]:
+    if "mark_sharp" in mode.names:
         _draw_switched(column, parameters, "mark_sharp", "sharp_angle")
         column.prop(parameters, "custom_normals")
 
 
-def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: str) -> None:
+def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
     """Draw the settings that few need, in the order of their description."""
     column = split(layout)
-    for name, about in _fields(parameters, mode).items():
+    for name, about in mode.target(parameters).fields.items():
         if about.advanced:
             row = column.row()
             row.active = name != "screening_radius" or not parameters.fidelity
             row.prop(parameters, name)
-    if "weld" in NAMES[mode]:
+    if "weld" in mode.names:
         column.prop(parameters, "weld")
 
 
@@ -148,11 +151,3 @@ def _draw_switched(
     field = row.row()
     field.active = getattr(parameters, switch)
     field.prop(parameters, value, text="")
-
-
-def _fields(parameters: Parameters, mode: str) -> dict[str, Setting]:
-    return fields_of(mode, _target(parameters))
-
-
-def _target(parameters: Parameters) -> str:
-    return getattr(parameters, "target", "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A patch of a large image, to preview on. Needs no bpy."""
+"""A patch of a large image, to preview on."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy.typing as npt
 
-from ...core.host.picture import Picture
-from ...core.settings import BeltramiSettings
+from ..settings import BeltramiSettings
+from .inputs import HostImage
 
 _MARGIN = 16
 """Most pixels around a patch that are filtered with it and not shown: they lack neighbors."""
@@ -20,21 +20,21 @@ _REACHED = 6_000_000
 
 @dataclass(frozen=True)
 class Crop:
-    """A part of a picture, or all of it.
+    """A part of an image, or all of it.
 
     Attributes
     ----------
-    picture : Picture
+    image : HostImage
         What is filtered.
     rows, columns : slice
         What of it is shown.
     corner : tuple of int
-        The column and the row of the whole picture that are the part's first.
+        The column and the row of the whole image that are the part's first.
     whole : tuple of int
-        Width and height of the whole picture.
+        Width and height of the whole image.
     """
 
-    picture: Picture
+    image: HostImage
     rows: slice
     columns: slice
     corner: tuple[int, int]
@@ -42,7 +42,7 @@ class Crop:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Left, bottom, right and top of what is shown, in parts of the whole picture."""
+        """Left, bottom, right and top of what is shown, in parts of the whole image."""
         (left, bottom), (width, height) = self.corner, self.whole
         return (
             (left + self.columns.start) / width,
@@ -61,40 +61,40 @@ class Crop:
         return pixels[self.rows, self.columns]
 
     def shrunk(self, place: tuple[float, float], size: int) -> Crop:
-        """Cut out less around the same place of the whole picture, if `size` is less."""
-        if self.picture.size <= size:
+        """Cut out less around the same place of the whole image, if `size` is less."""
+        if self.image.size <= size:
             return self
-        height, width = self.picture.pixels.shape[:2]
+        height, width = self.image.pixels.shape[:2]
         inside = (
             (place[0] * self.whole[0] - self.corner[0]) / width,
             (place[1] * self.whole[1] - self.corner[1]) / height,
         )
-        part = crop_around(self.picture, inside, size)
+        part = crop_around(self.image, inside, size)
         corner = self.corner[0] + part.corner[0], self.corner[1] + part.corner[1]
         return replace(part, corner=corner, whole=self.whole)
 
 
-def crop_around(picture: Picture, place: tuple[float, float], size: int) -> Crop:
-    """Cut out the part of a picture around a place.
+def crop_around(image: HostImage, place: tuple[float, float], size: int) -> Crop:
+    """Cut out the part of an image around a place.
 
     Parameters
     ----------
-    picture : Picture
+    image : HostImage
         If it has no more pixels than `size`, all of it is taken.
     place : tuple of float
-        From the left and from the bottom, in parts of the picture.
+        From the left and from the bottom, in parts of the image.
     size : int
         About how many pixels are filtered; around those that are shown there is a margin.
     """
-    height, width = picture.pixels.shape[:2]
-    side = max(height, width) if picture.size <= size else math.isqrt(size)
-    margin = 0 if picture.size <= size else min(side // 4, _MARGIN)
+    height, width = image.pixels.shape[:2]
+    side = max(height, width) if image.size <= size else math.isqrt(size)
+    margin = 0 if image.size <= size else min(side // 4, _MARGIN)
     left, right = _range(place[0], width, side - 2 * margin)
     bottom, top = _range(place[1], height, side - 2 * margin)
     first_row, first_column = max(bottom - margin, 0), max(left - margin, 0)
-    pixels = picture.pixels[first_row : top + margin, first_column : right + margin]
+    pixels = image.pixels[first_row : top + margin, first_column : right + margin]
     return Crop(
-        replace(picture, pixels=pixels.copy()),
+        replace(image, pixels=pixels.copy()),
         slice(bottom - first_row, top - first_row),
         slice(left - first_column, right - first_column),
         (first_column, first_row),

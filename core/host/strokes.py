@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The flow in colors and strokes. Needs no bpy."""
+"""The flow in colors and strokes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A patch of a large surface, to preview on. Needs no bpy."""
+"""A patch of a large surface, to preview on."""
 
 from __future__ import annotations
 
@@ -11,11 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core.errors import InvalidMesh
-from ...core.host.colors import ColoredSurface
-from ...core.host.denoising import Both, Denoising, PaintedSurface
-from ...core.host.geometry import MirroredSurface
-from ...core.host.surface import Surface
+from ..errors import InvalidMesh
+from .inputs import ColoredSurface, Denoising, MirroredSurface, PaintedSurface, Surface
 
 _REACH = 12.0
 _SAMPLE = 200_000
@@ -102,20 +99,10 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
     inside = near[shape.triangles].all(axis=1)
     if not inside.any():
         raise InvalidMesh("There are no faces to preview here; point at another place.")
-    vertices = np.unique(shape.triangles[inside])
     lengths = _mean_edge_length(shape, ...) / _mean_edge_length(shape, inside)
-    share = float(inside.mean())
     outline = shape.positions[_border(shape.triangles[inside])]
-    if not isinstance(surface, PaintedSurface):
-        part, whole = _cut(surface, inside, vertices)
-        return Patch(part, whole, lengths, share, outline)
-    shape_part, whole_shape = _cut(surface.shape, inside, vertices)
-    paint_part, whole_paint = _cut(surface.paint, inside, vertices)
-
-    def both(result: Both) -> Both:
-        return Both(whole_shape(result.shape), whole_paint(result.paint))
-
-    return Patch(PaintedSurface(shape_part, paint_part), both, lengths, share, outline)
+    part, whole = _cut(surface, inside)
+    return Patch(part, whole, lengths, float(inside.mean()), outline)
 
 
 def seen_vertex(
@@ -154,8 +141,10 @@ def _distances(shape: Surface, vertex: int) -> npt.NDArray:
     """Square each vertex's distance from the given one, or from its closest mirror image."""
     mirror = shape.mirror if isinstance(shape, MirroredSurface) else (False, False, False)
     nearest = np.full(len(shape.positions), np.inf)
-    for signs in product(*((1.0, -1.0) if mirrored else (1.0,) for mirrored in mirror)):
-        away = shape.into_world(shape.positions * np.float32(signs) - shape.positions[vertex])
+    for signs in product(*((1, -1) if mirrored else (1,) for mirrored in mirror)):
+        away = shape.into_world(
+            shape.positions * np.array(signs, dtype=np.float32) - shape.positions[vertex]
+        )
         np.minimum(nearest, np.einsum("ij,ij->i", away, away), out=nearest)
     return nearest
 
@@ -169,29 +158,34 @@ def _border(triangles: npt.NDArray) -> npt.NDArray:
     return found[times == 1]
 
 
-def _cut(
-    surface: Surface, inside: npt.NDArray[np.bool_], vertices: npt.NDArray
-) -> tuple[Surface, Callable[[Any], Any]]:
+def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[Any], Any]]:
+    """Return the part with these triangles, and what makes the whole's result of its result."""
+    if isinstance(surface, PaintedSurface):
+        shape, whole_shape = _cut(surface.shape, inside)
+        paint, whole_paint = _cut(surface.paint, inside)
+        return PaintedSurface(shape, paint), lambda result: replace(
+            result, shape=whole_shape(result.shape), paint=whole_paint(result.paint)
+        )
+    vertices = np.unique(surface.triangles[inside])
     index = np.full(len(surface.positions), -1, dtype=np.int32)
     index[vertices] = np.arange(len(vertices), dtype=np.int32)
     mask = np.ones(len(vertices)) if surface.mask is None else surface.mask[vertices]
     border = index[surface.triangles[~inside]]
     mask[border[border >= 0]] = 0.0
-    new = {
-        "positions": surface.positions[vertices],
-        "triangles": index[surface.triangles[inside]],
-        "mask": mask,
-    }
-    if isinstance(surface, MirroredSurface):
-        part = replace(surface, **new)
+    part = replace(
+        surface,
+        positions=surface.positions[vertices],
+        triangles=index[surface.triangles[inside]],
+        mask=mask,
+    )
+    if not isinstance(part, ColoredSurface):
         return part, lambda result: _spread(result, "positions", surface.positions, vertices)
-    assert isinstance(surface, ColoredSurface)
     colored = vertices
     if surface.corners is not None:
         colored, corners = np.unique(surface.corners[inside], return_inverse=True)
-        new["corners"] = corners.reshape(-1, 3).astype(np.int32)
-        new["free"] = None if surface.free is None else surface.free[colored]
-    part = replace(surface, **new, colors=surface.colors[colored])
+        free = None if surface.free is None else surface.free[colored]
+        part = replace(part, corners=corners.reshape(-1, 3).astype(np.int32), free=free)
+    part = replace(part, colors=surface.colors[colored])
     return part, lambda result: _spread(result, "colors", surface.colors, colored)
 
 

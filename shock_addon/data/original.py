@@ -4,22 +4,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.colors import ColoredSurface
-from ...core.host.denoising import Both, PaintedSurface
-from ...core.host.geometry import Sharpened
-from ...core.host.recolored import Recolored
-from ..data import shape_keys
-from ..data.colors import stored, write_colors
-from ..data.geometry import write_geometry
-from ..data.meshes import Target, find, read_positions, write_positions
-from ..data.skipped import Skipped
-from ..data.unchanged import check_same
+from ...core.host.inputs import ColoredSurface, PaintedSurface
+from . import shape_keys
+from .arrays import read_attribute, write_attribute
+from .colors import write_colors
+from .geometry import write_geometry
+from .meshes import Target, find, read_positions, write_positions
+from .skipped import Skipped
+from .unchanged import check_same
+
+if TYPE_CHECKING:
+    from ...core.host.geometry import Sharpened
 
 _Part = tuple[str, str]
 """What a mesh holds: the kind and the name."""
@@ -91,9 +92,7 @@ class Original:
             found[_KEY, key.name] = shape_keys.read(key)
         attribute = None if self._attribute is None else mesh.color_attributes.get(self._attribute)
         if attribute is not None:
-            colors = np.empty(4 * len(attribute.data), dtype=np.float32)
-            attribute.data.foreach_get(stored(attribute), colors)
-            found[_COLORS, attribute.name] = colors
+            found[_COLORS, attribute.name] = read_attribute(attribute)
         return found
 
 
@@ -102,8 +101,7 @@ def _write(mesh: bpy.types.Mesh, part: _Part, values: npt.NDArray[np.float32]) -
     if kind == _KEY:
         shape_keys.write(mesh.shape_keys.key_blocks[name], values)
     elif kind == _COLORS:
-        attribute = mesh.color_attributes[name]
-        attribute.data.foreach_set(stored(attribute), values)
+        write_attribute(mesh.color_attributes[name], values)
     else:
         write_positions(mesh, values)
 
@@ -132,12 +130,12 @@ def show(target: Target, original: Original, result: Any) -> None:
 
 
 def _write_result(target: Target, original: Original, result: Any) -> None:
-    if isinstance(result, Both):
+    if isinstance(target.surface, PaintedSurface):
         place, attribute = target.place
         shape = replace(target, place=place, surface=target.surface.shape)
         _show_shape(shape, original, result.shape)
         write_colors(replace(target, place=attribute, surface=target.surface.paint), result.paint)
-    elif isinstance(result, Recolored):
+    elif isinstance(target.surface, ColoredSurface):
         write_colors(target, result)
     else:
         _show_shape(target, original, result)

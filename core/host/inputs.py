@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a host program such as Blender keeps, as arrays: surfaces, their colors, images.
+
+Needs numpy only, so that a host can read its data before the compiled kernels are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Pixels = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A mesh object's geometry.
+
+    Attributes
+    ----------
+    positions : (n, 3) float32
+        Vertices in the object's space.
+    triangles : (m, 3) int32
+    mask : (n,) float64 or None
+        1 sharpens fully, 0 leaves the vertex as it is.
+    to_world : (3, 3) float64
+        The object's scale, shear and rotation: lengths are measured after it.
+    """
+
+    positions: npt.NDArray[np.float32]
+    triangles: npt.NDArray[np.int32]
+    mask: Floats | None
+    to_world: Floats
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return len(self.positions)
+
+    def into_world(self, vectors: npt.NDArray) -> npt.NDArray:
+        """Turn vectors of the object's space, as rows, into those of the world."""
+        return vectors if self._as_in_world() else vectors @ self.to_world.T
+
+    def from_world(self, vectors: npt.NDArray) -> npt.NDArray:
+        """Turn them back."""
+        return vectors if self._as_in_world() else np.linalg.solve(self.to_world, vectors.T).T
+
+    def _as_in_world(self) -> bool:
+        return np.array_equal(self.to_world, np.identity(3))
+
+
+@dataclass(frozen=True)
+class MirrorPlane:
+    """A plane at which a modifier joins a surface with its mirror image.
+
+    Attributes
+    ----------
+    normal : (3,) float64
+        Points in the plane have ``points @ normal + offset == 0``.
+    offset : float
+    reach : float
+        Points up to this value on either side belong to the plane.
+    """
+
+    normal: Floats
+    offset: float
+    reach: float
+
+    def hold(self, moves: Floats, points: Floats) -> Floats:
+        """Let the points that belong to the plane move along it only: (n, 3)."""
+        inside = np.abs(points @ self.normal + self.offset) <= self.reach
+        along = self.normal / (self.normal @ self.normal)
+        held = moves[inside] - np.outer(moves[inside] @ self.normal, along)
+        result = moves.copy()
+        result[inside] = held
+        return result
+
+
+@dataclass(frozen=True)
+class MirroredSurface(Surface):
+    """A mesh object's geometry, and what keeps it symmetric.
+
+    Attributes
+    ----------
+    mirror : (bool, bool, bool)
+        Along which axes a symmetric surface stays symmetric.
+    planes : tuple of MirrorPlane
+        Where modifiers join the surface with its mirror image.
+    """
+
+    mirror: tuple[bool, bool, bool]
+    planes: tuple[MirrorPlane, ...]
+
+
+@dataclass(frozen=True)
+class ColoredSurface(Surface):
+    """A mesh object's geometry and colors.
+
+    Attributes
+    ----------
+    colors : (k, 3) float32
+        Of the vertices, or of the face corners if `corners` is given.
+    corners : (m, 3) int32 or None
+        Which face corner each corner of the triangles is.
+    free : (k,) bool or None
+        False protects a face corner, whatever the mask says.
+    levels : int
+        Byte colors have 255 steps; 0 for float colors.
+    """
+
+    colors: npt.NDArray[np.float32]
+    corners: npt.NDArray[np.int32] | None
+    free: npt.NDArray[np.bool_] | None
+    levels: int
+
+
+@dataclass(frozen=True)
+class PaintedSurface:
+    """A mesh object's shape and colors; the shape's mask says what may change of both."""
+
+    shape: MirroredSurface
+    paint: ColoredSurface
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.shape.size
+
+
+@dataclass(frozen=True)
+class HostImage:
+    """An image's pixels.
+
+    Attributes
+    ----------
+    pixels : (h, w, 4) float32
+        From the bottom up.
+    opacity : str
+        What the fourth channel is, in Blender's words: "STRAIGHT" or "PREMUL" for opacity,
+        "CHANNEL_PACKED" for one more channel like the others, "NONE" for nothing.
+    premultiplied : bool
+        Whether colors are multiplied by opacity, if there is one.
+    levels : int
+        Bytes have 255 steps; 0 for floats.
+    """
+
+    pixels: Pixels
+    opacity: str
+    premultiplied: bool
+    levels: int
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.pixels.shape[0] * self.pixels.shape[1]
+
+
+@dataclass(frozen=True)
+class Denoising:
+    """What is done: settings for the kernel, and the sharpening's time or None."""
+
+    kernel: Any
+    sharpen_time: float | None
+
+    def by(self, denoise: Callable[..., Any]) -> Callable[..., Any]:
+        """Return ``function(*data, mask)``: the filter with these settings, then the sharpening."""
+        from ..filters.denoising import then_sharpen
+
+        function = then_sharpen(denoise, self.sharpen_time)
+        return lambda *data: function(*data[:-1], settings=self.kernel, mask=data[-1])

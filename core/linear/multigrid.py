@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Smoothed-aggregation multigrid (Vanek, Mandel, Brezina 1996), as a preconditioner.
+
+Our own: pyamg takes one right-hand side at a time, and would be one more wheel in each extension.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+
+from ..base.checks import Floats
+from ..base.parallel import blocks, kernel, run
+from ..base.progress import ask, phase
+
+Csr = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
+"""Starts of rows, columns and values of a sparse matrix."""
+
+_ROWS = 1 << 16
+"""Rows of a matrix that scipy gets at once."""
+
+_DENSE = 400
+"""Most unknowns of a level that is solved densely."""
+
+_NOTHING = 1e-14
+"""Diagonal entries of coarse levels, and eigenvalues of the coarsest, that count as 0.
+
+The finest diagonal is 1. Only what the matrix leaves alone but for rounding gets there: the
+constants of a part that next to nothing holds, which the right-hand side does not ask for.
+"""
+
+
+class Multigrid:
+    """A hierarchy of ever smaller matrices, and the V-cycle over it.
+
+    Aggregates are whole neighbourhoods; the prolongation is smoothed by one Jacobi step; the
+    smoother is one damped Jacobi sweep before and after, which also serves unknowns that are
+    coupled to no other (fixed ones, and what small components shrink to); a small coarsest level
+    is solved densely.
+
+    Parameters
+    ----------
+    matrix : Csr
+        Scaled to a diagonal of ones, and without it.
+    inverse_root : (n,) float64
+        Inverse square root of the diagonal before it was scaled; 0 at fixed unknowns.
+    """
+
+    def __init__(self, matrix: Csr, inverse_root: Floats) -> None:
+        # In scaled unknowns, what a Laplacian leaves alone is not the constant but D^(1/2), and
+        # 1 at fixed unknowns.
+        start, columns, values = matrix
+        n = len(inverse_root)
+        off = scipy.sparse.csr_matrix((values, columns.view(np.int32), start), shape=(n, n))
+        a = (off + scipy.sparse.identity(n)).tocsr()
+        a.eliminate_zeros()
+        free = inverse_root > 0
+        smooth = np.where(free, 1.0 / np.where(free, inverse_root, 1.0), 1.0)
+        self._levels: list[_Level] = []
+        while a.shape[0] > _DENSE and len(self._levels) < 20:
+            done = min(0.2 * len(self._levels), 1.0)
+            with phase(done, done, "Coarsening"):
+                level, coarse, smooth = _coarsen(a, smooth)
+            if coarse.shape[0] > 0.8 * a.shape[0]:
+                break
+            self._levels.append(level)
+            a = coarse
+        self._inverse = None
+        if 0 < a.shape[0] <= _DENSE:
+            self._inverse = np.linalg.pinv(a.toarray(), rcond=_NOTHING, hermitian=True)
+        self._diagonal = _divisors(a.diagonal())[:, None]
+
+    def cycle(self, rhs: Floats, out: Floats) -> None:
+        """One V-cycle from zero: `out` becomes an approximate solution for `rhs`."""
+        out[:] = self._solve(0, rhs)
+
+    def _solve(self, depth: int, rhs: Floats) -> Floats:
+        if depth == len(self._levels):
+            if self._inverse is None:
+                return rhs / self._diagonal
+            return self._inverse @ rhs
+        level = self._levels[depth]
+        x = level.smoother[:, None] * rhs
+        residual = np.empty_like(rhs)
+        run(_residual, len(rhs), *level.matrix, x, rhs, residual)
+        coarse = np.empty((level.size, rhs.shape[1]))
+        run(_multiply, level.size, *level.restriction, residual, coarse)
+        coarse = self._solve(depth + 1, coarse)
+        run(_multiply_add, len(rhs), *level.prolongation, coarse, x)
+        run(_residual, len(rhs), *level.matrix, x, rhs, residual)
+        x += level.smoother[:, None] * residual
+        return x
+
+
+@dataclass(frozen=True)
+class _Level:
+    matrix: Csr
+    prolongation: Csr
+    restriction: Csr
+    smoother: Floats  # damped inverse of the diagonal
+    size: int  # of the next level
+
+
+def _divisors(diagonal: Floats) -> Floats:
+    return np.where(diagonal > _NOTHING, diagonal, np.inf)
+
+
+def _coarsen(
+    a: scipy.sparse.csr_matrix, smooth: Floats
+) -> tuple[_Level, scipy.sparse.csr_matrix, Floats]:
+    # `smooth` is the vector that coarse levels must be able to represent.
+    n = a.shape[0]
+    aggregates = np.full(n, -1, dtype=np.int32)
+    size = _aggregate(a.indptr, a.indices, a.data, aggregates)
+    coupled = np.flatnonzero(aggregates >= 0)
+    members = aggregates[coupled]
+    norms = np.sqrt(np.bincount(members, weights=smooth[coupled] ** 2, minlength=size))
+    tentative = scipy.sparse.csr_matrix(
+        (smooth[coupled] / norms[members], (coupled, members)), shape=(n, size)
+    )
+    # Gershgorin bounds the spectrum of D^-1 A; 4/3 of its inverse is the usual damping.
+    ask()
+    diagonal = _divisors(a.diagonal())
+    bound = max(float((abs(a).sum(axis=1).A1 / diagonal).max()), 1.0)
+    damping = 4.0 / 3.0 / bound / diagonal
+    step = scipy.sparse.diags(damping) @ _product(a, tentative)
+    ask()
+    prolongation = (tentative - step).tocsr()
+    ask()
+    restriction = prolongation.T.tocsr()
+    coarse = _product(restriction, _product(a, prolongation))
+    level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction), damping, size)
+    return level, coarse, norms
+
+
+def _product(a: scipy.sparse.csr_matrix, b: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+    if a.shape[0] <= _ROWS:  # also none at all
+        return a @ b
+    parts = [a[rows] @ b for rows in blocks(a.shape[0], _ROWS)]
+    return scipy.sparse.vstack(parts, format="csr")
+
+
+def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
+    return a.indptr.astype(np.int32, copy=False), a.indices.astype(np.int32, copy=False), a.data
+
+
+@kernel
+def _residual(start, stop, row_start, columns, values, x, rhs, out):
+    for i in range(start, stop):
+        for j in range(x.shape[1]):
+            out[i, j] = rhs[i, j]
+        for e in range(row_start[i], row_start[i + 1]):
+            for j in range(x.shape[1]):
+                out[i, j] -= values[e] * x[columns[e], j]
+
+
+@kernel
+def _multiply(start, stop, row_start, columns, values, x, out):
+    for i in range(start, stop):
+        for j in range(x.shape[1]):
+            out[i, j] = 0.0
+        for e in range(row_start[i], row_start[i + 1]):
+            for j in range(x.shape[1]):
+                out[i, j] += values[e] * x[columns[e], j]
+
+
+@kernel
+def _multiply_add(start, stop, row_start, columns, values, x, out):
+    for i in range(start, stop):
+        for e in range(row_start[i], row_start[i + 1]):
+            for j in range(x.shape[1]):
+                out[i, j] += values[e] * x[columns[e], j]
+
+
+@kernel
+def _aggregate(row_start, columns, values, aggregates):
+    # Whole neighbourhoods first; what is left joins the strongest neighbouring aggregate. Rows
+    # with nothing but their diagonal belong to none.
+    n = aggregates.shape[0]
+    size = 0
+    for i in range(n):
+        if aggregates[i] >= 0 or row_start[i + 1] - row_start[i] < 2:
+            continue
+        free = True
+        for e in range(row_start[i], row_start[i + 1]):
+            if aggregates[columns[e]] >= 0:
+                free = False
+                break
+        if free:
+            for e in range(row_start[i], row_start[i + 1]):
+                aggregates[columns[e]] = size
+            aggregates[i] = size
+            size += 1
+    whole = size
+    for i in range(n):
+        if aggregates[i] >= 0 or row_start[i + 1] - row_start[i] < 2:
+            continue
+        best = 0.0
+        joined = -1
+        for e in range(row_start[i], row_start[i + 1]):
+            neighbour = aggregates[columns[e]]
+            if 0 <= neighbour < whole and abs(values[e]) > best:
+                best = abs(values[e])
+                joined = neighbour
+        if joined >= 0:
+            aggregates[i] = -2 - joined  # joined, but not to be joined through
+        else:
+            aggregates[i] = size
+            size += 1
+    for i in range(n):
+        if aggregates[i] < -1:
+            aggregates[i] = -2 - aggregates[i]
+    return size

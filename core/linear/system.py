@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A symmetric linear system, set up once and solved as often as there are right-hand sides."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+from scipy.sparse.csgraph import connected_components
+
+from ..base.checks import Floats
+from ..base.parallel import kernel, run
+from ..errors import SolverError
+from .multigrid import Csr, Multigrid
+
+_ROUNDING = 8 * np.finfo(np.float64).eps
+
+
+class LinearSystem:
+    """A symmetric matrix, and which unknowns are fixed.
+
+    Row i of A x is screen_i x_i + sum over j of weight_ij (x_i - x_j). Kept as differences, so
+    that rounded weights still leave constants alone. What `solve` derives from the matrix stays
+    with it, so that further right-hand sides cost less. See `from_csr` for other matrices.
+
+    Parameters
+    ----------
+    start : (n + 1,) int32
+        Row i has the entries from ``start[i]`` to ``start[i + 1]``.
+    columns, weights : (k,) int32, float64
+        The symmetric off-diagonal part with its sign turned; repeated entries add up.
+    screen : (n,) float64
+        Sums of the matrix's rows: 0 for a pure Laplacian.
+    diagonal : (n,) float64
+        Screen plus sum of weights, above 0 where unknowns are free.
+    fixed : (n,) bool, optional
+        Unknowns that are known; none if left out. `solve` says to what.
+
+    Raises
+    ------
+    SolverError
+        If a free unknown's diagonal entry is not above 0.
+    """
+
+    def __init__(
+        self,
+        start: npt.NDArray[np.int32],
+        columns: npt.NDArray[np.int32],
+        weights: Floats,
+        screen: Floats,
+        diagonal: Floats,
+        fixed: npt.NDArray[np.bool_] | None = None,
+    ) -> None:
+        self.start, self.columns, self.weights = start, columns, weights
+        self.screen, self.diagonal = screen, diagonal
+        self.fixed = np.zeros(len(screen), dtype=bool) if fixed is None else fixed
+        bad = ~((diagonal > 0) & np.isfinite(diagonal) | self.fixed)
+        if bad.any():
+            raise SolverError(
+                "Row {row} of the matrix has {value:g} on its diagonal; a positive number is"
+                " needed. Fix that unknown, or leave it out.",
+                row=int(np.argmax(bad)),
+                value=float(diagonal[np.argmax(bad)]),
+            )
+
+    @classmethod
+    def from_csr(
+        cls, matrix: scipy.sparse.spmatrix, fixed: npt.NDArray[np.bool_] | None = None
+    ) -> LinearSystem:
+        """Make a system of a symmetric scipy matrix, such as ``mass + time * stiffness``.
+
+        Raises
+        ------
+        SolverError
+            If the matrix is not square, finite and symmetric, or as in the class.
+        """
+        matrix = scipy.sparse.csr_matrix(matrix, dtype=np.float64)
+        sizes = abs(matrix)
+        largest = sizes.max() if matrix.nnz else 0.0
+        if matrix.shape[0] != matrix.shape[1] or not np.isfinite(largest):
+            raise SolverError("The matrix is not square and finite.")
+        if matrix.nnz and abs(matrix - matrix.T).max() > 1e-9 * largest:
+            raise SolverError("The matrix is not symmetric.")
+        diagonal = matrix.diagonal()
+        off = (matrix - scipy.sparse.diags(diagonal)).tocsr()
+        off.eliminate_zeros()
+        screen = diagonal + off.sum(axis=1).A1
+        screen[abs(screen) <= _ROUNDING * sizes.sum(axis=1).A1] = 0.0
+        start, columns = off.indptr.astype(np.int32), off.indices.astype(np.int32)
+        return cls(start, columns, -off.data, screen, diagonal, fixed)
+
+    @cached_property
+    def inverse_root(self) -> Floats:
+        """Inverse square root of the diagonal, 0 at fixed unknowns: (n,).
+
+        With unknowns and equations scaled by it, the diagonal is 1 and needs no reading.
+        """
+        return np.where(self.fixed, 0.0, 1.0 / np.sqrt(np.where(self.fixed, 1.0, self.diagonal)))
+
+    @cached_property
+    def single(self) -> Csr:
+        """The scaled matrix without its diagonal, in single precision."""
+        return self._scaled(np.float32)
+
+    @cached_property
+    def double(self) -> Csr:
+        """The same in double precision."""
+        return self._scaled(np.float64)
+
+    def _scaled(self, precision: type) -> Csr:
+        values: npt.NDArray[np.floating] = np.empty(len(self.weights), dtype=precision)
+        run(_scale_weights, len(self.screen), self.start, self.columns, self.weights,
+            self.inverse_root, values)  # fmt: skip
+        return self.start, self.columns.view(np.uint32), values
+
+    @cached_property
+    def hierarchy(self) -> Multigrid:
+        """The multilevel preconditioner of the scaled matrix."""
+        return Multigrid(self.double, self.inverse_root)
+
+    @cached_property
+    def floating(self) -> npt.NDArray[np.int32] | None:
+        """Connected parts that no screen and no fixed unknown holds: what adds a constant is free.
+
+        The number of each unknown's part, from 1; 0 for those that are held. None if all are.
+        """
+        held = self.fixed | (self.screen != 0)
+        if held.all():
+            return None
+        shape = len(held), len(held)
+        graph = scipy.sparse.csr_matrix((self.weights.copy(), self.columns, self.start), shape)
+        graph.eliminate_zeros()
+        count, part = connected_components(graph, directed=False)
+        loose = np.ones(count, dtype=bool)
+        loose[part[held]] = False
+        number = np.where(loose, np.cumsum(loose), 0).astype(np.int32)
+        return number[part] if loose.any() else None
+
+    def residual(self, x: Floats, rhs: Floats) -> Floats:
+        """Compute ``rhs - A x`` (n, k); the rows of fixed unknowns mean nothing."""
+        out = np.empty_like(rhs)
+        run(_residual, len(x), self.start, self.columns, self.weights, self.screen,
+            np.ones(len(x)), x, rhs, out)  # fmt: skip
+        return out
+
+    def scaled_residual(self, y: Floats, rhs: Floats, out: Floats) -> None:
+        """Put ``rhs - D A D y`` into `out`, D the inverse root; rows of fixed unknowns stay."""
+        run(_residual, len(y), self.start, self.columns, self.weights, self.screen,
+            self.inverse_root, y, rhs, out)  # fmt: skip
+
+
+@kernel
+def _scale_weights(start, stop, row_start, columns, weights, inverse_root, values):
+    for i in range(start, stop):
+        for e in range(row_start[i], row_start[i + 1]):
+            values[e] = -weights[e] * inverse_root[i] * inverse_root[columns[e]]
+
+
+@kernel
+def _residual(start, stop, row_start, columns, weights, screen, scale, y, rhs, out):
+    for i in range(start, stop):
+        if scale[i] == 0:
+            continue
+        for j in range(y.shape[1]):
+            x = scale[i] * y[i, j]
+            total = screen[i] * x
+            for e in range(row_start[i], row_start[i + 1]):
+                c = columns[e]
+                total += weights[e] * (x - scale[c] * y[c, j])
+            out[i, j] = rhs[i, j] - scale[i] * total

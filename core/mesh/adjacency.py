@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which corners, half-edges and vertices of a triangle mesh lie side by side.
+
+A half-edge is numbered ``3 * face + k`` and runs from corner k of its face to corner
+``(k + 1) % 3``; a corner has the number of the half-edge that leaves it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run, run_in_order
+from ..base.progress import ask
+
+Ints = npt.NDArray[np.int32]
+
+
+def count_sort(keys: Ints, count: int) -> tuple[Ints, Ints]:
+    """Sort indices by their keys, which are below `count`, stably; returns (start, order).
+
+    The indices with key k are ``order[start[k]:start[k + 1]]``.
+    """
+    start = np.zeros(count + 1, dtype=np.int32)
+    run_in_order(_count_keys, len(keys), keys, start)
+    np.cumsum(start, out=start)
+    order = np.empty(len(keys), dtype=np.int32)
+    run_in_order(_place_keys, len(keys), keys, start[:-1].copy(), order)
+    return start, order
+
+
+def wound_twins(
+    faces: Ints, vertex_count: int
+) -> tuple[Ints, npt.NDArray[np.bool_], tuple[Ints, Ints]]:
+    """Pair half-edges, and turn faces that are wound against their neighbours, in place.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+        Changed where the surface can be wound consistently and is not; the majority of each
+        connected part keeps its winding.
+    vertex_count : int
+
+    Returns
+    -------
+    twins : (m, 3) int32
+        The half-edge on the other side of each half-edge; -1 at borders, where more than two faces
+        meet, and where no winding fits.
+    flipped : (m,) bool
+        The faces that were turned.
+    corners : (n + 1,) int32, (3 m,) int32
+        Corners at each vertex, from `count_sort`.
+    """
+    flipped = np.zeros(len(faces), dtype=bool)
+    corners = count_sort(faces.reshape(-1), vertex_count)
+    twins, consistent = _twins(faces, corners)
+    if not consistent:
+        _turn_faces(faces, twins.reshape(-1), flipped)
+        ask()
+        corners = count_sort(faces.reshape(-1), vertex_count)
+        twins, _ = _twins(faces, corners)
+        twins[twins < -1] = -1  # what stays is not orientable: a border
+    return twins, flipped, corners
+
+
+def _twins(faces: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, bool]:
+    # Half-edges that run in the same direction get -2 - twin, and False is returned.
+    twins = np.full(faces.shape, -1, dtype=np.int32)
+    same = np.zeros(1, dtype=np.int64)
+    run(_pair, len(corners[0]) - 1, faces, *corners, twins.reshape(-1), same)
+    return twins, not same[0]
+
+
+def rings(faces: Ints, twins: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
+    """Neighbours of each vertex, as in `TriangleMesh.neighbours`: (start, vertices)."""
+    count = len(corners[0]) - 1
+    start = np.zeros(count + 1, dtype=np.int32)
+    run(_count_ring, count, faces, twins, *corners, start)
+    np.cumsum(start, out=start)
+    ring = np.empty(start[-1], dtype=np.int32)
+    run(_fill_ring, count, faces, twins, *corners, start, ring)
+    return start, ring
+
+
+@kernel
+def _count_keys(start, stop, keys, counts):
+    for i in range(start, stop):
+        counts[keys[i] + 1] += 1
+
+
+@kernel
+def _place_keys(start, stop, keys, cursors, order):
+    for i in range(start, stop):
+        k = keys[i]
+        order[cursors[k]] = i
+        cursors[k] += 1
+
+
+@kernel
+def _pair(start, stop, faces, corner_start, corners, twins, same):
+    # Around each vertex v, collect the half-edges between v and vertices of higher number.
+    size = 64
+    far = np.empty(size, np.int32)
+    half = np.empty(size, np.int32)
+    for v in range(start, stop):
+        first, last = corner_start[v], corner_start[v + 1]
+        if 2 * (last - first) > size:
+            size = 2 * (last - first)
+            far = np.empty(size, np.int32)
+            half = np.empty(size, np.int32)
+        count = 0
+        for i in range(first, last):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            ahead = faces[f, (k + 1) % 3]
+            behind = faces[f, (k + 2) % 3]
+            if ahead == v or behind == v or ahead == behind:
+                continue  # a face with a repeated vertex has no edges
+            if ahead > v:
+                far[count] = ahead
+                half[count] = 3 * f + k
+                count += 1
+            if behind > v:
+                far[count] = behind
+                half[count] = 3 * f + (k + 2) % 3
+                count += 1
+        if count > 64:
+            order = np.argsort(far[:count], kind="mergesort")
+            far[:count] = far[:count][order]
+            half[:count] = half[:count][order]
+        else:
+            for i in range(1, count):
+                w, h = far[i], half[i]
+                j = i - 1
+                while j >= 0 and far[j] > w:
+                    far[j + 1] = far[j]
+                    half[j + 1] = half[j]
+                    j -= 1
+                far[j + 1] = w
+                half[j + 1] = h
+        i = 0
+        while i < count:
+            j = i + 1
+            while j < count and far[j] == far[i]:
+                j += 1
+            if j - i == 2:  # one face: a border; more than two: not a surface there
+                a, b = half[i], half[i + 1]
+                if faces[a // 3, a % 3] != faces[b // 3, b % 3]:
+                    twins[a] = b
+                    twins[b] = a
+                else:
+                    twins[a] = -2 - b
+                    twins[b] = -2 - a
+                    same[0] = 1
+            i = j
+
+
+@kernel
+def _turn_faces(faces, twins, flipped):
+    # Flood each component from its lowest face; the majority keeps its winding.
+    count = faces.shape[0]
+    seen = np.zeros(count, np.bool_)
+    queue = np.empty(count, np.int32)
+    for seed in range(count):
+        if seen[seed]:
+            continue
+        seen[seed] = True
+        queue[0] = seed
+        head, tail, turned = 0, 1, 0
+        while head < tail:
+            f = queue[head]
+            head += 1
+            for k in range(3):
+                t = twins[3 * f + k]
+                if t == -1:
+                    continue
+                against = t < -1
+                if against:
+                    t = -2 - t
+                g = t // 3
+                if not seen[g]:
+                    seen[g] = True
+                    flipped[g] = flipped[f] != against
+                    turned += flipped[g]
+                    queue[tail] = g
+                    tail += 1
+        if 2 * turned > tail:
+            for i in range(tail):
+                flipped[queue[i]] = not flipped[queue[i]]
+    for f in range(count):
+        if flipped[f]:
+            faces[f, 1], faces[f, 2] = faces[f, 2], faces[f, 1]
+
+
+@kernel
+def _count_ring(start, stop, faces, twins, corner_start, corners, ring_start):
+    for v in range(start, stop):
+        count = 0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            count += 1
+            if twins[f, (k + 2) % 3] < 0:
+                count += 1
+        ring_start[v + 1] = count
+
+
+@kernel
+def _fill_ring(start, stop, faces, twins, corner_start, corners, ring_start, ring):
+    for v in range(start, stop):
+        place = ring_start[v]
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            k = corners[i] - 3 * f
+            ring[place] = faces[f, (k + 1) % 3]
+            place += 1
+            if twins[f, (k + 2) % 3] < 0:
+                ring[place] = faces[f, (k + 2) % 3]
+                place += 1

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Join vertices that lie at one place, and cut a mesh open where a signal jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run, run_in_order
+from ..base.progress import ProgressCallback, aside, ask, reporting
+from .adjacency import Ints
+from .triangle_mesh import Floats, TriangleMesh, checked_vertices
+
+
+def weld(
+    vertices: npt.ArrayLike, progress: ProgressCallback | None = None
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Find vertices at exactly the same place.
+
+    Files split vertices along UV seams; filtering such a mesh would open cracks. Filter
+    ``vertices[representatives]`` with ``index[faces]`` instead, and take ``result[index]``.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    representatives : (k,) int
+        The first vertex at each place, in the order of the input.
+    index : (n,) int
+        The number in `representatives` that stands for each vertex.
+
+    Raises
+    ------
+    InvalidMesh
+        If `vertices` is not an (n, 3) array of finite numbers.
+    Cancelled
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> core.weld([[0, 0, 0], [1, 0, 0], [0, 0, 0]])
+    (array([0, 1]), array([0, 1, 0]))
+    """
+    points = checked_vertices(vertices) + 0.0  # -0.0 and 0.0 are the same place
+    bits = points.view(np.uint64)
+    count, places = len(points), np.zeros(1, dtype=np.int64)
+    table = np.full(1 << (2 * count - 1).bit_length(), -1, dtype=np.int64)
+    first = np.empty(count, dtype=np.intp)
+    index = np.empty(count, dtype=np.intp)
+    with reporting(progress), aside("Finding vertices at the same place"):
+        run_in_order(_number_places, count, bits, table, places, first, index)
+    return first[: places[0]].copy(), index
+
+
+def weld_borders(
+    vertices: npt.ArrayLike,
+    faces: npt.ArrayLike,
+    progress: ProgressCallback | None = None,
+) -> Ints:
+    """Join a surface that was split along seams, and only there.
+
+    Vertices at exactly the same place become one if they lie on borders of the surface. Where
+    sheets lie on each other, as the two sides of a leaf do, only their rims are joined.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+    faces : (m, 3) array of int
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (m, 3) int32
+        The faces with other vertex indices: the first of those that are one.
+
+    Raises
+    ------
+    InvalidMesh, Cancelled
+        See `TriangleMesh`.
+
+    Examples
+    --------
+    Two triangles side by side, whose vertices are apart:
+
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> core.weld_borders(vertices, [[0, 1, 2], [3, 4, 5]]).tolist()
+    [[0, 1, 2], [1, 4, 2]]
+    """
+    with reporting(progress):
+        mesh = TriangleMesh(vertices, faces)
+        face, side = np.nonzero(mesh.twins < 0)
+        on_border = np.zeros(mesh.vertex_count, dtype=bool)
+        on_border[mesh.faces[face, side]] = True
+        on_border[mesh.faces[face, (side + 1) % 3]] = True
+        places = np.flatnonzero(on_border)
+        index = np.arange(mesh.vertex_count, dtype=np.int32)
+        if len(places):
+            representatives, welded = weld(mesh.vertices[places])
+            index[places] = places[representatives[welded]]
+        return index[np.asarray(faces)]
+
+
+def split_at_jumps(
+    mesh: TriangleMesh,
+    signal: Floats,
+    progress: object = None,  # transition
+) -> tuple[TriangleMesh, Floats]:
+    """Cut a mesh open where the values of a corner signal jump.
+
+    Corners at one vertex that share a value stay one vertex; others become vertices of their
+    own, so that edges between faces that disagree turn into borders.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (3 m, d) float64
+        Values of the corners in the order of ``mesh.faces``.
+
+    Returns
+    -------
+    cut : TriangleMesh
+        With the faces of `mesh`, in order, and possibly more vertices.
+    values : (n', d) float64
+        The values at its vertices.
+    """
+    leaders = np.empty(3 * mesh.face_count, dtype=np.int32)
+    with aside("Finding jumps"):
+        run(_lead_corners, mesh.vertex_count, *mesh.corners, signal, leaders)
+        leads = leaders == np.arange(len(leaders), dtype=np.int32)
+        first = np.flatnonzero(leads)
+        ask()
+        index = (np.cumsum(leads, dtype=np.int32) - 1)[leaders]
+        ask()
+        vertices = mesh.vertices[mesh.faces.reshape(-1)[first]]
+        values = signal[first]
+    return TriangleMesh(vertices, index.reshape(-1, 3)), values
+
+
+@kernel
+def _number_places(start, stop, bits, table, places, first, index):
+    # The table holds the number of each place, at the first free slot from its hash on.
+    last = np.uint64(table.shape[0] - 1)
+    count = places[0]
+    for v in range(start, stop):
+        mixed = np.uint64(0)
+        for axis in range(4):
+            if axis < 3:
+                mixed ^= bits[v, axis]
+            mixed *= np.uint64(0x9E3779B97F4A7C15)
+            mixed ^= mixed >> np.uint64(32)
+        slot = mixed & last
+        while True:
+            place = table[slot]
+            if place < 0:
+                place = count
+                table[slot] = place
+                first[place] = v
+                count += 1
+                break
+            w = first[place]
+            if bits[w, 0] == bits[v, 0] and bits[w, 1] == bits[v, 1] and bits[w, 2] == bits[v, 2]:
+                break
+            slot = (slot + np.uint64(1)) & last
+        index[v] = place
+    places[0] = count
+
+
+@kernel
+def _lead_corners(start, stop, corner_start, corners, signal, leaders):
+    # The first corner at the same vertex with the same values leads.
+    for v in range(start, stop):
+        for i in range(corner_start[v], corner_start[v + 1]):
+            corner = corners[i]
+            leaders[corner] = corner
+            for k in range(corner_start[v], i):
+                other = corners[k]
+                same = True
+                for j in range(signal.shape[1]):
+                    if signal[other, j] != signal[corner, j]:
+                        same = False
+                        break
+                if same:
+                    leaders[corner] = leaders[other]
+                    break

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The flags that only Blender's command line has, and what operators are told by them."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import asdict
+from typing import Any
+
+from ...core.cli import Command
+from ...core.registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
+from ..modes import MODES, STEADY_STATE, Mode, Target
+from .blender_files import operator
+
+_AXES = ["x", "y", "z"]
+_IMAGES = "PNG, JPEG, TIFF, EXR, HDR, Targa, BMP and WebP files"
+_SCENES = "whatever this Blender reads and writes, such as blend, OBJ, PLY, STL, glTF, FBX, USD"
+
+FORMATS = {
+    GEOMETRY: _SCENES,
+    COLORS: _SCENES,
+    IMAGE: f"{_IMAGES}, which keep their format",
+    TEXTURE: f"{_IMAGES}, which keep their format, on whatever meshes this Blender reads",
+    MASK: f"from whatever this Blender reads to {_IMAGES}; EXR and NumPy hold numbers",
+}
+"""The files that commands on each kind of data read and write."""
+
+
+def mode_of(command: Command) -> tuple[Mode, Target]:
+    """Find the mode, and its target, that runs a command's filter."""
+    name = command.filter.name
+    return next((mode, each) for mode in MODES for each in mode.targets if each.filter == name)
+
+
+def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
+    """Add the flags for objects, vertex groups and color attributes."""
+    if command.kind is IMAGE:
+        return
+    if command.takes_mask:
+        metavar = "NAME"
+        about = (
+            "vertex group that says how much is done to each vertex: 0 keeps it, 1 changes it fully"
+        )
+        if command.kind.is_image:
+            metavar = "FILE"
+            about = "gray image of the same size: black stays, white changes fully"
+        parser.add_argument("--mask", metavar=metavar, default="", help=about)
+        parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
+    parser.add_argument(
+        "--object",
+        metavar="NAME",
+        action="append",
+        dest="objects",
+        help="take this object only, even if it is hidden (may be repeated); without it, all"
+        " visible meshes of the scene",
+    )
+    if command.kind is COLORS:
+        parser.add_argument(
+            "--attribute",
+            metavar="NAME",
+            default="",
+            help="color attribute to work on; each mesh's active one if left out",
+        )
+    if command.kind is GEOMETRY:
+        _add_shape_flags(parser, command)
+
+
+def _add_shape_flags(parser: argparse.ArgumentParser, command: Command) -> None:
+    """Add what the operators have beside settings, under their names and in their words."""
+    known = operator(f"shock_filter.{mode_of(command)[0].operator}").get_rna_type().properties
+    normals = known["custom_normals"]
+    meanings = [f"{i.identifier.lower()}: {i.description}." for i in normals.enum_items]
+    parser.add_argument(
+        "--custom-normals",
+        choices=[item.identifier.lower() for item in normals.enum_items],
+        default=normals.default.lower(),
+        help=f"{normals.description}. {' '.join(meanings)} (default {normals.default.lower()})",
+    )
+    parser.add_argument(
+        "--mark-sharp", action="store_true", help=f"{known['mark_sharp'].description}."
+    )
+    angle = known["sharp_angle"]
+    parser.add_argument(
+        "--sharp-angle",
+        type=_angle,
+        metavar="N",
+        help=f"{angle.description}. Implies --mark-sharp. (default"
+        f" {math.degrees(angle.default):g}, 0 to 180, degrees)",
+    )
+    parser.add_argument(
+        "--mirror",
+        choices=_AXES,
+        action="append",
+        default=[],
+        help="keep what is symmetric across this plane of the object so, as the mesh's mirror"
+        " option does (may be repeated); meshes whose option is on stay symmetric without it",
+    )
+    parser.add_argument(
+        "--new-shape-key",
+        action="store_true",
+        help="keep the mesh and put the new shape into a new shape key of value 1, whose slider"
+        " sets the strength later; OUT must be of a format with shape keys, or it holds the new"
+        " shape",
+    )
+
+
+def _angle(text: str) -> float:
+    """Radians."""
+    degrees = float(text)
+    if not 0.0 <= degrees <= 180.0:
+        raise ValueError
+    return math.radians(degrees)
+
+
+_angle.__name__ = "angle from 0 to 180"  # argparse says "invalid angle ... value"
+
+
+def values_of(command: Command, settings: Any, options: argparse.Namespace) -> dict[str, Any]:
+    """Return the values of the operator's properties, as far as settings and flags say them."""
+    mode, target = mode_of(command)
+    values = {target.prefix + name: value for name, value in asdict(settings).items()}
+    if STEADY_STATE in target.settings and math.isinf(settings.time):
+        values |= {target.time: 0.0, STEADY_STATE: True}
+    if target.key:
+        values["target"] = target.key
+    if mode.follows is not None and options.then_sharpen is not None:
+        values |= {"then_sharpen": True, "sharpen_time": options.then_sharpen}
+    if not command.kind.is_image:
+        values |= {"vertex_group": options.mask, "invert_mask": options.invert_mask}
+    if command.kind is COLORS:
+        values["attribute"] = options.attribute
+    if command.kind is GEOMETRY:
+        values |= _shape_values(options)
+    return values
+
+
+def _shape_values(options: argparse.Namespace) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "output": "SHAPE_KEY" if options.new_shape_key else "MESH",
+        "custom_normals": options.custom_normals.upper(),
+        "mark_sharp": options.mark_sharp or options.sharp_angle is not None,
+    }
+    if options.sharp_angle is not None:
+        values["sharp_angle"] = options.sharp_angle
+    return values

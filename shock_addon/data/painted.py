@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Read and write the shape and the colors of mesh objects in one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import bpy
+
+from ...core.host.inputs import PaintedSurface
+from .colors import check_unchanged, read_colors, write_colors
+from .geometry import Place, read_geometry, write_geometry
+from .meshes import Target, find
+
+
+def read_painted(
+    obj: bpy.types.Object, object_mode: str, parameters: Any
+) -> tuple[tuple[Place, str], PaintedSurface]:
+    """Read shape and colors; parameters are those of `read_geometry` and `read_colors`."""
+    place, shape = read_geometry(obj, object_mode, parameters)
+    attribute, paint = read_colors(obj, object_mode, parameters)
+    return (place, attribute), PaintedSurface(shape, paint)
+
+
+def write_painted(target: Target, result: Any, key_name: str) -> bpy.types.Object:
+    """Write shape and colors, or raise `Skipped` before either is written."""
+    place, attribute = target.place
+    paint = replace(target, place=attribute, surface=target.surface.paint)
+    check_unchanged(find(target), paint)
+    shape = replace(target, place=place, surface=target.surface.shape)
+    write_geometry(shape, result.shape, key_name)
+    return write_colors(paint, result.paint)

@@ -1,0 +1,599 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The table of modes: one row for each thing that the panels do.
+
+Property groups, operators, buttons, menus, presets, previews, statistics, links into the manual and
+Blender's command line are made by walking over the rows. What a row does not say, its filter says
+(`core.registry`: settings, kind of data, what may follow), and `DATA`, the table of Blender's data.
+
+*Mode* means a row here, as it does on screen; what Blender calls a mode of the 3D view is an
+*object mode*. Needs no bpy, neither numpy nor numba.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from ..core import registry
+from ..core.settings import Setting, describe
+
+STEADY_STATE = "steady_state"
+
+_WHERE = ("vertex_group", "invert_mask", "selected_only")
+_MASK = {*_WHERE, "mask_image"}
+_SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
+
+
+class Data(NamedTuple):
+    """A kind of Blender's data.
+
+    Attributes
+    ----------
+    base : str
+        "module:class" of what its operators have in common.
+    properties : tuple of str
+        What the panel keeps for it beside settings; see `operators.properties`.
+    filter : str
+        "module:function", ``function(surface, name, settings, weld, progress)`` for meshes and
+        ``function(surface, name, settings, progress)`` for images: filters what was read by the
+        filter of that name in the registry, on any thread.
+    read, write : str
+        "module:function"; see `data.meshes.read_targets`. Empty for images.
+    flow : str
+        "module:function" that computes where shock filters pull, for Show Flow; or empty.
+    object_modes : tuple of str
+        Object modes whose menu offers it.
+    in_images : bool
+        Whether the Image Editor offers it.
+    on_surface : bool
+        Whether it is there on mesh objects only.
+    has_colors : bool
+        Whether a mesh needs colors.
+    """
+
+    base: str
+    properties: tuple[str, ...]
+    filter: str
+    read: str = ""
+    write: str = ""
+    flow: str = ""
+    object_modes: tuple[str, ...] = ()
+    in_images: bool = False
+    on_surface: bool = True
+    has_colors: bool = False
+
+
+_MESH = ".operators.meshes:MeshOperator"
+
+DATA = {
+    "geometry": Data(
+        _MESH,
+        (*_WHERE, "output", "weld", *_SHADING),
+        "..core.host.registered:filter_shape",
+        ".data.geometry:read_geometry",
+        ".data.geometry:write_geometry",
+        "..core.host.flow:flow_of_shape",
+        object_modes=("OBJECT", "EDIT_MESH", "SCULPT"),
+    ),
+    "colors": Data(
+        _MESH,
+        ("attribute", *_WHERE, "weld"),
+        "..core.host.registered:filter_colors",
+        ".data.colors:read_colors",
+        ".data.colors:write_colors",
+        "..core.host.flow:flow_of_colors",
+        object_modes=("OBJECT", "PAINT_VERTEX"),
+        has_colors=True,
+    ),
+    "both": Data(
+        _MESH,
+        ("attribute", *_WHERE, "output", "weld", *_SHADING),
+        "..core.host.registered:filter_both",
+        ".data.painted:read_painted",
+        ".data.painted:write_painted",
+        object_modes=("OBJECT",),
+        has_colors=True,
+    ),
+    "image": Data(
+        ".operators.images:ImageOperator",
+        ("output",),
+        "..core.host.registered:filter_image",
+        in_images=True,
+        on_surface=False,
+    ),
+    "texture": Data(
+        ".operators.textures:TextureOperator",
+        (*_WHERE, "mask_image", "image", "output", "assign"),
+        "..core.host.registered:filter_texture",
+        object_modes=("OBJECT", "PAINT_TEXTURE"),
+        in_images=True,
+    ),
+}
+"""The kinds of Blender's data; those that the registry knows have its names."""
+
+
+class Preset(NamedTuple):
+    """A named set of a mode's settings.
+
+    Attributes
+    ----------
+    name : str
+        Words on screen.
+    reason : str
+        What it is for, without the final period (Blender adds it): the tooltip.
+    values : mapping
+        What differs from the defaults; all other settings of the filter get theirs.
+    """
+
+    name: str
+    reason: str
+    values: Mapping[str, Any]
+
+
+DEFAULTS = Preset("Defaults", "Sets everything back to what it is at first", {})
+"""A preset of each mode, above the others."""
+
+_PAINTERLY = Preset(
+    "Painterly Steady State",
+    "For style: colors flow until they meet, which leaves flat strokes with crisp borders",
+    {"steady_state": True, "smoothing_passes": 4},
+)
+
+
+class Target(NamedTuple):
+    """What a run works on; a mode has one, or several among which a property chooses.
+
+    Attributes
+    ----------
+    filter : str
+        Name in the registry.
+    key, label, about : str
+        For the property's choice.
+    prefix : str
+        What the names of its settings' properties begin with.
+    kind : str
+        Key of `DATA`; the registry's one if left out.
+    """
+
+    filter: str
+    key: str = ""
+    label: str = ""
+    about: str = ""
+    prefix: str = ""
+    kind: str = ""
+
+    @property
+    def row(self) -> registry.Filter:
+        """The filter's row in the registry."""
+        return registry.find(self.filter)
+
+    @property
+    def data_kind(self) -> str:
+        """Key of `DATA`."""
+        return self.kind or self.row.kind.name
+
+    @property
+    def data(self) -> Data:
+        """The kind of data."""
+        return DATA[self.data_kind]
+
+    @property
+    def time(self) -> str:
+        """The property that the mouse changes in a preview; empty if there is none."""
+        name = f"{self.prefix}time"
+        return name if name in self.fields else ""
+
+    @property
+    def fields(self) -> dict[str, Setting]:
+        """Describe the filter's settings, by the names of their properties."""
+        described = describe(self.row.settings).items()
+        return {self.prefix + name: about for name, (_, _, about) in described}
+
+    @property
+    def settings(self) -> list[str]:
+        """List the properties that say what is done."""
+        names = list(self.fields)
+        if "time" in names and math.isinf(self.fields["time"].maximum):
+            names.insert(names.index("time") + 1, STEADY_STATE)
+        return names
+
+    @property
+    def places(self) -> list[str]:
+        """List the properties that say where it is done."""
+        return [name for name in self.data.properties if self.row.takes_mask or name not in _MASK]
+
+
+class Mode(NamedTuple):
+    """A row.
+
+    Attributes
+    ----------
+    key : str
+        Name of its property group in ``scene.shock_filter``, and of its folder of presets.
+    label, about : str
+        The panel's choice; in the Image Editor it may be described by `about_in_images`.
+    operator, title, tooltip : str
+        Name after ``shock_filter.``, words on the button, description without a period.
+    targets : tuple of Target
+    done : str
+        What was done, in a verb such as "Sharpened".
+    page : str
+        Where the manual explains it.
+    second : str
+        The setting that the wheel changes in a preview; empty if the wheel changes nothing.
+    about_in_images : str
+    advice : str
+        What to do if little has changed.
+    nothing : str
+        What is said instead where no vertex has moved.
+    changes : str
+        How much was done, where this is not how much colors have changed.
+    flow : str
+        Whose flow Show Flow shows, for its choice; empty where the filter has none.
+    is_slow : bool
+        Whether a preview takes small patches.
+    icon : str
+        Of the button.
+    presets : tuple of Preset
+        In the order of the list that the panel's header opens.
+    within : str
+        Key of the mode whose button it stands below, and whose settings it takes; it has neither
+        a choice nor presets of its own then.
+    """
+
+    key: str
+    label: str
+    about: str
+    operator: str
+    title: str
+    tooltip: str
+    targets: tuple[Target, ...]
+    done: str
+    page: str
+    second: str = ""
+    about_in_images: str = ""
+    advice: str = ""
+    nothing: str = ""
+    changes: str = ""
+    flow: str = ""
+    is_slow: bool = False
+    icon: str = "SHARPCURVE"
+    presets: tuple[Preset, ...] = ()
+    within: str = ""
+
+    def target(self, parameters: Any) -> Target:
+        """Return the one that the parameters of the panel or the operator choose."""
+        chosen = getattr(parameters, "target", "")
+        return next((each for each in self.targets if each.key == chosen), self.targets[0])
+
+    def target_in(self, object_mode: str) -> Target | None:
+        """Return the first that the menu of an object mode offers."""
+        return next((t for t in self.targets if object_mode in t.data.object_modes), None)
+
+    @property
+    def group(self) -> str:
+        """The property group that has its settings."""
+        return self.within or self.key
+
+    @property
+    def data(self) -> Data:
+        """The kind of data, the widest one of the targets."""
+        return self.targets[-1].data
+
+    @property
+    def in_3d(self) -> bool:
+        """Whether the 3D view offers it."""
+        return self.data.on_surface
+
+    @property
+    def in_images(self) -> bool:
+        """Whether the Image Editor offers it."""
+        return self.data.in_images
+
+    @property
+    def follows(self) -> type | None:
+        """The settings class of the sharpening that may follow in the same run."""
+        then = self.targets[0].row.then
+        return registry.find(then).settings if then else None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """List its properties, which the panel keeps."""
+        return tuple(dict.fromkeys([*self.filter_names, *self.targets[-1].places]))
+
+    @property
+    def filter_names(self) -> list[str]:
+        """List those that say what is done, and not where it is read and written."""
+        names = ["target"] * (len(self.targets) > 1)
+        for target in self.targets:
+            names += target.settings
+        return names + ["then_sharpen", "sharpen_time"] * (self.follows is not None)
+
+    def names_for(self, parameters: Any) -> list[str]:
+        """List those that matter with the target that is chosen."""
+        target = self.target(parameters)
+        of_others = {name for each in self.targets for name in (*each.settings, *each.places)}
+        of_others.difference_update(target.settings, target.places)
+        return [name for name in self.names if name not in of_others]
+
+
+MODES: list[Mode] = [
+    Mode(
+        "denoise",
+        "Denoise",
+        "Remove noise from vertices and colors; creases and edges stay",
+        "denoise",
+        "Denoise",
+        "Remove noise from meshes and their colors; creases and edges between colors stay",
+        (
+            Target(
+                "beltrami_mesh",
+                "geometry",
+                "Geometry",
+                "Move vertices so that the surface becomes smooth between its creases",
+            ),
+            Target(
+                "beltrami_vertex_signal",
+                "colors",
+                "Colors",
+                "Average colors within the areas between edges",
+                prefix="color_",
+            ),
+            Target(
+                "beltrami_vertex_signal",
+                "both",
+                "Both",
+                "Average vertices and colors with the same weights, so that edges between colors"
+                " keep the shape, too",
+                prefix="color_",
+                kind="both",
+            ),
+        ),
+        "Denoised",
+        "denoising",
+        second="beta",
+        advice="for more noise raise Time or lower Keep Edges",
+        is_slow=True,
+        icon="SMOOTHCURVE",
+        presets=(
+            Preset(
+                "Light Scan Noise",
+                "For noise that is hardly seen: one short round, which keeps the fine relief that"
+                " the default flattens",
+                {"repeat": 1},
+            ),
+            Preset(
+                "Strong Scan Noise",
+                "For strong noise: twice as many rounds as the default. Slow; fine relief is lost",
+                {"repeat": 6},
+            ),
+            Preset(
+                "Noisy CAD Part",
+                "For machine parts: removes the noise, then pulls the creases together, which come"
+                " out a little soft otherwise",
+                {"then_sharpen": True, "sharpen_time": 1024.0},
+            ),
+            Preset(
+                "Noisy Vertex Colors",
+                "For photographed colors: keeps edges better than the default, averages three"
+                " times, and leaves about half the noise",
+                {"target": "colors", "color_beta": 6.0, "color_iterations": 3},
+            ),
+        ),
+    ),
+    Mode(
+        "denoise_image",
+        "Denoise",
+        "",
+        "denoise_image",
+        "Denoise Image",
+        "Remove noise from an image; edges stay",
+        (Target("beltrami_image"),),
+        "Denoised",
+        "denoising",
+        second="beta",
+        about_in_images="Remove noise; edges stay",
+        advice="for more noise raise Time or lower Keep Edges",
+        is_slow=True,
+        icon="SMOOTHCURVE",
+        presets=(
+            Preset(
+                "Light Noise",
+                "For noise that is seen only close up: keeps the fine detail that the default"
+                " flattens",
+                {"beta": 15.0, "iterations": 1},
+            ),
+            Preset(
+                "Strong Noise",
+                "For night shots and few render samples: averages across fainter edges, too",
+                {"beta": 4.0},
+            ),
+            Preset(
+                "Flat Colors",
+                "For style, and for pictures to be traced: flattens what lies between edges, and"
+                " sharpens these",
+                {"beta": 5.0, "iterations": 5, "then_sharpen": True, "sharpen_time": 100000.0},
+            ),
+        ),
+    ),
+    Mode(
+        "geometry",
+        "Geometry",
+        "Move vertices so that rounded creases become sharp",
+        "sharpen_geometry",
+        "Sharpen Geometry",
+        "Turn rounded creases into sharp ones: normals flow towards the creases, positions follow",
+        (Target("sharpen_geometry"),),
+        "Sharpened",
+        "geometry",
+        second="feature_threshold",
+        advice="For wide or gentle creases raise Time or lower Threshold.",
+        nothing="Found nothing to sharpen in {meshes}: {changes}, {seconds:.1f} s.",
+        flow="Where normals are pulled: to the creases",
+        presets=(
+            Preset(
+                "Subtle",
+                "For surfaces that are nearly right: creases tighten, and vertices move a third as"
+                " far as by default. Gentle curves stay as they are",
+                {"time": 16.0, "feature_threshold": 1.3},
+            ),
+            Preset(
+                "Crisp CAD Edges",
+                "For machine parts with rounded or smoothed edges: flows longer, and sharpens"
+                " gentle bends, too. Coarse round surfaces get facets",
+                {"time": 1024.0, "feature_threshold": 0.8},
+            ),
+            Preset(
+                "Scan Cleanup",
+                "For scans with light noise: smooths the normals first, so that creases are found"
+                " in it, then sharpens a little. Faster than Denoise",
+                {"time": 64.0, "mollify_passes": 2},
+            ),
+            Preset(
+                "Carved Facets",
+                "For style: everything flows as far as it can, as if the surface were carved with a"
+                " knife",
+                {
+                    "steady_state": True,
+                    "smoothing_passes": 8,
+                    "feature_threshold": 0.0,
+                    "sampling": "linear",
+                },
+            ),
+        ),
+    ),
+    Mode(
+        "colors",
+        "Colors",
+        "Move the colors on the surface so that blurred edges in them become sharp",
+        "sharpen_colors",
+        "Sharpen Colors",
+        "Turn blurred edges between painted colors into sharp ones, without new colors beside them",
+        (Target("sharpen_vertex_signal"),),
+        "Sharpened",
+        "colors",
+        second="smoothing_passes",
+        advice="for wide edges raise Time",
+        flow="Where colors are pulled: to the edges between them",
+        presets=(
+            Preset(
+                "Subtle",
+                "For colors that are sharp already: only the narrowest blends become steeper",
+                {"time": 16.0},
+            ),
+            Preset(
+                "Crisp Borders",
+                "For wide, soft borders between areas that should have one color each: flows"
+                " longer",
+                {"time": 4096.0},
+            ),
+            _PAINTERLY,
+        ),
+    ),
+    Mode(
+        "image",
+        "Image",
+        "",
+        "sharpen_image",
+        "Sharpen Image",
+        "Turn blurred edges in an image into sharp ones, without halos beside them",
+        (Target("sharpen_image"),),
+        "Sharpened",
+        "images",
+        second="smoothing_passes",
+        advice="for wide edges raise Time",
+        about_in_images="Sharpen it as a flat picture",
+        presets=(
+            Preset(
+                "Subtle",
+                "For photos that are sharp already: a quarter of the default's time",
+                {"time": 4.0},
+            ),
+            Preset(
+                "Blurred Photo",
+                "For photos whose edges are two or three pixels wide",
+                {"time": 256.0},
+            ),
+            Preset(
+                "Very Blurred Photo",
+                "For scaled-up or badly focused photos, whose edges are wider: flows longer, and"
+                " ignores the noise between edges",
+                {"time": 4096.0, "smoothing_passes": 3},
+            ),
+            _PAINTERLY,
+        ),
+    ),
+    Mode(
+        "texture",
+        "Texture",
+        "Move the colors of an image on the surface that shows it, across seams, so that blurred"
+        " edges in it become sharp",
+        "sharpen_texture",
+        "Sharpen Texture",
+        "Turn blurred edges in a texture into sharp ones, on the surface and across UV seams",
+        (Target("sharpen_texture"),),
+        "Sharpened",
+        "textures",
+        second="smoothing_passes",
+        advice="for wide edges raise Time",
+        about_in_images="Sharpen it on the surface of the selected objects that show it, across"
+        " seams",
+        presets=(
+            Preset(
+                "Subtle",
+                "For textures that are sharp already: a quarter of the default's time",
+                {"time": 4.0},
+            ),
+            Preset(
+                "Blurred Bake",
+                "For bakes and scaled-up textures, whose edges are several texels wide",
+                {"time": 256.0},
+            ),
+            Preset(
+                "Normal Map",
+                "For tangent-space normals: they are turned where values cross a seam, stay unit"
+                " length, and no channel is taken for opacity",
+                {"content": "normals", "alpha": "none"},
+            ),
+            _PAINTERLY,
+        ),
+    ),
+    Mode(
+        "dilate",
+        "",
+        "",
+        "dilate_texture",
+        "Dilate Texture",
+        "Fill the texture around its charts with what lies across the UV seams, so that none shows",
+        (Target("dilate_texture"),),
+        "Dilated",
+        "textures#dilate-texture",
+        changes="filled {changed:,} of {total:,} pixels",
+        icon="UV_ISLANDSEL",
+        within="texture",
+    ),
+]
+"""All rows, in the order of the panel's choices."""
+
+
+def find(key: str) -> Mode:
+    """Find a row by its key."""
+    return next(mode for mode in MODES if mode.key == key)
+
+
+def choices() -> list[Mode]:
+    """List the modes that have settings of their own."""
+    return [mode for mode in MODES if not mode.within]
+
+
+def below(mode: Mode) -> list[Mode]:
+    """List what stands below a mode's button."""
+    return [each for each in MODES if each.within == mode.key]
+
+
+def load(where: str) -> Any:
+    """Import what a "module:name" of a row means."""
+    module, _, name = where.partition(":")
+    return getattr(import_module(module, __package__), name)

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What operators on mesh objects do: read, filter and write each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import bpy
+from bpy.app.translations import pgettext_rpt
+
+from .. import data
+from ..modes import load
+from . import poll as obstacles
+from .base import FilterOperator, can_run, counted, describe_colors, write_results
+
+
+class MeshOperator(FilterOperator):
+    """Mixin for operators on mesh objects."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want a mesh object and no other run."""
+        return can_run(cls, obstacles.of_meshes(context))
+
+    def reader(self) -> Callable:
+        """Return ``read(obj, object_mode, parameters)``; see `data.meshes.read_targets`."""
+        return load(self.row.target(self).data.read)
+
+    def writer(self) -> Callable:
+        """Return ``write(target, result)``, for Object Mode; it returns the object."""
+        target = self.row.target(self)
+        write = load(target.data.write)
+        return partial(write, key_name=self.row.done) if "output" in target.places else write
+
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Read all selected objects, or those in the current object mode."""
+        return data.meshes.read_targets(context, self.reader(), self)
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+        """Write them, and return to the current object mode."""
+        with data.meshes.object_mode(context):
+            return write_results(self.targets, results, self.writer())
+
+    def counts(self, results: list[Any]) -> tuple[int, int]:
+        """Count vertices, or colors; a shape counts where positions differ at all."""
+        changed = total = 0
+        for target, result in zip(self.targets, results, strict=True):
+            if hasattr(result, "positions"):
+                moved = (result.positions != target.surface.positions).any(axis=1)
+                changed, total = changed + int(moved.sum()), total + len(moved)
+            elif hasattr(result, "colors"):
+                changed, total = changed + result.changed, total + len(result.colors)
+        return changed, total
+
+    def summary(self, written: list[tuple], seconds: float) -> str:
+        """Count meshes, and what has changed of them."""
+        results = [result for _, result in written]
+        meshes = counted(len(written), "1 mesh", "{:,} meshes")
+        kind = self.row.target(self).data_kind
+        text, advice = pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s."), ""
+        if kind == "geometry":
+            changes = describe_moves(results)
+            if self.row.nothing and not any(result.moved for result in results):
+                text, advice = (pgettext_rpt(each) for each in (self.row.nothing, self.row.advice))
+        elif kind == "colors":
+            meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
+            changes = describe_colors(results, "colors", self.row.advice)
+        else:
+            meshes = counted(len(written), "1 mesh and its colors", "{:,} meshes and their colors")
+            paints = [result.paint for result in results]
+            changes = (
+                f"{describe_moves([result.shape for result in results])};"
+                f" {describe_colors(paints, 'colors', self.row.advice)}"
+            )
+        said = text.format(done=self.done(), meshes=meshes, changes=changes, seconds=seconds)
+        return f"{said} {advice}".rstrip()
+
+    def notes(self, written: list[tuple]) -> str:
+        """Say what shapes what is seen beside the vertices, where these may have moved."""
+        moves = "output" in self.row.target(self).places
+        return notes([obj for obj, _ in written], self) if moves else ""
+
+
+def describe_moves(results: list[Any]) -> str:
+    """Count vertices, and say how many moved visibly, and how far."""
+    return pgettext_rpt(
+        "{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
+    ).format(
+        vertices=sum(len(result.positions) for result in results),
+        moved=sum(result.moved for result in results),
+        largest=max(result.largest_move for result in results),
+    )
+
+
+def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
+    """Say what was left as it is although it shapes what is seen.
+
+    Parameters
+    ----------
+    objects : list of bpy.types.Object
+    parameters : object
+        Has `output`, `custom_normals` and `mark_sharp`.
+    """
+    found = []
+    if any(obj.modifiers for obj in objects):
+        found.append(pgettext_rpt("Modifiers were left in place and act on the new shape."))
+    if parameters.custom_normals == "KEEP" and any(obj.data.has_custom_normals for obj in objects):
+        found.append(
+            pgettext_rpt(
+                "Custom normals were kept; choose Recompute or Clear if the shading looks wrong."
+            )
+        )
+    if parameters.mark_sharp and any(_is_flat(obj.data) for obj in objects):
+        found.append(pgettext_rpt("Sharp marks show on smooth faces only; use Shade Smooth."))
+    for obj in objects if parameters.output == "MESH" else []:
+        key = obj.active_shape_key
+        if key is not None and key.value == 0.0 and not _shows_key(obj, key):
+            text = pgettext_rpt(
+                "The value of the shape key {name} is 0; raise it to see the change."
+            )
+            found.append(text.format(name=key.name))
+    return " ".join(found)
+
+
+def _is_flat(mesh: bpy.types.Mesh) -> bool:
+    import numpy as np
+
+    flags = np.empty(len(mesh.polygons), dtype=bool)
+    mesh.polygons.foreach_get("use_smooth", flags)
+    return not flags.any()
+
+
+def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:
+    """Whether an object shows its active shape key whatever its value is."""
+    keys = obj.data.shape_keys
+    alone = obj.show_only_shape_key or obj.mode == "EDIT"
+    return key == keys.reference_key or not keys.use_relative or alone

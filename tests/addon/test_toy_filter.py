@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A new filter costs a settings class, two rows and a module: nothing else has to know it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import shock_filter
+from PIL import Image
+
+ROOT = Path(shock_filter.__file__).parent
+
+SETTINGS = '''
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class InvertSettings(_Settings):
+    """Settings of the toy."""
+
+    time: float = _setting(0.0, "Nothing", unit="seconds", minimum=0.0, maximum=9.0, soft_maximum=9)
+    strength: float = _setting(1.0, "How much. 0 changes nothing", minimum=0.0, maximum=1.0,
+                               soft_minimum=0.0, soft_maximum=1.0)
+    alpha: str = _alpha()
+'''
+
+MODULE = """
+import numpy as np
+
+from ..base.progress import reporting
+
+
+def invert_vertex_signal(mesh, signal, settings=None, mask=None, progress=None):
+    with reporting(progress):
+        signal = np.asarray(signal)
+        white = 255 if signal.dtype == np.uint8 else 1
+        return (signal + settings.strength * (white - 2.0 * signal)).astype(signal.dtype)
+
+
+def invert_corner_signal(mesh, signal, settings=None, mask=None, progress=None):
+    return invert_vertex_signal(mesh, signal, settings, mask, progress)
+
+
+def invert_image(image, settings=None, mask=None, progress=None):
+    colors = image[..., :3]
+    inverted = np.array(image)
+    inverted[..., :3] = invert_vertex_signal(None, colors, settings, mask, progress)
+    return inverted
+"""
+
+FILTERS = """
+FILTERS += (
+    Filter("invert_vertex_signal", "filters.inverting", _settings.InvertSettings, COLORS,
+           "invert-colors", "invert the vertex colors of meshes", corners="invert_corner_signal"),
+    Filter("invert_image", "filters.inverting", _settings.InvertSettings, IMAGE,
+           "invert-image", "invert images"),
+)
+"""
+
+MODES = """
+_TWICE = (Preset("Half", "For gray", {"strength": 0.5}), Preset("None", "For fun", {"strength": 0}))
+MODES += [
+    Mode("invert", "Invert", "Turn colors around", "invert_colors", "Invert Colors",
+         "Turn colors around", (Target("invert_vertex_signal"),), "Inverted", "inverting",
+         second="strength", presets=_TWICE),
+    Mode("invert_image", "Invert", "", "invert_image", "Invert Image", "Turn an image around",
+         (Target("invert_image"),), "Inverted", "inverting", second="strength", presets=_TWICE),
+]
+"""
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    """A copy of the package with the toy: a new module and three additions."""
+    root = tmp_path_factory.mktemp("tree") / "shock_filter"
+    root.mkdir()
+    shutil.copy(ROOT / "__init__.py", root)
+    for name in ("core", "shock_addon"):
+        shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (root / "core" / "filters" / "inverting.py").write_text(MODULE)
+    for path, words in (
+        ("core/settings.py", SETTINGS),
+        ("core/registry.py", FILTERS),
+        ("shock_addon/modes.py", MODES),
+    ):
+        with open(root / path, "a") as file:
+            file.write(words)
+    return root
+
+
+def run(tree, code, *arguments):
+    environment = {**os.environ, "PYTHONPATH": str(tree.parent)}
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        env=environment,
+        cwd=tree.parent,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+IN_BLENDER = """
+import json, sys
+from types import SimpleNamespace
+import bpy, numpy as np
+import shock_filter
+bpy.ops.wm.read_homefile(use_empty=True)
+shock_filter.register()
+from shock_filter import core
+from shock_filter.shock_addon.ui import manual, menus
+from shock_filter.shock_addon.preview import previewing, operator as preview_operator
+from shock_filter.shock_addon.modes import find
+
+bpy.ops.mesh.primitive_grid_add(x_subdivisions=3, y_subdivisions=3)
+mesh = bpy.context.object.data
+paint = mesh.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+mesh.color_attributes.active_color = paint
+for point in paint.data:
+    point.color = (0.25, 0.5, 1.0, 0.5)
+ran = [list(bpy.ops.shock_filter.invert_colors())]
+image = bpy.data.images.new("Plain", 4, 4, float_buffer=True)
+image.pixels.foreach_set(np.tile(np.float32([0.25, 0.25, 0.25, 1]), 16))
+ran.append(list(bpy.ops.shock_filter.invert_image(image="Plain", output="REPLACE")))
+scene = bpy.context.scene.shock_filter
+scene.mode = "INVERT"
+preset = list(bpy.ops.shock_filter.use_preset(mode="invert", name="Half"))
+parameters = previewing.parameters_of(bpy.context, find("invert"))
+stage = SimpleNamespace(note="", settings=lambda s: s, end=lambda: None, shown=[],
+                        part=lambda s: (None, None))
+preview = previewing.Preview(find("invert"), parameters, stage)
+preview.roll(2)
+links = manual.entries()
+sys.path.insert(0, sys.argv[1])
+import test_panels
+drawn = test_panels.draw(test_panels.panels.SHOCK_FILTER_PT_main)
+print(json.dumps({
+    "drawn": [test_panels.words(drawn, kind) for kind in ("prop", "operator")],
+    "public": sorted(set(core.__all__) & {"invert_image", "invert_vertex_signal",
+                                          "invert_corner_signal", "InvertSettings"}),
+    "ran": ran,
+    "color": list(paint.data[0].color),
+    "pixel": list(image.pixels[:4]),
+    "choices": [scene.bl_rna.properties[name].enum_items[-1].name
+                for name in ("mode", "image_mode")],
+    "strength": scene.invert.strength,
+    "preset": preset,
+    "labels": [getattr(bpy.ops.shock_filter, name).get_rna_type().name
+               for name in ("invert_colors", "invert_image", "invert_preset_add")],
+    "text": preview.text(),
+    "links": [links["bpy.ops.shock_filter.invert_image"],
+              links["bpy.types.shock_filter_pg_invert.strength"]],
+}))
+shock_filter.unregister()
+"""
+
+
+@pytest.fixture(scope="module")
+def found(tree):
+    return json.loads(run(tree, IN_BLENDER, Path(__file__).parent).splitlines()[-1])
+
+
+def test_the_core_gives_its_names(found):
+    names = ["InvertSettings", "invert_corner_signal", "invert_image", "invert_vertex_signal"]
+    assert found["public"] == names
+
+
+def test_its_operators_are_found_by_their_labels_and_invert(found):
+    assert found["labels"] == ["Invert Colors", "Invert Image", "Add Invert Preset"]
+    assert found["ran"] == [["FINISHED"], ["FINISHED"]]
+    assert found["color"] == pytest.approx([0.75, 0.5, 0.0, 0.5], abs=1e-6)
+    assert found["pixel"] == pytest.approx([0.75, 0.75, 0.75, 1.0], abs=1e-6)
+
+
+def test_the_panels_offer_it_with_settings_and_presets(found):
+    assert found["choices"] == ["Invert", "Invert"]
+    assert found["preset"] == ["FINISHED"]
+    assert found["strength"] == 0.5
+
+
+def test_the_preview_has_its_dials(found):
+    assert found["text"] == "Time 0 (move mouse) | Strength 0.6 (wheel)"
+
+
+def test_the_manual_has_its_place(found):
+    assert found["links"] == ["inverting", "inverting#strength"]
+
+
+def test_the_panel_draws_its_settings_and_button(found):
+    properties, operators = found["drawn"]
+    assert properties == ["time", "strength"]
+    assert ["shock_filter.invert_colors"] in operators
+
+
+OUTSIDE = """
+import sys
+from shock_filter.core import cli
+sys.exit(cli.main(sys.argv[1:]))
+"""
+
+IN_BATCH = """
+import sys
+import bpy, shock_filter
+bpy.ops.wm.read_homefile(use_empty=True)
+shock_filter.register()
+from shock_filter.shock_addon.commands import command_line
+code = command_line.run(sys.argv[1:], "blender")
+shock_filter.unregister()
+sys.exit(code)
+"""
+
+
+@pytest.mark.parametrize("code", [OUTSIDE, IN_BATCH], ids=["shock-filter", "Blender"])
+def test_the_command_lines_run_it(tree, tmp_path, code):
+    Image.new("RGB", (4, 4), (0, 51, 255)).save(tmp_path / "in.png")
+    said = run(tree, code, "invert-image", tmp_path / "in.png", tmp_path / "out.png")
+    assert "changed 16 of 16 pixels" in said
+    assert Image.open(tmp_path / "out.png").getpixel((0, 0))[:3] == (255, 204, 0)

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The core is for everyone: nothing in it may want Blender."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from shock_filter import core
+
+IMPORT_ALL = """
+import importlib, json, pkgutil, sys
+for name in ("bpy", "mathutils", "gpu", "bmesh", "blf", "addon_utils", "bl_ext"):
+    sys.modules[name] = None  # importing it fails
+from shock_filter import core
+names = [each.name for each in pkgutil.walk_packages(core.__path__, core.__name__ + ".")]
+for name in names:
+    importlib.import_module(name)
+print(json.dumps(names))
+"""
+
+
+def test_all_of_the_core_is_imported_without_blender():
+    done = subprocess.run([sys.executable, "-c", IMPORT_ALL], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    names = json.loads(done.stdout)
+    root = Path(core.__file__).parent
+    modules = {path.relative_to(root).with_suffix("").parts for path in root.rglob("*.py")}
+    expected = {".".join(p for p in parts if p != "__init__") for parts in modules} - {""}
+    assert {name.removeprefix(f"{core.__name__}.") for name in names} == expected
+
+
+IMPORT_DATA = """
+import importlib, pkgutil, sys
+for name in ("numba", "scipy"):
+    sys.modules[name] = None
+from shock_filter.core.host import (crop, dials, edge_marks, inputs, mosaic, patch, recolored,
+                                    screen_colors, strokes)
+"""
+
+
+def test_what_a_host_reads_and_shows_needs_no_kernels():
+    done = subprocess.run([sys.executable, "-c", IMPORT_DATA], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
