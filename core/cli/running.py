@@ -31,8 +31,6 @@ def run_all(
     options: argparse.Namespace,
 ) -> int:
     """Filter each input into its output; returns the exit code."""
-    if not hasattr(backend, "filter"):  # transition
-        backend.filter = backend.sharpen  # type: ignore  # transition
     failed = False
     with _Interrupt() as interrupt:
         for source, target in pairs:
