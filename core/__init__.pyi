@@ -51,6 +51,8 @@ from .flow.potential import (
 )
 from .mesh.triangle_mesh import (
     TriangleMesh,
+)
+from .mesh.weld import (
     weld,
     weld_borders,
 )

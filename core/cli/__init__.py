@@ -30,12 +30,6 @@ __all__ = [
     "main",
 ]
 
-DENOISE_GEOMETRY, DENOISE_COLORS, DENOISE_IMAGE = COMMANDS[:3]  # transition
-GEOMETRY, COLORS, IMAGE, TEXTURE, DILATE = COMMANDS[3:8]  # transition
-ON_GEOMETRY = (GEOMETRY, DENOISE_GEOMETRY)  # transition
-ON_COLORS = (COLORS, DENOISE_COLORS)  # transition
-ON_IMAGES = (IMAGE, DENOISE_IMAGE)  # transition
-
 
 def main(arguments: Sequence[str] | None = None, backend: Backend | None = None) -> int:
     """Run the command line.

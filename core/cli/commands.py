@@ -35,10 +35,6 @@ class Command(NamedTuple):
     about: str
     filter: Filter | None = None
 
-    @property  # transition
-    def on_mesh(self) -> bool:  # transition
-        return self.kind.on_mesh  # transition
-
     @property
     def settings(self) -> type | None:
         """The filter's settings class."""

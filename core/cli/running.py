@@ -55,8 +55,7 @@ def _run_one(
     try:
         check_target(target, options.overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
-        run = getattr(backend, "filter", None) or backend.sharpen  # type: ignore[attr-defined]  # transition
-        outcome = run(options.command, source, target, settings, options, bar)
+        outcome = backend.filter(options.command, source, target, settings, options, bar)
     except (ShockError, OSError, KeyboardInterrupt) as error:
         bar.clear()
         if interrupt.asked:

@@ -16,7 +16,8 @@ import numpy as np
 
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidMesh, InvalidSignal, ShockError
-from ..mesh.triangle_mesh import TriangleMesh, weld
+from ..mesh.triangle_mesh import TriangleMesh
+from ..mesh.weld import weld
 from .document import Bools, Document, Floats, Ints, TexturedDocument
 from .formats.gltf import GltfFile
 from .formats.obj import ObjFile

@@ -12,7 +12,8 @@ import numpy as np
 from ..atlas import TextureAtlas
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSettings, InvalidUV, ShockError
-from ..mesh.triangle_mesh import TriangleMesh, weld_borders
+from ..mesh.triangle_mesh import TriangleMesh
+from ..mesh.weld import weld_borders
 from .document import Floats
 from .images import Pixels, filter_image_file, image_size, read_mask, write_image_file
 from .meshes import IN_PLACE, check_mesh_file, read_document

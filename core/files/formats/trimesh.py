@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...mesh.triangle_mesh import weld
+from ...mesh.weld import weld
 from ..document import NO_FACES, NO_PARTS, NO_VERTICES, Bools, Floats, transformed
 from ..reading import needed
 
