@@ -12,7 +12,7 @@ from ..base.parallel import kernel, run
 from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from ..grid.channels import Channels
 from ..grid.sample import add_value
-from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk
+from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
 from .atlas import TextureAtlas
 from .sheet import NOTHING
 from .walk import MOST_SEAMS, walk_across_seams
@@ -73,6 +73,7 @@ def _advect(
     nearest, normals, out, unfinished,
 ):  # fmt: skip
     nodes, cells = sheet.nodes, sheet.cells
+    potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
     total = np.empty(values.shape[2])
     sample = np.empty(values.shape[2])
     b = np.empty(3)
@@ -88,9 +89,10 @@ def _advect(
                 row, column, down, across = begin(y, x, corner)
                 if cells[row, column] == NOTHING:
                     continue
-                row, column, down, across, left, vy, vx, ending = walk(
-                    field, time, most_steps, row, column, down, across
-                )
+                row, column, down, across, left, vy, vx, ending = walk_cells(
+                    potential, vectors, cells, inverse_metrics, time, most_steps, row, column,
+                    down, across,
+                )  # fmt: skip
                 crosses = ending != ENDED and ending != UNFINISHED
                 if crosses:
                     row, column, down, across, ending = walk_across_seams(

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ..base.checks import BAND
 from ..base.parallel import blocks, kernel
 from ..errors import InvalidSignal
-from ..grid.walk import ENDED, UNFINISHED, Field, turns_back, velocity, walk
+from ..grid.walk import ENDED, UNFINISHED, Field, cell_velocity, ends_at_turn, walk_cells
 from .atlas import TextureAtlas
 from .ghosts import place_beyond
 from .metric import apply
@@ -111,7 +111,7 @@ def walk_across_seams(
     field, sheet, metric, left, most_steps, most_seams, row, column, down, across, vy, vx, ending,
     b, turn, step_turn,
 ):  # fmt: skip
-    """Go on where `walk` left its chart, over as many seams as it takes.
+    """Go on where `walk_cells` left its chart, over as many seams as it takes.
 
     Where both sides of a seam flow into it, a walk of the shock filter ends; one along a given
     field goes to and fro within a texel, and so along the seam, while time is left.
@@ -122,7 +122,7 @@ def walk_across_seams(
     sheet : Sheet
     metric : AtlasMetric
     left, row, column, down, across, vy, vx, ending
-        What `walk` returned.
+        What `walk_cells` returned.
     most_steps, most_seams : int
         Cells that may be crossed in a row inside a chart, and seams in all.
     turn : (2, 2) float64
@@ -137,6 +137,7 @@ def walk_across_seams(
     ending : int
         `ENDED` or `UNFINISHED`.
     """
+    potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
     turn[0, 0] = turn[1, 1] = 1.0
     turn[0, 1] = turn[1, 0] = 0.0
     for _ in range(most_seams):
@@ -156,12 +157,15 @@ def walk_across_seams(
         column = int(x)
         down = y - row
         across = x - column
-        _, _, p, q = velocity(field, row, column, False)
-        if turns_back(field, vy, vx, p, q):
-            return row, column, down, across, ENDED
-        row, column, down, across, left, vy, vx, ending = walk(
-            field, left, most_steps, row, column, down, across
+        _, _, p, q = cell_velocity(
+            potential, vectors, sheet.cells, inverse_metrics, row, column, False
         )
+        if ends_at_turn(vectors, vy, vx, p, q):
+            return row, column, down, across, ENDED
+        row, column, down, across, left, vy, vx, ending = walk_cells(
+            potential, vectors, sheet.cells, inverse_metrics, left, most_steps, row, column, down,
+            across,
+        )  # fmt: skip
         if ending == ENDED or ending == UNFINISHED:
             return row, column, down, across, ending
     return row, column, down, across, UNFINISHED

@@ -432,6 +432,26 @@ def test_cancelling_and_progress():
             core.sharpen_texture(mesh, blocks.uv, texture, progress=lambda f, m, s=stop: f < s)
 
 
+def test_the_bar_of_a_hosts_texture_does_not_jump():
+    from shock_filter.core.host.picture import Picture
+    from shock_filter.core.host.textured import TexturedFaces, TexturedSurface
+    from shock_filter.core.host.textures import sharpen_texture
+
+    blocks = Blocks(photo(64))
+    pixels = np.ones((blocks.width, blocks.width, 4), dtype=np.float32)
+    pixels[..., :3] = blocks.texture(0)
+    faces = TexturedFaces(blocks.vertices, blocks.faces, blocks.uv, None)
+    surface = TexturedSurface(faces, Picture(pixels, "STRAIGHT", False, 0), None)
+    told = []
+    sharpen_texture(surface, core.TextureSettings(), lambda f, m: told.append((f, m)) or True)
+    first = {message: fraction for fraction, message in reversed(told)}
+    assert first["Finding charts"] < 0.05
+    assert 0.25 < first["Computing the flow"] < 0.6
+    assert 0.4 < first["Tracing flow-lines"] < 0.9
+    assert first["Filling the gutter"] > 0.8
+    assert told[-1][0] == 1.0
+
+
 def test_bad_images_and_atlases_are_named():
     mesh, uv = flat_square()
     image = photo(32)
