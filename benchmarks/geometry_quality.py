@@ -13,7 +13,6 @@ import numpy as np
 import peers
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.base.parallel import Progress
 from shock_filter.core.flow.potential import flow_potential
 from shock_filter.core.mesh.calculus import average_to_vertices, smooth_vertices
 
@@ -79,7 +78,7 @@ def bending(data: Path | None, cases: list[Case]) -> list[list[float]]:
 
     def median(mesh: core.TriangleMesh) -> float:
         signal = average_to_vertices(mesh, mesh.normals)
-        return float(np.median(np.sqrt(flow_potential(mesh, signal, 1, Progress(None)))))
+        return float(np.median(np.sqrt(flow_potential(mesh, signal, 1))))
 
     return [[median(mesh) for mesh in case_meshes(data, case)] for case in cases]
 

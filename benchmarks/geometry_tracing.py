@@ -10,7 +10,6 @@ import common
 import numpy as np
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.base.parallel import Progress
 from shock_filter.core.flow.potential import flow_potential
 from shock_filter.core.flow.trace import PAPER_STEP, trace_faces
 from shock_filter.core.mesh.calculus import average_to_vertices
@@ -28,7 +27,7 @@ def walked(
     name, level = ("bunny.obj", 0) if data else (common.CREASED_SPHERE, 6)
     mesh = core.TriangleMesh(*common.load_mesh(data, name, level))
     signal = average_to_vertices(mesh, mesh.normals)
-    potential = flow_potential(mesh, signal, 1, Progress(None))
+    potential = flow_potential(mesh, signal, 1)
     seeds = end_points(mesh, *trace_faces(mesh, potential, 0.0))
     trace_faces(mesh, potential, 1.0, step=PAPER_STEP)  # compiles
 

@@ -22,11 +22,20 @@ import common
 import numpy as np
 from report import Page, Target, table, targets
 from shock_filter import core
-from shock_filter.core.host import colors as coloring
-from shock_filter.core.host import denoising, images
-from shock_filter.core.host import geometry as sharpening
-from shock_filter.core.host import textures as texturing
-from shock_filter.core.host.inputs import HostImage
+from shock_filter.core.host.inputs import (
+    ColoredSurface,
+    Denoising,
+    HostImage,
+    MirroredSurface,
+    TexturedFaces,
+    TexturedSurface,
+)
+from shock_filter.core.host.registered import (
+    filter_colors,
+    filter_image,
+    filter_shape,
+    filter_texture,
+)
 from shock_filter.core.host.welding import forget
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings
 
@@ -107,52 +116,62 @@ def runs(count: int, size: int) -> dict[str, Work]:
     geometry, light = core.GeometrySettings(), BeltramiGeometrySettings()
 
     def shape(at, faces, weights=None, mirror=free):
-        return sharpening.MirroredSurface(at, faces, weights, identity, mirror, ())
+        return MirroredSurface(at, faces, weights, identity, mirror, ())
 
     def painted(values, at_corners):
-        return coloring.ColoredSurface(
-            positions, triangles, None, identity, values, at_corners, None, 255
-        )
+        return ColoredSurface(positions, triangles, None, identity, values, at_corners, None, 255)
 
     side = int(count**0.5)
     uv = (positions[triangles][..., :2].astype(np.float64) + 1) / 2
-    faces = texturing.TexturedFaces(
-        positions.astype(np.float64), triangles.astype(np.int64), uv, None
-    )
+    faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
     y, x = np.mgrid[:size, :size]
     pixels = np.ones((size, size, 4), np.float32)
     pixels[..., 0] = 0.5 + 0.5 * np.tanh(np.sin(x / 40.0) + np.sin(y / 50.0))
     photo = HostImage(pixels, "STRAIGHT", False, 255)
-    textured = texturing.TexturedSurface(faces, photo, None)
-    denoise = denoising.Denoising(light, 16.0)
+    textured = TexturedSurface(faces, photo, None)
+    denoise = Denoising(light, 16.0)
     return {
-        "geometry": lambda p: sharpening.sharpen(shape(positions, triangles), geometry, True, p),
-        "geometry, vertices in random order": lambda p: sharpening.sharpen(
-            shape(*shuffled), geometry, True, p
+        "geometry": lambda p: filter_shape(
+            shape(positions, triangles), "sharpen_geometry", geometry, True, p
         ),
-        "geometry, mask and mirror": lambda p: sharpening.sharpen(
-            shape(positions, triangles, mask, (True, True, False)), geometry, True, p
+        "geometry, vertices in random order": lambda p: filter_shape(
+            shape(*shuffled), "sharpen_geometry", geometry, True, p
         ),
-        "geometry, radius of 30 edges": lambda p: sharpening.sharpen(
-            shape(positions, triangles), core.GeometrySettings(screening_radius=30.0), True, p
+        "geometry, mask and mirror": lambda p: filter_shape(
+            shape(positions, triangles, mask, (True, True, False)),
+            "sharpen_geometry",
+            geometry,
+            True,
+            p,
         ),
-        "colors of vertices": lambda p: coloring.sharpen_colors(
-            painted(colors, None), core.ShockSettings(), True, p
+        "geometry, radius of 30 edges": lambda p: filter_shape(
+            shape(positions, triangles),
+            "sharpen_geometry",
+            core.GeometrySettings(screening_radius=30.0),
+            True,
+            p,
         ),
-        "colors of corners": lambda p: coloring.sharpen_colors(
-            painted(colors[triangles].reshape(-1, 3), corners), core.ShockSettings(), True, p
+        "colors of vertices": lambda p: filter_colors(
+            painted(colors, None), "sharpen_vertex_signal", core.ShockSettings(), True, p
         ),
-        "denoising geometry": lambda p: denoising.denoise_shape(
-            shape(positions, triangles), denoise, True, p
+        "colors of corners": lambda p: filter_colors(
+            painted(colors[triangles].reshape(-1, 3), corners),
+            "sharpen_vertex_signal",
+            core.ShockSettings(),
+            True,
+            p,
         ),
-        f"texture, {size} pixels across, {side**2 // 1000} K vertices": lambda p: (
-            texturing.sharpen_texture(textured, core.TextureSettings(), p)
+        "denoising geometry": lambda p: filter_shape(
+            shape(positions, triangles), "beltrami_mesh", denoise, True, p
         ),
-        f"image, {size} pixels across": lambda p: images.sharpen_pixels(
-            photo, core.ImageSettings(), p
+        f"texture, {size} pixels across, {side**2 // 1000} K vertices": lambda p: filter_texture(
+            textured, "sharpen_texture", core.TextureSettings(), p
         ),
-        f"denoising an image, {size} pixels across": lambda p: denoising.denoise_picture(
-            photo, denoising.Denoising(BeltramiSettings(), None), p
+        f"image, {size} pixels across": lambda p: filter_image(
+            photo, "sharpen_image", core.ImageSettings(), p
+        ),
+        f"denoising an image, {size} pixels across": lambda p: filter_image(
+            photo, "beltrami_image", Denoising(BeltramiSettings(), None), p
         ),
     }
 

@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run
-from ..base.progress import ProgressCallback
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal, InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
+from .metric import measure_metric
 from .sheet import CLEARLY, NOTHING, ROWS, depth_within, lay_out, nearest_on_edge, span
-from .surface import measure_surface
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,15 @@ class UVReport:
         Faces with corners outside the image; there it repeats.
     degenerate : (k,) int
         Faces without area in the texture; flow-lines cross them, they show one line of texels.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = 1.5 + mesh.vertices[mesh.faces][..., :2]
+    >>> core.TextureAtlas(mesh, uv, 8, 8).report.sentences()
+    ['2 faces leave the image, which repeats there.']
     """
 
     charts: int
@@ -105,11 +114,13 @@ class TextureAtlas:
     ----------
     report : UVReport
         What is unusual about the coordinates.
+    charts : Charts
+        Which faces hang together in the texture.
     sheet : Sheet
         Where each texel lies, as each chart sees it.
-    surface : Surface
-        The faces' metrics.
-    sources : Sources
+    metric : AtlasMetric
+        The surface's metric in each face.
+    sources : GhostSources
         What charts see across seams.
     owners : (h, w) int32
         The node, counted along the sheet's rows, whose value each texel gets; -1: none.
@@ -129,6 +140,18 @@ class TextureAtlas:
     Paper B, section 3. The faces' own metric is used, constant in each. The sheet
     has as many nodes as the image has texels, and more where charts overlap or touch; each costs
     about 20 bytes.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = 0.25 + 0.5 * mesh.vertices[mesh.faces][..., :2]
+    >>> atlas = core.TextureAtlas(mesh, uv, 8, 8)
+    >>> atlas.texel_size
+    0.25
+    >>> atlas.bake(mesh.vertices[mesh.faces][..., 0])[4]
+    array([0.   , 0.   , 0.125, 0.375, 0.625, 0.875, 0.   , 0.   ])
     """
 
     def __init__(
@@ -137,7 +160,7 @@ class TextureAtlas:
         uv: npt.ArrayLike,
         height: int,
         width: int,
-        progress: Progress | ProgressCallback | None = None,
+        progress: ProgressCallback | None = None,
     ) -> None:
         if not (0 < height <= _LARGEST and 0 < width <= _LARGEST):
             raise InvalidUV(
@@ -148,38 +171,36 @@ class TextureAtlas:
             )
         self.mesh = mesh
         self.height, self.width = int(height), int(width)
-        phases = Progress.of(progress)
-        self.charts = find_charts(mesh, uv, self.height, self.width, phases.part(
-            0.0, 0.2, "Finding charts"))  # fmt: skip
-        phases.update(0.2)
-        self.sheet = lay_out(self.charts, self.height, self.width, phases.part(
-            0.2, 0.8, "Finding texels"))  # fmt: skip
-        self.surface = measure_surface(mesh, self.charts, self.sheet.points, phases.part(
-            0.8, 0.85, "Finding texels"))  # fmt: skip
-        self.sources = find_sources(self.sheet, self.surface, phases.part(
-            0.85, 0.95, "Finding texels"))  # fmt: skip
+        with reporting(progress):
+            self._analyse(uv)
+
+    def _analyse(self, uv: npt.ArrayLike) -> None:
+        with phase(0.0, 0.2, "Finding charts"):
+            self.charts = find_charts(self.mesh, uv, self.height, self.width)
+        with phase(0.2, 0.8, "Finding texels"):
+            self.sheet = lay_out(self.charts, self.height, self.width)
+        with phase(0.8, 0.85, "Finding texels"):
+            self.metric = measure_metric(self.mesh, self.charts, self.sheet.points)
+        with phase(0.85, 0.95, "Finding texels"):
+            self.sources = find_sources(self.sheet, self.metric)
         self.owners = np.empty((self.height, self.width), dtype=np.int32)
         overlapping = self.sheet.overlapping.copy()
-        place = self.sheet.nodes, self.charts.labels, self.sheet.shifts
-        run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS,
-            progress=phases.part(0.95, 1.0, "Finding texels"))  # fmt: skip
-        self.copies = _own_elsewhere(*place, self.sheet.points, self.owners, overlapping)
-        _own_ghosts(*place, self.sheet.ghosts, self.sheet.ghost_edges, self.sources.cells,
-                    self.sheet.points, self.owners)  # fmt: skip
-        phases.update(1.0)
+        with phase(0.95, 1.0, "Finding texels"):
+            run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS)
+            self.copies = _own_elsewhere(self.charts, self.sheet, self.owners, overlapping)
+            _own_ghosts(self.charts, self.sheet, self.sources, self.owners)
         self.report = UVReport(
-            self.charts.count,
+            len(self.charts.boxes),
             np.flatnonzero(overlapping),
             np.flatnonzero(_mirrored(self.charts.areas)),
             np.flatnonzero(self.charts.outside),
             np.flatnonzero(degenerate_faces(self.charts)),
         )
-        phases.update(1.0)
 
     @property
     def texel_size(self) -> float:
         """Mean length of a texel on the surface, in the unit of the mesh."""
-        return self.surface.texel_size
+        return self.metric.texel_size
 
     @cached_property
     def inside(self) -> npt.NDArray[np.bool_]:
@@ -188,14 +209,10 @@ class TextureAtlas:
         run(_find_inside, self.height, self.sheet.nodes.reshape(-1), self.owners, found, chunk=ROWS)
         return found
 
-    def gather(
-        self, pixels: npt.NDArray, scale: float, progress: Progress = Progress(None)
-    ) -> npt.NDArray[np.float32]:
+    def gather(self, pixels: npt.NDArray, scale: float) -> npt.NDArray[np.float32]:
         """Bring an image (h, w, c) times `scale` into the sheet: (rows, columns, c)."""
         values = np.zeros((*self.sheet.nodes.shape, pixels.shape[2]), dtype=np.float32)
-        run(_gather, len(values), self.sheet.nodes, self.charts.labels, self.sheet.shifts,
-            self.sheet.ghost_edges, pixels, scale, values, chunk=ROWS,
-            progress=progress)  # fmt: skip
+        run(_gather, len(values), self.charts, self.sheet, pixels, scale, values, chunk=ROWS)
         return values
 
     def bake(self, values: npt.ArrayLike) -> Floats:
@@ -242,8 +259,7 @@ class TextureAtlas:
             np.full(shape, NOTHING, dtype=np.int32),
             np.zeros(shape, dtype=np.int32),
         )
-        _fill_masks(self.sheet.nodes, self.charts.labels, self.sheet.shifts,
-                    self.sheet.ghost_edges, cut, self.owners, masks.active, masks.boundary,
+        _fill_masks(self.charts, self.sheet, self.owners, cut, masks.active, masks.boundary,
                     masks.face, masks.chart, masks.count)  # fmt: skip
         return masks
 
@@ -256,14 +272,14 @@ def _mirrored(areas: Floats) -> npt.NDArray[np.bool_]:
 
 
 @kernel
-def _texel(nodes, labels, shifts, edges, y, x, height, width):
-    # The texel (row, column) of a node.
-    node = nodes[y, x]
-    face = node if node >= 0 else edges[-2 - node] // 3
+def _texel(charts, sheet, y, x, height, width):
+    # The texel (row, column) of a node, or (-1, -1) for a ghost of no edge.
+    node = sheet.nodes[y, x]
+    face = node if node >= 0 else sheet.ghost_edges[-2 - node] // 3
     if face < 0:
         return -1, -1
-    label = labels[face]
-    return (y - shifts[label, 0]) % height, (x - shifts[label, 1]) % width
+    label = charts.labels[face]
+    return (y - sheet.shifts[label, 0]) % height, (x - sheet.shifts[label, 1]) % width
 
 
 @kernel
@@ -283,19 +299,19 @@ def _own_within(start, stop, nodes, owners):
 
 
 @kernel
-def _own_elsewhere(nodes, labels, shifts, points, owners, overlapping):
+def _own_elsewhere(charts, sheet, owners, overlapping):
     # Nodes inside charts that lie on shelves or beyond the image's rim get what is left. Returns
     # those that get nothing, with the owner of their texel.
+    nodes, points = sheet.nodes, sheet.points
     height, width = owners.shape
     rows, columns = nodes.shape
-    none = np.empty(0, np.int32)
     copies = np.empty((1024, 2), np.int32)
     count = 0
     for y in range(rows):
         for x in range(columns):
             if nodes[y, x] < 0 or (1 <= y <= height and 1 <= x <= width):
                 continue
-            row, column = _texel(nodes, labels, shifts, none, y, x, height, width)
+            row, column = _texel(charts, sheet, y, x, height, width)
             owner = owners[row, column]
             if owner == NOTHING:
                 owners[row, column] = y * columns + x
@@ -320,16 +336,17 @@ def _own_elsewhere(nodes, labels, shifts, points, owners, overlapping):
 
 
 @kernel
-def _own_ghosts(nodes, labels, shifts, ghosts, edges, sources, points, owners):
+def _own_ghosts(charts, sheet, sources, owners):
     # Of several ghosts that have a source, the one nearest to its chart has the texel.
+    nodes, ghosts, edges, points = sheet.nodes, sheet.ghosts, sheet.ghost_edges, sheet.points
     height, width = owners.shape
     columns = nodes.shape[1]
     for ghost in range(ghosts.shape[0]):
-        if sources[ghost] < 0:
+        if sources.cells[ghost] < 0:
             continue
         y = ghosts[ghost] // columns
         x = ghosts[ghost] - y * columns
-        row, column = _texel(nodes, labels, shifts, edges, y, x, height, width)
+        row, column = _texel(charts, sheet, y, x, height, width)
         owner = owners[row, column]
         if owner != NOTHING:
             b = owner // columns
@@ -344,13 +361,14 @@ def _own_ghosts(nodes, labels, shifts, ghosts, edges, sources, points, owners):
 
 
 @kernel
-def _gather(start, stop, nodes, labels, shifts, edges, pixels, scale, values):
+def _gather(start, stop, charts, sheet, pixels, scale, values):
+    nodes = sheet.nodes
     height, width = pixels.shape[:2]
     for y in range(start, stop):
         for x in range(nodes.shape[1]):
             if nodes[y, x] == NOTHING:
                 continue
-            row, column = _texel(nodes, labels, shifts, edges, y, x, height, width)
+            row, column = _texel(charts, sheet, y, x, height, width)
             if row < 0:
                 continue
             for c in range(values.shape[2]):
@@ -407,16 +425,15 @@ def _mark_cut(borders, points, cut):
 
 
 @kernel
-def _fill_masks(
-    nodes, labels, shifts, edges, cut, owners, active, boundary, face, chart, count
-):  # fmt: skip
+def _fill_masks(charts, sheet, owners, cut, active, boundary, face, chart, count):
+    nodes = sheet.nodes
     height, width = owners.shape
     columns = nodes.shape[1]
     for y in range(nodes.shape[0]):
         for x in range(columns):
             if nodes[y, x] == NOTHING:
                 continue
-            row, column = _texel(nodes, labels, shifts, edges, y, x, height, width)
+            row, column = _texel(charts, sheet, y, x, height, width)
             if row < 0:
                 continue
             active[row, column] = True
@@ -426,4 +443,4 @@ def _fill_masks(
                 boundary[row, column] = True
             if nodes[y, x] >= 0 and owners[row, column] == y * columns + x:
                 face[row, column] = nodes[y, x]
-                chart[row, column] = labels[nodes[y, x]]
+                chart[row, column] = charts.labels[nodes[y, x]]

@@ -7,12 +7,13 @@ u = 0 is at column -1/2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run
+from ..base.parallel import kernel, run
+from ..base.progress import phase
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -24,8 +25,7 @@ _FLAT = 1e-9  # area in squared texels below which a face has no area in the tex
 _SLACK = 1e-6  # how far texture coordinates may leave the image unnoticed
 
 
-@dataclass(frozen=True)
-class Charts:
+class Charts(NamedTuple):
     """The faces in the texture, cut into charts.
 
     Attributes
@@ -52,19 +52,8 @@ class Charts:
     areas: Floats
     outside: npt.NDArray[np.bool_]
 
-    @property
-    def count(self) -> int:
-        """Number of charts."""
-        return len(self.boxes)
 
-
-def find_charts(
-    mesh: TriangleMesh,
-    uv: npt.ArrayLike,
-    height: int,
-    width: int,
-    progress: Progress | None = None,
-) -> Charts:
+def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) -> Charts:
     """Cut the faces of a mesh into charts.
 
     Neighbouring faces are in one chart if their corners meet in the texture and none is folded
@@ -76,17 +65,30 @@ def find_charts(
         If the coordinates do not fit the mesh, are not finite, have no area, or repeat the
         image more than `MOST_REPEATS` times.
     """
-    phase = progress or Progress(None)
     coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
-    phase.update(0.2)
     points = np.empty_like(coordinates)
     areas = np.empty(mesh.face_count)
     outside = np.empty(mesh.face_count, dtype=np.bool_)
-    run(_place_faces, mesh.face_count, coordinates, height, width, points, areas, outside,
-        progress=phase.part(0.2, 0.5, "Finding charts"))  # fmt: skip
-    repeats = np.abs(areas).sum() / (height * width)
+    with phase(0.2, 0.5, "Finding charts"):
+        run(_place_faces, mesh.face_count, coordinates, height, width, points, areas, outside)
+    _check_areas(areas, height * width)
+    seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
+    with phase(0.5, 0.8, "Finding charts"):
+        run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
+    labels = np.full(mesh.face_count, -1, dtype=np.int32)
+    boxes = np.empty((_label(mesh.twins, seams, labels), 2, 2))
+    with phase(0.9, 1.0, "Finding charts"):
+        _measure_boxes(points, labels, boxes)
+        tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
+        boxes -= tiles[:, None]
+        run(shift_charts, mesh.face_count, points, labels, -tiles, points)
+    return Charts(points, labels, boxes, np.flatnonzero(seams).astype(np.int32), areas, outside)
+
+
+def _check_areas(areas: Floats, texels: int) -> None:
     if not (np.abs(areas) > _FLAT).any():
         raise InvalidUV("All faces have zero area in the texture; unwrap the mesh first.")
+    repeats = np.abs(areas).sum() / texels
     if repeats > MOST_REPEATS:
         raise InvalidUV(
             "The faces cover the image {repeats:.0f} times, at most {most:.0f} are possible; unwrap"
@@ -94,22 +96,6 @@ def find_charts(
             repeats=repeats,
             most=MOST_REPEATS,
         )
-    labels = np.full(mesh.face_count, -1, dtype=np.int32)
-    seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
-    run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams,
-        progress=phase.part(0.5, 0.8, "Finding charts"))  # fmt: skip
-    count = _label(mesh.twins, seams, labels)
-    phase.update(0.8)
-    boxes = np.empty((count, 2, 2))
-    boxes[:, 0] = np.inf
-    boxes[:, 1] = -np.inf
-    _measure_boxes(points, labels, boxes)
-    tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
-    boxes -= tiles[:, None]
-    run(shift_charts, mesh.face_count, points, labels, -tiles, points,
-        progress=phase.part(0.9, 1.0, "Finding charts"))  # fmt: skip
-    borders = np.flatnonzero(seams).astype(np.int32)
-    return Charts(points, labels, boxes, borders, areas, outside)
 
 
 def degenerate_faces(charts: Charts) -> npt.NDArray[np.bool_]:
@@ -221,6 +207,8 @@ def _label(twins, seams, labels):
 
 @kernel
 def _measure_boxes(points, labels, boxes):
+    boxes[:, 0] = np.inf
+    boxes[:, 1] = -np.inf
     for f in range(labels.shape[0]):
         box = boxes[labels[f]]
         for k in range(3):

@@ -8,23 +8,22 @@ other ghosts again: a few rounds settle them, the first one without them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run
+from ..base.parallel import kernel, run
 from ..mesh.triangle_mesh import Ints
+from .metric import AtlasMetric, apply, exponential_map
 from .sheet import NOTHING, Sheet, nearest_on_edge
-from .surface import Surface, carry
 
 _ROUNDS = 3
 _MOST_TEXELS = 4.0  # a texel beyond a seam is not farther away than so many texels there
 
 
-@dataclass(frozen=True)
-class Sources:
-    """Where values outside of charts come from.
+class GhostSources(NamedTuple):
+    """Where the values of ghosts come from.
 
     Attributes
     ----------
@@ -41,22 +40,20 @@ class Sources:
     turns: npt.NDArray[np.float32]
 
 
-def find_sources(sheet: Sheet, surface: Surface, progress: Progress = Progress(None)) -> Sources:
+def find_sources(sheet: Sheet, metric: AtlasMetric) -> GhostSources:
     """Find the sources of a sheet's ghosts; cells at ghosts without one are taken out."""
     count = len(sheet.ghosts)
     rows, columns = np.divmod(sheet.ghosts.astype(np.int64), sheet.nodes.shape[1])
     places = np.stack([rows, columns], axis=1).astype(np.float64)
-    sources = Sources(
+    sources = GhostSources(
         np.full(count, -1, dtype=np.int32),
         np.zeros((count, 2), dtype=np.float32),
         np.zeros((count, 2, 2), dtype=np.float32),
     )
-    run(_find, count, places, sheet.ghost_edges, surface.points, surface.twins, surface.shapes,
-        surface.to_frame, sheet.cells, sources.cells, sources.places, sources.turns,
-        progress=progress)  # fmt: skip
+    run(_find, count, places, sheet, metric, sources)
     # Those that read nothing but one another would keep what the image holds beside the charts.
     values = np.zeros((*sheet.nodes.shape, 1), dtype=np.float32)
-    known = fill_ghosts(sheet, sources, values, progress)
+    known = fill_ghosts(sheet, sources, values)
     sources.cells[~known] = -1
     _close_cells(sheet.ghosts[sources.cells < 0], sheet.cells)
     return sources
@@ -64,9 +61,8 @@ def find_sources(sheet: Sheet, surface: Surface, progress: Progress = Progress(N
 
 def fill_ghosts(
     sheet: Sheet,
-    sources: Sources,
+    sources: GhostSources,
     values: npt.NDArray[np.float32],
-    progress: Progress = Progress(None),
     alpha: int = -1,
     directions: float | None = None,
 ) -> npt.NDArray[np.bool_]:
@@ -76,7 +72,6 @@ def fill_ghosts(
     ----------
     values : (rows, columns, c) float32
         Values of the nodes.
-    progress : Progress
     alpha : int
         The channel that is opacity: other channels count as much as it says. -1: none.
     directions : float, optional
@@ -89,42 +84,52 @@ def fill_ghosts(
     """
     flat = values.reshape(-1, values.shape[-1])
     found = np.empty((len(sheet.ghosts), values.shape[-1]), dtype=np.float32)
-    nodes = sheet.nodes.reshape(-1)
     turning = directions is not None
     centre = np.float32(directions or 0.0)
     known = np.zeros(len(sheet.ghosts), dtype=np.bool_)
     for _ in range(_ROUNDS):
         known_next = np.zeros_like(known)
-        run(_read_ghosts, len(sheet.ghosts), nodes, sheet.nodes.shape[1], sources.cells,
-            sources.places, sources.turns, flat, alpha, turning, centre, known,
-            found, known_next, progress=progress)  # fmt: skip
+        run(_read_ghosts, len(sheet.ghosts), sheet.nodes, sources, flat, alpha, turning, centre,
+            known, found, known_next)  # fmt: skip
         known = known_next
         flat[sheet.ghosts[known]] = found[known]
     return known
 
 
 @kernel
-def _find(start, stop, places, edges, points, twins, shapes, to_frame, active, cells, found, turns):
+def _find(start, stop, places, sheet, metric, sources):
+    points, cells = sheet.points, sheet.cells
+    twins, shapes, jacobians = metric.twins, metric.shapes, metric.jacobians
     b = np.empty(3)
     for i in range(start, stop):
-        edge = edges[i]
+        edge = sheet.ghost_edges[i]
         if edge < 0:
             continue
-        y = places[i, 0]
-        x = places[i, 1]
-        face, row, column, _, _ = beyond(
-            points, twins, shapes, to_frame, edge, y, x, active, b, turns[i]
-        )
+        face, row, column, _, _ = place_beyond(
+            points, twins, shapes, jacobians, cells, edge, places[i, 0], places[i, 1], b,
+            sources.turns[i],
+        )  # fmt: skip
         if face < 0:
             continue
-        cells[i] = int(row) * active.shape[1] + int(column)
-        found[i, 0] = row - int(row)
-        found[i, 1] = column - int(column)
+        sources.cells[i] = int(row) * cells.shape[1] + int(column)
+        sources.places[i, 0] = row - int(row)
+        sources.places[i, 1] = column - int(column)
 
 
 @kernel
-def beyond(points, twins, shapes, to_frame, edge, y, x, active, b, turn):
+def place_beyond(points, twins, shapes, jacobians, cells, edge, y, x, b, turn):
     """Walk from a half-edge's nearest point to (y, x), on the surface beyond it.
+
+    Parameters
+    ----------
+    edge : int
+        A half-edge at which a chart ends.
+    y, x : float
+        A place in the sheet, outside of that chart.
+    b : (3,) float64
+        Scratch.
+    turn : (2, 2) float
+        What turns tangent-space normals from there to the half-edge's face; overwritten.
 
     Returns
     -------
@@ -133,7 +138,7 @@ def beyond(points, twins, shapes, to_frame, edge, y, x, active, b, turn):
     row, column : float
         The place in the sheet.
     cosine, sine : float
-        Turn between the frames of both faces.
+        Parallel transport from the half-edge's face to `face`.
     """
     share, _ = nearest_on_edge(points, edge, y, x)
     f = edge // 3
@@ -143,42 +148,41 @@ def beyond(points, twins, shapes, to_frame, edge, y, x, active, b, turn):
     ex = points[f, after, 1] - points[f, k, 1]
     dy = y - points[f, k, 0] - share * ey
     dx = x - points[f, k, 1] - share * ex
-    shorter = _shorter(twins, to_frame, edge, dy, dx)
+    shorter = _shorter(twins, jacobians, edge, dy, dx)
     dy *= shorter
     dx *= shorter
-    g, cosine, sine = carry(points, twins, shapes, to_frame, edge, share, dy, dx, b)
+    g, cosine, sine = exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b)
     if g < 0:
         return -1, 0.0, 0.0, 1.0, 0.0
     row = b[0] * points[g, 0, 0] + b[1] * points[g, 1, 0] + b[2] * points[g, 2, 0]
     column = b[0] * points[g, 0, 1] + b[1] * points[g, 1, 1] + b[2] * points[g, 2, 1]
-    if active[int(row), int(column)] == NOTHING:
+    if cells[int(row), int(column)] == NOTHING:
         return -1, 0.0, 0.0, 1.0, 0.0
-    turn_normals(to_frame, f, g, cosine, sine, turn)
+    _turn_normals(jacobians, f, g, cosine, sine, turn)
     return g, row, column, cosine, sine
 
 
 @kernel
-def _shorter(twins, to_frame, edge, dy, dx):
+def _shorter(twins, jacobians, edge, dy, dx):
     # What a step over a half-edge is to be multiplied by: where a texel here covers many beyond
     # the seam, such as next to slivers in the texture, it must not skip what lies at the seam.
     f = edge // 3
     g = twins[f, edge - 3 * f] // 3
     if g < 0:
         return 1.0
-    there = abs(to_frame[g, 0, 0] * to_frame[g, 1, 1] - to_frame[g, 0, 1] * to_frame[g, 1, 0])
-    u = to_frame[f, 0, 0] * dy + to_frame[f, 0, 1] * dx
-    v = to_frame[f, 1, 0] * dy + to_frame[f, 1, 1] * dx
+    there = abs(jacobians[g, 0, 0] * jacobians[g, 1, 1] - jacobians[g, 0, 1] * jacobians[g, 1, 0])
+    u, v = apply(jacobians, f, dy, dx)
     length = np.sqrt(u * u + v * v)
     most = _MOST_TEXELS * np.sqrt(there * (dy * dy + dx * dx))
     return most / length if 0 < most < length else 1.0
 
 
 @kernel
-def turn_normals(to_frame, f, g, cosine, sine, turn):
-    """What turns a tangent-space normal in face g to face f: overwrites `turn` (2, 2)."""
-    # Tangents point along columns. Carry that of f to g, and compare.
-    tx, ty = to_frame[f, 0, 1], to_frame[f, 1, 1]
-    sx, sy = to_frame[g, 0, 1], to_frame[g, 1, 1]
+def _turn_normals(jacobians, f, g, cosine, sine, turn):
+    # What turns a tangent-space normal in face g to face f. Tangents point along columns: that of
+    # f is taken to g by parallel transport, and compared.
+    tx, ty = jacobians[f, 0, 1], jacobians[f, 1, 1]
+    sx, sy = jacobians[g, 0, 1], jacobians[g, 1, 1]
     length = np.sqrt((tx * tx + ty * ty) * (sx * sx + sy * sy))
     if length == 0:
         turn[0, 0] = turn[1, 1] = 1.0
@@ -188,8 +192,8 @@ def turn_normals(to_frame, f, g, cosine, sine, turn):
     c = (tx * sx + ty * sy) / length
     s = (sx * ty - sy * tx) / length
     # The second axis points along rows, to the left of the first one unless mirrored.
-    one = 1.0 if _left(to_frame, f) else -1.0
-    two = 1.0 if _left(to_frame, g) else -1.0
+    one = 1.0 if _left(jacobians, f) else -1.0
+    two = 1.0 if _left(jacobians, g) else -1.0
     # To g: [[c, -s one], [two s, two c one]]; back is its transpose.
     turn[0, 0] = c
     turn[0, 1] = two * s
@@ -198,8 +202,8 @@ def turn_normals(to_frame, f, g, cosine, sine, turn):
 
 
 @kernel
-def _left(to_frame, f):
-    return to_frame[f, 0, 1] * to_frame[f, 1, 0] - to_frame[f, 1, 1] * to_frame[f, 0, 0] > 0
+def _left(jacobians, f):
+    return jacobians[f, 0, 1] * jacobians[f, 1, 0] - jacobians[f, 1, 1] * jacobians[f, 0, 0] > 0
 
 
 @kernel
@@ -216,21 +220,11 @@ def _close_cells(orphans, cells):
 
 @kernel
 def _read_ghosts(
-    start,
-    stop,
-    nodes,
-    columns,
-    cells,
-    places,
-    turns,
-    values,
-    alpha,
-    turning,
-    centre,
-    known,
-    found,
-    known_now,
+    start, stop, nodes, sources, values, alpha, turning, centre, known, found, known_now
 ):
+    columns = nodes.shape[1]
+    flat_nodes = nodes.reshape(-1)
+    cells, places, turns = sources
     channels = values.shape[1]
     for i in range(start, stop):
         cell = cells[i]
@@ -241,7 +235,7 @@ def _read_ghosts(
         opacity = 0.0
         for corner in range(4):
             node = cell + (corner >> 1) * columns + (corner & 1)
-            if nodes[node] < 0 and not known[-2 - nodes[node]]:
+            if flat_nodes[node] < 0 and not known[-2 - flat_nodes[node]]:
                 continue
             weight = places[i, 0] if corner >> 1 else 1.0 - places[i, 0]
             weight *= places[i, 1] if corner & 1 else 1.0 - places[i, 1]

@@ -3,19 +3,39 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
-from ..base.parallel import Progress, kernel, run, run_in_order
+from ..base.parallel import kernel, run, run_in_order
+from ..base.progress import phase
 from ..mesh.triangle_mesh import Ints
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
-from .ghosts import beyond
+from .ghosts import place_beyond
 from .sheet import NOTHING, ROWS, nearest_on_edge
 
 _LEAST = 1.5
 """Linear sampling reads texels this far from a chart."""
+
+
+class _Borders(NamedTuple):
+    # The half-edge of a chart's end nearest to each texel without an owner, -1 where none is in
+    # reach, and the squared distance: (h, w). And which faces' charts go on around the rim of the
+    # image, which repeats: (m,) bool.
+    edges: Ints
+    squares: npt.NDArray[np.float32]
+    around: npt.NDArray[np.bool_]
+
+
+class _Coding(NamedTuple):
+    # How values are kept in the image: `scale` is 1 of the sheet's, and `rounded` to whole numbers
+    # or not; or as colors of tangent-space normals, which turn across seams.
+    scale: float
+    rounded: bool
+    normals: bool
 
 
 def write_texels(
@@ -25,7 +45,6 @@ def write_texels(
     settings: DilateSettings,
     keep: npt.NDArray[np.bool_] | None,
     out: npt.NDArray,
-    progress: Progress = Progress(None),
     *,
     opacity: int = -1,
     normals: bool = False,
@@ -48,60 +67,41 @@ def write_texels(
     normals : bool
         The values are colors of tangent-space normals, which turn across seams.
     """
-    sheet, surface = atlas.sheet, atlas.surface
-    rounded = out.dtype.kind in "ui"
+    coding = _Coding(scale, out.dtype.kind in "ui", normals)
     inside = atlas.inside
-    kept = np.zeros((0, 0), dtype=np.bool_) if keep is None else keep & inside
-    run(_write_owned, atlas.height, atlas.owners, inside, values.reshape(-1, values.shape[2]),
-        scale, rounded, kept, opacity, out, chunk=ROWS,
-        progress=progress.part(0.0, 0.4, "Filling the gutter"))  # fmt: skip
+    kept = np.zeros(inside.shape, dtype=np.bool_) if keep is None else keep & inside
+    with phase(0.0, 0.4, "Filling the gutter"):
+        run(_write_owned, atlas.height, atlas.owners, inside, values.reshape(-1, values.shape[2]),
+            coding, kept, opacity, out, chunk=ROWS)  # fmt: skip
     filled = atlas.owners != NOTHING
     if not filled.all():
         radius = max(float(settings.gutter), _LEAST)
-        around = _leave_image(atlas)
-        edges, squares = _nearest_borders(
-            atlas, around, filled, radius, progress.part(0.4, 0.8, "Filling the gutter")
-        )
-        run(_write_gutter, atlas.height, edges, squares, filled, radius, atlas.charts.points,
-            around, atlas.charts.labels, sheet.shifts, sheet.nodes, sheet.cells,
-            atlas.sources.cells,
-            surface.points, surface.twins, surface.shapes, surface.to_frame, values, normals, scale,
-            rounded, out, chunk=ROWS,
-            progress=progress.part(0.8, 1.0, "Filling the gutter"))  # fmt: skip
+        with phase(0.4, 0.8, "Filling the gutter"):
+            borders = _nearest_borders(atlas, filled, radius)
+        with phase(0.8, 1.0, "Filling the gutter"):
+            run(_write_gutter, atlas.height, borders, filled, radius, atlas.charts, atlas.sheet,
+                atlas.metric, atlas.sources, values, coding, out, chunk=ROWS)  # fmt: skip
     if settings.background == "nearest" and filled.any() and not filled.all():
         rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
         out[~filled] = out[rows[~filled], columns[~filled]]
-    progress.update(1.0)
 
 
-def _leave_image(atlas: TextureAtlas) -> npt.NDArray[np.bool_]:
-    # Faces whose chart goes on around the rim of the image, which repeats.
-    boxes, rim = atlas.charts.boxes + 0.5, np.array([atlas.height, atlas.width])
+def _nearest_borders(atlas: TextureAtlas, filled: npt.NDArray[np.bool_], reach: float) -> _Borders:
+    charts = atlas.charts
+    boxes, rim = charts.boxes + 0.5, np.array([atlas.height, atlas.width])
     leaves = (boxes[:, 0] < -1e-6).any(axis=1) | (boxes[:, 1] > rim + 1e-6).any(axis=1)
-    return leaves[atlas.charts.labels]
-
-
-def _nearest_borders(
-    atlas: TextureAtlas,
-    around: npt.NDArray[np.bool_],
-    filled: npt.NDArray[np.bool_],
-    reach: float,
-    progress: Progress = Progress(None),
-) -> tuple[Ints, npt.NDArray[np.float32]]:
-    # The half-edge of a chart's end nearest to each texel that is not filled, -1 where none is
-    # in reach, and the squared distance.
-    points = atlas.charts.points
-    edges = np.full(filled.shape, -1, dtype=np.int32)
-    squares = np.full(filled.shape, np.inf, dtype=np.float32)
-    borders = atlas.charts.borders
-    run_in_order(_seed_borders, len(borders), borders, points, around, edges, squares,
-                 progress=progress.part(0.0, 0.2, "Filling the gutter"))  # fmt: skip
+    found = _Borders(
+        np.full(filled.shape, -1, dtype=np.int32),
+        np.full(filled.shape, np.inf, dtype=np.float32),
+        leaves[charts.labels],
+    )
+    with phase(0.0, 0.2, "Filling the gutter"):
+        run_in_order(_seed_borders, len(charts.borders), charts.borders, charts.points, found)
     for backwards in (False, True):
-        run_in_order(_spread_borders, len(filled), backwards, points, around, filled,
-                     (reach + 1.5) ** 2, edges, squares, chunk=ROWS,
-                     progress=progress.part(0.6 if backwards else 0.2, 1.0 if backwards else 0.6,
-                                            "Filling the gutter"))  # fmt: skip
-    return edges, squares
+        with phase(0.2 + 0.4 * backwards, 0.6 + 0.4 * backwards, "Filling the gutter"):
+            run_in_order(_spread_borders, len(filled), backwards, charts.points, filled,
+                         (reach + 1.5) ** 2, found, chunk=ROWS)  # fmt: skip
+    return found
 
 
 @kernel
@@ -119,17 +119,18 @@ def _beside(points, around, edge, y, x, height, width):
 
 
 @kernel
-def _offer(points, around, edge, y, x, edges, squares):
-    there, across = _beside(points, around, edge, y, x, squares.shape[0], squares.shape[1])
+def _offer(points, found, edge, y, x):
+    height, width = found.squares.shape
+    there, across = _beside(points, found.around, edge, y, x, height, width)
     _, square = nearest_on_edge(points, edge, there, across)
-    if square < squares[y, x]:
-        squares[y, x] = square
-        edges[y, x] = edge
+    if square < found.squares[y, x]:
+        found.squares[y, x] = square
+        found.edges[y, x] = edge
 
 
 @kernel
-def _seed_borders(start, stop, borders, points, around, edges, squares):
-    height, width = edges.shape
+def _seed_borders(start, stop, borders, points, found):
+    height, width = found.edges.shape
     for edge in borders[start:stop]:
         f = edge // 3
         k = edge - 3 * f
@@ -143,13 +144,14 @@ def _seed_borders(start, stop, borders, points, around, edges, squares):
             for dy in range(2):
                 for dx in range(2):
                     row, column = (y + dy) % height, (x + dx) % width
-                    if around[f] or (row == y + dy and column == x + dx):
-                        _offer(points, around, edge, row, column, edges, squares)
+                    if found.around[f] or (row == y + dy and column == x + dx):
+                        _offer(points, found, edge, row, column)
 
 
 @kernel
-def _spread_borders(start, stop, backwards, points, around, filled, most, edges, squares):
+def _spread_borders(start, stop, backwards, points, filled, most, found):
     # A sweep over the image, down or up; each texel is offered what its neighbours found.
+    edges, squares = found.edges, found.squares
     height, width = edges.shape
     for i in range(start, stop):
         y = height - 1 - i if backwards else i
@@ -160,20 +162,22 @@ def _spread_borders(start, stop, backwards, points, around, filled, most, edges,
                     continue
                 for side in range(max(x - 1, 0), min(x + 2, width)):
                     if squares[back, side] < most:
-                        _offer(points, around, edges[back, side], y, x, edges, squares)
+                        _offer(points, found, edges[back, side], y, x)
         for x in range(1, width):
             if not filled[y, x] and squares[y, x - 1] < most:
-                _offer(points, around, edges[y, x - 1], y, x, edges, squares)
+                _offer(points, found, edges[y, x - 1], y, x)
         for j in range(1, width):
             x = width - 1 - j
             if not filled[y, x] and squares[y, x + 1] < most:
-                _offer(points, around, edges[y, x + 1], y, x, edges, squares)
+                _offer(points, found, edges[y, x + 1], y, x)
 
 
 @kernel
-def _store(value, scale, rounded):
-    value *= scale
-    return np.floor(min(max(value, 0.0), scale) + 0.5) if rounded else value
+def _coded(value, coding):
+    value *= coding.scale
+    if coding.rounded:
+        return np.floor(min(max(value, 0.0), coding.scale) + 0.5)
+    return value
 
 
 @kernel
@@ -194,66 +198,86 @@ def unit_normals(start, stop, values):
 
 
 @kernel
-def _write_owned(start, stop, owners, inside, values, scale, rounded, kept, opacity, out):
+def _write_owned(start, stop, owners, inside, values, coding, kept, opacity, out):
     for y in range(start, stop):
         for x in range(owners.shape[1]):
             node = owners[y, x]
-            if node != NOTHING and not (kept.size > 0 and kept[y, x]):
+            if node != NOTHING and not kept[y, x]:
                 for c in range(out.shape[2]):
                     if c != opacity or not inside[y, x]:
-                        out[y, x, c] = _store(values[node, c], scale, rounded)
+                        out[y, x, c] = _coded(values[node, c], coding)
 
 
 @kernel
 def _write_gutter(
-    start, stop, edges, squares, filled, radius, places, around, labels, shifts, nodes, cells,
-    sources, points, twins, shapes, to_frame, values, normals, scale, rounded, out,
-):  # fmt: skip
+    start, stop, borders, filled, radius, charts, sheet, metric, sources, values, coding, out
+):
+    height, width = filled.shape
+    nodes, points, cells = sheet.nodes, sheet.points, sheet.cells
+    twins, shapes, jacobians = metric.twins, metric.shapes, metric.jacobians
     b = np.empty(3)
     turn = np.empty((2, 2))
     total = np.empty(out.shape[2])
     for y in range(start, stop):
-        for x in range(edges.shape[1]):
-            edge = edges[y, x]
-            if filled[y, x] or edge < 0 or squares[y, x] > radius * radius:
+        for x in range(width):
+            edge = borders.edges[y, x]
+            if filled[y, x] or edge < 0 or borders.squares[y, x] > radius * radius:
                 continue
-            f = edge // 3
-            k = edge - 3 * f
-            there, across = _beside(places, around, edge, y, x, edges.shape[0], edges.shape[1])
-            there += shifts[labels[f], 0]
-            across += shifts[labels[f], 1]
-            face, row, column, _, _ = beyond(
-                points, twins, shapes, to_frame, edge, there, across, cells, b, turn
+            label = charts.labels[edge // 3]
+            there, across = _beside(charts.points, borders.around, edge, y, x, height, width)
+            there += sheet.shifts[label, 0]
+            across += sheet.shifts[label, 1]
+            face, row, column, _, _ = place_beyond(
+                points, twins, shapes, jacobians, cells, edge, there, across, b, turn
             )
             if face < 0:  # the surface ends: the nearest value on its border
-                share, _ = nearest_on_edge(points, edge, there, across)
-                after = k + 1 if k < 2 else 0
-                row = points[f, k, 0] + share * (points[f, after, 0] - points[f, k, 0])
-                column = points[f, k, 1] + share * (points[f, after, 1] - points[f, k, 1])
-            weight = 0.0
-            total[:] = 0.0
-            first = int(row)
-            left = int(column)
-            for corner in range(4):
-                i = first + (corner >> 1)
-                j = left + (corner & 1)
-                node = nodes[i, j]
-                if node == NOTHING or (node < 0 and sources[-2 - node] < 0):
-                    continue
-                part = row - first if corner >> 1 else 1.0 - (row - first)
-                part *= column - left if corner & 1 else 1.0 - (column - left)
-                weight += part
-                for c in range(out.shape[2]):
-                    total[c] += part * values[i, j, c]
-            if weight > 1e-6:
-                filled[y, x] = True
-                total /= weight
-                if normals:
-                    if face >= 0:
-                        p = total[0] - 0.5
-                        q = total[1] - 0.5
-                        total[0] = 0.5 + turn[0, 0] * p + turn[0, 1] * q
-                        total[1] = 0.5 + turn[1, 0] * p + turn[1, 1] * q
-                    unit_normal(total)
-                for c in range(out.shape[2]):
-                    out[y, x, c] = _store(total[c], scale, rounded)
+                row, column = _nearest_point(points, edge, there, across)
+            if not _interpolate(nodes, sources.cells, values, row, column, total):
+                continue
+            filled[y, x] = True
+            if coding.normals:
+                if face >= 0:
+                    p = total[0] - 0.5
+                    q = total[1] - 0.5
+                    total[0] = 0.5 + turn[0, 0] * p + turn[0, 1] * q
+                    total[1] = 0.5 + turn[1, 0] * p + turn[1, 1] * q
+                unit_normal(total)
+            for c in range(out.shape[2]):
+                out[y, x, c] = _coded(total[c], coding)
+
+
+@kernel
+def _nearest_point(points, edge, y, x):
+    f = edge // 3
+    k = edge - 3 * f
+    after = k + 1 if k < 2 else 0
+    share, _ = nearest_on_edge(points, edge, y, x)
+    return (
+        points[f, k, 0] + share * (points[f, after, 0] - points[f, k, 0]),
+        points[f, k, 1] + share * (points[f, after, 1] - points[f, k, 1]),
+    )
+
+
+@kernel
+def _interpolate(nodes, sources, values, row, column, out):
+    # The values at a place of the sheet, from those of its nodes that are known: False if none is.
+    first = int(row)
+    left = int(column)
+    total = 0.0
+    out[:] = 0.0
+    for corner in range(4):
+        y = first + (corner >> 1)
+        x = left + (corner & 1)
+        node = nodes[y, x]
+        if node == NOTHING or (node < 0 and sources[-2 - node] < 0):
+            continue
+        weight = row - first if corner >> 1 else 1.0 - (row - first)
+        weight *= column - left if corner & 1 else 1.0 - (column - left)
+        total += weight
+        for c in range(out.shape[0]):
+            out[c] += weight * values[y, x, c]
+    if total <= 1e-6:
+        return False
+    for c in range(out.shape[0]):
+        out[c] /= total
+    return True

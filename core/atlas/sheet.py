@@ -12,12 +12,13 @@ its value from the surface beyond the nearest edge of its chart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run, run_in_order
+from ..base.parallel import kernel, run, run_in_order
+from ..base.progress import aside, phase
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints
 from .charts import Charts, shift_charts
@@ -35,8 +36,15 @@ _SLACK = 1e-6
 _MOST_NODES = 1 << 31
 
 
-@dataclass(frozen=True)
-class Sheet:
+class _FacesByRows(NamedTuple):
+    # First and last row of cells that each face touches: (m, 2). And the faces that touch nodes
+    # of each chunk of rows, in order: faces[start[chunk]:start[chunk + 1]].
+    bands: Ints
+    start: npt.NDArray[np.int64]
+    faces: Ints
+
+
+class Sheet(NamedTuple):
     """Where the charts' texels lie in the sheet.
 
     Attributes
@@ -67,7 +75,7 @@ class Sheet:
     overlapping: npt.NDArray[np.bool_]
 
 
-def lay_out(charts: Charts, height: int, width: int, progress: Progress = Progress(None)) -> Sheet:
+def lay_out(charts: Charts, height: int, width: int) -> Sheet:
     """Lay the charts of an image of `height` times `width` texels out.
 
     Raises
@@ -75,64 +83,66 @@ def lay_out(charts: Charts, height: int, width: int, progress: Progress = Progre
     InvalidUV
         If that takes too many texels.
     """
+    shifts, shape = _places(charts, height, width)
+    points = np.empty_like(charts.points)
+    with phase(0.3, 0.4, "Finding texels"):
+        run(shift_charts, len(points), charts.points, charts.labels, shifts, points)
+        faces = _faces_by_rows(points, 0.0, shape[0])
+    nodes, cells = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.int32)
+    overlapping = np.zeros(len(points), dtype=np.bool_)
+    with phase(0.4, 0.8, "Finding texels"):
+        run(_draw_faces, shape[0], points, faces, nodes, cells, overlapping, chunk=ROWS)
+    counts = np.zeros(shape[0], dtype=np.int64)
+    with phase(0.8, 0.9, "Finding texels"):
+        run(_count_ghosts, shape[0], nodes, cells, counts, chunk=ROWS)
+    ends = np.cumsum(counts)
+    ghosts = np.empty(ends[-1], dtype=np.int32)
+    edges = np.full(len(ghosts), -1, dtype=np.int32)
+    nearest = np.full(len(ghosts), np.inf, dtype=np.float32)
+    with phase(0.9, 1.0, "Finding texels"):
+        run(_number_ghosts, shape[0], nodes, cells, ends - counts, ghosts, chunk=ROWS)
+        run_in_order(_find_edges, len(charts.borders), charts.borders, points, charts.labels,
+                     nodes, cells, nearest, edges)  # fmt: skip
+    return Sheet(points, shifts, nodes, cells, ghosts, edges, overlapping)
+
+
+def _places(
+    charts: Charts, height: int, width: int
+) -> tuple[npt.NDArray[np.int64], tuple[int, int]]:
+    # Shifts of all charts and the size of the sheet.
     low = np.floor(charts.boxes[:, 0] - _SLACK).astype(np.int64)
     high = np.floor(charts.boxes[:, 1] + _SLACK).astype(np.int64) + 1
     away = (low < -1).any(axis=1) | (high > (height, width)).any(axis=1)
-    away |= _clashing(charts, away, height, width, progress.part(0.0, 0.3, "Finding texels"))
-    shifts, shape = _shelve(low, high, away, height, width)
-    most = min(_MOST_NODES, 64 * height * width + 1024 * charts.count)
-    if shape[0] * shape[1] >= most:
+    with phase(0.0, 0.3, "Finding texels"):
+        away |= _clashing(charts, away, height, width)
+    shifts, (rows, columns) = _shelve(low, high, away, height, width)
+    if rows * columns >= min(_MOST_NODES, 64 * height * width + 1024 * len(charts.boxes)):
         largest = int(np.argmax((high - low).max(axis=1)))
         raise InvalidUV(
             "Laid out without overlaps, the charts need {columns} x {rows} texels, too many for an"
             " image of {width} x {height}; the longest chart is that of face {face}. Unwrap the"
             " mesh without overlaps.",
-            columns=shape[1],
-            rows=shape[0],
+            columns=columns,
+            rows=rows,
             width=width,
             height=height,
             face=int(np.argmax(charts.labels == largest)),
         )
-    points = np.empty_like(charts.points)
-    run(shift_charts, len(points), charts.points, charts.labels, shifts, points,
-        progress=progress.part(0.3, 0.35, "Finding texels"))  # fmt: skip
-    bands, *faces = _faces_by_rows(points, 0.0, shape[0], progress.part(
-        0.35, 0.4, "Finding texels"))  # fmt: skip
-    nodes, cells = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.int32)
-    overlapping = np.zeros(len(points), dtype=np.bool_)
-    run(_draw_faces, shape[0], points, bands, *faces, nodes, cells, overlapping, chunk=ROWS,
-        progress=progress.part(0.4, 0.8, "Finding texels"))  # fmt: skip
-    counts = np.zeros(shape[0], dtype=np.int64)
-    run(_count_ghosts, shape[0], nodes, cells, counts, chunk=ROWS,
-        progress=progress.part(0.8, 0.9, "Finding texels"))  # fmt: skip
-    ends = np.cumsum(counts)
-    ghosts = np.empty(ends[-1], dtype=np.int32)
-    last = progress.part(0.9, 1.0, "Finding texels")
-    run(_number_ghosts, shape[0], nodes, cells, ends - counts, ghosts, chunk=ROWS,
-        progress=last)  # fmt: skip
-    edges = np.full(len(ghosts), -1, dtype=np.int32)
-    nearest = np.full(len(ghosts), np.inf, dtype=np.float32)
-    run_in_order(_find_edges, len(charts.borders), charts.borders, points, charts.labels, nodes,
-                 cells, nearest, edges, progress=last)  # fmt: skip
-    return Sheet(points, shifts, nodes, cells, ghosts, edges, overlapping)
+    return shifts, (rows, columns)
 
 
 def _clashing(
-    charts: Charts,
-    away: npt.NDArray[np.bool_],
-    height: int,
-    width: int,
-    progress: Progress = Progress(None),
+    charts: Charts, away: npt.NDArray[np.bool_], height: int, width: int
 ) -> npt.NDArray[np.bool_]:
     # Charts that share a node with one of a lower number.
     claims = np.empty((height + 2, width + 2), dtype=np.int32)
-    bands, *faces = _faces_by_rows(charts.points, 1.0, height + 2, progress.part(
-        0.0, 0.2, "Finding texels"))  # fmt: skip
-    clashes = np.zeros(charts.count, dtype=np.bool_)
+    with aside("Finding texels"):
+        faces = _faces_by_rows(charts.points, 1.0, height + 2)
+    clashes = np.zeros(len(charts.boxes), dtype=np.bool_)
     for check in (False, True):
-        run(_claim, height + 2, charts.points, bands, *faces, charts.labels, away, check, claims,
-            clashes, chunk=ROWS, progress=progress.part(
-                0.6 if check else 0.2, 1.0 if check else 0.6, "Finding texels"))  # fmt: skip
+        with phase(0.5 * check, 0.5 + 0.5 * check, "Finding texels"):
+            run(_claim, height + 2, charts.points, faces, charts.labels, away, check, claims,
+                clashes, chunk=ROWS)  # fmt: skip
     return clashes
 
 
@@ -158,19 +168,15 @@ def _shelve(
     return shifts, (int(row + tallest), columns)
 
 
-def _faces_by_rows(
-    points: Floats, shift: float, rows: int, progress: Progress = Progress(None)
-) -> tuple[Ints, npt.NDArray[np.int64], Ints]:
-    # First and last row of cells that each face touches: (m, 2). And the faces that touch nodes
-    # of each chunk of rows, in order: faces[start[chunk]:start[chunk + 1]].
+def _faces_by_rows(points: Floats, shift: float, rows: int) -> _FacesByRows:
     bands = np.empty((len(points), 2), dtype=np.int32)
-    run(_find_bands, len(points), points, shift, bands, progress=progress)
+    run(_find_bands, len(points), points, shift, bands)
     start = np.zeros(-(-rows // ROWS) + 1, dtype=np.int64)
-    run_in_order(_count_faces, len(points), bands, start, progress=progress)
+    run_in_order(_count_faces, len(points), bands, start)
     np.cumsum(start, out=start)
     faces = np.empty(start[-1], dtype=np.int32)
-    run_in_order(_list_faces, len(points), bands, start[:-1].copy(), faces, progress=progress)
-    return bands, start, faces
+    run_in_order(_list_faces, len(points), bands, start[:-1].copy(), faces)
+    return _FacesByRows(bands, start, faces)
 
 
 @kernel
@@ -230,12 +236,13 @@ def span(triangle, low, high):
 
 
 @kernel
-def _claim(start, stop, points, bands, listed, faces, labels, away, check, claims, clashes):
+def _claim(start, stop, points, by_rows, labels, away, check, claims, clashes):
     # Give each node to the lowest chart that touches it; then mark the other ones. Nodes begin
     # one row and one column before the image.
     if not check:
         claims[start:stop] = clashes.shape[0]
     triangle = np.empty((3, 2))
+    bands, listed, faces = by_rows
     chunk = start // ROWS
     for f in faces[listed[chunk] : listed[chunk + 1]]:
         label = labels[f]
@@ -278,10 +285,11 @@ def depth_within(triangle, y, x):
 
 
 @kernel
-def _draw_faces(start, stop, points, bands, listed, faces, nodes, cells, overlapping):
+def _draw_faces(start, stop, points, by_rows, nodes, cells, overlapping):
     # Rows start .. stop - 1 of nodes and cells; of several faces, the first one stays.
     nodes[start:stop] = NOTHING
     cells[start:stop] = NOTHING
+    bands, listed, faces = by_rows
     chunk = start // ROWS
     for f in faces[listed[chunk] : listed[chunk + 1]]:
         triangle = points[f]

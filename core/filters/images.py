@@ -7,10 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import BAND, SCALES, checked_image, checked_out, checked_weights
-from ..base.parallel import Progress, blocks
-from ..base.progress import ProgressCallback
-from ..grid.pixels import channel_groups, copied, mix
-from ..grid.walk import Channels, Sources, advect_pixels, image_potential
+from ..base.parallel import blocks
+from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..grid.advect import TracedPixels, advect_pixels
+from ..grid.channels import Channels, channel_groups
+from ..grid.pixels import copied, mix
+from ..grid.potential import image_potential
 from ..settings import ImageSettings
 from .signals import step_durations
 
@@ -58,35 +60,39 @@ def sharpen_image(
     are needed while the flow is smoothed and 4 while values flow, 56 more for the scheme
     "composed", and another result for "naive".
     """
-    given = checked_image(image)
-    settings = settings or ImageSettings()
-    result = checked_out(out, given)
-    weights = checked_weights(mask, given)
-    phases = Progress.of(progress)
-    pixels = given.reshape(*given.shape[:2], -1)
-    target = result.reshape(pixels.shape)
-    for band in blocks(len(pixels), BAND, phases.part(0.0, 0.0, "Sharpening")):
-        target[band] = pixels[band]
-    if settings.time == 0:
-        return result
+    with reporting(progress):
+        given = checked_image(image)
+        settings = settings or ImageSettings()
+        result = checked_out(out, given)
+        weights = checked_weights(mask, given)
+        pixels = given.reshape(*given.shape[:2], -1)
+        target = result.reshape(pixels.shape)
+        with aside("Sharpening"):
+            for band in blocks(len(pixels), BAND):
+                target[band] = pixels[band]
+        if settings.time == 0:
+            return result
+        _sharpen_into(target, pixels, settings)
+        if weights is not None:
+            with phase(1.0, 1.0, "Sharpening"):
+                mix(pixels, weights, target)
+    return result
+
+
+def _sharpen_into(target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings) -> None:
+    # `target` holds a copy of the pixels.
     thin = min(pixels.shape[:2]) < 2
-    if thin:  # a line of pixels is widened to have squares
+    if thin:  # a line of pixels is widened to have cells
         twice = [max(2 // n, 1) for n in pixels.shape[:2]]
         pixels = np.repeat(np.repeat(pixels, twice[0], axis=0), twice[1], axis=1)
-        widened = pixels.copy()
-    else:
-        widened = target
+    widened = pixels.copy() if thin else target
     groups = channel_groups(pixels.shape[2], settings)
     pixels = _opacity_in_range(pixels, groups[0].alpha)
     for number, channels in enumerate(groups):
-        part = phases.part(number / len(groups), (number + 1) / len(groups), "Sharpening")
-        _flow_channels(pixels, channels, settings, widened, part)
+        with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
+            _flow_channels(pixels, channels, settings, widened)
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
-    if weights is not None:
-        mix(given.reshape(target.shape), weights, target, phases.part(1.0, 1.0, "Sharpening"))
-    phases.update(1.0)
-    return result
 
 
 def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
@@ -102,39 +108,36 @@ def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
 
 
 def _flow_channels(
-    pixels: npt.NDArray,
-    channels: Channels,
-    settings: ImageSettings,
-    target: npt.NDArray,
-    progress: Progress = Progress(None),
+    pixels: npt.NDArray, channels: Channels, settings: ImageSettings, target: npt.NDArray
 ) -> None:
     scale = SCALES[pixels.dtype.name]
     nearest = settings.sampling == "nearest"
+    passes = settings.smoothing_passes
     durations = step_durations(settings)
     if settings.scheme == "fixed":
-        potential = image_potential(
-            pixels, scale, channels, settings.smoothing_passes, progress.part(
-                0.0, 0.2, "Computing the flow"))  # fmt: skip
-        advect_pixels(pixels, channels, potential, durations[0], target, nearest=nearest,
-                      progress=progress.part(0.2, 1.0, "Tracing flow-lines"))  # fmt: skip
+        with phase(0.0, 0.2, "Computing the flow"):
+            potential = image_potential(pixels, scale, channels, passes)
+        with phase(0.2, 1.0, "Tracing flow-lines"):
+            advect_pixels(pixels, channels, potential, durations[0], target, nearest=nearest)
         return
     # Whole numbers are not rounded between steps.
     current = pixels.astype(np.float64 if pixels.dtype == np.float64 else np.float32)
-    still = progress.part(0.0, 0.0, "Tracing flow-lines")
-    spare = copied(current, still)
-    height, width = pixels.shape[:2]
-    sources = Sources(height, width, still) if settings.scheme == "composed" else None
+    with aside("Tracing flow-lines"):
+        spare = copied(current)
+        composed = settings.scheme == "composed"
+        traced = TracedPixels(*pixels.shape[:2]) if composed else None
     for number, duration in enumerate(durations):
-        step = progress.part(number / len(durations), (number + 1) / len(durations), "Sharpening")
-        potential = image_potential(current, scale, channels, settings.smoothing_passes, step.part(
-            0.0, 0.4, "Computing the flow"))  # fmt: skip
-        walk = step.part(0.4, 1.0, "Tracing flow-lines")
-        if sources is not None:
-            sources.carry(potential, duration, walk)
-            sources.read(pixels, channels, current, nearest=nearest, progress=walk)
-        else:
-            advect_pixels(current, channels, potential, duration, spare, nearest=nearest,
-                          progress=walk)  # fmt: skip
-            current, spare = spare, current
+        with phase(number / len(durations), (number + 1) / len(durations), "Sharpening"):
+            with phase(0.0, 0.4, "Computing the flow"):
+                potential = image_potential(current, scale, channels, passes)
+            if traced is not None:
+                with phase(0.4, 0.9, "Tracing flow-lines"):
+                    traced.trace(potential, duration)
+                with phase(0.9, 1.0, "Tracing flow-lines"):
+                    traced.read(pixels, channels, current, nearest=nearest)
+            else:
+                with phase(0.4, 1.0, "Tracing flow-lines"):
+                    advect_pixels(current, channels, potential, duration, spare, nearest=nearest)
+                current, spare = spare, current
     for c in range(channels.start, channels.stop):
         target[..., c] = np.rint(current[..., c]) if scale != 1.0 else current[..., c]

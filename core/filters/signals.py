@@ -5,19 +5,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import checked_mask, checked_signal, checked_type
 from ..base.memo import kept
-from ..base.parallel import Progress, kernel, run
-from ..base.progress import ProgressCallback
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, aside, ask, phase, reporting
 from ..errors import InvalidSignal
 from ..flow.advect import average_corners, read_points
 from ..flow.potential import flow_potential
 from ..flow.trace import corner_offsets, trace
-from ..grid.pixels import LUMINANCE
+from ..grid.channels import brightness_weights
 from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
 from ..settings import ShockSettings
 
@@ -58,19 +59,17 @@ def sharpen_vertex_signal(
     -----
     Paper A, sections 3.2, 3.3 and Appendix A, "Vertex Advection".
     """
-    given = checked_type(signal)
-    values = checked_signal(given, mesh.vertex_count)
-    weights = checked_mask(mask, mesh.vertex_count)
-    settings = settings or ShockSettings()
-    if settings.time == 0:
-        return given.copy()
-
-    def average(corner_values: Floats, old: Floats, phase: Progress = Progress(None)) -> Floats:
-        return average_corners(mesh, corner_values, old, phase)
-
-    phases = Progress.of(progress)
-    result = _sharpened(mesh, values, settings, average, average, phases)
-    return like(given, values, result, weights, phases.part(1.0, 1.0, "Sharpening"))
+    with reporting(progress):
+        given = checked_type(signal)
+        values = checked_signal(given, mesh.vertex_count)
+        weights = checked_mask(mask, mesh.vertex_count)
+        settings = settings or ShockSettings()
+        if settings.time == 0:
+            return given.copy()
+        average = partial(average_corners, mesh)
+        result = _flow_channels(mesh, values, settings, average, average)
+        with phase(1.0, 1.0, "Sharpening"):
+            return like(given, values, result, weights)
 
 
 def sharpen_corner_signal(
@@ -106,88 +105,74 @@ def sharpen_corner_signal(
     InvalidSignal, Cancelled
         As in `sharpen_vertex_signal`.
     """
-    phases = Progress.of(progress).part(0.0, 1.0, "Sharpening")
-    given = checked_type(signal)
-    own = to_own_corners(mesh, given)
-    phases.update(0.0)
-    values = checked_signal(own, 3 * mesh.face_count, progress=phases)
-    phases.update(0.0)
-    weights = checked_mask(mask, mesh.vertex_count)
-    settings = settings or ShockSettings()
-    if settings.time == 0:
-        return given.copy()
-    cut, cut_values = kept(mesh, "cut", (own,), lambda: split_at_jumps(mesh, values, phases))
-    phases.update(0.0)
+    with reporting(progress):
+        with aside("Sharpening"):
+            given = checked_type(signal)
+            own = to_own_corners(mesh, given)
+            ask()
+            values = checked_signal(own, 3 * mesh.face_count)
+            ask()
+            weights = checked_mask(mask, mesh.vertex_count)
+            settings = settings or ShockSettings()
+            if settings.time == 0:
+                return given.copy()
+            cut, cut_values = kept(mesh, "cut", (own,), lambda: split_at_jumps(mesh, values))
 
-    def average(corner_values: Floats, old: Floats, phase: Progress = Progress(None)) -> Floats:
-        return average_corners(cut, corner_values, old, phase)
+        def keep(corner_values: Floats, old: Floats) -> Floats:
+            rows = corner_values.reshape(mesh.face_count, 3, -1)
+            return cut.own_corners(rows).reshape(corner_values.shape)
 
-    def keep(corner_values: Floats, old: Floats, phase: Progress = Progress(None)) -> Floats:
-        rows = corner_values.reshape(mesh.face_count, 3, -1)
-        return cut.own_corners(rows).reshape(corner_values.shape)
-
-    result = _sharpened(cut, cut_values, settings, average, keep, phases)
-    corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
-    mixed = like(own, values, result, corner_weights, phases.part(1.0, 1.0, "Sharpening"))
-    return from_own_corners(mesh, mixed, given)
+        result = _flow_channels(cut, cut_values, settings, partial(average_corners, cut), keep)
+        corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
+        with phase(1.0, 1.0, "Sharpening"):
+            mixed = like(own, values, result, corner_weights)
+            return from_own_corners(mesh, mixed, given)
 
 
-Gather = Callable[[Floats, Floats, Progress], Floats]
+Gather = Callable[[Floats, Floats], Floats]
 
 
-def _sharpened(
-    mesh: TriangleMesh,
-    values: Floats,
-    settings: ShockSettings,
-    gather: Gather,
-    finish: Gather,
-    progress: Progress = Progress(None),
+def _flow_channels(
+    mesh: TriangleMesh, values: Floats, settings: ShockSettings, gather: Gather, finish: Gather
 ) -> Floats:
     # `gather` makes vertex values of what the corners' traces read, between steps; `finish`
     # makes the result.
     if settings.channels != "independent":
-        return _flowed(mesh, values, settings, gather, finish, progress)
+        return _flow_together(mesh, values, settings, gather, finish)
+    columns = []
     count = values.shape[1]
-    columns = [
-        _flowed(mesh, np.ascontiguousarray(values[:, j : j + 1]), settings, gather, finish,
-                progress.part(j / count, (j + 1) / count, "Sharpening"))
-        for j in range(count)
-    ]  # fmt: skip
+    for j in range(count):
+        with phase(j / count, (j + 1) / count, "Sharpening"):
+            column = np.ascontiguousarray(values[:, j : j + 1])
+            columns.append(_flow_together(mesh, column, settings, gather, finish))
     return np.concatenate(columns, axis=1)
 
 
-def _flowed(
-    mesh: TriangleMesh,
-    values: Floats,
-    settings: ShockSettings,
-    gather: Gather,
-    finish: Gather,
-    progress: Progress = Progress(None),
+def _flow_together(
+    mesh: TriangleMesh, values: Floats, settings: ShockSettings, gather: Gather, finish: Gather
 ) -> Floats:
     nearest = settings.sampling == "nearest"
     durations = step_durations(settings)
     source, current = values, values
     message = "Tracing flow-lines"
-    points, coordinates = corner_offsets(mesh, progress.part(0.0, 0.0, message))
+    with aside(message):
+        points, coordinates = corner_offsets(mesh)
     for number, duration in enumerate(durations):
-        start, stop = number / len(durations), (number + 1) / len(durations)
-        still = progress.part(start, start, message)
-        if number:
-            read = read_points(mesh, source, points, coordinates, nearest, still)
-            current = gather(read, current, still)
-        if settings.scheme == "naive" and number:
-            source = current
-            points, coordinates = corner_offsets(mesh, still)
-        guide = luminance(current) if settings.channels == "luminance" else current
-        step = progress.part(start, stop, "Sharpening")
-        potential = flow_potential(
-            mesh, guide, settings.smoothing_passes, step.part(0.0, 0.5, "Computing the flow")
-        )
-        trace(mesh, potential, duration, points, coordinates,
-              progress=step.part(0.5, 1.0, message))  # fmt: skip
-    last = progress.part(1.0, 1.0, message)
-    read = read_points(mesh, source, points, coordinates, nearest, last)
-    return finish(read, current, last)
+        with phase(number / len(durations), (number + 1) / len(durations), "Sharpening"):
+            with aside(message):
+                if number:
+                    read = read_points(mesh, source, points, coordinates, nearest)
+                    current = gather(read, current)
+                if settings.scheme == "naive" and number:
+                    source = current
+                    points, coordinates = corner_offsets(mesh)
+            guide = luminance(current) if settings.channels == "luminance" else current
+            with phase(0.0, 0.5, "Computing the flow"):
+                potential = flow_potential(mesh, guide, settings.smoothing_passes)
+            with phase(0.5, 1.0, message):
+                trace(mesh, potential, duration, points, coordinates)
+    with phase(1.0, 1.0, message):
+        return finish(read_points(mesh, source, points, coordinates, nearest), current)
 
 
 def step_durations(settings: ShockSettings) -> list[float]:
@@ -201,9 +186,8 @@ def step_durations(settings: ShockSettings) -> list[float]:
 
 def luminance(values: Floats) -> Floats:
     """The brightness of linear colors: (n, d) -> (n, 1); the mean where they are not RGB."""
-    if values.shape[1] >= 3:
-        return np.ascontiguousarray(values[:, :3] @ LUMINANCE[:, None])
-    return values.mean(axis=1, keepdims=True)
+    weights = brightness_weights(values.shape[1])
+    return np.ascontiguousarray(values[:, : len(weights)] @ weights[:, None])
 
 
 def to_own_corners(mesh: TriangleMesh, given: npt.NDArray) -> npt.NDArray:
@@ -226,13 +210,13 @@ def like(
     values: Floats,
     result: Floats,
     weights: Floats | None,
-    progress: Progress = Progress(None),
+    progress: object = None,  # transition
 ) -> npt.NDArray:
     """Mix a result with the values before by weights, in the type and shape that were given."""
     if weights is None:
         return result.astype(given.dtype).reshape(given.shape)
     mixed = np.empty(result.shape, dtype=given.dtype)
-    run(mix_rows, len(result), values, result, weights, mixed, progress=progress)
+    run(mix_rows, len(result), values, result, weights, mixed)
     return mixed.reshape(given.shape)
 
 

@@ -3,26 +3,37 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
+from ..atlas.advect import advect_texels
 from ..atlas.ghosts import fill_ghosts
 from ..atlas.gutter import unit_normals, write_texels
+from ..atlas.potential import texel_potential
 from ..atlas.seam_fit import stitch
 from ..atlas.sheet import ROWS
-from ..atlas.walk import advect_texels, texel_potential
+from ..atlas.walk import shock_flow
 from ..base.checks import BAND, SCALES, checked_image, checked_weights
-from ..base.parallel import Progress, blocks, run
-from ..base.progress import ProgressCallback
+from ..base.parallel import blocks, run
+from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
-from ..grid.pixels import channel_groups, copied
-from ..grid.walk import Channels
+from ..grid.channels import channel_groups, opacity_channel
+from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
 from .signals import mix_rows
 
 _LARGEST = 1e30  # beyond, sums leave the range of single precision
+
+
+class _Content(NamedTuple):
+    # What a texture's channels hold: the channel of opacity, -1 if none is; and whether the first
+    # ones are tangent-space normals, as colors.
+    alpha: int = -1
+    normals: bool = False
 
 
 def sharpen_texture(
@@ -79,51 +90,36 @@ def sharpen_texture(
     paper B in what makes values continuous: the charts are extended by ghost texels that read
     across the seam, instead of basis functions that are merged there. Beside the atlas and
     image and result, a node of its sheet costs 12 bytes and 8 more for each channel.
+
+    Examples
+    --------
+    A soft edge on a square of two faces gets steeper:
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> image = np.tile(0.5 + 0.5 * np.tanh(np.linspace(-4, 4, 32)), (32, 1))
+    >>> sharp = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=1024.0))
+    >>> [round(float(np.diff(rows[16]).max()), 1) for rows in (image, sharp)]
+    [0.1, 0.3]
     """
     given = _checked_texture(image)
     settings = settings or TextureSettings()
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
-    _check_content(settings, pixels)
-    phases = Progress.of(progress)
-    atlas = _checked_atlas(atlas, mesh, uv, pixels, phases.part(0.0, 0.3, "Finding texels"))
-    if settings.time == 0:
-        phases.update(1.0)
-        return given.copy()
-    scale = SCALES[given.dtype.name]
-    still = phases.part(0.3, 0.3, "Computing the flow")
-    values = atlas.gather(pixels, scale, still)
-    normals = settings.content == "normals"
-    groups = channel_groups(pixels.shape[2], settings)
-    directions = 0.5 if normals else None
-    alpha = groups[0].alpha
-    if alpha >= 0:
-        for rows in blocks(len(values), BAND, still):
-            np.clip(values[rows, :, alpha], 0.0, 1.0, out=values[rows, :, alpha])
-    fill_ghosts(atlas.sheet, atlas.sources, values, still, alpha, directions)
-    result = copied(values, still)
-    for number, channels in enumerate(groups):
-        part = phases.part(0.3 + 0.6 * number / len(groups), 0.3 + 0.6 * (number + 1) / len(groups),
-                           "Sharpening")  # fmt: skip
-        _flow_channels(atlas, values, channels, settings, result, part)
-    still = phases.part(0.9, 0.9, "Filling the gutter")
-    keep = None
-    if weights is not None:
-        keep = weights == 0
-        shares = atlas.gather(weights[..., None], 1.0, still).reshape(-1)
-        flat = result.reshape(len(shares), -1)
-        run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat, progress=still)
-    del values
-    fill_ghosts(atlas.sheet, atlas.sources, result, still, alpha, directions)
-    if normals:
-        run(unit_normals, len(result), result, chunk=ROWS, progress=still)
-    else:
-        stitch(atlas, result, _step(given), still)
-    out = copied(pixels, still)
-    write_texels(atlas, result, 1.0 / scale, settings, keep, out,
-                 phases.part(0.9, 1.0, "Filling the gutter"), opacity=alpha,
-                 normals=normals)  # fmt: skip
-    return out.reshape(given.shape)
+    content = _checked_content(settings, pixels)
+    with reporting(progress):
+        with phase(0.0, 0.3, "Finding texels"):
+            atlas = _checked_atlas(atlas, mesh, uv, pixels)
+        if settings.time == 0:
+            return given.copy()
+        with phase(0.3, 0.9, "Sharpening"):
+            values = _sharpened(atlas, pixels, content, settings, weights)
+        with phase(0.9, 1.0, "Filling the gutter"):
+            keep = None if weights is None else weights == 0
+            return _written(atlas, values, content, settings, keep, pixels).reshape(given.shape)
 
 
 def dilate_texture(
@@ -160,38 +156,93 @@ def dilate_texture(
     -----
     Texels and charts are those of paper B, section 3; the paper leaves the gutter open. Values are
     taken as they are: tangent-space normals do not turn.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = 0.25 + 0.5 * mesh.vertices[mesh.faces][..., :2]
+    >>> image = np.zeros((8, 8), dtype=np.uint8)
+    >>> image[2:6, 2:6] = 255
+    >>> core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=1))[4]
+    array([255, 255, 255, 255, 255, 255, 255, 255], dtype=uint8)
     """
     given = _checked_texture(image)
     settings = settings or DilateSettings()
     pixels = given.reshape(*given.shape[:2], -1)
-    phases = Progress.of(progress)
-    atlas = _checked_atlas(atlas, mesh, uv, pixels, phases.part(0.0, 0.7, "Finding texels"))
-    scale = SCALES[given.dtype.name]
-    still = phases.part(0.7, 0.7, "Filling the gutter")
-    values = atlas.gather(pixels, scale, still)
-    fill_ghosts(atlas.sheet, atlas.sources, values, still)
-    stitch(atlas, values, _step(given), still)
-    out = copied(pixels, still)
-    write_texels(atlas, values, 1.0 / scale, settings, atlas.inside, out,
-                 phases.part(0.7, 1.0, "Filling the gutter"))  # fmt: skip
-    return out.reshape(given.shape)
+    with reporting(progress):
+        with phase(0.0, 0.7, "Finding texels"):
+            atlas = _checked_atlas(atlas, mesh, uv, pixels)
+        with phase(0.7, 1.0, "Filling the gutter"):
+            with aside("Filling the gutter"):
+                values = atlas.gather(pixels, SCALES[pixels.dtype.name])
+            return _written(atlas, values, _Content(), settings, atlas.inside, pixels).reshape(
+                given.shape
+            )
 
 
-def _flow_channels(
+def _sharpened(
+    atlas: TextureAtlas,
+    pixels: npt.NDArray,
+    content: _Content,
+    settings: TextureSettings,
+    weights: npt.NDArray[np.float64] | None,
+) -> npt.NDArray[np.float32]:
+    # The new values of the nodes inside charts.
+    with aside("Computing the flow"):
+        values = atlas.gather(pixels, SCALES[pixels.dtype.name])
+        if content.alpha >= 0:
+            opacity = values[..., content.alpha]
+            for rows in blocks(len(values), BAND):
+                np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
+        _fill_ghosts(atlas, values, content)
+        result = copied(values)
+    groups = channel_groups(values.shape[2], settings)
+    for number, channels in enumerate(groups):
+        with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
+            with phase(0.0, 0.4, "Computing the flow"):
+                potential = texel_potential(
+                    atlas, values, channels, settings.smoothing_passes, normals=content.normals
+                )
+            with phase(0.4, 1.0, "Tracing flow-lines"):
+                flow = shock_flow(atlas, potential)
+                advect_texels(atlas, values, channels, flow, settings.time, result,
+                              nearest=settings.sampling == "nearest",
+                              normals=content.normals)  # fmt: skip
+    if weights is not None:
+        with phase(1.0, 1.0, "Filling the gutter"):
+            shares = atlas.gather(weights[..., None], 1.0).reshape(-1)
+            flat = result.reshape(len(shares), -1)
+            run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
+    return result
+
+
+def _written(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
-    channels: Channels,
-    settings: TextureSettings,
-    result: npt.NDArray[np.float32],
-    progress: Progress = Progress(None),
-) -> None:
-    parts = atlas.sheet, atlas.sources, atlas.surface, values
-    normals = settings.content == "normals"
-    potential = texel_potential(*parts, channels, settings.smoothing_passes, progress.part(
-        0.0, 0.4, "Computing the flow"), normals=normals)  # fmt: skip
-    advect_texels(*parts, channels, potential, settings.time, atlas.copies, result,
-                  nearest=settings.sampling == "nearest", normals=normals,
-                  progress=progress.part(0.4, 1.0, "Tracing flow-lines"))  # fmt: skip
+    content: _Content,
+    settings: DilateSettings,
+    keep: npt.NDArray[np.bool_] | None,
+    pixels: npt.NDArray,
+) -> npt.NDArray:
+    # The image with the values of the nodes inside charts, and what follows from them beside.
+    with aside("Filling the gutter"):
+        _fill_ghosts(atlas, values, content)
+        if content.normals:
+            run(unit_normals, len(values), values, chunk=ROWS)
+        else:
+            stitch(atlas, values, SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0)
+        out = copied(pixels)
+    write_texels(atlas, values, 1.0 / SCALES[pixels.dtype.name], settings, keep, out,
+                 opacity=content.alpha, normals=content.normals)  # fmt: skip
+    return out
+
+
+def _fill_ghosts(atlas: TextureAtlas, values: npt.NDArray[np.float32], content: _Content) -> None:
+    directions = 0.5 if content.normals else None
+    fill_ghosts(atlas.sheet, atlas.sources, values, content.alpha, directions)
 
 
 def _checked_texture(image: npt.ArrayLike) -> npt.NDArray:
@@ -203,35 +254,26 @@ def _checked_texture(image: npt.ArrayLike) -> npt.NDArray:
     return given
 
 
-def _step(image: npt.NDArray) -> float:
-    # Between values of whole numbers, where white is 1.
-    return SCALES[image.dtype.name] if image.dtype.kind == "u" else 0.0
-
-
 def _checked_atlas(
-    atlas: TextureAtlas | None,
-    mesh: TriangleMesh,
-    uv: npt.ArrayLike,
-    pixels: npt.NDArray,
-    progress: Progress = Progress(None),
+    atlas: TextureAtlas | None, mesh: TriangleMesh, uv: npt.ArrayLike, pixels: npt.NDArray
 ) -> TextureAtlas:
     height, width = pixels.shape[:2]
     if atlas is None:
-        return TextureAtlas(mesh, uv, height, width, progress)
+        return TextureAtlas(mesh, uv, height, width)
     if atlas.mesh is not mesh or (atlas.height, atlas.width) != (height, width):
         raise InvalidSignal(
             f"The atlas is for {atlas.width} x {atlas.height} texels of its own mesh, the image"
             f" has {width} x {height}; make an atlas for this mesh and size."
         )
-    progress.update(1.0)
     return atlas
 
 
-def _check_content(settings: TextureSettings, pixels: npt.NDArray) -> None:
-    if settings.content == "normals" and (
-        pixels.shape[2] not in (3, 4) or settings.channels != "coupled"
-    ):
+def _checked_content(settings: TextureSettings, pixels: npt.NDArray) -> _Content:
+    channels = pixels.shape[2]
+    normals = settings.content == "normals"
+    if normals and (channels not in (3, 4) or settings.channels != "coupled"):
         raise InvalidSignal(
             f"A texture of normals needs three channels, or four with opacity, and channels"
-            f" 'coupled'; this one has {pixels.shape[2]}, and channels {settings.channels!r}."
+            f" 'coupled'; this one has {channels}, and channels {settings.channels!r}."
         )
+    return _Content(opacity_channel(channels, settings.alpha), normals)

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.parallel import Progress, kernel, run
+from ..base.parallel import kernel, run
+from ..base.progress import phase
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .trace import trace_faces
 
@@ -19,7 +20,7 @@ def advect_faces(
     potential: Floats,
     time: float,
     sampling: str,
-    progress: Progress | None = None,
+    progress: object = None,  # transition
 ) -> Floats:
     """Advect face normals: trace from each face's centre and sample there ("Face Advection").
 
@@ -45,35 +46,25 @@ def advect_faces(
     (m, 3) float64
         Unit normals; zero where they were zero.
     """
-    progress = progress or Progress(None)
-    faces, coordinates = trace_faces(
-        mesh, potential, time, progress=progress.part(0.0, 0.9, "Tracing flow-lines")
-    )
+    with phase(0.0, 0.9, "Tracing flow-lines"):
+        faces, coordinates = trace_faces(mesh, potential, time)
     out = np.empty_like(normals)
-    last = progress.part(0.9, 1.0, "Tracing flow-lines")
-    run(_sample, mesh.face_count, mesh.faces, normals, averages, faces, coordinates,
-        _SAMPLING[sampling], out, progress=last)  # fmt: skip
+    with phase(0.9, 1.0, "Tracing flow-lines"):
+        run(_sample, mesh.face_count, mesh.faces, normals, averages, faces, coordinates,
+            _SAMPLING[sampling], out)  # fmt: skip
     return out
 
 
 def read_points(
-    mesh: TriangleMesh,
-    values: Floats,
-    faces: Ints,
-    coordinates: Floats,
-    nearest: bool,
-    progress: Progress | None = None,
+    mesh: TriangleMesh, values: Floats, faces: Ints, coordinates: Floats, nearest: bool
 ) -> Floats:
     """Read vertex values at points in faces, linearly or from the nearest corner: (k, d)."""
     out = np.empty((len(faces), values.shape[1]))
-    run(_read_points, len(faces), mesh.faces, values, faces, coordinates, nearest, out,
-        progress=progress)  # fmt: skip
+    run(_read_points, len(faces), mesh.faces, values, faces, coordinates, nearest, out)
     return out
 
 
-def average_corners(
-    mesh: TriangleMesh, corner_values: Floats, values: Floats, progress: Progress | None = None
-) -> Floats:
+def average_corners(mesh: TriangleMesh, corner_values: Floats, values: Floats) -> Floats:
     """Plain means of the values of each vertex's corners ("Vertex Advection", line 9).
 
     Parameters
@@ -82,11 +73,9 @@ def average_corners(
     corner_values : (3 m, d) float64
     values : (n, d) float64
         Taken for vertices without faces.
-    progress : Progress, optional
     """
     out = np.empty_like(values)
-    run(_average_corners, mesh.vertex_count, *mesh.corners, corner_values, values, out,
-        progress=progress)  # fmt: skip
+    run(_average_corners, mesh.vertex_count, *mesh.corners, corner_values, values, out)
     return out
 
 

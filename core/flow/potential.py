@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import checked_signal
-from ..base.parallel import Progress, kernel, run
-from ..base.progress import ProgressCallback
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..mesh.calculus import average_to_vertices, gradient, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import ShockSettings
@@ -53,34 +53,43 @@ def flow_field(
     -----
     u = grad(P) / 2 as in section 3.2; Appendix A leaves out the half, which only scales time.
     """
-    values = checked_signal(signal, mesh.vertex_count)
-    passes = (settings or ShockSettings()).smoothing_passes
-    phases = Progress.of(progress)
-    potential = flow_potential(mesh, values, passes, phases.part(0.0, 0.9, "Computing the flow"))
-    last = phases.part(0.9, 1.0, "Computing the flow")
-    return potential, flow_from_potential(mesh, potential, last)
+    with reporting(progress):
+        values = checked_signal(signal, mesh.vertex_count)
+        passes = (settings or ShockSettings()).smoothing_passes
+        with phase(0.0, 0.9, "Computing the flow"):
+            potential = flow_potential(mesh, values, passes)
+        with phase(0.9, 1.0, "Computing the flow"):
+            return potential, flow_from_potential(mesh, potential)
 
 
 def flow_from_potential(
-    mesh: TriangleMesh, potential: Floats, progress: Progress | None = None
+    mesh: TriangleMesh,
+    potential: Floats,
+    progress: object = None,  # transition
 ) -> Floats:
     """Compute the flow u, half the potential's gradient: (n,) -> (m, 3)."""
-    flow = gradient(mesh, potential, progress)[:, 0]
+    flow = gradient(mesh, potential)[:, 0]
     flow *= 0.5
     return flow
 
 
 def flow_potential(
-    mesh: TriangleMesh, signal: Floats, passes: int, progress: Progress = Progress(None)
+    mesh: TriangleMesh,
+    signal: Floats,
+    passes: int,
+    progress: object = None,  # transition
 ) -> Floats:
     """Compute the potential P at the vertices, smoothed before and after: (n, d) -> (n,)."""
     message = "Computing the flow"
-    smooth = smooth_vertices(mesh, signal, passes, progress.part(0.0, 0.5, message))
+    with phase(0.0, 0.5, message):
+        smooth = smooth_vertices(mesh, signal, passes)
     energy = np.empty((mesh.face_count, 1))
-    run(_energy, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, smooth, energy,
-        progress=progress.part(0.5, 0.6, message))  # fmt: skip
-    potential = average_to_vertices(mesh, energy, progress.part(0.6, 0.7, message))
-    return smooth_vertices(mesh, potential, passes, progress.part(0.7, 1.0, message)).reshape(-1)
+    with phase(0.5, 0.6, message):
+        run(_energy, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, smooth, energy)
+    with phase(0.6, 0.7, message):
+        potential = average_to_vertices(mesh, energy)
+    with phase(0.7, 1.0, message):
+        return smooth_vertices(mesh, potential, passes).reshape(-1)
 
 
 def above_surroundings(
@@ -88,7 +97,7 @@ def above_surroundings(
     potential: Floats,
     threshold: float,
     time: float,
-    progress: Progress = Progress(None),
+    progress: object = None,  # transition
 ) -> Floats:
     """Keep the part of a potential that stands out from its surroundings.
 
@@ -116,18 +125,18 @@ def above_surroundings(
     if threshold == 0:
         return potential
     rings = round(min(max(time**0.25 / 2, 2.0), 8.0))
-    mesh.find_neighbours(progress.part(0.0, 0.0, "Finding features"))
+    with aside("Finding features"):
+        neighbours = mesh.neighbours
     strength = np.sqrt(potential)
     level = strength
     for step in range(2 * rings):
         out = np.empty_like(level)
-        run(_ring_minimum, mesh.vertex_count, *mesh.neighbours, 1.0 if step < rings else -1.0,
-            level, out, progress=progress.part(
-                step / (2 * rings), (step + 1) / (2 * rings), "Finding features"))  # fmt: skip
+        with phase(step / (2 * rings), (step + 1) / (2 * rings), "Finding features"):
+            run(_ring_minimum, mesh.vertex_count, *neighbours, 1.0 if step < rings else -1.0,
+                level, out)  # fmt: skip
         level = out
-    level = smooth_vertices(
-        mesh, level.reshape(-1, 1), 2, progress.part(1.0, 1.0, "Finding features")
-    ).reshape(-1)
+    with phase(1.0, 1.0, "Finding features"):
+        level = smooth_vertices(mesh, level.reshape(-1, 1), 2).reshape(-1)
     return np.maximum(strength - threshold * level, 0.0) ** 2
 
 

@@ -1,271 +1,195 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images as meshes of squares: the potential, flow-lines and advection (paper A, Appendix A).
+"""Walks along the flow-lines of a grid of square cells (paper A, Appendix A).
 
-Pixels are the vertices, and four adjacent pixels make a square in which the flow is constant;
-lengths are in pixels. What is kept beside the image is P alone, one float32 a pixel: the flow is
-taken from it on the fly, and values are read from the image itself, whatever its type. So an
-image that is mapped from disk costs 8 bytes a pixel while it is filtered.
+Nodes, such as pixels, are the corners of the cells, and the flow is constant in a cell. A walk has
+three parts: `cell_velocity` is the field, which is that of the shock filter or given;
+`ends_at_turn` is the rule by which a walk ends early; `walk_cells` goes from cell to cell. Lengths
+are in steps between nodes.
+
+These take the parts of a `Field` one by one: numba compiles them for those that are not None, and
+counts references each time that an array is taken from a tuple, which would slow short walks by
+a third.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run
+from ..base.parallel import kernel, run
+from ..base.unfinished import MOST_STEPS, warn_of_unfinished
+from .channels import Channels  # noqa: F401 - transition
+from .sample import add_value  # transition
+
+ENDED, LEFT_DOWN, LEFT_ACROSS, UNFINISHED = range(4)
+"""How a walk ended: by itself; at a closed cell along the first axis, or the second; not at all."""
 
 OFFSET = 0.001
-"""How far into each adjacent square the trace of a pixel begins: the paper's epsilon."""
+"""How far into each adjacent cell the trace of a node begins: the paper's epsilon."""
 
-_ROWS = 16
-_NEIGHBOUR = math.exp(-1.0)  # the Gaussian umbrella's weight at distance 1
+_MOST_RESTS = 8
 
 
-@dataclass(frozen=True)
-class Channels:
-    """Which channels of an image are filtered, and how they guide the flow.
+class Field(NamedTuple):
+    """What a walk follows: the shock flow of a potential, or a given field.
 
     Attributes
     ----------
-    start, stop : int
-        The channels ``start <= c < stop``.
-    alpha : int
-        The channel that is opacity, or -1.
-    brightness : (k,) float32
-        Weights of the channels in one guiding brightness; empty: each channel guides.
+    potential : (h, w) float32 or None
+        P at the nodes; v = -grad(P) / 2 is followed until it turns by a right angle or more.
+    vectors : (h - 1, w - 1, 2) array of float or None
+        A velocity (down, across) in each cell; followed while time is left. It or the potential.
+    faces : (h - 1, w - 1) or larger array of int or None
+        The face of a surface under each cell; negative: the cell is closed. None: all are open.
+    metrics : (m, 3) or wider array of float or None
+        The inverse metric of each face: row row, row column, column column. None: the plane.
     """
 
-    start: int
-    stop: int
-    alpha: int
-    brightness: npt.NDArray[np.float32]
+    potential: npt.NDArray[np.float32] | None = None
+    vectors: npt.NDArray | None = None
+    faces: npt.NDArray[np.integer] | None = None
+    metrics: npt.NDArray | None = None
 
 
-def image_potential(
-    image: npt.NDArray,
-    scale: float,
-    channels: Channels,
-    passes: int,
-    progress: Progress | None = None,
-) -> npt.NDArray[np.float32]:
-    """Compute P = sum over channels of the squared gradient, smoothed before and after.
+def follow(
+    vectors: npt.NDArray, time: float, points: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Follow given vectors for `time`, or up to the border.
 
     Parameters
     ----------
-    image : (h, w, c) array of any real type
-        h and w at least 2.
-    scale : float
-        Factor that brings values to [0, 1], such as 1 / 255.
-    channels : Channels
-        Colors count as much as they are opaque.
-    passes : int
-        Smoothing passes on the signal and on P.
+    vectors : (h - 1, w - 1, 2) array of float
+        Velocity (down, across) in each cell of a grid of h x w nodes.
+    time : float
+        Finite.
+    points : (k, 2) float64
+        Where to start, (row, column) in 0 to h - 1 and w - 1.
 
     Returns
     -------
-    (h, w) float32
+    (k, 2) float64
     """
-    progress = progress or Progress(None)
-    height, width = image.shape[:2]
-    potential = np.empty((height, width), dtype=np.float32)
-    run(_potential_rows, height, image, np.float32(scale), channels.start, channels.stop,
-        channels.alpha, channels.brightness, passes, potential, chunk=_ROWS,
-        progress=progress.part(0.0, 0.8, "Computing the flow"))  # fmt: skip
-    spare = np.empty_like(potential) if passes else potential
-    last = progress.part(0.8, 1.0, "Computing the flow")
-    for _ in range(passes):
-        run(_smooth_rows, height, potential, spare, chunk=_ROWS, progress=last)
-        potential, spare = spare, potential
-    progress.update(1.0)
-    return potential
+    if not np.isfinite(time):
+        raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
+    ends = np.empty_like(points)
+    unfinished = np.zeros(len(points), dtype=np.bool_)
+    run(_follow, len(points), vectors, float(time), MOST_STEPS, points, ends, unfinished)
+    warn_of_unfinished(unfinished)
+    return ends
 
 
-def advect_pixels(
-    image: npt.NDArray,
-    channels: Channels,
-    potential: npt.NDArray[np.float32],
-    time: float,
-    out: npt.NDArray,
-    *,
-    nearest: bool = False,
-    step: float | None = None,
-    progress: Progress | None = None,
-) -> None:
-    """Read the image where the flow-lines come from ("Vertex Advection", on squares).
+@kernel
+def cell_velocity(potential, vectors, faces, metrics, i, j, turned):
+    """Compute the flow in a cell: (down, across), and its product with the metric likewise.
 
-    From each pixel a trace begins in each adjacent square; the pixel's new value is the mean of
-    the values at their ends, each as much as it is opaque.
+    The axes are exchanged where `turned` is true, those of (i, j), too.
+    """
+    row, column = (j, i) if turned else (i, j)
+    v = w = p = q = 0.0
+    # numba drops branches for arguments that are None, and only those.
+    if potential is not None:
+        a = potential[row, column]
+        b = potential[row, column + 1]
+        c = potential[row + 1, column]
+        d = potential[row + 1, column + 1]
+        v = p = -0.25 * (float(c - a) + float(d - b))
+        w = q = -0.25 * (float(b - a) + float(d - c))
+    if metrics is not None:
+        face = faces[row, column]
+        mixed = float(metrics[face, 1])
+        v = metrics[face, 0] * p + mixed * q
+        w = mixed * p + metrics[face, 2] * q
+    if vectors is not None:
+        v = p = float(vectors[row, column, 0])
+        w = q = float(vectors[row, column, 1])
+    return (w, v, q, p) if turned else (v, w, p, q)
+
+
+@kernel
+def ends_at_turn(vectors, v, w, p, q):
+    """The shock filter's rule: a walk along (v, w) ends where the flow turns by a right angle.
+
+    (p, q) is the product of the metric and the flow ahead. Given fields may turn as they like.
+    """
+    return vectors is None and v * p + w * q <= 0
+
+
+@kernel
+def _is_open(potential, vectors, faces, i, j, turned):
+    """Tell whether a walk may go into a cell; the axes are exchanged where `turned` is true."""
+    row, column = (j, i) if turned else (i, j)
+    if faces is not None:
+        return faces[row, column] >= 0
+    rows, columns = _size(potential, vectors)
+    return row >= 0 and column >= 0 and row < rows and column < columns
+
+
+@kernel
+def begin(y, x, corner):
+    """The start beside node (y, x) in one of its four cells: (row, column, down, across)."""
+    up = corner >> 1
+    left = corner & 1
+    down = 1.0 - 0.5 * OFFSET if up else 0.5 * OFFSET
+    across = 1.0 - 0.5 * OFFSET if left else 0.5 * OFFSET
+    return y - up, x - left, down, across
+
+
+@kernel
+def reach(place, speed):
+    """Time until the end of the cell, along one axis."""
+    if speed > 1e-30:
+        return (1.0 - place) / speed
+    if speed < -1e-30:
+        return place / -speed
+    return np.inf
+
+
+@kernel
+def walk_cells(potential, vectors, faces, metrics, time, most_steps, row, column, down, across):
+    """Walk from cell to cell.
 
     Parameters
     ----------
-    image : (h, w, c) array
-    channels : Channels
-        The others are left as they are in `out`.
-    potential : (h, w) float32
+    potential, vectors, faces, metrics
+        A `Field`.
     time : float
-        Flow time; infinity walks until the flow ends.
-    out : (h, w, c) array
-        Where the result goes, in the image's range; whole numbers are rounded.
-    nearest : bool
-        Take the nearest pixel's value at the ends instead of interpolating linearly.
-    step : float, optional
-        Walk literally, in steps of this length in pixels (the paper's is 0.1). None walks
-        exactly from square to square.
+    most_steps : int
+        How many cells may be crossed.
+    row, column, down, across
+        The cell's first node, and the place in it from 0 to 1.
+
+    Returns
+    -------
+    row, column, down, across
+        Where the walk ends.
+    left : float
+        The time that is left there.
+    v, w : float
+        The velocity (down, across) there.
+    ending : int
+        `ENDED`, `LEFT_DOWN`, `LEFT_ACROSS` or `UNFINISHED`.
     """
-    literal = 0.0 if step is None else float(step)
-    run(_advect_rows, image.shape[0], image, channels.start, channels.stop, channels.alpha,
-        potential, float(time), literal, nearest, _rounds(out), out, chunk=_ROWS,
-        progress=progress)  # fmt: skip
-
-
-class Sources:
-    """Where each pixel's values come from, while flows that change carry them on (paper 3.3).
-
-    Holds the ends of all traces, 48 bytes a pixel.
-    """
-
-    def __init__(self, height: int, width: int, progress: Progress | None = None) -> None:
-        self._cells = np.empty((height, width, 4, 2), dtype=np.int32)
-        self._places = np.empty((height, width, 4, 2), dtype=np.float32)
-        run(_start_rows, height, self._cells, self._places, chunk=_ROWS, progress=progress)
-
-    def carry(
-        self, potential: npt.NDArray[np.float32], time: float, progress: Progress | None = None
-    ) -> None:
-        """Trace on from where the traces ended."""
-        run(_carry_rows, len(potential), potential, float(time), self._cells, self._places,
-            chunk=_ROWS, progress=progress)  # fmt: skip
-
-    def read(
-        self,
-        image: npt.NDArray,
-        channels: Channels,
-        out: npt.NDArray,
-        *,
-        nearest: bool = False,
-        progress: Progress | None = None,
-    ) -> None:
-        """Read the image at the traces' ends; parameters as in `advect_pixels`."""
-        run(_read_rows, len(image), image, channels.start, channels.stop, channels.alpha,
-            self._cells, self._places, nearest, _rounds(out), out, chunk=_ROWS,
-            progress=progress)  # fmt: skip
-
-
-def _rounds(out: npt.NDArray) -> bool:
-    return bool(np.issubdtype(out.dtype, np.integer))
-
-
-@kernel
-def _potential_rows(
-    start, stop, image, scale, first_channel, last_channel, alpha, brightness, passes, potential
-):
-    # Planar working copy of the rows that this band depends on.
-    height, width = image.shape[:2]
-    first = max(start - 1 - passes, 0)
-    last = min(stop + 1 + passes, height)
-    rows = last - first
-    signal = np.empty((rows, width), np.float32)
-    spare = np.empty((rows, width), np.float32)
-    top = max(start - 1, 0)  # squares top .. bottom - 1 touch the band
-    bottom = min(stop, height - 1)
-    energy = np.zeros((bottom - top, width - 1), np.float32)
-    guides = 1 if brightness.size > 0 else last_channel - first_channel
-    for guide in range(guides):
-        for y in range(rows):
-            if brightness.size > 0:
-                for x in range(width):
-                    total = np.float32(0.0)
-                    for c in range(brightness.size):
-                        total += brightness[c] * np.float32(image[first + y, x, first_channel + c])
-                    signal[y, x] = scale * total
-            else:
-                for x in range(width):
-                    signal[y, x] = scale * np.float32(image[first + y, x, first_channel + guide])
-            if alpha >= 0:
-                for x in range(width):
-                    signal[y, x] *= scale * np.float32(image[first + y, x, alpha])
-        for _ in range(passes):
-            for y in range(rows):
-                _smooth_row(signal, y, spare)
-            signal, spare = spare, signal
-        for r in range(bottom - top):
-            y = top + r - first
-            for x in range(width - 1):
-                across = signal[y, x + 1] - signal[y, x] + signal[y + 1, x + 1] - signal[y + 1, x]
-                down = signal[y + 1, x] - signal[y, x] + signal[y + 1, x + 1] - signal[y, x + 1]
-                energy[r, x] += np.float32(0.25) * (across * across + down * down)
-    for y in range(start, stop):
-        above = max(y - 1, 0) - top
-        below = min(y, height - 2) - top
-        for x in range(width):
-            left = max(x - 1, 0)
-            right = min(x, width - 2)
-            # At borders the same square counts twice, which leaves the mean of those there are.
-            total = energy[above, left] + energy[above, right]
-            total += energy[below, left] + energy[below, right]
-            potential[y, x] = min(np.float32(0.25) * total, np.float32(1e30))
-
-
-@kernel
-def _smooth_row(values, y, out):
-    # One umbrella pass on a row; neighbours are the pixels up, down, left and right.
-    height, width = values.shape
-    weight = np.float32(_NEIGHBOUR)
-    vertical = np.float32(0.0)
-    up, down = max(y - 1, 0), min(y + 1, height - 1)
-    has_up = np.float32(up != y)
-    has_down = np.float32(down != y)
-    vertical = has_up + has_down
-    inner = np.float32(1.0) / (np.float32(1.0) + weight * (vertical + np.float32(2.0)))
-    outer = np.float32(1.0) / (np.float32(1.0) + weight * (vertical + np.float32(1.0)))
-    for x in range(1, width - 1):
-        around = values[y, x - 1] + values[y, x + 1]
-        around += has_up * values[up, x] + has_down * values[down, x]
-        out[y, x] = (values[y, x] + weight * around) * inner
-    for x, beside in ((0, 1), (width - 1, width - 2)):
-        around = values[y, beside] + has_up * values[up, x] + has_down * values[down, x]
-        out[y, x] = (values[y, x] + weight * around) * outer
-
-
-@kernel
-def _smooth_rows(start, stop, values, out):
-    for y in range(start, stop):
-        _smooth_row(values, y, out)
-
-
-@kernel
-def _flow(potential, row, column, turned):
-    # v = -grad(P) / 2 in a square: (down, across), or (across, down) if turned.
-    if turned:
-        row, column = column, row
-    a = potential[row, column]
-    b = potential[row, column + 1]
-    c = potential[row + 1, column]
-    d = potential[row + 1, column + 1]
-    down = -0.25 * (float(c - a) + float(d - b))
-    across = -0.25 * (float(b - a) + float(d - c))
-    return (across, down) if turned else (down, across)
-
-
-@kernel
-def _walk(potential, time, row, column, down, across):
-    # From square to square: (row, column) is the square's first pixel, (down, across) the point
-    # in it. Returns where the walk ends. Numbers rather than arrays: these stay in registers.
     left = time
-    v, w = _flow(potential, row, column, False)
+    v, w, _, _ = cell_velocity(potential, vectors, faces, metrics, row, column, False)
     y = down + v * left
     x = across + w * left
     if 0.0 < y < 1.0 and 0.0 < x < 1.0:
-        return row, column, y, x
-    # The walk crosses the lines between squares along the first axis; i, a and v belong to it.
+        return row, column, y, x, 0.0, v, w, ENDED
+    # The walk crosses the lines between cells along the first axis; i, a and v belong to it.
     # To cross along the other one, both are exchanged.
     i, j, a, b = row, column, down, across
     turned = False
-    sliding = False  # along a line between squares, that is, along the second axis
-    for _ in range(1000000):
+    sliding = False  # along a line between cells, that is, along the second axis
+    last = left
+    rests = 0  # steps in a row that took no time
+    ending = ENDED
+    for _ in range(most_steps):
+        rests = rests + 1 if left == last else 0
+        last = left
+        if rests > _MOST_RESTS and vectors is not None:
+            break  # around a node to which all cells flow
         if not sliding:
             reach_a = reach(a, v)
             reach_b = reach(b, w)
@@ -283,73 +207,90 @@ def _walk(potential, time, row, column, down, across):
             a = 1.0 if v > 0 else 0.0
             b = min(max(b + w * reach_a, 0.0), 1.0)
             beyond = i + ahead
-            if beyond < 0 or beyond > potential.shape[1 if turned else 0] - 2:
+            if not _is_open(potential, vectors, faces, beyond, j, turned):
+                ending = LEFT_DOWN
                 break
-            next_v, next_w = _flow(potential, beyond, j, turned)
-            if v * next_v + w * next_w <= 0:
+            next_v, next_w, p, q = cell_velocity(
+                potential, vectors, faces, metrics, beyond, j, turned
+            )
+            if ends_at_turn(vectors, v, w, p, q):
                 break
             if v * next_v > 0:
                 i = beyond
                 a = 1.0 - a
                 v, w = next_v, next_w
                 continue
-            # Both squares flow into the line between them: slide on it, at the combination of
-            # both flows that stays there (Filippov). The line belongs to the lower square.
+            # Both cells flow into the line between them: slide on it, at the combination of
+            # both flows that stays there (Filippov). The line belongs to the lower cell.
             share = -next_v / (v - next_v)
             w = share * w + (1.0 - share) * next_w
+            v = 0.0
             i = min(i, beyond)
             a = 1.0
             sliding = True
-        reached = (1.0 - b) / w if w > 0 else b / -w
+        reached = (1.0 - b) / w if w > 0 else (b / -w if w < 0 else np.inf)
         if reached >= left:
-            b += w * left
+            if left < np.inf:
+                b += w * left
             break
         left -= reached
         ahead = 1 if w > 0 else -1
         b = 1.0 if w > 0 else 0.0
         beyond = j + ahead
-        if beyond < 0 or beyond > potential.shape[0 if turned else 1] - 2:
+        if not _is_open(potential, vectors, faces, i, beyond, turned) or not _is_open(
+            potential, vectors, faces, i + 1, beyond, turned
+        ):
+            ending = LEFT_ACROSS
             break
         j = beyond
         b = 1.0 - b
-        # Past a pixel: the squares on both sides of the line decide.
-        v, w = _flow(potential, i, j, turned)
-        next_v, next_w = _flow(potential, i + 1, j, turned)
+        # Past a node: the cells on both sides of the line decide.
+        came = w
+        v, w, _, q = cell_velocity(potential, vectors, faces, metrics, i, j, turned)
+        next_v, next_w, _, next_q = cell_velocity(
+            potential, vectors, faces, metrics, i + 1, j, turned
+        )
         if v >= 0 and next_v <= 0:
             total = v - next_v
             share = -next_v / total if total > 0 else 0.5
             w = share * w + (1.0 - share) * next_w
+            q = share * q + (1.0 - share) * next_q
+            v = 0.0
         else:
             if next_v > 0 and next_v > -v:
                 i += 1
                 a = 0.0
-                v, w = next_v, next_w
+                v, w, q = next_v, next_w, next_q
             sliding = False
-        if w * ahead <= 0:
+        if ends_at_turn(vectors, 0.0, came, 0.0, q):
             break
-    return (j, i, b, a) if turned else (i, j, a, b)
+    else:
+        ending = UNFINISHED
+    if turned:
+        if ending == LEFT_DOWN or ending == LEFT_ACROSS:
+            ending = LEFT_DOWN + LEFT_ACROSS - ending
+        return j, i, b, a, left, w, v, ending
+    return i, j, a, b, left, v, w, ending
 
 
 @kernel
-def reach(place, speed):
-    """Time until the end of the square, along one axis."""
-    if speed > 1e-30:
-        return (1.0 - place) / speed
-    if speed < -1e-30:
-        return place / -speed
-    return np.inf
+def walk_literally(potential, vectors, time, step, most_steps, row, column, down, across):
+    """Walk in straight steps of a given length, as the paper does; on a plane of open cells.
 
-
-@kernel
-def _walk_literal(potential, time, step, row, column, down, across):
+    Returns
+    -------
+    row, column, down, across
+        Where the walk ends.
+    ending : int
+        `ENDED` or `UNFINISHED`.
+    """
     left = time
-    most_y = potential.shape[0] - 1
-    most_x = potential.shape[1] - 1
-    v, w = _flow(potential, row, column, False)
-    for _ in range(1000000):
+    most_y, most_x = _size(potential, vectors)
+    v, w, _, _ = cell_velocity(potential, vectors, None, None, row, column, False)
+    for _ in range(most_steps):
         speed = np.sqrt(v * v + w * w)
         if left <= 0 or speed < 1e-30:
-            break
+            return row, column, down, across, ENDED
         pace = min(left, step / speed)
         left -= pace
         y = row + down + v * pace
@@ -362,145 +303,66 @@ def _walk_literal(potential, time, step, row, column, down, across):
         column = min(int(x), most_x - 1)
         down = y - row
         across = x - column
-        next_v, next_w = _flow(potential, row, column, False)
-        if v * next_v + w * next_w <= 0:
-            break
+        next_v, next_w, p, q = cell_velocity(potential, vectors, None, None, row, column, False)
+        if ends_at_turn(vectors, v, w, p, q):
+            return row, column, down, across, ENDED
         v, w = next_v, next_w
-    return row, column, down, across
+    return row, column, down, across, UNFINISHED
 
 
 @kernel
-def _begin(y, x, corner):
-    # The start beside pixel (y, x) in one of its four squares.
-    up = corner >> 1
-    left = corner & 1
-    down = 1.0 - 0.5 * OFFSET if up else 0.5 * OFFSET
-    across = 1.0 - 0.5 * OFFSET if left else 0.5 * OFFSET
-    return y - up, x - left, down, across
+def _size(potential, vectors):
+    # The number of rows and columns of cells.
+    if vectors is not None:
+        return vectors.shape[0], vectors.shape[1]
+    if potential is not None:
+        return potential.shape[0] - 1, potential.shape[1] - 1
+    return 0, 0
 
 
 @kernel
-def _exists(row, column, height, width):
-    return row >= 0 and column >= 0 and row < height - 1 and column < width - 1
+def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
+    rows, columns = vectors.shape[:2]
+    for i in range(start, stop):
+        row = min(int(points[i, 0]), rows - 1)
+        column = min(int(points[i, 1]), columns - 1)
+        row, column, down, across, _, _, _, ending = walk_cells(
+            None,
+            vectors,
+            None,
+            None,
+            time,
+            most_steps,
+            row,
+            column,
+            points[i, 0] - row,
+            points[i, 1] - column,
+        )
+        ends[i, 0] = row + down
+        ends[i, 1] = column + across
+        unfinished[i] = ending == UNFINISHED
 
 
 @kernel
-def add_sample(image, first, last, alpha, row, column, down, across, nearest, total):
-    """Add the values at a point, times opacity, to `total`; returns the opacity."""
-    if nearest:
-        row += down > 0.5
-        column += across > 0.5
-        opacity = 1.0 if alpha < 0 else float(image[row, column, alpha])
-        for c in range(first, last):
-            total[c] += opacity * image[row, column, c]
-        return opacity
-    k = down * across
-    j = down - k
-    i = across - k
-    h = 1.0 - down - i
-    if alpha >= 0:
-        h *= image[row, column, alpha]
-        i *= image[row, column + 1, alpha]
-        j *= image[row + 1, column, alpha]
-        k *= image[row + 1, column + 1, alpha]
-    for c in range(first, last):
-        total[c] += (
-            h * image[row, column, c] + i * image[row, column + 1, c]
-            + j * image[row + 1, column, c] + k * image[row + 1, column + 1, c]
-        )  # fmt: skip
-    return h + i + j + k
+def walk(field, time, most_steps, row, column, down, across):
+    """Walk from cell to cell; see `walk_cells`."""
+    a, b, c, d = field
+    return walk_cells(a, b, c, d, time, most_steps, row, column, down, across)
 
 
 @kernel
-def _put(image, y, x, first, last, total, weight, rounded, out):
-    for c in range(first, last):
-        if weight > 0:
-            value = total[c] / weight
-            out[y, x, c] = np.floor(value + 0.5) if rounded else value
-        else:
-            out[y, x, c] = image[y, x, c]  # fully transparent all around
+def velocity(field, i, j, turned):
+    """Compute the flow in a cell; see `cell_velocity`."""
+    a, b, c, d = field
+    return cell_velocity(a, b, c, d, i, j, turned)
 
 
 @kernel
-def _advect_rows(
-    start, stop, image, first, last, alpha, potential, time, step, nearest, rounded, out
-):
-    height, width = potential.shape
-    total = np.empty(image.shape[2])
-    for y in range(start, stop):
-        for x in range(width):
-            total[:] = 0.0
-            weight = 0.0
-            for corner in range(4):
-                row, column, down, across = _begin(y, x, corner)
-                if not _exists(row, column, height, width):
-                    continue
-                if step > 0:
-                    row, column, down, across = _walk_literal(
-                        potential, time, step, row, column, down, across
-                    )
-                else:
-                    row, column, down, across = _walk(potential, time, row, column, down, across)
-                weight += add_sample(
-                    image, first, last, alpha, row, column, down, across, nearest, total
-                )
-            _put(image, y, x, first, last, total, weight, rounded, out)
+def turns_back(field, v, w, p, q):
+    """Apply the stop rule; see `ends_at_turn`."""
+    return ends_at_turn(field.vectors, v, w, p, q)
 
 
 @kernel
-def _start_rows(start, stop, cells, places):
-    height, width = cells.shape[:2]
-    for y in range(start, stop):
-        for x in range(width):
-            for corner in range(4):
-                row, column, down, across = _begin(y, x, corner)
-                if not _exists(row, column, height, width):
-                    row = -1  # no square there
-                cells[y, x, corner, 0] = row
-                cells[y, x, corner, 1] = column
-                places[y, x, corner, 0] = down
-                places[y, x, corner, 1] = across
-
-
-@kernel
-def _stored(cells, places, y, x, corner):
-    return (
-        np.int64(cells[y, x, corner, 0]),
-        np.int64(cells[y, x, corner, 1]),
-        np.float64(places[y, x, corner, 0]),
-        np.float64(places[y, x, corner, 1]),
-    )
-
-
-@kernel
-def _carry_rows(start, stop, potential, time, cells, places):
-    width = potential.shape[1]
-    for y in range(start, stop):
-        for x in range(width):
-            for corner in range(4):
-                row, column, down, across = _stored(cells, places, y, x, corner)
-                if row < 0:
-                    continue
-                row, column, down, across = _walk(potential, time, row, column, down, across)
-                cells[y, x, corner, 0] = row
-                cells[y, x, corner, 1] = column
-                places[y, x, corner, 0] = down
-                places[y, x, corner, 1] = across
-
-
-@kernel
-def _read_rows(start, stop, image, first, last, alpha, cells, places, nearest, rounded, out):
-    width = image.shape[1]
-    total = np.empty(image.shape[2])
-    for y in range(start, stop):
-        for x in range(width):
-            total[:] = 0.0
-            weight = 0.0
-            for corner in range(4):
-                row, column, down, across = _stored(cells, places, y, x, corner)
-                if row < 0:
-                    continue
-                weight += add_sample(
-                    image, first, last, alpha, row, column, down, across, nearest, total
-                )
-            _put(image, y, x, first, last, total, weight, rounded, out)
+def add_sample(image, first, last, alpha, row, column, down, across, nearest, total):  # transition
+    return add_value(image, (first, last, alpha, 0), row, column, down, across, nearest, total)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         mosaic,
         patch,
         recolored,
+        registered,
         screen_colors,
         strokes,
         symmetry,
@@ -46,6 +47,7 @@ __all__ = [
     "mosaic",
     "patch",
     "recolored",
+    "registered",
     "screen_colors",
     "strokes",
     "symmetry",
@@ -53,30 +55,8 @@ __all__ = [
     "welding",
 ]
 
-_OLD = {  # transition: names that are asked for without their module
-    "inputs": ("Denoising", "PaintedSurface"),
-    "colors": ("sharpen_colors",),
-    "denoising": (
-        "Both",
-        "denoise_both",
-        "denoise_colors",
-        "denoise_picture",
-        "denoise_shape",
-    ),
-    "flow": ("flow_of_colors", "flow_of_shape"),
-    "picture": ("sharpen_picture",),
-    "recolored": ("Recolored",),
-    "geometry": ("Sharpened", "sharpen"),
-    "textures": ("Retextured", "analyse", "dilate_texture", "sharpen_texture"),
-}
-
 
 def __getattr__(name: str) -> Any:
-    for module, names in _OLD.items():  # transition
-        if name in names and name[0].islower():  # transition: loads kernels when it is called
-            return lambda *given: getattr(import_module(f".{module}", __name__), name)(*given)
-        if name in names:  # transition
-            return getattr(import_module(f".{module}", __name__), name)
     if name in __all__:
         return import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

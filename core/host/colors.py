@@ -15,28 +15,10 @@ import numpy.typing as npt
 from ..base.checks import LARGEST
 from ..base.progress import ProgressCallback, aside, reporting
 from ..errors import InvalidSignal
-from ..filters.signals import sharpen_corner_signal, sharpen_vertex_signal
 from ..mesh.calculus import group_means
-from ..settings import ShockSettings
 from .inputs import ColoredSurface
 from .recolored import Colors, Recolored, recolored
 from .welding import welded
-
-
-def sharpen_colors(
-    surface: ColoredSurface,
-    settings: ShockSettings,
-    weld: bool,
-    progress: ProgressCallback | None,
-) -> Recolored:
-    """Sharpen the colors of a surface; `filter_colors` says what the parameters are."""
-    return filter_colors(
-        surface,
-        lambda mesh, colors, mask: sharpen_vertex_signal(mesh, colors, settings, mask),
-        lambda mesh, colors, mask: sharpen_corner_signal(mesh, colors, settings, mask),
-        weld,
-        progress,
-    )
 
 
 def filter_colors(
@@ -69,12 +51,12 @@ def filter_colors(
     Raises
     ------
     ShockError
-        See `TriangleMesh`, `sharpen_vertex_signal` and `sharpen_corner_signal`.
+        See `TriangleMesh` and the functions.
     """
     with reporting(progress):
         check_colors(surface)
         if surface.corners is None:
-            part = welded(surface, weld, colors=surface.colors)
+            part = welded(surface, weld, surface.colors)
             values = surface.colors[part.used][part.representatives]
             new = surface.colors.copy()
             new[part.used] = at_vertices(part.mesh, values, part.mask)[part.index]
@@ -95,10 +77,7 @@ def check_colors(surface: ColoredSurface) -> None:
 
 
 def repainted_corners(
-    surface: ColoredSurface,
-    corners: npt.NDArray[np.int32],
-    values: Colors,
-    progress: object = None,  # transition
+    surface: ColoredSurface, corners: npt.NDArray[np.int32], values: Colors
 ) -> Recolored:
     """Bring new colors of the corners of triangles back; `corners` says which color each has."""
     new = surface.colors.copy()

@@ -56,7 +56,7 @@ def flow_of_colors(
     check_colors(surface)
     with reporting(progress):
         if surface.corners is None:
-            part = welded(surface, weld, colors=surface.colors)
+            part = welded(surface, weld, surface.colors)
             cut = part.mesh
             values = surface.colors[part.used][part.representatives].astype(np.float64)
         else:

@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
-from ..filters.geometry import sharpen_geometry
-from ..settings import GeometrySettings
 from .inputs import MirroredSurface
 from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
@@ -28,18 +26,6 @@ class Sharpened:
     positions: npt.NDArray[np.float32]
     moved: int
     largest_move: float
-
-
-def sharpen(
-    surface: MirroredSurface,
-    settings: GeometrySettings,
-    weld: bool,
-    progress: ProgressCallback | None,
-) -> Sharpened:
-    """Sharpen a surface; `filter_geometry` says what the parameters are."""
-    return filter_geometry(
-        surface, lambda mesh, mask: sharpen_geometry(mesh, settings, mask), weld, progress
-    )
 
 
 def filter_geometry(
@@ -68,19 +54,14 @@ def filter_geometry(
     Raises
     ------
     ShockError
-        See `TriangleMesh` and `sharpen_geometry`.
+        See `TriangleMesh` and the function.
     """
     with reporting(progress):
         part = welded(surface, weld)
         return placed(surface, part, function(part.mesh, part.mask))
 
 
-def placed(
-    surface: MirroredSurface,
-    part: Welded,
-    positions: npt.NDArray,
-    progress: object = None,  # transition
-) -> Sharpened:
+def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Sharpened:
     """Bring a welded part's new positions, which may be mirrored, back to the surface."""
     with aside("Placing vertices"):
         mesh = part.mesh

@@ -4,34 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
-from ..filters.images import sharpen_image
-from ..settings import ImageSettings
 from .inputs import HostImage, Pixels
 from .recolored import Recolored, recolored
 
 _ROWS = 256
 """Rows of an image that are divided or multiplied by opacity at once."""
-
-
-def sharpen_pixels(
-    image: HostImage, settings: ImageSettings, progress: ProgressCallback | None
-) -> Recolored:
-    """Sharpen an image; opacity stays.
-
-    With ``alpha="none"``, all four channels are filtered alike, whatever the fourth is. Other
-    parameters are those of `filter_image`.
-    """
-
-    def sharpen(pixels: Pixels, alpha: str) -> Pixels:
-        return sharpen_image(pixels, replace(settings, alpha=alpha))
-
-    return filter_image(image, settings.alpha, sharpen, progress)
 
 
 def filter_image(
@@ -97,8 +79,3 @@ def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]
 def _factor(pixels: Pixels) -> Pixels:
     opacity = pixels[..., 3:]
     return np.where(opacity > 0, opacity, np.float32(1.0))
-
-
-Picture = HostImage  # transition
-filter_picture = filter_image  # transition
-sharpen_picture = sharpen_pixels  # transition

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several UDIM tiles as one image, so that they are filtered together. Needs no bpy."""
+"""Several UDIM tiles as one image, so that they are filtered together."""
 
 from __future__ import annotations
 

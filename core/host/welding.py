@@ -50,12 +50,7 @@ class Welded:
     index: npt.NDArray[np.intp]
 
 
-def welded(
-    surface: Surface,
-    weld: bool,
-    progress: object = None,  # transition
-    colors: npt.NDArray[np.float32] | None = None,
-) -> Welded:
+def welded(surface: Surface, weld: bool, colors: npt.NDArray[np.float32] | None = None) -> Welded:
     """Leave out loose vertices and make vertices at exactly the same place one.
 
     Asked again about the same surface, it returns the same object. Safe on any thread.

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core.host.denoising import Denoising, denoise_both
+from shock_filter.core.host.denoising import denoise_both
+from shock_filter.core.host.inputs import Denoising
 from shock_filter.shock_addon.data import painted
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,

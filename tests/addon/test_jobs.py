@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import Cancelled, GeometrySettings
-from shock_filter.core.host.geometry import sharpen
+from shock_filter.core.host.registered import filter_shape
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions
@@ -438,7 +438,7 @@ def target(rounded_box):
 
 def sharpened(*targets, progress=lambda fraction, message: True):
     def function(surface, part):
-        return sharpen(surface, GeometrySettings(), True, part)
+        return filter_shape(surface, "sharpen_geometry", GeometrySettings(), True, part)
 
     return operators.filter_targets(targets, function, progress)
 

@@ -9,11 +9,10 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
-from shock_filter.core.host.denoising import Denoising, denoise_shape
 from shock_filter.core.host.dials import TimeDial, turned
-from shock_filter.core.host.geometry import sharpen
-from shock_filter.core.host.inputs import MirroredSurface
+from shock_filter.core.host.inputs import Denoising, MirroredSurface
 from shock_filter.core.host.patch import patch_around, seen_vertex, whole_surface
+from shock_filter.core.host.registered import filter_shape
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
 from shock_filter.shock_addon.data.active_object import read_active
 from shock_filter.shock_addon.data.geometry import read_geometry
@@ -334,18 +333,18 @@ KERNEL = BeltramiGeometrySettings(repeat=1)
 
 
 @pytest.mark.parametrize(
-    ("function", "settings"),
+    ("name", "settings"),
     [
-        (sharpen, GeometrySettings(time=16.0)),
-        (sharpen, GeometrySettings(time=16.0, screening_radius=1.0)),
-        (sharpen, GeometrySettings(time=16.0, fidelity=2000.0)),
-        (sharpen, GeometrySettings(time=16.0, max_displacement=0.01)),
-        (denoise_shape, Denoising(KERNEL, None)),
-        (denoise_shape, Denoising(KERNEL, 16.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0, screening_radius=1.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0, fidelity=2000.0)),
+        ("sharpen_geometry", GeometrySettings(time=16.0, max_displacement=0.01)),
+        ("beltrami_mesh", Denoising(KERNEL, None)),
+        ("beltrami_mesh", Denoising(KERNEL, 16.0)),
     ],
     ids=["time", "radius", "fidelity", "displacement", "denoising", "sharpened"],
 )
-def test_settings_mean_the_same_on_a_patch_with_shorter_edges(function, settings):
+def test_settings_mean_the_same_on_a_patch_with_shorter_edges(name, settings):
     """The patch is a fine sheet, alone; the whole has a coarse one beside it."""
     fine, triangles = bumpy_sheet(20, 0.5, 0.0)
     coarse, others = bumpy_sheet(20, 1.5, 100.0)
@@ -361,7 +360,7 @@ def test_settings_mean_the_same_on_a_patch_with_shorter_edges(function, settings
     assert patch.lengths == pytest.approx(2.0)
 
     def moves(surface, chosen):
-        found = function(surface, chosen, True, lambda fraction, message: True)
+        found = filter_shape(surface, name, chosen, True, lambda fraction, message: True)
         return found.positions[: len(fine)] - fine
 
     wanted = moves(whole, settings)

@@ -4,9 +4,11 @@ import pytest
 from atlases import Blocks, apart
 from shapes import grid, icosphere
 from shock_filter import core
-from shock_filter.core.atlas import charts, surface
-from shock_filter.core.atlas import walk as flow
-from shock_filter.core.atlas.surface import carry
+from shock_filter.core.atlas import advect, charts, potential
+from shock_filter.core.atlas.ghosts import fill_ghosts
+from shock_filter.core.atlas.metric import exponential_map, measure_metric
+from shock_filter.core.atlas.walk import given_flow
+from shock_filter.core.grid.channels import Channels
 
 
 def square(cells=4):
@@ -138,7 +140,7 @@ def test_straight_walks_follow_the_unfolded_surface():
     bent[:, 2] = np.where(over, (flat[:, 0] - 3) * 0.8, 0.0)
     mesh = core.TriangleMesh(bent, faces)
     cut = charts.find_charts(mesh, flat[faces][..., :2] / 6, 60, 60)
-    ground = surface.measure_surface(mesh, cut, cut.points)
+    metric = measure_metric(mesh, cut, cut.points)
     rng = np.random.default_rng(0)
     b = np.empty(3)
     tried = 0
@@ -156,16 +158,108 @@ def test_straight_walks_follow_the_unfolded_surface():
         leaves = np.cross(cut.points[f, (k + 1) % 3] - cut.points[f, k], away) * side < 0
         if (end < 0).any() or (end > 59).any() or not leaves:
             continue
-        face, cosine, sine = carry(
-            ground.points, ground.twins, ground.shapes, ground.to_frame, int(edge), share,
-            away[0], away[1], b,
-        )  # fmt: skip
+        face, cosine, sine = exponential_map(
+            metric.twins, metric.shapes, metric.jacobians, int(edge), share, away[0], away[1], b
+        )
         assert np.allclose(b @ cut.points[face], end, atol=1e-6)
         assert cosine**2 + sine**2 == pytest.approx(1.0)
-        step = np.array([[cosine, -sine], [sine, cosine]]) @ ground.to_frame[f] @ away
-        assert np.allclose(ground.to_texels[face] @ step, away, atol=1e-6)
+        step = np.array([[cosine, -sine], [sine, cosine]]) @ metric.jacobians[f] @ away
+        assert np.allclose(metric.inverse_jacobians[face] @ step, away, atol=1e-6)
         tried += 1
     assert tried > 50
+
+
+# --------------------------------------------------------------------------------------- given flow
+
+
+BOTH = Channels(0, 2, -1, np.empty(0, dtype=np.float32))
+
+
+def places_after(mesh, uv, size, vectors, time):
+    """Follow vectors in space from each texel: where it lies, and where one comes, in the plane."""
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    places = atlas.bake(mesh.vertices[mesh.faces][..., :2])
+    values = atlas.gather(places, 1.0)
+    fill_ghosts(atlas.sheet, atlas.sources, values)
+    out = values.copy()
+    advect.advect_texels(atlas, values, BOTH, given_flow(atlas, vectors), time, out)
+    return places[atlas.inside], out.reshape(-1, 2)[atlas.owners[atlas.inside]]
+
+
+def within(places):
+    """Places that are not near the border of a square of 64 x 64."""
+    return (abs(places - 32) < 30).all(axis=1)
+
+
+@pytest.mark.parametrize("angle", [None, 0.3])
+@pytest.mark.parametrize("way", [(1.0, 0.0), (-0.6, 0.35), (0.2, 0.9)])
+def test_a_uniform_given_flow_is_straight_across_seams_as_without(angle, way):
+    blocks = Blocks(np.zeros((64, 64, 1)), angle)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    vectors = np.broadcast_to([*way, 7.0], (mesh.face_count, 3))  # what points out is left out
+    uncut = mesh.vertices[mesh.faces][..., :2] / 64
+    for uv, size in ((blocks.uv, blocks.width), (uncut, 64)):
+        starts, ends = places_after(mesh, uv, size, vectors, 30.0)
+        expected = starts + 30.0 * np.array(way)
+        stays = within(starts) & within(expected)
+        assert stays.sum() > 800
+        # At seams, values are read between ghosts, which are right up to interpolation.
+        errors = abs(ends[stays] - expected[stays]).max(axis=1)
+        assert (np.quantile(errors, [0.5, 0.9, 1.0]) < [1e-4, 5e-3, 0.5]).all()
+
+
+def test_a_given_flow_lies_on_the_surface_and_ends_at_its_border():
+    # Up a slope of 3 in 4, lengths on it are 5/4 of those in the plane.
+    blocks = Blocks(np.zeros((64, 64, 1)), None)
+    slope = blocks.vertices.copy()
+    slope[:, 2] = 0.75 * slope[:, 0]
+    mesh = core.TriangleMesh(slope, blocks.faces)
+    given = mesh, blocks.uv, blocks.width, np.broadcast_to([0.8, 0.0, 0.6], (mesh.face_count, 3))
+    texel = core.TextureAtlas(*given[:2], *2 * given[2:3]).texel_size
+    starts, ends = places_after(*given, 20.0)
+    expected = starts + [20.0 * texel * 0.8, 0.0]
+    stays = within(starts) & within(expected)
+    assert stays.sum() > 800
+    assert abs(ends[stays] - expected[stays]).max() < 5e-3
+    starts, ends = places_after(*given, 200.0)
+    assert ends[within(starts), 0].min() > 62
+
+
+def test_a_given_flow_into_a_seam_from_both_sides_stays_there(caplog):
+    blocks = Blocks(np.zeros((64, 64, 1)), 0.3)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    left = mesh.vertices[mesh.faces].mean(axis=1)[:, 0] < 32
+    vectors = np.where(left[:, None], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0])
+    starts, ends = places_after(mesh, blocks.uv, blocks.width, vectors, 40.0)
+    assert abs(ends[within(starts), 0] - 32).max() < 1.5
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("bad", [np.ones((3, 3)), np.full((32, 3), np.nan)])
+def test_given_flows_that_cannot_be_used_are_named(bad):
+    mesh, uv = square()
+    atlas = core.TextureAtlas(mesh, uv, 16, 16)
+    with pytest.raises(core.InvalidSignal, match="vectors"):
+        given_flow(atlas, bad)
+
+
+def test_endless_walks_of_given_flows_are_refused():
+    mesh, uv = square()
+    with pytest.raises(ValueError, match="finite"):
+        places_after(mesh, uv, 16, np.ones((mesh.face_count, 3)), np.inf)
+
+
+@pytest.mark.parametrize("guard", ["MOST_STEPS", "MOST_SEAMS"])
+def test_walks_that_are_cut_off_are_counted(monkeypatch, caplog, guard):
+    blocks = Blocks(np.zeros((64, 64, 1)), 0.3)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    given = mesh, blocks.uv, blocks.width, np.broadcast_to([0.6, 0.8, 0.0], (mesh.face_count, 3))
+    places_after(*given, 40.0)
+    assert not caplog.records
+    monkeypatch.setattr(advect, guard, 1)
+    places_after(*given, 40.0)
+    (record,) = caplog.records
+    assert 1000 < record.args[0] <= 4 * 64 * 64
 
 
 # ---------------------------------------------------------------------------------------- bad input
@@ -310,12 +404,12 @@ def test_the_gutter_does_not_depend_on_the_unit_of_values(scale):
 
 def test_the_flow_stays_finite_where_squares_of_values_overflow():
     nodes = np.zeros((4, 4), dtype=np.int32)
-    metrics = np.ones((1, 6), dtype=np.float32)
+    areas = np.ones(1, dtype=np.float32)
     for energy in (np.inf, -np.inf, np.nan):
-        potential = np.zeros((4, 4), dtype=np.float32)
+        found = np.zeros((4, 4), dtype=np.float32)
         energies = np.full((4, 4), energy, dtype=np.float32)
-        flow._average_energy(1, 4, nodes, nodes, metrics, energies, potential)
-        assert np.isfinite(potential).all()
+        potential._average_energy(1, 4, nodes, nodes, areas, energies, found)
+        assert np.isfinite(found).all()
 
 
 def test_one_texel_and_charts_without_texels_stay_bit_for_bit():

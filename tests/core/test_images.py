@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from shock_filter import core
-from shock_filter.core.base.parallel import Progress
-from shock_filter.core.grid import walk as grid
+from shock_filter.core.grid import advect, walk
+from shock_filter.core.grid.channels import Channels
+from shock_filter.core.grid.potential import image_potential
 
 NONE = np.empty(0, dtype=np.float32)
-GRAY = grid.Channels(0, 1, -1, NONE)
+GRAY = Channels(0, 1, -1, NONE)
 SCHEMES = [
     {},
     {"channels": "independent"},
@@ -67,7 +68,7 @@ def test_constants_stay_and_values_stay_in_range(settings, dtype):
 def test_any_time_is_stable_and_values_come_from_nearby(time):
     image = photo(channels=1)[..., 0]
     out = sharpen(image, time=time)
-    potential = grid.image_potential(image[..., None], 1.0, GRAY, 1)
+    potential = image_potential(image[..., None], 1.0, GRAY, 1)
     slope = 0.5 * np.hypot(*np.gradient(potential)).max() * 2  # bounds |u| in every square
     radius = math.ceil(min(slope * time + 1, max(image.shape)))
     window = 2 * radius + 1
@@ -197,13 +198,13 @@ def test_thin_images(shape):
 @pytest.mark.parametrize("scale", [1.0, 30.0])
 def test_exact_walk_is_the_limit_of_small_steps(scale):
     image = photo(channels=1)
-    potential = grid.image_potential(image, 1.0, GRAY, 1)
+    potential = image_potential(image, 1.0, GRAY, 1)
     exact = np.empty_like(image)
-    grid.advect_pixels(image, GRAY, potential, 20.0 * scale, exact)
+    advect.advect_pixels(image, GRAY, potential, 20.0 * scale, exact)
     errors = []
     for step in (0.1, 0.02, 0.004):
         literal = np.empty_like(image)
-        grid.advect_pixels(image, GRAY, potential, 20.0 * scale, literal, step=step)
+        advect.advect_pixels(image, GRAY, potential, 20.0 * scale, literal, step=step)
         errors.append(np.median(abs(literal - exact)))
     assert errors[2] < 0.02 * abs(exact - image).mean()
     assert errors[2] < errors[1] / 2 < errors[0] / 4
@@ -211,7 +212,7 @@ def test_exact_walk_is_the_limit_of_small_steps(scale):
 
 def test_potential_agrees_with_brute_force():
     image = photo(14, 11, channels=2).astype(np.float32)
-    channels = grid.Channels(0, 2, -1, NONE)
+    channels = Channels(0, 2, -1, NONE)
     weight = math.exp(-1)
 
     def smooth(values):
@@ -239,7 +240,7 @@ def test_potential_agrees_with_brute_force():
                 expected[y, x] = energy[max(y - 1, 0) : y + 1, max(x - 1, 0) : x + 1].mean()
         for _ in range(passes):
             expected = smooth(expected)
-        found = grid.image_potential(image, 1.0, channels, passes)
+        found = image_potential(image, 1.0, channels, passes)
         assert np.allclose(found, expected, rtol=1e-4, atol=1e-7)
 
 
@@ -377,13 +378,112 @@ class TestOsherRudin:
             core.osher_rudin_image(np.zeros((4, 4)), 5, progress=lambda f, m: False)
 
 
-def test_sources_read_what_advection_reads():
+def test_traced_pixels_read_what_advection_reads():
     image = photo()
-    channels = grid.Channels(0, 3, -1, NONE)
-    potential = grid.image_potential(image, 1.0, channels, 1, Progress(None))
+    channels = Channels(0, 3, -1, NONE)
+    potential = image_potential(image, 1.0, channels, 1)
     at_once, in_two = np.empty_like(image), np.empty_like(image)
-    grid.advect_pixels(image, channels, potential, 30.0, at_once)
-    sources = grid.Sources(*image.shape[:2])
-    sources.carry(potential, 30.0)
-    sources.read(image, channels, in_two)
+    advect.advect_pixels(image, channels, potential, 30.0, at_once)
+    traced = advect.TracedPixels(*image.shape[:2])
+    traced.trace(potential, 30.0)
+    traced.read(image, channels, in_two)
     assert np.allclose(at_once, in_two, atol=1e-5)
+
+
+def cell_field(function, height=40, width=50):
+    """Vectors (down, across) of a function of (row, column) at the centres of the cells."""
+    rows, columns = np.mgrid[: height - 1, : width - 1] + 0.5
+    return np.stack(np.broadcast_arrays(*function(rows, columns), rows)[:2], axis=-1).astype(float)
+
+
+def random_points(count, height=40, width=50, seed=0):
+    return np.random.default_rng(seed).uniform((0, 0), (height - 1, width - 1), (count, 2))
+
+
+def in_small_steps(vectors, time, points, step=1e-3):
+    """Follow a field by Euler's method, in the cell that each point is in."""
+    points = points.copy()
+    last = np.array(vectors.shape[:2], dtype=float)
+    for _ in range(round(time / step)):
+        rows, columns = np.minimum(points.astype(int), vectors.shape[:2] - np.array(1)).T
+        points += step * vectors[rows, columns]
+        np.clip(points, 0, last, out=points)
+    return points
+
+
+def test_a_uniform_given_field_is_followed_straight_to_the_border():
+    starts = random_points(300)
+    vectors = cell_field(lambda y, x: (0.6, -0.4))
+    ends = walk.follow(vectors, 20.0, starts)
+    # The time until the border is reached, from inside.
+    until = np.minimum((39 - starts[:, 0]) / 0.6, starts[:, 1] / 0.4)
+    np.testing.assert_allclose(
+        ends, starts + np.minimum(until, 20.0)[:, None] * (0.6, -0.4), atol=1e-9
+    )
+    assert (until < 20).any()
+    assert (until > 20).any()
+
+
+def test_a_given_rotation_keeps_the_distance_from_its_centre():
+    # A full turn: more than a right angle, which would end a walk of the shock filter.
+    vectors = cell_field(lambda y, x: (x - 20, 20 - y), 41, 41)
+    angles = np.linspace(0, 2 * np.pi, 50, endpoint=False)
+    for radius in (3.1, 7.7, 12.3):
+        circle = radius * np.stack([np.sin(angles), np.cos(angles)], axis=1)
+        for turn in (0.7, np.pi, 2 * np.pi):
+            ends = walk.follow(vectors, turn, 20 + circle) - 20
+            cosine, sine = np.cos(turn), np.sin(turn)
+            expected = circle @ np.array([[cosine, -sine], [sine, cosine]])
+            assert abs(ends - expected).max() < 0.5  # of a cell
+
+
+def test_given_fields_are_followed_as_in_small_steps():
+    vectors = cell_field(lambda y, x: (np.sin(0.2 * x) + 0.3, np.cos(0.17 * y + 0.1 * x)))
+    starts = random_points(200)
+    ends = walk.follow(vectors, 12.0, starts)
+    inside = ((ends > 0) & (ends < vectors.shape[:2])).all(axis=1)
+    assert inside.sum() > 50
+    steps = in_small_steps(vectors, 12.0, starts[inside])
+    assert np.median(abs(ends[inside] - steps)) < 2e-3
+    assert (abs(ends[inside] - steps).max(axis=1) < 0.05).mean() > 0.95
+
+
+def test_given_fields_slide_where_both_sides_flow_together():
+    # Onto the line at row 20 from above at speed 1 and from below at speed 3: the part of each
+    # that keeps a point on it is 3/4 of the upper flow and 1/4 of the lower one (Filippov).
+    vectors = cell_field(lambda y, x: (np.where(y < 20, 1.0, -3.0), np.where(y < 20, 0.2, 1.0)))
+    ends = walk.follow(vectors, 10.0, np.array([[18.0, 5.25], [23.0, 5.25]]))
+    along = 0.75 * 0.2 + 0.25 * 1.0
+    np.testing.assert_allclose(ends, [[20, 5.65 + 8 * along], [20, 6.25 + 9 * along]])
+    # Sliding towards each other from both sides, points rest where they meet.
+    sink = cell_field(lambda y, x: (20.0 - y, 25.0 - x))
+    np.testing.assert_allclose(walk.follow(sink, 1e6, random_points(100)), [[20, 25]] * 100)
+
+
+def test_endless_walks_of_given_fields_are_refused():
+    with pytest.raises(ValueError, match="finite"):
+        walk.follow(cell_field(lambda y, x: (1.0, 0.0)), math.inf, random_points(2))
+
+
+@pytest.mark.parametrize("step", [None, 0.1])
+def test_walks_that_are_cut_off_are_counted(monkeypatch, caplog, step):
+    image = photo(channels=1)
+    potential = image_potential(image, 1.0, GRAY, 1)
+    out = np.empty_like(image)
+    advect.advect_pixels(image, GRAY, potential, 1e4, out, step=step)
+    assert not caplog.records
+    monkeypatch.setattr(advect, "MOST_STEPS", 2)
+    advect.advect_pixels(image, GRAY, potential, 1e4, out, step=step)
+    (record,) = caplog.records
+    assert 100 < record.args[0] <= 4 * out.size
+    assert np.isfinite(out).all()
+
+
+def test_traces_and_given_fields_that_are_cut_off_are_counted(monkeypatch, caplog):
+    monkeypatch.setattr(advect, "MOST_STEPS", 2)
+    monkeypatch.setattr(walk, "MOST_STEPS", 2)
+    potential = image_potential(photo(channels=1), 1.0, GRAY, 1)
+    advect.TracedPixels(*potential.shape).trace(potential, 1e4)
+    assert caplog.records[0].args[0] > 100
+    walk.follow(cell_field(lambda y, x: (1.0, 0.0)), 10.0, np.array([[1.5, 1.5], [37.5, 1.5]]))
+    assert caplog.records[1].args[0] == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The surface under the texels: each face's metric, and straight walks from face to face.
+"""The metric of the surface under the texels, and its geodesic exponential map.
 
 Each face has a frame of its own: corner 0 is the origin and the edge to corner 1 the first axis.
 Lengths are in mean texel sizes on the surface.
@@ -7,53 +7,55 @@ Lengths are in mean texel sizes on the surface.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import Progress, kernel, run
+from ..base.parallel import kernel, run
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
-_MOST_FACES = 4000  # that a walk crosses; needed only where texels are larger than the surface
+_MOST_FACES = 4000  # that a geodesic crosses; needed only where texels are larger than the surface
 
 
-@dataclass(frozen=True)
-class Surface:
+class AtlasMetric(NamedTuple):
     """How the faces lie in space, seen from the texture.
 
     Attributes
     ----------
-    points : (m, 3, 2) float64
-        Corners as (row, column) in the sheet.
     twins : (m, 3) int32
         The half-edges on the other side, or -1.
     shapes : (m, 3) float64
         In the face's frame: corner 1 is (shapes[0], 0), corner 2 (shapes[1], shapes[2]).
-    to_frame, to_texels : (m, 2, 2) float64
-        From steps in (row, column) to steps in the face's frame, and back; zero for faces
-        without area in the texture or in space.
-    metrics : (m, 6) float32
-        The inverse metric h^-1 (row row, row column, column column), the area of a texel, and
-        the weights of smoothing between neighbours along a column and along a row.
+    jacobians : (m, 2, 2) float64
+        Take steps in (row, column) to steps in the face's frame; zero for faces without area in
+        the texture or in space.
+    inverse_jacobians : (m, 2, 2) float64
+        Take steps in the face's frame to steps in (row, column); zero where the Jacobian is.
+    inverse_metrics : (m, 3) float32
+        The inverse h^-1 of the metric h = J^T J: row row, row column, column column.
+    texel_areas : (m,) float32
+        The area of a texel on the surface, the square root of det h.
+    neighbour_weights : (m, 2) float32
+        The Gaussian umbrella's weights of the next node down or up, and of that to the right or
+        left.
     texel_size : float
         The mean length of a texel on the surface, in the unit of the mesh.
     """
 
-    points: Floats
     twins: Ints
     shapes: Floats
-    to_frame: Floats
-    to_texels: Floats
-    metrics: npt.NDArray[np.float32]
+    jacobians: Floats
+    inverse_jacobians: Floats
+    inverse_metrics: npt.NDArray[np.float32]
+    texel_areas: npt.NDArray[np.float32]
+    neighbour_weights: npt.NDArray[np.float32]
     texel_size: float
 
 
-def measure_surface(
-    mesh: TriangleMesh, charts: Charts, points: Floats, progress: Progress | None = None
-) -> Surface:
+def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasMetric:
     """Measure the faces under their texels, which lie at `points` in the sheet."""
     seen = ~degenerate_faces(charts)
     area = mesh.areas[seen].sum()
@@ -63,20 +65,24 @@ def measure_surface(
         )
     size = float(np.sqrt(area / np.abs(charts.areas[seen]).sum()))  # in mean edge lengths
     count = mesh.face_count
-    shapes = np.zeros((count, 3))
-    to_frame = np.zeros((count, 2, 2))
-    to_texels = np.zeros((count, 2, 2))
-    metrics = np.zeros((count, 6), dtype=np.float32)
+    metric = AtlasMetric(
+        mesh.twins,
+        np.zeros((count, 3)),
+        np.zeros((count, 2, 2)),
+        np.zeros((count, 2, 2)),
+        np.zeros((count, 3), dtype=np.float32),
+        np.zeros(count, dtype=np.float32),
+        np.full((count, 2), np.exp(-1.0), dtype=np.float32),
+        size * mesh.mean_edge_length,
+    )
     run(_measure, count, mesh.scaled_vertices, mesh.faces, mesh.areas, seen, points, 1.0 / size,
-        shapes, to_frame, to_texels, metrics, progress=progress)  # fmt: skip
-    return Surface(points, mesh.twins, shapes, to_frame, to_texels, metrics,
-                   size * mesh.mean_edge_length)  # fmt: skip
+        metric)  # fmt: skip
+    return metric
 
 
 @kernel
-def _measure(
-    start, stop, vertices, faces, areas, seen, points, scale, shapes, to_frame, to_texels, metrics
-):
+def _measure(start, stop, vertices, faces, areas, seen, points, scale, metric):
+    shapes = metric.shapes
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         uu = 0.0
@@ -86,8 +92,6 @@ def _measure(
             v = scale * (vertices[c, x] - vertices[a, x])
             uu += u * u
             uv += u * v
-        metrics[f, 4] = np.exp(-1.0)
-        metrics[f, 5] = np.exp(-1.0)
         if areas[f] == 0 or uu == 0:
             continue
         along = np.sqrt(uu)
@@ -101,30 +105,41 @@ def _measure(
         qy = points[f, 2, 0] - points[f, 0, 0]
         qx = points[f, 2, 1] - points[f, 0, 1]
         det = py * qx - px * qy
-        # Columns: the frame's steps for one row and one column.
+        # The columns of J: the frame's steps for one row and for one column.
         ay = (qx * shapes[f, 0] - px * shapes[f, 1]) / det
         by = -px * shapes[f, 2] / det
         ax = (py * shapes[f, 1] - qy * shapes[f, 0]) / det
         bx = py * shapes[f, 2] / det
-        to_frame[f, 0, 0] = ay
-        to_frame[f, 1, 0] = by
-        to_frame[f, 0, 1] = ax
-        to_frame[f, 1, 1] = bx
-        inner = ay * bx - ax * by
-        to_texels[f, 0, 0] = bx / inner
-        to_texels[f, 0, 1] = -ax / inner
-        to_texels[f, 1, 0] = -by / inner
-        to_texels[f, 1, 1] = ay / inner
+        _store(metric.jacobians[f], ay, ax, by, bx)
+        det_j = ay * bx - ax * by
+        _store(metric.inverse_jacobians[f], bx / det_j, -ax / det_j, -by / det_j, ay / det_j)
         rr = ay * ay + by * by
         rc = ay * ax + by * bx
         cc = ax * ax + bx * bx
-        square = inner * inner
-        metrics[f, 0] = min(cc / square, 1e15)
-        metrics[f, 1] = min(max(-rc / square, -1e15), 1e15)
-        metrics[f, 2] = min(rr / square, 1e15)
-        metrics[f, 3] = abs(inner)
-        metrics[f, 4] = np.exp(-rr)
-        metrics[f, 5] = np.exp(-cc)
+        det_h = det_j * det_j
+        metric.inverse_metrics[f, 0] = min(cc / det_h, 1e15)
+        metric.inverse_metrics[f, 1] = min(max(-rc / det_h, -1e15), 1e15)
+        metric.inverse_metrics[f, 2] = min(rr / det_h, 1e15)
+        metric.texel_areas[f] = abs(det_j)
+        metric.neighbour_weights[f, 0] = np.exp(-rr)
+        metric.neighbour_weights[f, 1] = np.exp(-cc)
+
+
+@kernel
+def _store(matrix, a, b, c, d):
+    matrix[0, 0] = a
+    matrix[0, 1] = b
+    matrix[1, 0] = c
+    matrix[1, 1] = d
+
+
+@kernel
+def apply(matrices, f, x, y):
+    """Multiply matrix `f` of (m, 2, 2) with (x, y)."""
+    return (
+        matrices[f, 0, 0] * x + matrices[f, 0, 1] * y,
+        matrices[f, 1, 0] * x + matrices[f, 1, 1] * y,
+    )
 
 
 @kernel
@@ -147,8 +162,10 @@ def _axis(shapes, f, k):
 
 
 @kernel
-def carry(points, twins, shapes, to_frame, edge, share, dy, dx, b):
-    """Walk straight on the surface, from a half-edge to the far side (geodesic in each face).
+def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
+    """Walk straight on the surface, from a half-edge to the far side (geodesic exponential map).
+
+    Each face that is met is unfolded into the plane of the one before.
 
     Parameters
     ----------
@@ -166,14 +183,14 @@ def carry(points, twins, shapes, to_frame, edge, share, dy, dx, b):
     face : int
         Where the walk ends, or -1 if it cannot begin.
     cosine, sine : float
-        Turn from the frame of the half-edge's face to the frame of `face`.
+        Parallel transport along the walk: the turn that takes components in the frame of the
+        half-edge's face to components in the frame of `face`.
     """
     f = edge // 3
     k = edge - 3 * f
     if shapes[f, 2] == 0:
         return -1, 1.0, 0.0
-    u = to_frame[f, 0, 0] * dy + to_frame[f, 0, 1] * dx
-    v = to_frame[f, 1, 0] * dy + to_frame[f, 1, 1] * dx
+    u, v = apply(jacobians, f, dy, dx)
     cosine, sine = 1.0, 0.0
     share = min(max(share, 1e-6), 1.0 - 1e-6)
     left = 1.0

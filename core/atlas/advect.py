@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Advection in a sheet of texels: values are read where the flow-lines come from."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.unfinished import MOST_STEPS, warn_of_unfinished
+from ..grid.channels import Channels
+from ..grid.sample import add_value
+from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk
+from .atlas import TextureAtlas
+from .sheet import NOTHING
+from .walk import MOST_SEAMS, walk_across_seams
+
+_ROWS = 8
+
+
+def advect_texels(
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    channels: Channels,
+    flow: Field,
+    time: float,
+    out: npt.NDArray[np.float32],
+    *,
+    nearest: bool = False,
+    normals: bool = False,
+) -> None:
+    """Read the values at the ends of flow-lines, as `core.grid.advect.advect_pixels` does.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    values : (rows, columns, c) float32
+        Values of nodes and ghosts.
+    channels : Channels
+        The others are left as they are in `out`.
+    flow : Field
+        See `shock_flow` and `given_flow`.
+    time : float
+        How long flow-lines are followed; finite for a given flow, which may go round and round.
+    out : (rows, columns, c) float32
+        Where the channels' values at nodes inside charts go.
+    nearest : bool
+        Take the nearest node's value at the ends instead of interpolating linearly.
+    normals : bool
+        The first two channels are tangent-space directions around 1/2, which turn with the
+        charts that flow-lines come from.
+    """
+    if flow.vectors is not None and not math.isfinite(time):
+        raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
+    nodes, copies = atlas.sheet.nodes, atlas.copies
+    skipped = np.zeros(nodes.shape, dtype=np.bool_)
+    skipped.reshape(-1)[copies[:, 0]] = True
+    unfinished = np.zeros(len(nodes), dtype=np.int64)
+    run(_advect, len(nodes), skipped, atlas.sheet, atlas.metric, flow, float(time), MOST_STEPS,
+        MOST_SEAMS, values, channels, nearest, normals, out, unfinished,
+        chunk=_ROWS)  # fmt: skip
+    warn_of_unfinished(unfinished)
+    chosen = slice(channels.start, channels.stop)
+    flat = out.reshape(skipped.size, -1)
+    flat[copies[:, 0], chosen] = flat[copies[:, 1], chosen]
+
+
+@kernel
+def _advect(
+    start, stop, skipped, sheet, metric, field, time, most_steps, most_seams, values, channels,
+    nearest, normals, out, unfinished,
+):  # fmt: skip
+    nodes, cells = sheet.nodes, sheet.cells
+    total = np.empty(values.shape[2])
+    sample = np.empty(values.shape[2])
+    b = np.empty(3)
+    turn = np.empty((2, 2))
+    step_turn = np.empty((2, 2))
+    for y in range(start, stop):
+        for x in range(nodes.shape[1]):
+            if nodes[y, x] < 0 or skipped[y, x]:
+                continue
+            total[:] = 0.0
+            weight = 0.0
+            for corner in range(4):
+                row, column, down, across = begin(y, x, corner)
+                if cells[row, column] == NOTHING:
+                    continue
+                row, column, down, across, left, vy, vx, ending = walk(
+                    field, time, most_steps, row, column, down, across
+                )
+                crosses = ending != ENDED and ending != UNFINISHED
+                if crosses:
+                    row, column, down, across, ending = walk_across_seams(
+                        field, sheet, metric, left, most_steps, most_seams, row, column, down,
+                        across, vy, vx, ending, b, turn, step_turn,
+                    )  # fmt: skip
+                unfinished[y] += ending == UNFINISHED
+                if crosses and normals:
+                    sample[:] = 0.0
+                    part = add_value(values, channels, row, column, down, across, nearest, sample)
+                    p = sample[0] - 0.5 * part
+                    q = sample[1] - 0.5 * part
+                    sample[0] = 0.5 * part + turn[0, 0] * p + turn[0, 1] * q
+                    sample[1] = 0.5 * part + turn[1, 0] * p + turn[1, 1] * q
+                    total += sample
+                    weight += part
+                else:
+                    weight += add_value(values, channels, row, column, down, across, nearest, total)
+            for c in range(channels.start, channels.stop):
+                out[y, x, c] = total[c] / weight if weight > 0 else values[y, x, c]

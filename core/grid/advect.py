@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Advection on images: values are read where the flow-lines come from (paper A, Appendix A).
+
+What is kept beside the image is P alone, one float32 a pixel: the flow is taken from it on the fly,
+and values are read from the image itself, whatever its type. So an image that is mapped from disk
+costs 8 bytes a pixel while it is filtered.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.unfinished import MOST_STEPS, warn_of_unfinished
+from .channels import Channels
+from .potential import ROWS
+from .sample import add_value, put_mean
+from .walk import UNFINISHED, begin, walk_cells, walk_literally
+
+
+def advect_pixels(
+    image: npt.NDArray,
+    channels: Channels,
+    potential: npt.NDArray[np.float32],
+    time: float,
+    out: npt.NDArray,
+    *,
+    nearest: bool = False,
+    step: float | None = None,
+) -> None:
+    """Read the image where the flow-lines come from ("Vertex Advection", on squares).
+
+    From each pixel a trace begins in each adjacent cell; the pixel's new value is the mean of
+    the values at their ends, each as much as it is opaque.
+
+    Parameters
+    ----------
+    image : (h, w, c) array
+    channels : Channels
+        The others are left as they are in `out`.
+    potential : (h, w) float32
+    time : float
+        Flow time; infinity walks until the flow ends.
+    out : (h, w, c) array
+        Where the result goes, in the image's range; whole numbers are rounded.
+    nearest : bool
+        Take the nearest pixel's value at the ends instead of interpolating linearly.
+    step : float, optional
+        Walk literally, in steps of this length in pixels (the paper's is 0.1). None walks
+        exactly from cell to cell.
+    """
+    unfinished = np.zeros(len(image), dtype=np.int64)
+    run(_advect_rows, len(image), image, channels, potential, float(time), step, MOST_STEPS,
+        nearest, _rounds(out), out, unfinished, chunk=ROWS)  # fmt: skip
+    warn_of_unfinished(unfinished)
+
+
+class TracedPixels:
+    """Where each pixel's values come from, while flows that change lead on (paper A, 3.3).
+
+    Holds the ends of all traces, 48 bytes a pixel.
+    """
+
+    def __init__(self, height: int, width: int) -> None:
+        self._cells = np.empty((height, width, 4, 2), dtype=np.int32)
+        self._places = np.empty((height, width, 4, 2), dtype=np.float32)
+        run(_start_rows, height, self._cells, self._places, chunk=ROWS)
+
+    def trace(self, potential: npt.NDArray[np.float32], time: float) -> None:
+        """Trace on from where the traces ended."""
+        unfinished = np.zeros(len(potential), dtype=np.int64)
+        run(_trace_rows, len(potential), potential, float(time), MOST_STEPS, self._cells,
+            self._places, unfinished, chunk=ROWS)  # fmt: skip
+        warn_of_unfinished(unfinished)
+
+    def read(
+        self, image: npt.NDArray, channels: Channels, out: npt.NDArray, *, nearest: bool = False
+    ) -> None:
+        """Read the image at the traces' ends; parameters as in `advect_pixels`."""
+        run(_read_rows, len(image), image, channels, self._cells, self._places, nearest,
+            _rounds(out), out, chunk=ROWS)  # fmt: skip
+
+
+def _rounds(out: npt.NDArray) -> bool:
+    return bool(np.issubdtype(out.dtype, np.integer))
+
+
+@kernel
+def _exists(row, column, height, width):
+    return row >= 0 and column >= 0 and row < height - 1 and column < width - 1
+
+
+@kernel
+def _trace(potential, time, step, most_steps, row, column, down, across):
+    if step is not None:
+        return walk_literally(potential, None, time, step, most_steps, row, column, down, across)
+    row, column, down, across, _, _, _, ending = walk_cells(
+        potential, None, None, None, time, most_steps, row, column, down, across
+    )
+    return row, column, down, across, ending
+
+
+@kernel
+def _advect_rows(
+    start,
+    stop,
+    image,
+    channels,
+    potential,
+    time,
+    step,
+    most_steps,
+    nearest,
+    rounded,
+    out,
+    unfinished,
+):  # fmt: skip
+    height, width = image.shape[:2]
+    total = np.empty(image.shape[2])
+    for y in range(start, stop):
+        for x in range(width):
+            total[:] = 0.0
+            opacity = 0.0
+            for corner in range(4):
+                row, column, down, across = begin(y, x, corner)
+                if not _exists(row, column, height, width):
+                    continue
+                row, column, down, across, ending = _trace(
+                    potential, time, step, most_steps, row, column, down, across
+                )
+                unfinished[y] += ending == UNFINISHED
+                opacity += add_value(image, channels, row, column, down, across, nearest, total)
+            put_mean(image, y, x, channels, total, opacity, rounded, out)
+
+
+@kernel
+def _start_rows(start, stop, cells, places):
+    height, width = cells.shape[:2]
+    for y in range(start, stop):
+        for x in range(width):
+            for corner in range(4):
+                row, column, down, across = begin(y, x, corner)
+                if not _exists(row, column, height, width):
+                    row = -1  # no cell there
+                _store(cells, places, y, x, corner, row, column, down, across)
+
+
+@kernel
+def _store(cells, places, y, x, corner, row, column, down, across):
+    cells[y, x, corner, 0] = row
+    cells[y, x, corner, 1] = column
+    places[y, x, corner, 0] = down
+    places[y, x, corner, 1] = across
+
+
+@kernel
+def _stored(cells, places, y, x, corner):
+    return (
+        np.int64(cells[y, x, corner, 0]),
+        np.int64(cells[y, x, corner, 1]),
+        np.float64(places[y, x, corner, 0]),
+        np.float64(places[y, x, corner, 1]),
+    )
+
+
+@kernel
+def _trace_rows(start, stop, potential, time, most_steps, cells, places, unfinished):
+    width = cells.shape[1]
+    for y in range(start, stop):
+        for x in range(width):
+            for corner in range(4):
+                row, column, down, across = _stored(cells, places, y, x, corner)
+                if row < 0:
+                    continue
+                row, column, down, across, ending = _trace(
+                    potential, time, None, most_steps, row, column, down, across
+                )
+                unfinished[y] += ending == UNFINISHED
+                _store(cells, places, y, x, corner, row, column, down, across)
+
+
+@kernel
+def _read_rows(start, stop, image, channels, cells, places, nearest, rounded, out):
+    width = image.shape[1]
+    total = np.empty(image.shape[2])
+    for y in range(start, stop):
+        for x in range(width):
+            total[:] = 0.0
+            opacity = 0.0
+            for corner in range(4):
+                row, column, down, across = _stored(cells, places, y, x, corner)
+                if row < 0:
+                    continue
+                opacity += add_value(image, channels, row, column, down, across, nearest, total)
+            put_mean(image, y, x, channels, total, opacity, rounded, out)
