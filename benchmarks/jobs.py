@@ -22,9 +22,20 @@ import common
 import numpy as np
 from report import Page, Target, table, targets
 from shock_filter import core
-from shock_filter.core.host import textures as texturing
-from shock_filter.core.host.inputs import ColoredSurface, Denoising, HostImage, MirroredSurface
-from shock_filter.core.host.registered import filter_colors, filter_image, filter_shape
+from shock_filter.core.host.inputs import (
+    ColoredSurface,
+    Denoising,
+    HostImage,
+    MirroredSurface,
+    TexturedFaces,
+    TexturedSurface,
+)
+from shock_filter.core.host.registered import (
+    filter_colors,
+    filter_image,
+    filter_shape,
+    filter_texture,
+)
 from shock_filter.core.host.welding import forget
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings
 
@@ -112,14 +123,12 @@ def runs(count: int, size: int) -> dict[str, Work]:
 
     side = int(count**0.5)
     uv = (positions[triangles][..., :2].astype(np.float64) + 1) / 2
-    faces = texturing.TexturedFaces(
-        positions.astype(np.float64), triangles.astype(np.int64), uv, None
-    )
+    faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
     y, x = np.mgrid[:size, :size]
     pixels = np.ones((size, size, 4), np.float32)
     pixels[..., 0] = 0.5 + 0.5 * np.tanh(np.sin(x / 40.0) + np.sin(y / 50.0))
     photo = HostImage(pixels, "STRAIGHT", False, 255)
-    textured = texturing.TexturedSurface(faces, photo, None)
+    textured = TexturedSurface(faces, photo, None)
     denoise = Denoising(light, 16.0)
     return {
         "geometry": lambda p: filter_shape(
@@ -155,8 +164,8 @@ def runs(count: int, size: int) -> dict[str, Work]:
         "denoising geometry": lambda p: filter_shape(
             shape(positions, triangles), "beltrami_mesh", denoise, True, p
         ),
-        f"texture, {size} pixels across, {side**2 // 1000} K vertices": lambda p: (
-            texturing.sharpen_texture(textured, core.TextureSettings(), p)
+        f"texture, {size} pixels across, {side**2 // 1000} K vertices": lambda p: filter_texture(
+            textured, "sharpen_texture", core.TextureSettings(), p
         ),
         f"image, {size} pixels across": lambda p: filter_image(
             photo, "sharpen_image", core.ImageSettings(), p

@@ -79,6 +79,3 @@ def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]
 def _factor(pixels: Pixels) -> Pixels:
     opacity = pixels[..., 3:]
     return np.where(opacity > 0, opacity, np.float32(1.0))
-
-
-filter_picture = filter_image  # transition

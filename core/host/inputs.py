@@ -161,6 +161,49 @@ class HostImage:
 
 
 @dataclass(frozen=True)
+class TexturedFaces:
+    """The faces that show an image.
+
+    Attributes
+    ----------
+    positions : (n, 3) float64
+        Vertices in the world.
+    triangles : (m, 3) int
+    uv : (m, 3, 2) float64
+        Texture coordinates of the triangles' corners.
+    weights : (m, 3) float64 or None
+        1 sharpens fully, 0 leaves the texture as it is at that corner.
+    """
+
+    positions: Floats
+    triangles: npt.NDArray[np.int64]
+    uv: Floats
+    weights: Floats | None
+
+
+@dataclass(frozen=True)
+class TexturedSurface:
+    """The faces that show an image, of all objects, and the image.
+
+    Attributes
+    ----------
+    faces : TexturedFaces
+    picture : HostImage
+    mask : (h, w) float64 or None
+        1 sharpens a texel fully, 0 leaves it as it is; the faces' weights count, too.
+    """
+
+    faces: TexturedFaces
+    picture: HostImage
+    mask: Floats | None
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.picture.size
+
+
+@dataclass(frozen=True)
 class Denoising:
     """What is done: settings for the kernel, and the sharpening's time or None."""
 

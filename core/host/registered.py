@@ -11,9 +11,19 @@ from dataclasses import replace
 from typing import Any
 
 from .. import registry
+from ..atlas import TextureAtlas
 from ..base.progress import ProgressCallback
 from . import colors, denoising, geometry, images, textures
-from .inputs import ColoredSurface, Denoising, HostImage, MirroredSurface, PaintedSurface, Pixels
+from .inputs import (
+    ColoredSurface,
+    Denoising,
+    Floats,
+    HostImage,
+    MirroredSurface,
+    PaintedSurface,
+    Pixels,
+    TexturedSurface,
+)
 from .recolored import Recolored
 
 
@@ -88,7 +98,7 @@ def filter_image(
     kernel = settings.kernel if isinstance(settings, Denoising) else settings
 
     def run(pixels: Pixels, alpha: str) -> Pixels:
-        chosen = replace(kernel, alpha=alpha) if hasattr(kernel, "alpha") else kernel
+        chosen = _with_alpha(kernel, alpha)
         both = replace(settings, kernel=chosen) if settings is not kernel else chosen
         return _with(both, row.function(), row)(pixels, None)
 
@@ -96,10 +106,24 @@ def filter_image(
 
 
 def filter_texture(
-    surface: textures.TexturedSurface, name: str, settings: Any, progress: ProgressCallback | None
+    surface: TexturedSurface, name: str, settings: Any, progress: ProgressCallback | None
 ) -> textures.Retextured:
-    """Filter a texture; opacity stays inside the charts."""
-    return getattr(textures, name)(surface, settings, progress)
+    """Filter a texture; opacity stays inside the charts, see `filter_image`."""
+    row = registry.find(name)
+    function = row.function()
+
+    def run(atlas: TextureAtlas, pixels: Pixels, mask: Floats | None, alpha: str) -> Pixels:
+        chosen = _with_alpha(settings, alpha)
+        masked = {"mask": mask} if row.takes_mask else {}
+        return function(
+            atlas.mesh, surface.faces.uv, pixels, settings=chosen, atlas=atlas, **masked
+        )
+
+    return textures.filter_texture(surface, getattr(settings, "alpha", "auto"), run, progress)
+
+
+def _with_alpha(settings: Any, alpha: str) -> Any:
+    return replace(settings, alpha=alpha) if hasattr(settings, "alpha") else settings
 
 
 def _with(settings: Any, function: Callable[..., Any], row: registry.Filter) -> Callable[..., Any]:

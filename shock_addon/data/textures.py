@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from bpy.app.translations import pgettext_rpt
 
+from ...core.host.inputs import TexturedFaces, TexturedSurface
 from ...core.host.mosaic import Mosaic
-from ...core.host.textured import TexturedFaces, TexturedSurface
 from . import arrays
 from . import images as image_data
 from .chosen import mesh_objects, refusal

@@ -10,11 +10,11 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import Cancelled, GeometrySettings
-from shock_filter.core.filters import geometry
 from shock_filter.core.host.registered import filter_shape
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import jobs
 from shock_filter.shock_addon.operators import status as status_text
@@ -351,10 +351,10 @@ def test_an_unexpected_error_ends_the_run_with_a_sentence(
     box = rounded_box()
     before = read_positions(box.data)
 
-    def broken(*arguments):
+    def broken(*arguments, **settings):
         raise kind(*words)
 
-    monkeypatch.setattr(geometry, "sharpen_geometry", broken)
+    monkeypatch.setattr("shock_filter.core.filters.geometry.sharpen_geometry", broken)
     with pytest.raises(RuntimeError, match=f"Sharpen Geometry failed: {reason}; the console has"):
         bpy.ops.shock_filter.sharpen_geometry()
     np.testing.assert_array_equal(read_positions(box.data), before)
@@ -369,7 +369,7 @@ def test_an_unexpected_error_while_reading_changes_nothing(rounded_box, monkeypa
     def broken(*arguments):
         raise MemoryError
 
-    monkeypatch.setattr(data, "read_geometry", broken)
+    monkeypatch.setattr(data.geometry, "read_geometry", broken)
     with pytest.raises(RuntimeError, match="Sharpen Geometry failed: MemoryError; the console"):
         bpy.ops.shock_filter.sharpen_geometry()
     np.testing.assert_array_equal(read_positions(box.data), before)
@@ -385,15 +385,15 @@ def test_an_unexpected_error_while_writing_can_be_undone(rounded_box, select, mo
     def changed():
         return [(now != then).any() for now, then in zip(positions(), before, strict=True)]
 
-    def broken(target, result):
+    def broken(target, result, key_name):
         if target.name == names[1]:
             raise MemoryError
-        return write_geometry(target, result)
+        return write_geometry(target, result, key_name)
 
     select(*(bpy.data.objects[name] for name in names))
     bpy.ops.ed.undo_push(message="Start")
     before = positions()
-    monkeypatch.setattr(data, "write_geometry", broken)
+    monkeypatch.setattr(data.geometry, "write_geometry", broken)
     with pytest.raises(RuntimeError, match="failed while writing: MemoryError; undo it, and see"):
         bpy.ops.shock_filter.sharpen_geometry("EXEC_DEFAULT", True)
     assert changed() == [True, False]
@@ -405,10 +405,10 @@ def test_an_unexpected_error_while_writing_can_be_undone(rounded_box, select, mo
     assert changed() == [False, False]
 
 
-class Sharpening(operators.SharpenOperator):
+class Sharpening(operators.FilterOperator):
     """As much of an operator as a modal run needs."""
 
-    bl_label, mode = "Sharpen", "geometry"
+    bl_label, row = "Sharpen", find("geometry")
     reports = []
 
     def __init__(self):
@@ -440,7 +440,7 @@ def sharpened(*targets, progress=lambda fraction, message: True):
     def function(surface, part):
         return filter_shape(surface, "sharpen_geometry", GeometrySettings(), True, part)
 
-    return operators.filter_targets(targets, function, None, progress)
+    return operators.filter_targets(targets, function, progress)
 
 
 def written(target, results):
@@ -482,7 +482,7 @@ def test_progress_counts_targets_by_their_size():
         part(0.5, "Half")
         part(1.0, "All")
 
-    operators.filter_targets(targets, function, None, lambda *now: seen.append(now) or True)
+    operators.filter_targets(targets, function, lambda *now: seen.append(now) or True)
     steps = [fraction for fraction, message in seen if message in {"Half", "All"}]
     assert steps == pytest.approx([0.125, 0.25, 0.625, 1.0])
 

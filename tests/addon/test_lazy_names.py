@@ -14,7 +14,6 @@ from shock_filter.shock_addon import data
 @pytest.mark.parametrize("package", [data, host])
 def test_all_modules_are_given_and_nothing_else(package):
     files = {path.stem for path in Path(package.__file__).parent.glob("[a-z]*.py")}
-    files -= {"picture"}  # transition
     assert set(package.__all__) == files
     assert all(isinstance(getattr(package, name), ModuleType) for name in files)
     with pytest.raises(AttributeError, match=f"module '{package.__name__}' has no attribute 'no'"):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shock_filter.core import Cancelled, TextureSettings
 from shock_filter.core.host.mosaic import Mosaic
-from shock_filter.core.host.textures import sharpen_texture
+from shock_filter.core.host.registered import filter_texture
 from shock_filter.shock_addon.data import chosen, tiles
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data import textures as texture_data
@@ -644,11 +644,13 @@ def test_cancelling_leaves_all_as_it_was(sheet, after, monkeypatch):
 def test_progress_rises_to_one(sheet):
     seen = []
     target = target_of(sheet.obj)
-    sharpen_texture(target.surface, TextureSettings(), lambda f, m: seen.append(f) or True)
+    filter_texture(
+        target.surface, "sharpen_texture", TextureSettings(), lambda f, m: seen.append(f) or True
+    )
     assert seen == sorted(seen)
     assert seen[-1] == pytest.approx(1.0)
     with pytest.raises(Cancelled):
-        sharpen_texture(target.surface, TextureSettings(), lambda f, m: f < 0.5)
+        filter_texture(target.surface, "sharpen_texture", TextureSettings(), lambda f, m: f < 0.5)
 
 
 def test_an_image_that_was_removed_or_scaled_meanwhile_is_skipped(sheet):

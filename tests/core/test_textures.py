@@ -434,7 +434,7 @@ def test_cancelling_and_progress():
 
 def test_the_bar_of_a_hosts_texture_does_not_jump():
     from shock_filter.core.host.picture import Picture
-    from shock_filter.core.host.textured import TexturedFaces, TexturedSurface
+    from shock_filter.core.host.inputs import TexturedFaces, TexturedSurface
     from shock_filter.core.host.textures import sharpen_texture
 
     blocks = Blocks(photo(64))
