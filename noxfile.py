@@ -221,7 +221,6 @@ def bench(session: nox.Session) -> None:
     session.run("python", "benchmarks/geometry.py", *session.posargs)
     session.run("python", "benchmarks/textures.py", *session.posargs)
     session.run("python", "benchmarks/denoise.py", *session.posargs)
-    session.run("python", "benchmarks/rates.py")
 
 
 @nox.session(python=PYTHON)

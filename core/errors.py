@@ -40,5 +40,5 @@ class Cancelled(ShockError):
     """The progress callback returned False; nothing was changed."""
 
 
-class InvalidUV(ShockError):
+class InvalidUV(ShockError, ValueError):
     """Texture coordinates are missing or cannot be used."""

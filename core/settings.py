@@ -60,6 +60,13 @@ def _setting(default: Any, description: str, **about: Any) -> Any:
     )
 
 
+def _changed(settings: type, name: str, default: Any, description: str = "", **about: Any) -> Any:
+    """Declare another class's field with another default; what is not said is as there."""
+    known = describe(settings)[name][2]
+    known = known._replace(description=description or known.description, **about)
+    return dataclasses.field(default=default, metadata={"setting": known})
+
+
 def describe(settings: type) -> dict[str, tuple[Any, Any, Setting]]:
     """List a settings class's fields as ``{name: (type, default, Setting)}``, in order."""
     return {
@@ -215,15 +222,13 @@ def _alpha() -> Any:
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
 
-    time: float = _setting(
+    time: float = _changed(
+        _FlowSettings,
+        "time",
         16.0,
         "How long values flow towards the edges. 0 changes nothing; 16 is for photos that are"
         " sharp already, 256 and more for blurred ones; infinity is the steady state",
         unit="flow time in pixels",
-        minimum=0.0,
-        maximum=INF,
-        soft_minimum=0.0,
-        soft_maximum=4096.0,
     )
     alpha: str = _alpha()
 
@@ -257,15 +262,13 @@ class DilateSettings(_Settings):
 class TextureSettings(DilateSettings, _SignalSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
 
-    time: float = _setting(
+    time: float = _changed(
+        _FlowSettings,
+        "time",
         16.0,
         "How long values flow towards the edges. 0 changes nothing; 16 is for textures that are"
         " sharp already, 256 and more for blurred ones; infinity is the steady state",
         unit="flow time in mean texel sizes on the surface",
-        minimum=0.0,
-        maximum=INF,
-        soft_minimum=0.0,
-        soft_maximum=4096.0,
     )
     alpha: str = _alpha()
     content: str = _setting(
@@ -435,33 +438,27 @@ class _KernelSettings(_Settings):
 class BeltramiSettings(_KernelSettings):
     """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
 
-    time: float = _setting(
+    time: float = _changed(
+        _KernelSettings,
+        "time",
         1.0,
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
         " is a Gaussian of variance 2 * time; 10 averages over 14 pixels around, slowly",
         unit="squared pixels",
-        minimum=0.0,
         maximum=100.0,
-        soft_maximum=10.0,
     )
-    beta: float = _setting(
+    beta: float = _changed(
+        _KernelSettings,
+        "beta",
         7.0,
         "How much values count against lengths: a step from 0 to 1 is as far as this many"
         " pixels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
         unit="pixels a unit of value",
-        minimum=0.0,
-        maximum=1e6,
-        soft_maximum=30.0,
-        label="Keep Edges",
     )
-    iterations: int = _setting(
+    iterations: int = _changed(
+        _KernelSettings,
+        "iterations",
         2,
-        "How often the kernel is applied, each time measured on the last result. Several short"
-        " times keep edges better than one long time; 10 flattens what lies between edges",
-        unit="times",
-        minimum=1,
-        maximum=1000,
-        soft_maximum=10,
     )
     measure: str = _setting(
         "space",
@@ -502,34 +499,29 @@ class BeltramiMeshSettings(_KernelSettings):
 class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.beltrami_mesh`."""
 
-    time: float = _setting(
+    time: float = _changed(
+        _KernelSettings,
+        "time",
         0.5,
         "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
         " variance 2 * time. 10 removes coarse noise, and fine relief with it",
-        unit="squared mean edge lengths",
-        minimum=0.0,
-        maximum=1e6,
-        soft_maximum=10.0,
     )
-    beta: float = _setting(
+    beta: float = _changed(
+        _KernelSettings,
+        "beta",
         0.9,
         "How much the directions of faces count against lengths. At 1, neighbors whose"
         " directions differ by the noise are one mean edge length farther apart; creases are"
         " many. 0 blurs across creases; 5 keeps even faint ones, and noise with them",
         unit="mean edge lengths for the noise",
-        minimum=0.0,
-        maximum=1e6,
         soft_maximum=5.0,
-        label="Keep Edges",
     )
-    iterations: int = _setting(
+    iterations: int = _changed(
+        _KernelSettings,
+        "iterations",
         3,
         "How often the kernel is applied, each time measured on the last result. 1 is for"
         " light noise; 10 is for strong noise, and flattens fine relief",
-        unit="times",
-        minimum=1,
-        maximum=1000,
-        soft_maximum=10,
     )
     filtered: str = _setting(
         "normals",
@@ -542,24 +534,17 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         advanced=True,
         label="Filter",
     )
-    mollify_passes: int = _setting(
+    mollify_passes: int = _changed(
+        GeometrySettings,
+        "mollify_passes",
         1,
         "Smoothing passes on the normals that distances are measured with; those that are"
         " averaged stay as they are. 0 is for clean surfaces, 1 for noisy ones; 4 blurs"
         " fine creases",
-        unit="passes",
-        minimum=0,
-        maximum=1000,
         soft_maximum=4,
-        advanced=True,
-        label="Pre-Smoothing",
     )
-    repeat: int = _setting(
+    repeat: int = _changed(
+        GeometrySettings,
+        "repeat",
         3,
-        "Apply the whole filter again on its own result. 1 is once; 10 takes ten times as long",
-        unit="times",
-        minimum=1,
-        maximum=100,
-        soft_maximum=10,
-        advanced=True,
     )

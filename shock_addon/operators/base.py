@@ -219,9 +219,8 @@ def can_run(operator: type, obstacle: str) -> bool:
     return not obstacle
 
 
-def filter_targets(targets: Sequence[Any], function: Filter, *last: Any) -> list[Any]:
+def filter_targets(targets: Sequence[Any], function: Filter, progress: Progress) -> list[Any]:
     """Filter all targets, on any thread; one that fails gives its error as its result."""
-    progress = last[-1]  # transition
     progress(0.0, "Preparing (compiles on first use)")
     kernels.load()
     total = sum(target.surface.size for target in targets)

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ...core.settings import Setting, describe
-from ..modes import STEADY_STATE, Mode, choices, find
+from ..modes import STEADY_STATE, Mode, choices
 
 _WIDE = 100.0
 """Numbers with a larger range are shown with one digit after the point instead of three."""
@@ -346,8 +346,3 @@ def unregister() -> None:
     del bpy.types.Scene.shock_filter
     for cls in reversed(_classes):
         bpy.utils.unregister_class(cls)
-
-
-COLOR_PREFIX = "color_"  # transition
-NAMES = {mode.key: mode.names for mode in choices()}  # transition
-DILATE_NAMES = find("dilate").names  # transition

@@ -405,10 +405,10 @@ def test_an_unexpected_error_while_writing_can_be_undone(rounded_box, select, mo
     assert changed() == [False, False]
 
 
-class Sharpening(operators.SharpenOperator):
+class Sharpening(operators.FilterOperator):
     """As much of an operator as a modal run needs."""
 
-    bl_label, mode = "Sharpen", "geometry"
+    bl_label, row = "Sharpen", find("geometry")
     reports = []
 
     def __init__(self):
@@ -440,7 +440,7 @@ def sharpened(*targets, progress=lambda fraction, message: True):
     def function(surface, part):
         return filter_shape(surface, "sharpen_geometry", GeometrySettings(), True, part)
 
-    return operators.filter_targets(targets, function, None, progress)
+    return operators.filter_targets(targets, function, progress)
 
 
 def written(target, results):
@@ -482,7 +482,7 @@ def test_progress_counts_targets_by_their_size():
         part(0.5, "Half")
         part(1.0, "All")
 
-    operators.filter_targets(targets, function, None, lambda *now: seen.append(now) or True)
+    operators.filter_targets(targets, function, lambda *now: seen.append(now) or True)
     steps = [fraction for fraction, message in seen if message in {"Half", "All"}]
     assert steps == pytest.approx([0.125, 0.25, 0.625, 1.0])
 

@@ -57,7 +57,8 @@ else:
         sys.path.insert(0, arguments.before)
     report = sharpen()
     report["problem"] = kernels.problem()
-    report["folder"] = kernels.cache_folder()
+    cache = importlib.import_module(f"{MODULE}.core.base.cache_folder")
+    report["folder"] = cache.chosen
 # Classes left at exit crash or hang old versions. Were the extension taken out of the preferences,
 # too, Blender would remove its libraries, under the feet of a process at work.
 addon_utils.disable(MODULE)
