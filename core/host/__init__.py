@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from . import (
+    from . import (  # noqa: F401
         colors,
         crop,
         denoising,
@@ -33,30 +33,11 @@ if TYPE_CHECKING:
         welding,
     )
 
-__all__ = [
-    "colors",
-    "crop",
-    "denoising",
-    "dials",
-    "edge_marks",
-    "flow",
-    "forgetting",
-    "geometry",
-    "images",
-    "inputs",
-    "mosaic",
-    "patch",
-    "recolored",
-    "registered",
-    "screen_colors",
-    "strokes",
-    "symmetry",
-    "textures",
-    "welding",
-]
-
 
 def __getattr__(name: str) -> Any:
-    if name in __all__:
+    try:
         return import_module(f".{name}", __name__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    except ModuleNotFoundError as error:
+        if error.name != f"{__name__}.{name}":
+            raise
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None

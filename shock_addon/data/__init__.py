@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from . import (
+    from . import (  # noqa: F401
         active_object,
         arrays,
         chosen,
@@ -32,31 +32,11 @@ if TYPE_CHECKING:
         vertex_groups,
     )
 
-__all__ = [
-    "active_object",
-    "arrays",
-    "chosen",
-    "colors",
-    "custom_normals",
-    "edge_marks",
-    "flow",
-    "geometry",
-    "images",
-    "masks",
-    "materials",
-    "meshes",
-    "original",
-    "painted",
-    "shape_keys",
-    "skipped",
-    "textures",
-    "tiles",
-    "unchanged",
-    "vertex_groups",
-]
-
 
 def __getattr__(name: str) -> Any:
-    if name in __all__:
+    try:
         return import_module(f".{name}", __name__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    except ModuleNotFoundError as error:
+        if error.name != f"{__name__}.{name}":
+            raise
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
