@@ -19,7 +19,8 @@ from ..flow.advect import average_corners, read_points
 from ..flow.potential import flow_potential
 from ..flow.trace import corner_offsets, trace
 from ..grid.channels import brightness_weights
-from ..mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mesh.weld import split_at_jumps
 from ..settings import ShockSettings
 
 

@@ -12,7 +12,7 @@ from ..base.progress import ProgressCallback, reporting
 from ..filters.geometry import geometry_flow
 from ..filters.signals import luminance, to_own_corners
 from ..flow.potential import flow_field
-from ..mesh.triangle_mesh import split_at_jumps
+from ..mesh.weld import split_at_jumps
 from ..settings import GeometrySettings, ShockSettings
 from .colors import check_colors
 from .inputs import ColoredSurface, Surface

@@ -14,7 +14,8 @@ import numpy as np
 
 from ..atlas import TextureAtlas
 from ..base.progress import ProgressCallback, phase, reporting
-from ..mesh.triangle_mesh import TriangleMesh, weld_borders
+from ..mesh.triangle_mesh import TriangleMesh
+from ..mesh.weld import weld_borders
 from .images import filter_image
 from .inputs import Floats, Pixels, TexturedFaces, TexturedSurface
 from .recolored import Recolored

@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from ..base.memo import equal
 from ..base.progress import aside, ask
-from ..mesh.triangle_mesh import TriangleMesh, check_finite, weld
+from ..mesh.triangle_mesh import TriangleMesh, check_finite
+from ..mesh.weld import weld
 from . import forgetting
 from .inputs import Surface
 

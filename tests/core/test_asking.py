@@ -14,7 +14,7 @@ from shock_filter.core.base.progress import reporting
 from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
 from shock_filter.core.linear import multigrid
 from shock_filter.core.mesh.order import sorted_along_curve
-from shock_filter.core.mesh.triangle_mesh import weld_borders
+from shock_filter.core.mesh.weld import weld_borders
 
 CHUNK = 64
 MOST = 4 * CHUNK

@@ -433,17 +433,17 @@ def test_cancelling_and_progress():
 
 
 def test_the_bar_of_a_hosts_texture_does_not_jump():
-    from shock_filter.core.host.picture import Picture
-    from shock_filter.core.host.inputs import TexturedFaces, TexturedSurface
-    from shock_filter.core.host.textures import sharpen_texture
+    from shock_filter.core.host.inputs import HostImage, TexturedFaces, TexturedSurface
+    from shock_filter.core.host.registered import filter_texture
 
     blocks = Blocks(photo(64))
     pixels = np.ones((blocks.width, blocks.width, 4), dtype=np.float32)
     pixels[..., :3] = blocks.texture(0)
     faces = TexturedFaces(blocks.vertices, blocks.faces, blocks.uv, None)
-    surface = TexturedSurface(faces, Picture(pixels, "STRAIGHT", False, 0), None)
+    surface = TexturedSurface(faces, HostImage(pixels, "STRAIGHT", False, 0), None)
     told = []
-    sharpen_texture(surface, core.TextureSettings(), lambda f, m: told.append((f, m)) or True)
+    settings = core.TextureSettings()
+    filter_texture(surface, "sharpen_texture", settings, lambda f, m: told.append((f, m)) or True)
     first = {message: fraction for fraction, message in reversed(told)}
     assert first["Finding charts"] < 0.05
     assert 0.25 < first["Computing the flow"] < 0.6

@@ -20,7 +20,8 @@ from ...base.progress import ProgressCallback, aside, phase, reporting
 from ...mesh.calculus import blended_normals, group_means, lumped_mass
 from ...mesh.geodesics import stencils
 from ...mesh.order import is_scattered, sorted_along_curve
-from ...mesh.triangle_mesh import Floats, TriangleMesh, split_at_jumps
+from ...mesh.triangle_mesh import Floats, TriangleMesh
+from ...mesh.weld import split_at_jumps
 from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings
 from ..fit import displacement, moved_vertices
 from ..signals import from_own_corners, like, to_own_corners
