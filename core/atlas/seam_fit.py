@@ -39,7 +39,6 @@ def stitch(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
     step: float,
-    progress: object = None,  # transition
 ) -> None:
     """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 

@@ -29,7 +29,6 @@ def checked_signal(
     count: int,
     what: str = "signal",
     largest: float = LARGEST,
-    progress: object = None,  # transition
 ) -> Floats:
     """Return `signal` as a C-contiguous (count, d) float64 array, or raise `InvalidSignal`."""
     given = as_array(signal, what)

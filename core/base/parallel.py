@@ -17,7 +17,6 @@ from typing import Any
 
 from numba import njit
 
-from ..errors import Cancelled
 from .kernel_cache import keep_on_disk
 from .progress import ask
 
@@ -34,42 +33,6 @@ def sum_kernel(function: Callable[..., Any]) -> Any:
     """Compile a kernel that adds up long arrays: the order of the additions is left open."""
     compiled = njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
     return keep_on_disk(compiled(function))
-
-
-class Progress:  # transition: replaced by base.progress
-    def __init__(self, callback=None, start=0.0, stop=1.0, message=""):
-        self._callback = callback
-        self._start, self._stop, self._message = start, stop, message
-
-    @classmethod
-    def of(cls, progress):
-        if progress is None or isinstance(progress, Progress):
-            return progress or cls(None)
-        highest = 0.0
-
-        def rising(fraction, message):
-            nonlocal highest
-            highest = max(highest, fraction)
-            return progress(highest, message)
-
-        return cls(rising)
-
-    def part(self, start, stop, message):
-        span = self._stop - self._start
-        phase = Progress(
-            self._callback, self._start + start * span, self._start + stop * span, message
-        )
-        phase.update(0.0)
-        return phase
-
-    def update(self, fraction):
-        if self._callback is None:
-            ask()
-            return
-        whole = self._start + fraction * (self._stop - self._start)
-        answer = self._callback(whole, self._message)
-        if answer is not None and not answer:
-            raise Cancelled("The run was cancelled; nothing was changed.")
 
 
 @cache
@@ -99,23 +62,20 @@ def run_in_order(
     function: Callable[..., Any],
     count: int,
     *arguments: Any,
-    progress: Any = None,  # transition
     chunk: int | None = None,
 ) -> None:
     """Do what `run` does chunk by chunk, for kernels that build on what came before."""
-    tell = ask if progress is None else progress.update
     chunk = chunk or chunk_size(count)
     for start in range(0, count, chunk):
         stop = min(start + chunk, count)
         function(start, stop, *arguments)
-        tell(stop / count)
+        ask(stop / count)
 
 
-def blocks(count: int, size: int, progress: Any = None) -> Iterator[slice]:
+def blocks(count: int, size: int) -> Iterator[slice]:
     """Cut ``range(count)`` into slices, for numpy; asks whether to go on before each."""
-    tell = ask if progress is None else progress.update
     for start in range(0, count, size):
-        tell(start / count)
+        ask(start / count)
         yield slice(start, min(start + size, count))
 
 
@@ -127,7 +87,6 @@ def run(
     function: Callable[..., Any],
     count: int,
     *arguments: Any,
-    progress: Any = None,  # transition
     chunk: int | None = None,
 ) -> None:
     """Call ``function(start, stop, *arguments)`` for all chunks of ``range(count)``.
@@ -141,34 +100,32 @@ def run(
         When the progress callback asks for it. Whatever is raised, chunks under way are finished
         first: nobody writes to the arrays any more.
     """
-    tell = ask if progress is None else progress.update
     chunk = chunk or chunk_size(count)
     chunks = -(-count // chunk)
     helpers = min(thread_count(), chunks) - 1
     if helpers <= 0:
-        run_in_order(function, count, *arguments, progress=progress, chunk=chunk)
+        run_in_order(function, count, *arguments, chunk=chunk)
         return
 
     numbers = itertools.count()
     stopped = False
 
-    def work(tell: Callable[[float], None] | None) -> None:
+    def work() -> None:
         nonlocal stopped
         try:
             while not stopped and (number := next(numbers)) < chunks:
                 start = number * chunk
                 function(start, min(start + chunk, count), *arguments)
-                if tell is not None:
-                    tell((number + 1) / chunks)
+                ask((number + 1) / chunks)  # answers in the calling thread only
         except BaseException:
             stopped = True
             raise
 
-    futures = [_pool().submit(work, None) for _ in range(helpers)]
+    futures = [_pool().submit(work) for _ in range(helpers)]
     try:
-        work(tell)
+        work()
     finally:
         wait(futures)
     for future in futures:
         future.result()
-    tell(1.0)  # the last chunks may have been those of other threads
+    ask(1.0)  # the last chunks may have been those of other threads

@@ -13,6 +13,7 @@ from typing import Any
 import numpy.typing as npt
 
 from ..base.progress import ProgressCallback, phase, reporting
+from ..errors import InvalidMesh
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import GeometrySettings, ImageSettings, ShockSettings
 from .beltrami.images import beltrami_image
@@ -96,7 +97,7 @@ def _sharpen_moved(
     mesh: TriangleMesh, positions: Floats, settings: GeometrySettings, mask: npt.ArrayLike | None
 ) -> Floats:
     moved = _moved(mesh, positions)
-    return positions if _has_shrunk(moved, mesh) else sharpen_geometry(moved, settings, mask)
+    return positions if moved is None else sharpen_geometry(moved, settings, mask)
 
 
 def _sharpen_both(
@@ -108,12 +109,14 @@ def _sharpen_both(
 ) -> tuple[Floats, npt.NDArray]:
     # The colors flow on the surface that is sharp already.
     positions, signal = result
-    if _has_shrunk(_moved(mesh, positions), mesh):
+    moved = _moved(mesh, positions)
+    if moved is None:
         return result
     with phase(0.0, 0.5, "Sharpening"):
-        positions = _sharpen_moved(mesh, positions, replace(_LINEAR, time=settings.time), mask)
+        positions = sharpen_geometry(moved, replace(_LINEAR, time=settings.time), mask)
     with phase(0.5, 1.0, "Sharpening"):
-        return positions, sharpen_corner_signal(_moved(mesh, positions), signal, settings, mask)
+        sharp = mesh.moved_to(positions)
+        return positions, sharpen_corner_signal(sharp, signal, settings, mask)
 
 
 _SHARPENINGS: dict[Filter, tuple[Filter, Any]] = {
@@ -132,30 +135,9 @@ _SHARPENINGS: dict[Filter, tuple[Filter, Any]] = {
 """Per filter: what sharpens, given its data and result, settings and mask; and these settings."""
 
 
-def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh:
-    moved = mesh.displaced(positions - mesh.vertices)
-    moved.vertices = positions  # the sum differs in the last bits, and in the sign of 0
-    return moved
-
-
-def _has_shrunk(moved: TriangleMesh, mesh: TriangleMesh) -> bool:
+def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh | None:
     # A long time draws all vertices to a point or a line, where nothing is left to sharpen.
-    return moved.mean_edge_length < 1e-9 * mesh.mean_edge_length or not moved.areas.any()
-
-
-def _old(denoise, data):  # transition
-    def run(*given, **words):  # transition
-        names = ("settings", "sharpen_time", "mask", "progress")  # transition
-        words |= dict(zip(names, given[data:], strict=False))  # transition
-        return then_sharpen(denoise, words.pop("sharpen_time", None))(
-            *given[:data], **words
-        )  # transition
-
-    return run  # transition
-
-
-denoise_geometry = _old(beltrami_mesh, 1)  # transition
-denoise_vertex_signal = _old(beltrami_vertex_signal, 2)  # transition
-denoise_corner_signal = _old(beltrami_corner_signal, 2)  # transition
-denoise_image = _old(beltrami_image, 1)  # transition
-denoise_jointly = _old(beltrami_joint_corners, 2)  # transition
+    try:
+        return mesh.moved_to(positions)
+    except InvalidMesh:
+        return None

@@ -125,7 +125,6 @@ def displacement(
     normals: Floats,
     settings: FitSettings,
     mask: Floats | None,
-    progress: object = None,  # transition
 ) -> tuple[Floats, SolveReport]:
     """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went."""
     eps = screening(mesh, settings)

@@ -244,7 +244,6 @@ def like(
     values: Floats,
     result: Floats,
     weights: Floats | None,
-    progress: object = None,  # transition
 ) -> npt.NDArray:
     """Mix a result with the values before by weights, in the type and shape that were given."""
     if weights is None:

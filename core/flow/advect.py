@@ -20,7 +20,6 @@ def advect_faces(
     potential: Floats,
     time: float,
     sampling: str,
-    progress: object = None,  # transition
 ) -> Floats:
     """Advect face normals: trace from each face's centre and sample there ("Face Advection").
 

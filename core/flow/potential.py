@@ -83,7 +83,6 @@ def flow_field(
 def flow_from_potential(
     mesh: TriangleMesh,
     potential: Floats,
-    progress: object = None,  # transition
 ) -> Floats:
     """Compute the flow u, half the potential's gradient: (n,) -> (m, 3)."""
     flow = gradient(mesh, potential)[:, 0]
@@ -95,7 +94,6 @@ def flow_potential(
     mesh: TriangleMesh,
     signal: Floats,
     passes: int,
-    progress: object = None,  # transition
 ) -> Floats:
     """Compute the potential P at the vertices, smoothed before and after: (n, d) -> (n,)."""
     message = "Computing the flow"
@@ -115,7 +113,6 @@ def above_surroundings(
     potential: Floats,
     threshold: float,
     time: float,
-    progress: object = None,  # transition
 ) -> Floats:
     """Keep the part of a potential that stands out from its surroundings.
 

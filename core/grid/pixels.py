@@ -8,12 +8,10 @@ import numpy.typing as npt
 
 from ..base.checks import BAND
 from ..base.parallel import blocks
-from .channels import LUMINANCE, channel_groups, opacity_channel  # noqa: F401 - transition
 
 
 def copied(
     pixels: npt.NDArray,
-    progress: object = None,  # transition
 ) -> npt.NDArray:
     """Copy an image, asking whether to go on."""
     copy = np.empty_like(pixels)
@@ -26,7 +24,6 @@ def mix(
     pixels: npt.NDArray,
     weights: npt.NDArray,
     target: npt.NDArray,
-    progress: object = None,  # transition
 ) -> None:
     """Mix the result in `target` with the input; a weight of 0 keeps the input bit for bit."""
     for band in blocks(len(pixels), BAND):

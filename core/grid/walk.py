@@ -20,8 +20,6 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.unfinished import MOST_STEPS, warn_of_unfinished
-from .channels import Channels  # noqa: F401 - transition
-from .sample import add_value  # transition
 
 ENDED, LEFT_DOWN, LEFT_ACROSS, UNFINISHED = range(4)
 """How a walk ended: by itself; at a closed cell along the first axis, or the second; not at all."""
@@ -341,28 +339,3 @@ def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
         ends[i, 0] = row + down
         ends[i, 1] = column + across
         unfinished[i] = ending == UNFINISHED
-
-
-@kernel
-def walk(field, time, most_steps, row, column, down, across):
-    """Walk from cell to cell; see `walk_cells`."""
-    a, b, c, d = field
-    return walk_cells(a, b, c, d, time, most_steps, row, column, down, across)
-
-
-@kernel
-def velocity(field, i, j, turned):
-    """Compute the flow in a cell; see `cell_velocity`."""
-    a, b, c, d = field
-    return cell_velocity(a, b, c, d, i, j, turned)
-
-
-@kernel
-def turns_back(field, v, w, p, q):
-    """Apply the stop rule; see `ends_at_turn`."""
-    return ends_at_turn(field.vectors, v, w, p, q)
-
-
-@kernel
-def add_sample(image, first, last, alpha, row, column, down, across, nearest, total):  # transition
-    return add_value(image, (first, last, alpha, 0), row, column, down, across, nearest, total)

@@ -22,7 +22,6 @@ from .triangle_mesh import Floats, Ints, TriangleMesh
 def gradient(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
-    progress: object = None,  # transition
 ) -> Floats:
     """Compute the gradient of the linear interpolant in each face (paper A, Appendix A).
 
@@ -77,7 +76,6 @@ def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
 
 def cotangents(
     mesh: TriangleMesh,
-    progress: object = None,  # transition
 ) -> Floats:
     """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate.
 
@@ -91,7 +89,6 @@ def cotangents(
 
 def lumped_mass(
     mesh: TriangleMesh,
-    progress: object = None,  # transition
 ) -> Floats:
     """A third of the area around each vertex, in squared mean edge lengths: (n,)."""
     out = np.empty(mesh.vertex_count)
@@ -162,7 +159,6 @@ def gradient_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
 def average_to_vertices(
     mesh: TriangleMesh,
     values: Floats,
-    progress: object = None,  # transition
 ) -> Floats:
     """Area-weighted averages of face values at the vertices: (m, d) -> (n, d).
 
@@ -176,7 +172,6 @@ def average_to_vertices(
 def average_to_faces(
     mesh: TriangleMesh,
     values: Floats,
-    progress: object = None,  # transition
 ) -> Floats:
     """Means of the three vertex values of each face: (n, d) -> (m, d)."""
     out = np.empty((mesh.face_count, values.shape[1]))
@@ -189,7 +184,6 @@ def blended_normals(
     old: Floats,
     new: Floats,
     weights: Floats,
-    progress: object = None,  # transition
 ) -> Floats:
     """Mix normals of the faces by weights (n,) of the vertices; opposite ones may become zero."""
     out = np.empty_like(old)
@@ -201,7 +195,6 @@ def group_means(
     groups: npt.NDArray[np.integer],
     rows: npt.NDArray,
     out: npt.NDArray,
-    progress: object = None,  # transition
 ) -> None:
     """Put the mean of each group's rows into `out`, where others stay as they are.
 
@@ -222,7 +215,6 @@ def smooth_vertices(
     mesh: TriangleMesh,
     signal: Floats,
     passes: int,
-    progress: object = None,  # transition
 ) -> Floats:
     """Umbrella smoothing with Gaussian weights (paper A, Appendix A, "Smoothing").
 

@@ -30,7 +30,6 @@ def is_scattered(mesh: TriangleMesh) -> bool:
 
 def sorted_along_curve(
     mesh: TriangleMesh,
-    progress: object = None,  # transition
 ) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
     """Sort vertices along a Morton curve, and faces by their lowest vertex.
 

@@ -7,7 +7,6 @@ Half-edges and corners are numbered as in `adjacency`.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any  # transition
 
 import numpy as np
 import numpy.typing as npt
@@ -122,9 +121,6 @@ class TriangleMesh:
             run(_weigh_ring, self.vertex_count, self.scaled_vertices, start, ring, weights)
         return weights
 
-    def find_neighbours(self, progress: object = None) -> None:  # transition
-        self.neighbours  # noqa: B018  # transition
-
     @cached_property
     def mean_edge_length(self) -> float:
         """Mean length of the edges, each counted once, in the unit of `vertices`."""
@@ -192,24 +188,17 @@ class TriangleMesh:
             If a position is NaN or infinite, or the surface has shrunk to a point or a line.
         """
         check_finite(positions)
-        moved = self._moved_to(positions)
+        moved = TriangleMesh.__new__(TriangleMesh)
+        moved.vertices = positions
+        for name in ("faces", "flipped", "twins", "corners", "neighbours"):
+            if name in self.__dict__:
+                moved.__dict__[name] = self.__dict__[name]
         moved._check_size()
         if not moved.mean_edge_length > 1e-9 * self.mean_edge_length or not moved.areas.any():
             raise InvalidMesh(
                 "The mesh has shrunk to a point or a line; filter it fewer times, or less."
             )
         return moved
-
-    def _moved_to(self, positions: Floats) -> TriangleMesh:
-        moved = TriangleMesh.__new__(TriangleMesh)
-        moved.vertices = positions
-        for name in ("faces", "flipped", "twins", "corners", "neighbours"):
-            if name in self.__dict__:
-                moved.__dict__[name] = self.__dict__[name]
-        return moved
-
-    def displaced(self, displacement: Floats) -> TriangleMesh:  # transition
-        return self._moved_to(self.vertices + displacement)  # transition
 
 
 def checked_vertices(vertices: npt.ArrayLike) -> Floats:
@@ -320,9 +309,3 @@ def _measure_faces(start, stop, vertices, faces, normals, areas):
         else:
             normals[f] = 0.0
             areas[f] = 0.0
-
-
-def __getattr__(name: str) -> Any:  # transition
-    from . import weld  # transition
-
-    return getattr(weld, name)  # transition

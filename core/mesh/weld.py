@@ -110,7 +110,6 @@ def weld_borders(
 def split_at_jumps(
     mesh: TriangleMesh,
     signal: Floats,
-    progress: object = None,  # transition
 ) -> tuple[TriangleMesh, Floats]:
     """Cut a mesh open where the values of a corner signal jump.
 

@@ -11,7 +11,8 @@ from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.base.progress import reporting
-from shock_filter.core.filters.denoising import denoise_geometry, denoise_image, denoise_jointly
+from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
+from shock_filter.core.filters.denoising import then_sharpen
 from shock_filter.core.linear import multigrid
 from shock_filter.core.mesh.order import sorted_along_curve
 from shock_filter.core.mesh.weld import weld_borders
@@ -22,9 +23,6 @@ MOST = 4 * CHUNK
 
 SHORT = {"_bound", "_sum_edges", "_apply", "_direct", "_reduce"}
 """Kernels of sums, whose chunks have a size of their own: as large as the largest of others."""
-
-SHORT |= {"_find_inside", "_move", "_scale_weights", "_residual", "_measure_faces"}  # transition
-SHORT |= {"_make_unit", "_multiply", "_multiply_add"}  # transition
 
 
 @pytest.fixture
@@ -93,11 +91,11 @@ RUNS = {
     "colors of corners": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
         mesh, colors, None, mask, ask
     ),
-    "denoising": lambda mesh, colors, mask, ask: denoise_geometry(
-        mesh, core.BeltramiGeometrySettings(), 16.0, mask, ask
+    "denoising": lambda mesh, colors, mask, ask: then_sharpen(core.beltrami_mesh, 16.0)(
+        mesh, mask=mask, progress=ask
     ),
-    "denoising both": lambda mesh, colors, mask, ask: denoise_jointly(
-        mesh, colors, core.BeltramiMeshSettings(), 16.0, mask, ask
+    "denoising both": lambda mesh, colors, mask, ask: then_sharpen(beltrami_joint_corners, 16.0)(
+        mesh, colors, mask=mask, progress=ask
     ),
     "welding": lambda mesh, colors, mask, ask: core.weld(mesh.vertices, ask),
     "welding borders": lambda mesh, colors, mask, ask: weld_borders(mesh.vertices, mesh.faces, ask),
@@ -122,7 +120,7 @@ def test_kernels_on_meshes_ask(silent, run):
 
 def test_the_watch_names_kernels_that_do_not_ask(silent):
     mesh = core.TriangleMesh(*cube(20))
-    assert "_walk_exact" in silent(lambda ask: core.sharpen_geometry(mesh))
+    assert "walk_exactly" in silent(lambda ask: core.sharpen_geometry(mesh))
     image = np.zeros((300, 20), dtype=np.float32)
     assert silent(lambda ask: core.sharpen_image(image))
 
@@ -160,7 +158,8 @@ def test_kernels_on_images_ask(silent, scheme):
 def test_kernels_that_denoise_images_ask(silent, measure):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
     settings = core.BeltramiSettings(measure=measure, time=0.2)
-    assert not silent(lambda ask: denoise_image(image, settings, 2.0, progress=ask))
+    denoise = then_sharpen(core.beltrami_image, 2.0)
+    assert not silent(lambda ask: denoise(image, settings=settings, progress=ask))
 
 
 def questions(work):

@@ -172,7 +172,7 @@ def test_zero_area_faces_end_traces_without_nan():
 def test_surroundings_silence_a_sphere_and_keep_a_crease():
     sphere = core.TriangleMesh(*icosphere(4))
     bumps = 0.03 * np.random.default_rng(5).normal(size=sphere.vertices.shape)
-    sphere = sphere.displaced(bumps * sphere.mean_edge_length)
+    sphere = sphere.moved_to(sphere.vertices + bumps * sphere.mean_edge_length)
     signal = calculus.average_to_vertices(sphere, sphere.normals)
     plain = flow.flow_potential(sphere, signal, 1)
     gated = flow.above_surroundings(sphere, plain, 1.5, 256.0)

@@ -10,7 +10,8 @@ from ...base.checks import BAND, SCALES, as_array, checked_image, checked_weight
 from ...base.parallel import blocks
 from ...base.progress import ProgressCallback, aside, ask, phase, reporting
 from ...errors import InvalidSettings, InvalidSignal
-from ...grid.pixels import copied, mix, opacity_channel
+from ...grid.channels import opacity_channel
+from ...grid.pixels import copied, mix
 from ...settings import BeltramiSettings
 from .grid_smoothing import smooth_grid, surface_areas
 

@@ -374,7 +374,7 @@ def _displacement(
                 step, _ = displacement(current, normals, settings, weights)
         moved = step if turn == 0 else moved + step
         if turn + 1 < settings.repeat:
-            current = mesh.displaced(moved)
+            current = mesh.moved_to(mesh.vertices + moved)
     return moved
 
 
