@@ -30,8 +30,8 @@ def silent(monkeypatch):
 
     def watched(original):
         def call(function, count, *arguments, progress=None, chunk=None):
-            asks = progress is not None and progress._callback is not None  # transition
-            asks |= current.get() is not None
+            asks = current.get() is not None
+            asks |= progress is not None and progress._callback is not None  # transition
             if not asks and -(-count // (chunk or parallel.chunk_size(count))) > 4:
                 names.add(function.__name__)
             original(function, count, *arguments, progress=progress, chunk=chunk)
