@@ -85,30 +85,30 @@ def find_shock_rates(start, stop, triangles, potential, rates):
         rates[f, 1] = scale * (vv * p - uv * q)
         rates[f, 2] = scale * (uu * q - uv * p)
         rates[f, 0] = -rates[f, 1] - rates[f, 2]
-        _clear_tiny(rates[f])
+        _clear_tiny(rates, f)
 
 
 @kernel
 def find_given_rates(start, stop, triangles, vectors, rates):
     """Compute d(barycentric coordinates)/dt under the tangential part of given vectors."""
+    vertices, faces, _, areas, normals = triangles
     for f in range(start, stop):
         rates[f] = 0.0
-        if triangles.areas[f] > 0:
-            _coordinate_rates(triangles, f, vectors[f], rates[f])
+        if areas[f] > 0:
+            _coordinate_rates(vertices, faces, areas, normals, f, vectors[f], rates[f])
             rates[f, 0] = -rates[f, 1] - rates[f, 2]
-            _clear_tiny(rates[f])
+            _clear_tiny(rates, f)
 
 
 @kernel
-def _clear_tiny(rate):
-    if max(abs(rate[0]), abs(rate[1]), abs(rate[2])) < 1e-100:
-        rate[:] = 0.0  # so that crossing times stay finite
+def _clear_tiny(rates, f):
+    if max(abs(rates[f, 0]), abs(rates[f, 1]), abs(rates[f, 2])) < 1e-100:
+        rates[f] = 0.0  # so that crossing times stay finite
 
 
 @kernel
-def _coordinate_rates(triangles, f, direction, r):
+def _coordinate_rates(vertices, faces, areas, normals, f, direction, r):
     # Inner products of a tangent vector with the gradients of the barycentric coordinates.
-    vertices, faces, _, areas, normals = triangles
     for c in range(3):
         p, q = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
         ex = vertices[q, 0] - vertices[p, 0]
@@ -384,44 +384,49 @@ def walk_literally(
     start, stop, triangles, field, time, step, most_steps, point_faces, coordinates, unfinished
 ):
     """Walk in steps of a given length; parameters as in `flow.trace`."""
+    vertices, faces, twins, areas, normals = triangles
+    rates, potential = field
     b = np.empty(3)
     v = np.empty(3)
     old = np.empty(3)
+    r = np.empty(3)
+    e = np.empty(3)
     for point in range(start, stop):
         f = point_faces[point]
         b[:] = coordinates[point]
-        left = time if triangles.areas[f] > 0 else 0.0
-        _flow_vector(triangles, field.rates, f, v)
+        left = time if areas[f] > 0 else 0.0
+        _flow_vector(vertices, faces, rates, f, v)
         old[:] = v
         steps = 0
         while left > 0:
-            ahead = old if field.potential is not None else v  # a given field may turn back
-            if not v[0] * ahead[0] + v[1] * ahead[1] + v[2] * ahead[2] > 0:
+            turn = v[0] * old[0] + v[1] * old[1] + v[2] * old[2]
+            if potential is None:  # a given field may turn back, but not rest
+                turn = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+            if not turn > 0:
                 break
             steps += 1
             speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
             pace = min(left, step / speed)
             left -= pace
             old[:] = v
-            f, ended, crossed = _go_straight(triangles, most_steps, pace, f, b, old)
+            f, ended, crossed = _go_straight(
+                vertices, faces, twins, areas, normals, most_steps, pace, f, b, old, r, e
+            )
             if crossed == most_steps or steps == most_steps:
                 unfinished[point] = True
                 break
             if ended:
                 break
-            _flow_vector(triangles, field.rates, f, v)
+            _flow_vector(vertices, faces, rates, f, v)
         _put(point, f, b, point_faces, coordinates)
 
 
 @kernel
-def _go_straight(triangles, most_steps, pace, f, b, direction):
+def _go_straight(vertices, faces, twins, areas, normals, most_steps, pace, f, b, direction, r, e):
     # Go along a geodesic for some time, face by face, and turn `direction` with it. Returns the
-    # face, whether it ended at a border, and the number of edges crossed.
-    vertices, faces, twins, areas, normals = triangles
-    r = np.empty(3)
-    e = np.empty(3)
+    # face, whether it ended at a border, and the number of edges crossed; r and e are scratch.
     for crossed in range(most_steps):
-        _coordinate_rates(triangles, f, direction, r)
+        _coordinate_rates(vertices, faces, areas, normals, f, direction, r)
         exit_corner = -1
         first = pace
         for c in range(3):
@@ -470,8 +475,8 @@ def _go_straight(triangles, most_steps, pace, f, b, direction):
 
 
 @kernel
-def _flow_vector(triangles, rates, f, v):
+def _flow_vector(vertices, faces, rates, f, v):
     for x in range(3):
         v[x] = 0.0
         for c in range(3):
-            v[x] += rates[f, c] * triangles.vertices[triangles.faces[f, c], x]
+            v[x] += rates[f, c] * vertices[faces[f, c], x]
