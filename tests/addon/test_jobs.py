@@ -15,6 +15,7 @@ from shock_filter.core.host.registered import filter_shape
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import jobs
 from shock_filter.shock_addon.operators import status as status_text
