@@ -107,7 +107,7 @@ def test_settings_are_frozen_and_comparable():
     assert hash(settings) == hash(core.GeometrySettings(time=16.0))
     assert settings not in (core.GeometrySettings(), core.ImageSettings(), 16.0)
     assert repr(settings).startswith("GeometrySettings(time=16.0, smoothing_passes=1, ")
-    assert eval(repr(settings), vars(core)) == settings
+    assert eval(repr(settings), {"GeometrySettings": core.GeometrySettings}) == settings
     assert pickle.loads(pickle.dumps(settings)) == copy.deepcopy(settings) == settings
     with pytest.raises(TypeError):
         core.GeometrySettings(64.0)

@@ -35,6 +35,5 @@ def test_examples_give_what_they_say(name):
     assert not runner.failures, "".join(said)
 
 
-@pytest.mark.xfail(reason="examples are being added", strict=True)  # transition
 def test_each_has_an_example():
     assert [name for name in NAMES if not examples(name)] == []
