@@ -352,7 +352,7 @@ def test_an_unexpected_error_ends_the_run_with_a_sentence(
     box = rounded_box()
     before = read_positions(box.data)
 
-    def broken(*arguments):
+    def broken(*arguments, **settings):
         raise kind(*words)
 
     monkeypatch.setattr(geometry, "sharpen_geometry", broken)
@@ -367,7 +367,7 @@ def test_an_unexpected_error_while_reading_changes_nothing(rounded_box, monkeypa
     box = rounded_box()
     before = read_positions(box.data)
 
-    def broken(*arguments):
+    def broken(*arguments, **settings):
         raise MemoryError
 
     monkeypatch.setattr(data, "read_geometry", broken)
