@@ -366,7 +366,7 @@ def test_an_unexpected_error_while_reading_changes_nothing(rounded_box, monkeypa
     box = rounded_box()
     before = read_positions(box.data)
 
-    def broken(*arguments):
+    def broken(*arguments, **settings):
         raise MemoryError
 
     monkeypatch.setattr(data.geometry, "read_geometry", broken)
