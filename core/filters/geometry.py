@@ -139,7 +139,8 @@ def sharpen_geometry(
             moved[order] = _displaced(ordered, settings, ordered_weights)
         else:
             moved = _displaced(mesh, settings, weights)
-    return moved_vertices(mesh, moved)
+        with phase(1.0, 1.0, "Fitting the surface"):
+            return moved_vertices(mesh, moved)
 
 
 def geometry_flow(

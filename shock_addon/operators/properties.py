@@ -257,7 +257,7 @@ def parameters_of(mode: Mode) -> dict[str, Any]:
     if len(mode.targets) > 1:
         found["target"] = bpy.props.EnumProperty(
             name="Target",
-            description="What to work on",
+            description=f"What to {mode.label.lower()}",
             items=[(target.key, target.label, target.about) for target in mode.targets],
         )
     for target in mode.targets:

@@ -829,11 +829,11 @@ def test_ctrl_c_stops_the_filter_and_writes_nothing(scene, old, folder):
     before = """
 import os, signal
 from shock_filter.core.base import parallel
-report = parallel.Progress.update
-def interrupted(self, fraction):
+ask = parallel.ask
+def interrupted(fraction=0.0):
     os.kill(os.getpid(), signal.SIGINT)
-    report(self, fraction)
-parallel.Progress.update = interrupted
+    ask(fraction)
+parallel.ask = interrupted
 """
     run = blender("sharpen-geometry", scene, "out.blend", before=before)
     assert run.code == 130, run.err

@@ -24,11 +24,11 @@ import shock_filter
 bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 from bl_operators import wm
-from shock_filter.shock_addon.operators import properties
 from shock_filter.shock_addon.ui import manual
 manual.FOLDER = pathlib.Path(sys.argv[1])
 names = [f"shock_filter.{name}" for name in dir(bpy.ops.shock_filter)]
-for group in properties.CLASSES:
+groups = bpy.types.PropertyGroup.__subclasses__()
+for group in [each for each in groups if each.__name__.startswith("SHOCK_FILTER_")]:
     names += [f"{group.__name__}.{value.identifier}" for value in group.bl_rna.properties
               if value.identifier not in {"rna_type", "name"} and value.type != "POINTER"]
 found = {}
