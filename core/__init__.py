@@ -10,13 +10,13 @@ References
 Docstrings cite these papers by letter, section and equation.
 
 .. [A] F. Prada, M. Kazhdan: Unconditionally Stable Shock Filters for Image and Geometry Processing.
-   Computer Graphics Forum 34(5), 2015, doi:10.1111/cgf.12708.
+   Computer Graphics Forum 34(5), 2015.
 .. [B] F. Prada, M. Kazhdan, M. Chuang, H. Hoppe: Gradient-Domain Processing within a Texture Atlas.
    ACM Transactions on Graphics 37(4), 2018, doi:10.1145/3197517.3201317.
 .. [C] A. Spira, R. Kimmel, N. Sochen: A Short-Time Beltrami Kernel for Smoothing Images and
-   Manifolds. IEEE Transactions on Image Processing 16(6), 2007, doi:10.1109/TIP.2007.894253.
+   Manifolds. IEEE Transactions on Image Processing 16(6), 2007.
 .. [D] B. Jobard, G. Erlebacher, M. Y. Hussaini: Lagrangian-Eulerian Advection for Unsteady Flow
-   Visualization. IEEE Visualization 2001, doi:10.1109/VISUAL.2001.964493.
+   Visualization. IEEE Visualization 2001.
 """
 
 from importlib import import_module as _import_module

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texture atlases: charts, seams, texels and the gutter (Prada et al. 2018, sections 3 and 4)."""
+"""Texture atlases: charts, seams, texels and the gutter (paper B, sections 3 and 4)."""
 
 from .atlas import TextureAtlas, TextureMasks, UVReport
 

@@ -35,11 +35,7 @@ _SLACK = 0.5
 seen; where it is seen, on the chart, the values mix to ones that both sides have."""
 
 
-def stitch(
-    atlas: TextureAtlas,
-    values: npt.NDArray[np.float32],
-    step: float,
-) -> None:
+def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) -> None:
     """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
     What is seen on the charts stays in the range of what is read along the seam there, and no

@@ -125,6 +125,8 @@ def run(
     try:
         work()
     finally:
+        # Helpers that have not begun would find nothing to do, once another run lets them.
+        futures = [future for future in futures if not future.cancel()]
         wait(futures)
     for future in futures:
         future.result()

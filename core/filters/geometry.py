@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The filters: sharpening by shock filter advection (Prada and Kazhdan 2015)."""
+"""Sharpening of geometry: normals flow to the creases, positions follow (paper A, 4.1)."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ def sharpen_geometry(
     Notes
     -----
     Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature
-    threshold (see `flow.above_surroundings`), masks, repeating, the displacement limit, and the
-    screening radius in place of a fixed epsilon (see `fit_to_normals`).
+    threshold (see `flow.potential.above_surroundings`), masks, repeating, the displacement limit,
+    and the screening radius in place of a fixed epsilon (see `fit_to_normals`).
 
     Examples
     --------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of images (Prada and Kazhdan 2015, section 3)."""
+"""Sharpening of images (paper A, section 3)."""
 
 from __future__ import annotations
 

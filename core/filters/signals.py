@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of colors and other signals on meshes (Prada and Kazhdan 2015, sections 3 and 4)."""
+"""Sharpening of colors and other signals on meshes (paper A, sections 3 and 4)."""
 
 from __future__ import annotations
 
@@ -239,12 +239,7 @@ def from_own_corners(mesh: TriangleMesh, own: npt.NDArray, given: npt.NDArray) -
     return mesh.own_corners(own.reshape(mesh.face_count, 3, -1)).reshape(given.shape)
 
 
-def like(
-    given: npt.NDArray,
-    values: Floats,
-    result: Floats,
-    weights: Floats | None,
-) -> npt.NDArray:
+def like(given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None) -> npt.NDArray:
     """Mix a result with the values before by weights, in the type and shape that were given."""
     if weights is None:
         return result.astype(given.dtype).reshape(given.shape)

@@ -80,21 +80,14 @@ def flow_field(
             return potential, flow_from_potential(mesh, potential)
 
 
-def flow_from_potential(
-    mesh: TriangleMesh,
-    potential: Floats,
-) -> Floats:
+def flow_from_potential(mesh: TriangleMesh, potential: Floats) -> Floats:
     """Compute the flow u, half the potential's gradient: (n,) -> (m, 3)."""
     flow = gradient(mesh, potential)[:, 0]
     flow *= 0.5
     return flow
 
 
-def flow_potential(
-    mesh: TriangleMesh,
-    signal: Floats,
-    passes: int,
-) -> Floats:
+def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
     """Compute the potential P at the vertices, smoothed before and after: (n, d) -> (n,)."""
     message = "Computing the flow"
     with phase(0.0, 0.5, message):

@@ -10,9 +10,7 @@ from ..base.checks import BAND
 from ..base.parallel import blocks
 
 
-def copied(
-    pixels: npt.NDArray,
-) -> npt.NDArray:
+def copied(pixels: npt.NDArray) -> npt.NDArray:
     """Copy an image, asking whether to go on."""
     copy = np.empty_like(pixels)
     for band in blocks(len(pixels), BAND):
@@ -20,11 +18,7 @@ def copied(
     return copy
 
 
-def mix(
-    pixels: npt.NDArray,
-    weights: npt.NDArray,
-    target: npt.NDArray,
-) -> None:
+def mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray) -> None:
     """Mix the result in `target` with the input; a weight of 0 keeps the input bit for bit."""
     for band in blocks(len(pixels), BAND):
         weight = weights[band, :, None]

@@ -19,10 +19,7 @@ from ..errors import InvalidSignal
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
 
-def gradient(
-    mesh: TriangleMesh,
-    signal: npt.ArrayLike,
-) -> Floats:
+def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
     """Compute the gradient of the linear interpolant in each face (paper A, Appendix A).
 
     Parameters
@@ -74,9 +71,7 @@ def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
     return out
 
 
-def cotangents(
-    mesh: TriangleMesh,
-) -> Floats:
+def cotangents(mesh: TriangleMesh) -> Floats:
     """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate.
 
     Needle-like faces (cotangents above 1000, angles below 0.06 degrees) are weakened as a whole
@@ -87,9 +82,7 @@ def cotangents(
     return out
 
 
-def lumped_mass(
-    mesh: TriangleMesh,
-) -> Floats:
+def lumped_mass(mesh: TriangleMesh) -> Floats:
     """A third of the area around each vertex, in squared mean edge lengths: (n,)."""
     out = np.empty(mesh.vertex_count)
     run(_lumped_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out)
@@ -156,10 +149,7 @@ def gradient_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
     return scipy.sparse.csr_matrix((values, columns.reshape(-1), start), shape=shape)
 
 
-def average_to_vertices(
-    mesh: TriangleMesh,
-    values: Floats,
-) -> Floats:
+def average_to_vertices(mesh: TriangleMesh, values: Floats) -> Floats:
     """Area-weighted averages of face values at the vertices: (m, d) -> (n, d).
 
     Vertices without area get zeros.
@@ -169,33 +159,21 @@ def average_to_vertices(
     return out
 
 
-def average_to_faces(
-    mesh: TriangleMesh,
-    values: Floats,
-) -> Floats:
+def average_to_faces(mesh: TriangleMesh, values: Floats) -> Floats:
     """Means of the three vertex values of each face: (n, d) -> (m, d)."""
     out = np.empty((mesh.face_count, values.shape[1]))
     run(_average_corners, mesh.face_count, mesh.faces, values, out)
     return out
 
 
-def blended_normals(
-    mesh: TriangleMesh,
-    old: Floats,
-    new: Floats,
-    weights: Floats,
-) -> Floats:
+def blended_normals(mesh: TriangleMesh, old: Floats, new: Floats, weights: Floats) -> Floats:
     """Mix normals of the faces by weights (n,) of the vertices; opposite ones may become zero."""
     out = np.empty_like(old)
     run(_blend, mesh.face_count, mesh.faces, old, new, weights, out)
     return out
 
 
-def group_means(
-    groups: npt.NDArray[np.integer],
-    rows: npt.NDArray,
-    out: npt.NDArray,
-) -> None:
+def group_means(groups: npt.NDArray[np.integer], rows: npt.NDArray, out: npt.NDArray) -> None:
     """Put the mean of each group's rows into `out`, where others stay as they are.
 
     Parameters
@@ -211,11 +189,7 @@ def group_means(
     run(_divide_rows, len(out), sums, sizes, out)
 
 
-def smooth_vertices(
-    mesh: TriangleMesh,
-    signal: Floats,
-    passes: int,
-) -> Floats:
+def smooth_vertices(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
     """Umbrella smoothing with Gaussian weights (paper A, Appendix A, "Smoothing").
 
     Parameters

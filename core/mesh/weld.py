@@ -107,10 +107,7 @@ def weld_borders(
         return index[np.asarray(faces)]
 
 
-def split_at_jumps(
-    mesh: TriangleMesh,
-    signal: Floats,
-) -> tuple[TriangleMesh, Floats]:
+def split_at_jumps(mesh: TriangleMesh, signal: Floats) -> tuple[TriangleMesh, Floats]:
     """Cut a mesh open where the values of a corner signal jump.
 
     Corners at one vertex that share a value stay one vertex; others become vertices of their

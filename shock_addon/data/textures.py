@@ -43,7 +43,7 @@ class TextureTarget:
     name : str
         Of the image.
     parts : dict
-        Its pixels, as `image_data.read_parts` gives them.
+        Its pixels, as `images.read_parts` gives them.
     mosaic : Mosaic or None
         How UDIM tiles were put together.
     objects : list of str

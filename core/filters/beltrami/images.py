@@ -241,11 +241,7 @@ def _step(
     return new_colors, means[..., beside:]
 
 
-def _areas(
-    guide: npt.NDArray,
-    points: npt.NDArray,
-    settings: BeltramiSettings,
-) -> npt.NDArray:
+def _areas(guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings) -> npt.NDArray:
     flat = points.shape[2] == 0
     if settings.measure == "surface":
         return surface_areas(guide, flat)
