@@ -3,6 +3,7 @@
 
 import importlib.util
 import os
+import shutil
 import sys
 
 import pytest
@@ -133,7 +134,7 @@ def test_code_under_the_types_of_other_code_is_not_used(tmp_path, module):
 
 def test_a_folder_that_is_gone_and_cannot_be_made_costs_time_only(tmp_path, module, caplog):
     double = module().double
-    (tmp_path / "__pycache__").rmdir()
+    shutil.rmtree(tmp_path / "__pycache__")
     (tmp_path / "__pycache__").write_text("A file where the folder was.")
     assert double(2) == 4
     assert "cannot be kept" in caplog.text
