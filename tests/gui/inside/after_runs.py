@@ -63,17 +63,17 @@ def hiding_the_flow() -> Steps:
     monkey.select_set(False)
     yield DRAWN
     places = yield from buttons()
-    seen = report["flow"] = {"shown": addon("flow.flow_overlay").shown_object()}
+    seen = report["flow"] = {"shown": addon("flow.overlay").shown_object()}
     yield from click(places[-1])
     yield DRAWN
-    seen["hidden"] = addon("flow.flow_overlay").shown_object()
+    seen["hidden"] = addon("flow.overlay").shown_object()
     monkey.select_set(True)
 
 
 def cancelling() -> Steps:
     """Press Esc in a second run; the panel must not show the first one's success."""
     bpy.context.scene.shock_filter.mode = "GEOMETRY"
-    said = addon("operators").summaries
+    said = addon("operators.base").summaries
     report["cancelled"] = {"before": said["geometry"]}
     yield from park()
     run("sharpen_geometry", time=4096.0, repeat=100, smoothing_passes=50)
@@ -93,10 +93,10 @@ def texture_paint() -> Steps:
         for _ in range(2):
             yield DRAWN
             with over():
-                painted = addon("chosen").shown_image(bpy.context).name
+                painted = addon("data.chosen").shown_image(bpy.context).name
             run("sharpen_texture", time=256.0)
             yield from finished()
-            words = addon("operators").summaries["texture"]
+            words = addon("operators.base").summaries["texture"]
             report.setdefault("paint", []).append([painted, node.image.name, words])
 
 

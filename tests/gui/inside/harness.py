@@ -62,10 +62,8 @@ def save() -> None:
 
 
 def addon(name: str) -> ModuleType:
-    """Return one of the extension's modules, whatever folder it lies in."""
-    inside = f"{MODULE}.shock_addon."
-    found = [n for n in sys.modules if n.startswith(inside) and n.endswith(f".{name}")]
-    return sys.modules[found[0]]
+    """Return one of the add-on's modules that are loaded."""
+    return sys.modules[f"{MODULE}.shock_addon.{name}"]
 
 
 def area(kind: str) -> bpy.types.Area:
@@ -103,7 +101,9 @@ def open_tab(kind: str = "VIEW_3D") -> Steps:
 def running() -> bool:
     """Tell whether a run is under way, or its thread has not ended yet."""
     threads = [thread.name for thread in threading.enumerate()]
-    return addon("jobs").current() is not None or any("shock-filter-job" in n for n in threads)
+    return addon("operators.jobs").current() is not None or any(
+        "shock-filter-job" in n for n in threads
+    )
 
 
 def finished(limit: float = 240.0) -> Steps:

@@ -59,7 +59,7 @@ def begin() -> None:
 
 def start(operator: str = "sharpen_geometry", kind: str = "VIEW_3D", **settings) -> Steps:
     """Start a run that waits."""
-    job = addon("jobs").Job
+    job = addon("operators.jobs").Job
     if not hasattr(job, "asks"):
         job.asks = job._progress
         job._progress = ask_when_let_go
@@ -246,7 +246,7 @@ def second_window_closed() -> Steps:
     with bpy.context.temp_override(window=other):
         bpy.ops.wm.window_close()
     yield SHORT
-    cancelled = addon("jobs").current() is None
+    cancelled = addon("operators.jobs").current() is None
     yield from let_go()
     return {"cancelled": cancelled, "unchanged": positions("Grid") == before}
 
@@ -254,16 +254,16 @@ def second_window_closed() -> Steps:
 def filter_fails() -> Steps:
     """Have the filter fail as a bug would make it."""
     before = positions("Grid")
-    core = import_module(f"{MODULE}.core")
-    good = core.sharpen_geometry
+    filters = import_module(f"{MODULE}.core.filters.geometry")
+    good = filters.sharpen_geometry
 
     def broken(*_: object) -> None:
         raise ZeroDivisionError("on purpose")
 
-    core.sharpen_geometry = broken
+    filters.sharpen_geometry = broken
     yield from start()
     yield from let_go()
-    core.sharpen_geometry = good
+    filters.sharpen_geometry = good
     yield from press("Escape")
     return {"unchanged": positions("Grid") == before}
 

@@ -33,7 +33,7 @@ def scenario() -> Steps:
     yield from park()
     yield DRAWN
     english = crop(region("VIEW_3D", "UI"))
-    translations = addon("panel.translations")
+    translations = addon("ui.translations")
     files = (Path(translations.__file__).parent / "locale").glob("*.json")
     tables = {file.stem: translations.table(file.stem) for file in sorted(files)}
     report["unknown"] = sorted(set(tables) - set(bpy.app.translations.locales))

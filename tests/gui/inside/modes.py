@@ -74,7 +74,7 @@ def mesh_mode(mode: str, operator: str, seen: dict) -> Steps:
     seen["started"] = run(operator)
     yield from finished()
     seen["by_operator"] = state()
-    seen["summary"] = addon("operators").summaries.get(mode)
+    seen["summary"] = addon("operators.base").summaries.get(mode)
     seen["last"] = last_operator()
     yield from park()
     picture(mode, area("VIEW_3D"))
@@ -106,7 +106,7 @@ def image_mode(kind: str, mode: str, operator: str, seen: dict) -> Steps:
     seen["start"] = {name: pixels(bpy.data.images[name]) for name in before}
     seen["started"] = run(operator, kind)
     yield from finished()
-    seen["summary"] = addon("operators").summaries.get(mode)
+    seen["summary"] = addon("operators.base").summaries.get(mode)
     seen["by_operator"] = new_images(before)
     yield from park(kind)
     picture(mode if kind == "VIEW_3D" else f"image-editor-{mode}", area(kind))

@@ -69,7 +69,7 @@ def flow(mode: str, seen: dict) -> Steps:
         yield from finished()
         yield from park()
         names = bpy.data.objects["Monkey"].data.attributes.keys()
-        seen.setdefault("shown", []).append(addon("flow.flow_overlay").shown_object())
+        seen.setdefault("shown", []).append(addon("flow.overlay").shown_object())
         seen["attributes"] = sorted(name for name in names if "shock_" in name)
         seen.setdefault("pixels", []).append(different(before, object_seen()))
     picture(f"flow-{mode}", area("VIEW_3D"))
@@ -136,7 +136,7 @@ def change_by_script() -> Steps:
     vertices[0].co = (0, 0, 3)
     move(x - 100, y + 30)
     yield 3 * DRAWN
-    seen["running"] = len(addon("preview_operator")._running)
+    seen["running"] = len(addon("preview.operator")._running)
     seen["kept"] = tuple(vertices[0].co)
     seen["back"] = tuple(vertices[1].co) == before[1]
     vertices[0].co = before[0]
@@ -157,7 +157,7 @@ def said() -> str:
 
 def running_preview() -> object:
     """Return the preview that is under way."""
-    return addon("preview_operator")._running[0]._preview
+    return addon("preview.operator")._running[0]._preview
 
 
 def drag(x: float, y: float) -> Steps:
@@ -189,7 +189,7 @@ def new_file_during_both() -> Steps:
     bpy.ops.wm.read_homefile(app_template="")
     yield DRAWN
     report["new_file"] = {
-        "shown": addon("flow.flow_overlay").shown_object(),
+        "shown": addon("flow.overlay").shown_object(),
         "objects": sorted(bpy.data.objects.keys()),
     }
 

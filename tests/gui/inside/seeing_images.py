@@ -188,7 +188,7 @@ def other_workspace() -> Steps:
     here = window.workspace
     window.workspace = next(each for each in bpy.data.workspaces if each != here)
     yield DRAWN
-    addon("preview_operator").stop()
+    addon("preview.operator").stop()
     yield DRAWN
     window.workspace = here
     yield DRAWN
