@@ -257,7 +257,7 @@ def filter_fails() -> Steps:
     filters = import_module(f"{MODULE}.core.filters.geometry")
     good = filters.sharpen_geometry
 
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("on purpose")
 
     filters.sharpen_geometry = broken
