@@ -96,13 +96,15 @@ def run_case(case: str, path: Path, runs: int) -> dict[str, float]:
     return {"seconds": min(seconds), "wait": min(waits), "peak": peak}
 
 
-def store(data: Path, scratch: Path) -> dict[str, Path]:
+def store(data: Path, scratch: Path, only: str) -> dict[str, Path]:
     """Write the arrays of all cases; return the file of each."""
     import common
     from texture_models import save_model
 
     files: dict[str, Path] = {}
     for case, (name, subdivisions, shuffle) in MESHES.items():
+        if only not in case:
+            continue
         path = scratch / f"{Path(name).stem}-{subdivisions}-{shuffle}.npz"
         if not path.exists():
             common.in_own_process(common.save_mesh, path, data, name, subdivisions, shuffle)
@@ -143,7 +145,7 @@ def compare(places: dict[str, Path], data: Path, rounds: int, only: str) -> list
     """Measure all cases in both trees by turns; return the rows of the table."""
     rows = []
     with tempfile.TemporaryDirectory() as scratch:
-        for case, path in store(data, Path(scratch)).items():
+        for case, path in store(data, Path(scratch), only).items():
             if only not in case:
                 continue
             found: dict[str, list[dict[str, float]]] = {name: [] for name in places}
