@@ -24,8 +24,8 @@ from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .formats.tiff import read_tiff, write_tiff
 from .image_file import ImageFile, lost
-from .output import Outcome, check_folder, staged
-from .reading import check_ending, check_file, reading
+from .output import Outcome, staged
+from .reading import check_source, check_target, reading
 
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
@@ -118,10 +118,8 @@ def filter_image_file(
     words = {"mask": read_mask(mask, invert_mask)} if mask else {}
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
-    for path in (source, target):
-        check_ending(path, _FORMATS)
-    _check_source(source)
-    check_folder(target)
+    check_source(source, _FORMATS)
+    check_target(target, _FORMATS)
 
     def fill(pixels: Pixels, result: Pixels) -> None:
         with reporting(progress):
@@ -139,8 +137,7 @@ def filter_image_file(
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     """Write pixels that come from no file, in the format of the target's ending."""
-    check_ending(target, _FORMATS)
-    check_folder(target)
+    check_target(target, _FORMATS)
     ending = target.suffix.lower()
     if ending != _ARRAY:
         _check_format(target, ending, pixels)
@@ -153,19 +150,12 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
 
 def image_size(path: str | Path) -> tuple[int, int]:
     """Return height and width of an image file."""
-    _check_source(Path(path))
     height, width = _read(Path(path)).pixels.shape[:2]
     return height, width
 
 
-def _check_source(path: Path) -> None:
-    check_ending(path, _FORMATS)
-    check_file(path)
-    if not path.stat().st_size:
-        raise ShockError(f"{path} is empty; copy or save it again.")
-
-
 def _read(path: Path) -> ImageFile:
+    check_source(path, _FORMATS)
     with reading(path):
         image_file = _FORMATS[path.suffix.lower()].read(path)
     pixels = image_file.pixels
@@ -235,9 +225,7 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
 
 def read_mask(path: str | Path, invert: bool) -> Pixels:
     """Read a gray image as weights from 0 to 1."""
-    path = Path(path)
-    _check_source(path)
-    weights = _read(path).pixels
+    weights = _read(Path(path)).pixels
     if weights.ndim == 3 and weights.shape[2] == 1:
         weights = weights[..., 0]
     if weights.ndim != 2:

@@ -43,12 +43,6 @@ class Outcome:
         return self.done.format(changed=self.changed, total=self.total)
 
 
-def check_folder(target: Path) -> None:
-    """Refuse a file whose folder is not there."""
-    if not target.absolute().parent.is_dir():
-        raise ShockError(f"There is no folder {target.parent}; make it first.")
-
-
 @contextlib.contextmanager
 def staged(target: Path, overwrite: bool) -> Iterator[Path]:
     """Give a path to write to, and move what was written there to `target` at the end.

@@ -16,9 +16,9 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from .document import Floats
 from .images import Pixels, filter_image_file, image_size, read_mask, write_image_file
-from .meshes import IN_PLACE, check_mesh_file, read_document
+from .meshes import IN_PLACE, read_document
 from .output import Outcome
-from .reading import reading
+from .reading import check_ending, reading
 
 RAW = (".npy", ".tif", ".tiff", ".exr")
 """Endings of files that hold a mask's numbers; all others hold a picture of it."""
@@ -183,13 +183,8 @@ def read_textured_mesh(path: str | Path, material: str | None = None) -> Texture
         If the file cannot be read or has no such material.
     """
     path = Path(path)
-    check_mesh_file(path)
-    ending = path.suffix.lower()
-    if ending not in IN_PLACE:
-        raise InvalidUV(
-            f"{path}: {ending} files hold no texture coordinates; use one of {', '.join(IN_PLACE)}."
-        )
-    document = read_document(path, IN_PLACE[ending])
+    check_ending(path, IN_PLACE, "such files hold no texture coordinates")
+    document = read_document(path, IN_PLACE[path.suffix.lower()])
     with reading(path):
         uv, materials = document.read_uvs()
     known = ~np.isnan(uv).any(axis=(1, 2))

@@ -447,6 +447,7 @@ def test_damaged_files_are_refused(name, damage):
 def test_other_bad_inputs():
     Path("empty.png").touch()
     Path("folder.png").mkdir()
+    Path("in.gif").touch()
     np.save("words.npy", np.array(["a", "b"]))
     np.save("line.npy", np.zeros(5, dtype=np.uint8))
     np.save("objects.npy", np.array([{}]), allow_pickle=True)
