@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..base.progress import ProgressCallback, reporting
+from ..base.progress import reporting
 from ..errors import ShockError
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .formats.tiff import read_tiff, write_tiff
 from .image_file import ImageFile, lost
-from .output import Outcome, staged
+from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_source, check_target, reading
 
 Pixels = npt.NDArray[Any]
@@ -79,11 +79,7 @@ def filter_image_file(
     function: Callable[..., Pixels],
     source: str | Path,
     target: str | Path,
-    *,
-    mask: str | Path | None = None,
-    invert_mask: bool = False,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Filter an image file and write it to another.
 
@@ -96,14 +92,8 @@ def filter_image_file(
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
         complete; its format must hold the values as they are, none is converted.
-    mask : path, optional
-        Gray image of the same size: black stays, white is filtered fully.
-    invert_mask : bool
-        Use one minus the mask.
-    overwrite : bool
-        Replace files that exist.
-    progress : callable, optional
-        Called with (fraction, message); returns False to cancel.
+    options : Options
+        Masks, and whether to replace files.
 
     Returns
     -------
@@ -115,14 +105,14 @@ def filter_image_file(
     ShockError
         If a file cannot be read or written, or as `function` does.
     """
-    words = {"mask": read_mask(mask, invert_mask)} if mask else {}
+    words = read_mask(options)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     check_source(source, _FORMATS)
     check_target(target, _FORMATS)
 
     def fill(pixels: Pixels, result: Pixels) -> None:
-        with reporting(progress):
+        with reporting(options.progress):
             if pixels.dtype == np.float16:
                 result[...] = function(pixels.astype(np.float32), **words)
             elif fills:
@@ -130,7 +120,7 @@ def filter_image_file(
             else:
                 result[...] = function(pixels, **words)
 
-    with staged(target, overwrite) as path:
+    with staged(target, options.overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
         return _filter(source, path, fill)
 
@@ -223,13 +213,16 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
     return changed
 
 
-def read_mask(path: str | Path, invert: bool) -> Pixels:
-    """Read a gray image as weights from 0 to 1."""
-    weights = _read(Path(path)).pixels
+def read_mask(options: Options) -> dict[str, Pixels]:
+    """Read a gray image as weights from 0 to 1: the word `mask` for a filter, or no word."""
+    if options.mask is None:
+        return {}
+    path = Path(options.mask)
+    weights = _read(path).pixels
     if weights.ndim == 3 and weights.shape[2] == 1:
         weights = weights[..., 0]
     if weights.ndim != 2:
         raise ShockError(f"{path}: the mask has colors or opacity; save it as a gray image.")
     if weights.dtype.kind == "u":
         weights = weights / np.float64(np.iinfo(weights.dtype).max)
-    return 1.0 - weights if invert else weights
+    return {"mask": 1.0 - weights if options.invert_mask else weights}

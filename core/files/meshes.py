@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..base.progress import ProgressCallback, phase, reporting
+from ..base.progress import phase, reporting
 from ..errors import InvalidMesh, InvalidSignal, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld
@@ -23,7 +23,7 @@ from .formats.gltf import GltfFile
 from .formats.obj import ObjFile
 from .formats.ply import PlyFile, PlyVertices
 from .formats.trimesh import KEEPS, SceneFile
-from .output import Outcome, staged
+from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_ending, check_source, check_target, reading
 
 AnyDocument = TypeVar("AnyDocument", bound=Document)
@@ -41,11 +41,7 @@ def filter_mesh_file(
     function: Callable[..., Floats],
     source: str | Path,
     target: str | Path,
-    *,
-    mask: str | None = None,
-    invert_mask: bool = False,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Move the vertices of a mesh file and write it to another.
 
@@ -58,15 +54,8 @@ def filter_mesh_file(
         ``function(mesh, mask=None)`` returns new positions; see `registry.Filter.applied`.
     source, target : path
         PLY, OBJ, STL, OFF, GLB or glTF files. `target` appears when it is complete.
-    mask : str, optional
-        Vertex property of a PLY file: 0 leaves a vertex where it is, 1 moves it fully. Whole
-        numbers count in parts of their type's largest value.
-    invert_mask : bool
-        Use one minus the mask.
-    overwrite : bool
-        Replace files that exist.
-    progress : callable, optional
-        Called with (fraction, message); returns False to cancel.
+    options : Options
+        Masks, and whether to replace files.
 
     Returns
     -------
@@ -83,12 +72,12 @@ def filter_mesh_file(
     ending = target.suffix.lower()
     keeps_format = source.suffix.lower() == ending
     document = read_document(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
-    weights = _read_mask(source, mask, invert_mask)
-    with reporting(progress):
+    weights = _read_mask(source, options)
+    with reporting(options.progress):
         result = _filtered(document, weld(document.vertices), function, weights)
     positions = np.where(result == document.vertices, document.vertices, result)  # 0.0 may be -0.0
     moved = (positions != document.vertices).any(axis=1)
-    with staged(target, overwrite) as path:
+    with staged(target, options.overwrite) as path:
         notes = document.save(path, positions, moved)
     return Outcome(len(positions), int(moved.sum()), tuple(notes))
 
@@ -97,11 +86,7 @@ def filter_colors_file(
     function: Callable[..., Floats],
     source: str | Path,
     target: str | Path,
-    *,
-    mask: str | None = None,
-    invert_mask: bool = False,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Change the vertex colors of a mesh file and write it to another of the same format.
 
@@ -115,7 +100,7 @@ def filter_colors_file(
         ``function(mesh, colors, mask=None)`` returns new colors; see `registry.Filter.applied`.
     source, target : path
         PLY, OBJ, GLB or glTF files, both of the same format.
-    mask, invert_mask, overwrite, progress
+    options : Options
         As in `filter_mesh_file`.
 
     Returns
@@ -147,11 +132,11 @@ def filter_colors_file(
         raise InvalidSignal(
             f"{source} has no vertex colors; paint them, or bake a texture to them."
         )
-    weights = _read_mask(source, mask, invert_mask)
-    with reporting(progress):
+    weights = _read_mask(source, options)
+    with reporting(options.progress):
         result = _filtered(document, _weld_colors(document, colors), function, weights, colors)
     result = np.where(abs(result - colors) < _ROUNDING, colors, result)
-    with staged(target, overwrite) as path:
+    with staged(target, options.overwrite) as path:
         changed, notes = document.save_colors(path, result)
     done = "changed the color of {changed} of {total} vertices"
     return Outcome(len(colors), changed, tuple(notes), done)
@@ -240,7 +225,8 @@ def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 
 
-def _read_mask(source: Path, name: str | None, invert: bool) -> Floats | None:
+def _read_mask(source: Path, options: Options) -> Floats | None:
+    name = options.mask
     if name is None:
         return None
     if source.suffix.lower() != ".ply":
@@ -252,4 +238,4 @@ def _read_mask(source: Path, name: str | None, invert: bool) -> Floats | None:
             f"{source} has no vertex property {name!r}; it has: {', '.join(table.names)}."
         )
     weights = table.weights(name)
-    return 1.0 - weights if invert else weights
+    return 1.0 - weights if options.invert_mask else weights

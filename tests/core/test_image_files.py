@@ -537,6 +537,7 @@ MEASURE = """
 import sys, threading
 from shock_filter import core
 from shock_filter.core.files.images import filter_image_file
+from shock_filter.core.files.output import Options
 
 def anonymous():
     with open("/proc/self/status") as status:
@@ -550,7 +551,7 @@ def watch(fraction, message):
 
 filter_image_file(core.sharpen_image, "small.npy", "small_out.npy")  # compiles
 before = anonymous()
-filter_image_file(core.sharpen_image, "in.npy", "out.npy", progress=watch)
+filter_image_file(core.sharpen_image, "in.npy", "out.npy", Options(progress=watch))
 print(1024 * (peak - before))
 """
 
