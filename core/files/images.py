@@ -11,9 +11,8 @@ import inspect
 import os
 import shutil
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,14 +24,13 @@ from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write
 from .formats.tiff import read_tiff, write_tiff
 from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
-from .reading import check_source, check_target, reading
+from .reading import check_source, check_target, reading, reading_back
 
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
 
 
-@dataclass(frozen=True)
-class _Format:
+class _Format(NamedTuple):
     """How an image format is read and written, and which values it holds."""
 
     read: Callable[[Path], ImageFile]
@@ -72,6 +70,7 @@ _FORMATS = {
     ".webp": _Format(read_pillow, write_webp, ("uint8",), (3, 4)),
     _ARRAY: _Format(_map_array, _flush_array, _TYPES, _ANY),
 }
+_LOSSY = (".jpg", ".jpeg")
 _ROWS = 256
 
 
@@ -136,6 +135,7 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
             np.save(path, pixels)
         else:
             _FORMATS[ending].write(path, ImageFile(pixels, ""), pixels)
+        _read_back(path, pixels)
 
 
 def image_size(path: str | Path) -> tuple[int, int]:
@@ -174,7 +174,18 @@ def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]
     else:
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
         notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
+        _read_back(path, flat)
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
+
+
+def _read_back(path: Path, pixels: Pixels) -> None:
+    """Make sure that a file that was just written holds these pixels."""
+    with reading_back(path):
+        found = _FORMATS[path.suffix.lower()].read(path).pixels
+        if (found.shape, found.dtype) != (pixels.shape, pixels.dtype):
+            raise ValueError(f"{found.shape} {found.dtype} in place of what was written")
+        if path.suffix.lower() not in _LOSSY and _count_changed(pixels, found):
+            raise ValueError("other pixels")
 
 
 def _new_array(path: Path, pixels: Pixels) -> Pixels:

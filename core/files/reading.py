@@ -72,6 +72,25 @@ def needed(package: str, path: Path) -> Any:
 
 
 @contextlib.contextmanager
+def reading_back(path: Path) -> Iterator[None]:
+    """Refuse a file that was just written and turns out not to be readable, or another.
+
+    Raises
+    ------
+    ShockError
+        Instead of whatever a reader raises.
+    """
+    try:
+        yield
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        raise ShockError(
+            f"{path.name} was not written: it could not be read back ({reason}). Write another"
+            " format, and report this, since Shock Filter should have known."
+        ) from error
+
+
+@contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Say of whatever a reader raises that the file may be damaged.
 

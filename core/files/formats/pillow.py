@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import struct
 import threading
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,10 @@ def read_pillow(path: Path) -> ImageFile:
         image_file = ImageFile(np.empty(0), image.format or "", about)
         if image.format == "PNG":
             data = path.read_bytes()
-            image_file.own = _lasting_chunks(data)
+            image_file.own, damaged = _lasting_chunks(data)
+            if damaged:
+                kinds = ", ".join(kind.decode("latin-1") for kind in damaged)
+                image_file.notes.append(f"damaged parts of the file ({kinds}): left behind")
             if data[24] == 16:
                 if "transparency" in image.info:
                     image_file.notes.append(_CLEAR_COLOR)
@@ -104,7 +108,7 @@ def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
         data = _encoded_png(pixels)
     chunks = image_file.own
     if image_file.format != "PNG":
-        chunks = _lasting_chunks(_encoded_png(np.zeros((1, 1), np.uint8), image_file.about))
+        chunks, _ = _lasting_chunks(_encoded_png(np.zeros((1, 1), np.uint8), image_file.about))
     start = len(_SIGNATURE) + 25  # after the header chunk
     path.write_bytes(b"".join([data[:start], *chunks, data[start:]]))
     return []
@@ -124,17 +128,30 @@ def _encoded_png(pixels: npt.NDArray[Any], about: dict[str, Any] | None = None) 
     return stream.getvalue()
 
 
-def _lasting_chunks(data: bytes) -> list[bytes]:
-    """The parts of a PNG file that stay true when its pixels change."""
-    found, place = [], len(_SIGNATURE)
+def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes]]:
+    """The parts of a PNG file that stay true when its pixels change, and the kinds of damaged ones.
+
+    What stands behind the file's end is none of it.
+    """
+    found, damaged, place = [], [], len(_SIGNATURE)
     while place + 12 <= len(data):
-        (length,) = struct.unpack_from(">I", data, place)
-        kind = data[place + 4 : place + 8]
+        length, kind = struct.unpack_from(">I4s", data, place)
+        if kind == b"IEND":
+            break
+        whole = data[place : place + 12 + length]
         optional, safe = kind[0:1].islower(), kind[3:4].islower()  # as the standard defines
         if kind in _MEANING or (optional and safe and kind != b"fdAT"):
-            found.append(data[place : place + 12 + length])
+            if whole == _chunk(kind, whole[8 : 8 + length]):
+                found.append(whole)
+            else:
+                damaged.append(kind)
         place += 12 + length
-    return found
+    return found, damaged
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    body = kind + data
+    return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
 
 
 # ----------------------------------------------------------------------------- JPEG, WebP and BMP
