@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterable
-from pathlib import Path, PurePosixPath
+from collections.abc import Collection, Iterable
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+from ..errors import InvalidMesh
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -27,8 +28,17 @@ class Document(Protocol):
     faces: Ints
     parts: Ints
 
+    def own_files(self, target: Path) -> Collection[str]:
+        """Names of files beside it that it may replace, if written there."""
+
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
         """Write it with other positions; returns notes on what changed or got lost."""
+
+    def read_back(self, path: Path) -> Floats | None:
+        """Positions in a file that was just written; None where their order may be another.
+
+        Raises ValueError, or whatever a reader does, if not all of it can be read.
+        """
 
 
 class InPlaceDocument(Document, Protocol):
@@ -42,6 +52,18 @@ class InPlaceDocument(Document, Protocol):
 
     def read_uvs(self) -> tuple[Floats, Names]:
         """Coordinates of the triangles' corners (t, 3, 2), v upwards, NaN for none; materials."""
+
+
+def stored(values: Floats, kind: np.dtype[Any]) -> npt.NDArray[Any]:
+    """Positions as a type holds them."""
+    with np.errstate(over="ignore"):
+        result = values.astype(kind)
+    if not np.isfinite(result).all():
+        raise InvalidMesh(
+            f"Positions as large as {abs(values).max():.3g} do not fit into this format; scale the"
+            " mesh down."
+        )
+    return result
 
 
 def joined(
@@ -105,17 +127,3 @@ def unit(vectors: npt.NDArray[Any]) -> Floats:
     """Vectors at length one; zero stays zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 0, lengths, 1.0)
-
-
-def copy_beside(folder: Path, names: list[str], target: Path) -> list[str]:
-    """Copy files that lie in or below a folder; returns a note on those that do not."""
-    missing = []
-    for name in dict.fromkeys(names):
-        relative = PurePosixPath(name.replace("\\", "/"))
-        outside = relative.is_absolute() or ".." in relative.parts
-        if outside or not (folder / relative).is_file():
-            missing.append(name)
-            continue
-        (target / relative).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(folder / relative, target / relative)
-    return [f"not copied, as not beside the input: {', '.join(missing)}"] if missing else []

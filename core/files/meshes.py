@@ -24,7 +24,7 @@ from .formats.obj import ObjFile
 from .formats.ply import PlyFile, PlyVertices
 from .formats.trimesh import KEEPS, SceneFile
 from .output import DEFAULTS, Options, Outcome, staged
-from .reading import check_ending, check_source, check_target, reading
+from .reading import check_ending, check_source, check_target, reading, reading_back
 
 AnyDocument = TypeVar("AnyDocument", bound=Document)
 IN_PLACE: dict[str, Callable[[Path], InPlaceDocument]] = {
@@ -77,8 +77,9 @@ def filter_mesh_file(
         result = _filtered(document, weld(document.vertices), function, weights)
     positions = np.where(result == document.vertices, document.vertices, result)  # 0.0 may be -0.0
     moved = (positions != document.vertices).any(axis=1)
-    with staged(target, options.overwrite) as path:
+    with staged(target, options.overwrite, document.own_files(target)) as path:
         notes = document.save(path, positions, moved)
+        _read_back(document, path, positions)
     return Outcome(len(positions), int(moved.sum()), tuple(notes))
 
 
@@ -136,8 +137,9 @@ def filter_colors_file(
     with reporting(options.progress):
         result = _filtered(document, _weld_colors(document, colors), function, weights, colors)
     result = np.where(abs(result - colors) < _ROUNDING, colors, result)
-    with staged(target, options.overwrite) as path:
+    with staged(target, options.overwrite, document.own_files(target)) as path:
         changed, notes = document.save_colors(path, result)
+        _read_back(document, path, document.vertices)
     done = "changed the color of {changed} of {total} vertices"
     return Outcome(len(colors), changed, tuple(notes), done)
 
@@ -157,6 +159,15 @@ def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDoc
     if not np.isfinite(document.vertices).all():
         raise InvalidMesh(f"{source} holds NaN or infinite positions; repair or remove them.")
     return document
+
+
+def _read_back(document: Document, path: Path, positions: Floats) -> None:
+    """Make sure that a file that was just written holds these positions."""
+    with reading_back(path):
+        found = document.read_back(path)
+        rough = 1e-3 * abs(positions).max()  # for what rounding in another space does
+        if found is not None and not (abs(found - positions) <= rough).all():
+            raise ValueError("other positions")
 
 
 # -------------------------------------------------------------------------------------- filtering

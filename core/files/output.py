@@ -12,7 +12,7 @@ import filecmp
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,13 +75,16 @@ class Outcome:
 
 
 @contextlib.contextmanager
-def staged(target: Path, overwrite: bool) -> Iterator[Path]:
+def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator[Path]:
     """Give a path to write to, and move what was written there to `target` at the end.
 
-    Files written beside it (materials, textures) come along. If writing fails, or the disk is full
-    after it, nothing of it is left and all is as it was. At the end files are moved one by one,
-    the file itself last: if the system refuses that for one of them, those before it are new, but
-    none is half a file, and `target` is as it was.
+    Files written beside it (materials, textures) come along. They replace none that is there
+    already and differs, unless that is named in `own` or begins with the target's name and a dot:
+    what stands in a folder under another name may belong to another file.
+
+    If writing fails, or the disk is full after it, nothing of it is left and all is as it was. At
+    the end files are moved one by one, the file itself last: if the system refuses that for one of
+    them, those before it are new, but none is half a file, and `target` is as it was.
 
     Files that are replaced pass on their permissions; where they are links, what these point to is
     replaced.
@@ -100,12 +103,17 @@ def staged(target: Path, overwrite: bool) -> Iterator[Path]:
         written.sort(key=stage.__eq__)  # the file itself comes last
         pairs = [(path, target.parent / path.relative_to(folder)) for path in written]
         pairs = [(new, old) for new, old in pairs if new == stage or not _same(new, old)]
-        if not overwrite:
-            for _, old in pairs:
-                if old.exists():
-                    raise ShockError(
-                        f"{old} exists already; add --overwrite or choose another output."
-                    )
+        for new, old in pairs:
+            name = new.relative_to(folder).as_posix()
+            if not old.exists():
+                continue
+            if new != stage and name not in own and not name.startswith(f"{target.name}."):
+                raise ShockError(
+                    f"{old} exists already and may belong to another file than {target.name};"
+                    " write to another folder."
+                )
+            if not overwrite:
+                raise ShockError(f"{old} exists already; add --overwrite or choose another output.")
         pairs = [_fitted(new, old, stack) for new, old in pairs]
         for _, old in pairs:
             old.parent.mkdir(parents=True, exist_ok=True)

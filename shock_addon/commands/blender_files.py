@@ -87,7 +87,8 @@ def open_scene(source: str) -> None:
 def save_scene(target: Path, exporter: tuple[str, dict[str, Any]] | None, overwrite: bool) -> None:
     """Export the scene, or save it as Blender's own file."""
     if exporter is not None:
-        with staged(target, overwrite) as path:
+        own = f"{target.stem}.bin", f"{target.stem}.mtl"  # as the exporters name them
+        with staged(target, overwrite, own) as path:
             call(exporter[0], filepath=str(path), **exporter[1])
         return
     with staged(target, overwrite) as path:

@@ -507,8 +507,8 @@ def test_gltf_leaves_its_input_alone(tmp_path):
     assert (tmp_path / "out/a picture.png").read_bytes() == b"png"
     result = json.loads((tmp_path / "out/x.gltf").read_text())
     assert result["animations"] == tree["animations"]
-    assert result["buffers"][0]["uri"] == "x.bin"
-    data = (tmp_path / "out/x.bin").read_bytes()
+    assert result["buffers"][0]["uri"] == "x.gltf.0.bin"
+    data = (tmp_path / "out/x.gltf.0.bin").read_bytes()
     assert data[points.nbytes :] == triangles.tobytes()
     positions = np.frombuffer(data, "<f4", points.size).reshape(-1, 3)
     # A rotation, a mirror and a uniform scale change nothing but the odd tie.
@@ -566,7 +566,7 @@ def test_normals_of_all_primitives_on_the_same_positions_are_renewed(tmp_path):
     paths = tmp_path / "a.gltf", tmp_path / "out" / "b.gltf"
     outcome = filter_mesh_file(tilt, *paths)
     assert outcome.notes == ("normals were computed anew from the sharpened surface",)
-    data = (tmp_path / "out" / "b.bin").read_bytes()
+    data = (tmp_path / "out" / "b.gltf.0.bin").read_bytes()
     for number, sign in ((1, 1), (2, -1)):
         normals = np.frombuffer(data, "<f4", 12, int(ends[number - 1])).reshape(4, 3)
         faces = arrays[3 + number]
@@ -640,8 +640,8 @@ def test_losses_are_said(tmp_path, source, target, note):
 def test_textured_glb_becomes_obj_with_its_own_side_files(tmp_path):
     (tmp_path / "in.glb").write_bytes(two_material_glb(*rounded_box()))
     sharpen_file(tmp_path / "in.glb", tmp_path / "a.obj", STRONG)
-    assert "mtllib a.mtl" in (tmp_path / "a.obj").read_text()
-    material = (tmp_path / "a.mtl").read_text()
+    assert "mtllib a.obj.mtl" in (tmp_path / "a.obj").read_text()
+    material = (tmp_path / "a.obj.mtl").read_text()
     assert "newmtl left" in material
     assert "newmtl right" in material
     names = [line.split()[1] for line in material.splitlines() if line.startswith("map_Kd")]

@@ -1,16 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is written can be read, and replaces nothing but what was named as output."""
 
+import json
+import os
 import struct
+import sys
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from on_files import sharpen_image_file
 from PIL import Image
 from shock_filter import core
 from shock_filter.core.files import images
+from shock_filter.core.files.formats.gltf import GltfFile
+from shock_filter.core.files.formats.obj import ObjFile
+from shock_filter.core.files.formats.ply import PlyFile
+from shock_filter.core.files.formats.trimesh import SceneFile
+from shock_filter.core.files.meshes import filter_mesh_file
+from shock_filter.core.files.output import Options
 from test_image_files import picture, read, write
 
 STRONG = core.ImageSettings(time=64)
@@ -81,3 +91,197 @@ def test_an_image_that_cannot_be_read_back_replaces_nothing(name, fault, monkeyp
         sharpen_image_file(name, name, STRONG, overwrite=True)
     assert Path(name).read_bytes() == before
     assert [path.name for path in Path().iterdir()] == [name]
+
+
+# -------------------------------------------------------------------------------------- side files
+
+TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype="<f4")
+CORNERS = np.array([0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2], dtype="<u2")
+
+
+def gltf(path, uris, points=TRIANGLE, **more):
+    """A tetrahedron whose positions and corners lie in buffers of their own, or in one."""
+    blocks = [points.tobytes(), CORNERS.tobytes()]
+    if len(uris) == 1:
+        blocks = [b"".join(blocks)]
+    tree = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": len(CORNERS), "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": points.nbytes},
+            {
+                "buffer": len(uris) - 1,
+                "byteOffset": points.nbytes if len(uris) == 1 else 0,
+                "byteLength": CORNERS.nbytes,
+            },
+        ],
+        "buffers": [
+            {"uri": uri, "byteLength": len(block)} for uri, block in zip(uris, blocks, strict=True)
+        ],
+        **more,
+    }
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(tree))
+    for uri, block in zip(uris, blocks, strict=True):
+        if "/" not in uri and "%" not in uri:
+            (path.parent / uri).write_bytes(block)
+
+
+def lift(mesh, mask):
+    return mesh.vertices + 1
+
+
+def positions(path):
+    """Read by means other than ours."""
+    return np.asarray(trimesh.load_scene(path, process=False).to_mesh().vertices)
+
+
+def test_buffers_of_other_models_are_not_replaced(folder):
+    gltf(folder / "part1.gltf", ["part1.bin"], TRIANGLE * 3)
+    gltf(folder / "part.gltf", ["part.bin", "part1.bin-"])
+    other = (folder / "part1.bin").read_bytes()
+    filter_mesh_file(lift, "part.gltf", "part.gltf", Options(overwrite=True))
+    assert (folder / "part1.bin").read_bytes() == other
+    np.testing.assert_allclose(positions("part1.gltf"), TRIANGLE * 3)
+    np.testing.assert_allclose(positions("part.gltf"), TRIANGLE + 1)
+    names = {"part.gltf", "part.bin", "part1.bin-", "part1.gltf", "part1.bin"}
+    assert {path.name for path in folder.iterdir()} == names  # its own buffers kept their names
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_buffers_of_a_batch_do_not_meet(folder, order):
+    gltf(folder / "in/part.gltf", ["a.bin", "b.bin"])
+    gltf(folder / "in/part1.gltf", ["a1.bin"], TRIANGLE * 3)
+    (folder / "out").mkdir()
+    for _ in range(2):  # the second time over what the first has written
+        for name in ("part", "part1")[::order]:
+            paths = f"in/{name}.gltf", f"out/{name}.gltf"
+            filter_mesh_file(lift, *paths, Options(overwrite=True))
+    np.testing.assert_allclose(positions("out/part.gltf"), TRIANGLE + 1)
+    np.testing.assert_allclose(positions("out/part1.gltf"), TRIANGLE * 3 + 1)
+
+
+OBJ = "mtllib {}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n"
+
+
+@pytest.mark.parametrize("overwrite", [True, False])
+def test_materials_of_others_are_not_replaced(folder, overwrite):
+    (folder / "out").mkdir()
+    for name in "ab":
+        (folder / name).mkdir()
+        (folder / name / f"{name}.obj").write_text(OBJ.format("material.mtl"))
+        (folder / name / "material.mtl").write_text(f"newmtl paint\nKd 0 0 0 # {name}\n")
+    filter_mesh_file(lift, "a/a.obj", "out/a.obj", Options(overwrite=overwrite))
+    with pytest.raises(core.ShockError, match=r"material\.mtl exists already .* another folder"):
+        filter_mesh_file(lift, "b/b.obj", "out/b.obj", Options(overwrite=overwrite))
+    filter_mesh_file(lift, "a/a.obj", "out/a.obj", Options(overwrite=True))  # its own, the same
+    assert {path.name for path in (folder / "out").iterdir()} == {"a.obj", "material.mtl"}
+    assert (folder / "out/material.mtl").read_text().endswith("# a\n")
+
+
+def test_a_side_file_named_as_the_output_does_not_replace_it(folder):
+    (folder / "in.obj").write_text(OBJ.format("model.obj"))
+    (folder / "model.obj").write_text("newmtl paint\nKd 1 0 0\n")
+    (folder / "out").mkdir()
+    outcome = filter_mesh_file(lift, "in.obj", "out/model.obj")
+    assert "v 1 1 1" in (folder / "out/model.obj").read_text()
+    assert any("model.obj" in note for note in outcome.notes)
+
+
+def test_side_files_of_a_conversion_are_named_after_it(folder):
+    box = trimesh.creation.box()
+    uv = box.vertices[:, :2] + 0.5
+    image = Image.fromarray(picture())
+    material = trimesh.visual.material.PBRMaterial(name="paint", baseColorTexture=image)
+    box.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    box.export("in.glb")
+    (folder / "out").mkdir()
+    for name in ("a.obj", "b.obj", "a.obj"):
+        filter_mesh_file(lift, "in.glb", f"out/{name}", Options(overwrite=True))
+    names = sorted(path.name for path in (folder / "out").iterdir())
+    assert names[:3] == ["a.obj", "a.obj.mtl", names[2]]
+    assert all(name.startswith(("a.obj", "b.obj")) for name in names)
+    for name in "ab":
+        mesh = trimesh.load_mesh(f"out/{name}.obj", process=False)
+        assert mesh.visual.material.image.size == image.size
+
+
+@pytest.mark.parametrize("name", ["in.obj", "in.ply", "in.glb", "in.gltf", "in.stl", "in.off"])
+@pytest.mark.parametrize("target", ["in", "out.obj", "out.ply", "out.glb", "out.stl", "out.off"])
+def test_a_mesh_that_cannot_be_read_back_replaces_nothing(folder, name, target, monkeypatch):
+    mesh = trimesh.Trimesh(TRIANGLE, CORNERS.reshape(-1, 3), process=False)
+    if name == "in.gltf":
+        trimesh.Scene(mesh).export(name, embed_buffers=True)
+    else:
+        mesh.export(name)
+    target = Path(target).with_suffix(Path(target).suffix or Path(name).suffix)
+    if target.name != name:
+        target.write_text("old")
+    before = target.read_bytes()
+    for document in (GltfFile, ObjFile, PlyFile, SceneFile):
+
+        def spoil(self, path, positions, moved, save=document.save):
+            notes = save(self, path, positions, moved)
+            path.write_bytes(path.read_bytes()[:-40])
+            return notes
+
+        monkeypatch.setattr(document, "save", spoil)
+    with pytest.raises(core.ShockError, match=f"{target.name} was not written: .* read back"):
+        filter_mesh_file(lift, name, target, Options(overwrite=True))
+    assert target.read_bytes() == before
+    assert {path.name for path in folder.iterdir()} == {name, target.name}
+
+
+# ---------------------------------------------------------------------------- what a file refers to
+
+OUTSIDE = ["../secret.bin", "%2e%2e/secret.bin", "a/../../secret.bin", "{folder}/secret.bin"]
+OUTSIDE += ["file://{folder}/secret.bin", "/dev/zero", "pipe", "link.bin", "a\\..\\..\\secret.bin"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pipes, no devices")
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("target", ["out.gltf", "out.obj"])
+@pytest.mark.parametrize("uri", OUTSIDE)
+def test_only_plain_files_below_the_model_are_read(folder, uri, target):
+    size = TRIANGLE.nbytes + CORNERS.nbytes
+    (folder / "secret.bin").write_bytes(TRIANGLE.tobytes() + CORNERS.tobytes())
+    (folder / "in/a").mkdir(parents=True)
+    os.mkfifo(folder / "in/pipe")
+    (folder / "in/link.bin").symlink_to(folder / "secret.bin")
+    gltf(folder / "in/in.gltf", ["model.bin"])
+    uri = uri.format(folder=folder)
+    tree = json.loads((folder / "in/in.gltf").read_text())
+    tree["buffers"] = [{"uri": uri, "byteLength": size}]
+    (folder / "in/in.gltf").write_text(json.dumps(tree))
+    with pytest.raises(core.ShockError, match="not in the model's folder or below it; put it"):
+        filter_mesh_file(lift, "in/in.gltf", target)
+    assert not (folder / target).exists()
+
+
+def test_buffers_that_are_shorter_than_claimed_are_named(folder):
+    gltf(folder / "in.gltf", ["model.bin"])
+    (folder / "model.bin").write_bytes(b"short")
+    for target in ("out.gltf", "out.glb"):
+        with pytest.raises(core.ShockError, match="shorter than the model says"):
+            filter_mesh_file(lift, "in.gltf", target)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no links, no pipes")
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("name", ["../secret.mtl", "link.mtl", "pipe", "/dev/zero"])
+@pytest.mark.parametrize("target", ["out.obj", "out.glb"])
+def test_materials_from_elsewhere_are_left_behind(folder, name, target):
+    (folder / "in").mkdir()
+    os.mkfifo(folder / "in/pipe")
+    (folder / "secret.mtl").write_text("newmtl paint\nKd 0.1 0.2 0.3\n")
+    (folder / "in/link.mtl").symlink_to(folder / "secret.mtl")
+    (folder / "in/in.obj").write_text(OBJ.format(name))
+    outcome = filter_mesh_file(lift, "in/in.obj", target)
+    assert any(name in note for note in outcome.notes)
+    assert sorted(path.name for path in folder.iterdir()) == sorted(["in", "secret.mtl", target])

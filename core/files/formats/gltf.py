@@ -6,7 +6,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
@@ -21,14 +21,15 @@ from ..document import (
     Floats,
     Ints,
     Names,
-    copy_beside,
     from_unit,
     joined,
     renewed_vertex_normals,
+    stored,
     to_unit,
     transformed,
     unit,
 )
+from ..side_files import copy_beside, read
 
 _GLTF_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _GLTF_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -45,13 +46,8 @@ class GltfFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        data = self._data = path.read_bytes()
-        chunks = _glb_chunks(data) if data.startswith(b"glTF") else {_JSON: data}
-        self._tree = json.loads(chunks.get(_JSON, b""))
-        self._buffers = [
-            self._load(buffer["uri"]) if "uri" in buffer else bytearray(chunks.get(_BINARY, b""))
-            for buffer in self._tree.get("buffers", [])
-        ]
+        self._tree, buffers = read_tree(path)
+        self._buffers = [bytearray(data) for data in buffers]
         to_world = _gltf_matrices(self._tree)
         self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
         blocks: list[Floats] = []
@@ -90,11 +86,6 @@ class GltfFile:
             yield primitive, rows, self.faces[first : first + count] - rows.start
             first += count
 
-    def _load(self, uri: str) -> bytearray:
-        if uri.startswith("data:"):
-            return bytearray(base64.b64decode(uri.partition(",")[2]))
-        return bytearray((self._path.parent / unquote(uri)).read_bytes())
-
     def _array(self, number: int) -> npt.NDArray[Any]:
         """The values of an accessor, as a view into its buffer."""
         accessor = self._tree["accessors"][number]
@@ -122,12 +113,21 @@ class GltfFile:
         notes = [NEW_NORMALS] * fresh
         for number, (rows, matrix) in self._rows.items():
             values, chosen = self._floats(number), moved[rows]
-            values[chosen] = transformed(positions[rows][chosen], np.linalg.inv(matrix))
+            local = transformed(positions[rows][chosen], np.linalg.inv(matrix))
+            values[chosen] = stored(local, values.dtype)
             accessor = self._tree["accessors"][number]
             accessor["min"], accessor["max"] = (
                 [float(v) for v in bound] for bound in (values.min(axis=0), values.max(axis=0))
             )
         return notes + self._write(path)
+
+    def own_files(self, target: Path) -> Collection[str]:
+        # In place, buffers keep their names.
+        self._in_place = target.exists() and target.samefile(self._path)
+        return self._side_files("buffers") if self._in_place else ()
+
+    def read_back(self, path: Path) -> Floats:
+        return GltfFile(path).vertices
 
     def read_uvs(self) -> tuple[Floats, Names]:
         blocks = [np.empty((0, 3, 2))]
@@ -173,8 +173,8 @@ class GltfFile:
                 self._tree["accessors"][accessor].pop(bound, None)
         if changed:
             return changed, self._write(path)
-        path.write_bytes(self._data)
-        return 0, copy_beside(self._path.parent, self._side_files("buffers", "images"), path.parent)
+        path.write_bytes(self._path.read_bytes())
+        return 0, copy_beside(self._path, self._side_files("buffers", "images"), path)
 
     def _renew_normals(self, positions: Floats) -> bool:
         """Compute all normals anew; whether there are some. Tangents go: readers make them."""
@@ -216,17 +216,36 @@ class GltfFile:
             elif uri.startswith("data:"):
                 buffer["uri"] = uri.partition(",")[0] + "," + base64.b64encode(data).decode()
             else:
-                name = f"{path.stem}{number or ''}.bin"
-                (path.parent / name).write_bytes(data)
-                buffer["uri"] = quote(name)
+                if not self._in_place:  # a name that no other file's buffer gets
+                    buffer["uri"] = quote(f"{path.name}.{number}.bin")
+                name = path.parent / unquote(buffer["uri"])
+                name.parent.mkdir(parents=True, exist_ok=True)
+                name.write_bytes(data)
         text = json.dumps(self._tree, separators=(",", ":"), ensure_ascii=False).encode()
         path.write_bytes(text if path.suffix.lower() == ".gltf" else _glb(text, binary))
-        return copy_beside(self._path.parent, self._side_files("images"), path.parent)
+        return copy_beside(self._path, self._side_files("images"), path)
 
     def _side_files(self, *kinds: str) -> list[str]:
         entries = [entry for kind in kinds for entry in self._tree.get(kind, [])]
         uris = [entry.get("uri", "data:") for entry in entries]
         return [unquote(uri) for uri in uris if not uri.startswith("data:")]
+
+
+def read_tree(path: Path) -> tuple[dict[str, Any], list[bytes]]:
+    """Read the description in a file, and the buffers that it names."""
+    data = path.read_bytes()
+    chunks = _glb_chunks(data) if data.startswith(b"glTF") else {_JSON: data}
+    tree = json.loads(chunks.get(_JSON, b""))
+    buffers = []
+    for buffer in tree.get("buffers", []):
+        uri = buffer.get("uri")
+        if uri is None:
+            buffers.append(chunks.get(_BINARY, b""))
+        elif uri.startswith("data:"):
+            buffers.append(base64.b64decode(uri.partition(",")[2]))
+        else:
+            buffers.append(read(path.parent, unquote(uri), buffer["byteLength"]))
+    return tree, buffers
 
 
 def _glb_chunks(data: bytes) -> dict[int, bytes]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,12 @@ from ..document import (
     Floats,
     Ints,
     Names,
-    copy_beside,
     decimal,
     renewed_normals,
 )
+from ..side_files import copy_beside, find
+
+_LARGEST_LIBRARY = 1 << 26  # bytes of a file of materials, which holds no images
 
 
 class ObjFile:
@@ -74,7 +77,18 @@ class ObjFile:
         if fresh:
             self._renew_normals(lines, positions)
         path.write_bytes(b"".join(lines))
-        return [*_copy_materials(self.path, self.lines, path.parent), *[NEW_NORMALS] * fresh]
+        return [*_copy_materials(self.path, self.lines, path), *[NEW_NORMALS] * fresh]
+
+    def own_files(self, target: Path) -> Collection[str]:
+        return ()  # copies only
+
+    def read_back(self, path: Path) -> Floats:
+        # Reading faces takes longer than all else; a number of lines is enough.
+        lines = [line.lstrip() for line in path.read_bytes().splitlines()]
+        if sum(line[:2] in (b"f ", b"f\t") for line in lines) != len(self._face_lines):
+            raise ValueError("fewer faces")
+        vertices = [line for line in lines if line[:2] in (b"v ", b"v\t")]
+        return np.loadtxt(vertices, usecols=(1, 2, 3), ndmin=2)
 
     def _with_words(self, place: slice, values: Floats, vertices: Ints) -> list[bytes]:
         """The lines, with values in place of some words in those of these vertices."""
@@ -99,7 +113,7 @@ class ObjFile:
         old = self.read_colors()
         changed = np.flatnonzero(((colors != old) & np.isfinite(old)).any(axis=1))
         path.write_bytes(b"".join(self._with_words(slice(4, 7), colors, changed)))
-        return len(changed), _copy_materials(self.path, self.lines, path.parent)
+        return len(changed), _copy_materials(self.path, self.lines, path)
 
     def read_uvs(self) -> tuple[Floats, Names]:
         values = [[np.nan, np.nan]]  # what corners without one point to
@@ -158,15 +172,16 @@ def _fans(sizes: Ints) -> tuple[Ints, Ints]:
     return np.column_stack([first, first + step + 1, first + step + 2]), owner
 
 
-def _copy_materials(source: Path, lines: list[bytes], folder: Path) -> list[str]:
+def _copy_materials(source: Path, lines: list[bytes], target: Path) -> list[str]:
     """Copy the material files that an OBJ names, and their textures, beside its copy."""
     libraries = _named_files(source.parent, lines, rb"mtllib")
     images: list[str] = []
     for library in libraries:
-        if (source.parent / library).is_file():
-            words = (source.parent / library).read_bytes().splitlines()
+        path = find(source.parent, library)
+        if path is not None and path.stat().st_size < _LARGEST_LIBRARY:
+            words = path.read_bytes().splitlines()
             images += _named_files(source.parent, words, rb"map_\w+|bump|disp|decal|refl|norm")
-    return copy_beside(source.parent, libraries + images, folder)
+    return copy_beside(source, libraries + images, target)
 
 
 def _named_files(folder: Path, lines: list[bytes], keyword: bytes) -> list[str]:
@@ -176,4 +191,4 @@ def _named_files(folder: Path, lines: list[bytes], keyword: bytes) -> list[str]:
     found = {
         match[1].strip().decode("utf-8", "replace") for match in map(pattern.match, lines) if match
     }
-    return sorted(name if (folder / name).is_file() else name.split()[-1] for name in found)
+    return sorted(name if find(folder, name) else name.split()[-1] for name in found)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from ..document import (
     decimal,
     from_unit,
     renewed_vertex_normals,
+    stored,
     to_unit,
 )
 from .trimesh import load_scene
@@ -47,12 +49,14 @@ class PlyFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._table = PlyVertices(path)
-        meshes = list(load_scene(path).geometry.values())
+        meshes = list(load_scene(path)[0].geometry.values())
         self.vertices = self._table.columns("x", "y", "z")
         self.faces = np.vstack([NO_FACES, *(getattr(mesh, "faces", NO_FACES) for mesh in meshes)])
         self.parts = np.zeros(len(self.faces), dtype=np.int64)
 
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        for axis, column in zip("xyz", positions.T, strict=True):
+            stored(column, self._table.kind(axis))
         changes = {"x": positions[:, 0], "y": positions[:, 1], "z": positions[:, 2]}
         normals = ("nx", "ny", "nz")
         fresh = bool(moved.any() and set(normals) <= set(self._table.names))
@@ -62,6 +66,15 @@ class PlyFile:
             changes |= dict(zip(normals, new.T, strict=True))
         path.write_bytes(self._table.rewritten(changes))
         return [NEW_NORMALS] * fresh
+
+    def own_files(self, target: Path) -> Collection[str]:
+        return ()  # it has none
+
+    def read_back(self, path: Path) -> Floats:
+        table = PlyVertices(path)
+        if table.rest() != self._table.rest():
+            raise ValueError("other faces")
+        return table.columns("x", "y", "z")
 
     def _color_names(self) -> tuple[str, ...]:
         named = (names for names in _COLORS if set(names) <= set(self._table.names))
@@ -89,7 +102,7 @@ class PlyFile:
                 return self._table.columns(*names)[self.faces], materials
         # Those of faces: trimesh splits the vertices for them, but keeps the faces' order.
         blocks = [np.empty((0, 3, 2))]
-        for mesh in load_scene(self._path, fix_texture=True).geometry.values():
+        for mesh in load_scene(self._path, fix_texture=True)[0].geometry.values():
             uv = getattr(mesh.visual, "uv", None)
             none = np.full((len(mesh.faces), 3, 2), np.nan)
             blocks.append(none if uv is None else np.asarray(uv)[mesh.faces])
@@ -135,6 +148,12 @@ class PlyVertices:
         rows = [tuple(line.split()) for line in self._lines[self._row : self._row + self._count]]
         return np.array(rows, dtype=[(name, "S40") for name in self.names])
 
+    def rest(self) -> bytes:
+        """What stands behind the vertices."""
+        if not self._is_text:
+            return self._data[self._start + self._values.nbytes :]
+        return b"".join(self._lines[self._row + self._count :])
+
     def columns(self, *names: str) -> Floats:
         """The named properties as columns."""
         return np.column_stack([self._values[name].astype(np.float64) for name in names])
@@ -153,8 +172,7 @@ class PlyVertices:
             table = self._values.copy()
             for name, values in changes.items():
                 table[name] = values
-            end = self._start + table.nbytes
-            return b"".join([self._data[: self._start], table.tobytes(), self._data[end:]])
+            return b"".join([self._data[: self._start], table.tobytes(), self.rest()])
         lines = list(self._lines)
         new = np.column_stack(list(changes.values()))
         places = [self.names.index(name) for name in changes]

@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...mesh.weld import weld
-from ..document import Bools, Floats, Ints, joined, transformed
+from ..document import Bools, Floats, Ints, joined, stored, transformed
 from ..reading import needed
+from ..side_files import Resolver
+from .gltf import read_tree
 
 # What each format can hold besides triangles, as far as trimesh writes it.
 KEEPS: dict[str, set[str]] = {
@@ -23,19 +26,30 @@ KEEPS: dict[str, set[str]] = {
     ".stl": set(),
 }
 
+_DOUBLE = (".obj", ".off")  # all others hold 32 bits
 
-def load_scene(path: Path, fix_texture: bool = False) -> Any:
-    """Read a file; `fix_texture` has PLY files split vertices that have several coordinates."""
+
+def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
+    """Read a file, and what is to be said of others that it names.
+
+    `fix_texture` has PLY files split vertices that have several coordinates.
+    """
     trimesh = needed("trimesh", path)
     options: dict[str, Any] = {}
     if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
         options = {"fix_texture": fix_texture, "skip_materials": True}
-    scene = trimesh.load_scene(path, process=False, **options)
+    known: dict[str, bytes] = {}
+    if path.suffix.lower() in (".glb", ".gltf"):
+        tree, buffers = read_tree(path)
+        uris = [buffer.get("uri") for buffer in tree.get("buffers", [])]
+        known = {uri: data for uri, data in zip(uris, buffers, strict=True) if uri}
+    resolver = Resolver(path, known)
+    scene = trimesh.load_scene(path, process=False, resolver=resolver, **options)
     for mesh in scene.geometry.values():
         uv = getattr(getattr(mesh, "visual", None), "uv", None)
         if uv is not None and np.shape(uv)[1] < 2:
             raise ValueError("texture coordinates of one number")
-    return scene
+    return scene, resolver.notes()
 
 
 class SceneFile:
@@ -43,7 +57,7 @@ class SceneFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._scene = load_scene(path)
+        self._scene, self._notes = load_scene(path)
         self._meshes: list[tuple[Any, Floats, slice]] = []
         blocks: list[Floats] = []
         faces: list[Ints] = []
@@ -62,7 +76,17 @@ class SceneFile:
             first += len(blocks[-1])
         self.vertices, self.faces, self.parts = joined(blocks, faces, list(range(len(faces))))
 
+    def own_files(self, target: Path) -> Collection[str]:
+        return ()  # all are named after the target
+
+    def read_back(self, path: Path) -> None:
+        written = SceneFile(path)
+        if len(written.faces) < len(self.faces) or not np.isfinite(written.vertices).all():
+            raise ValueError("fewer faces")
+
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        if path.suffix.lower() not in _DOUBLE:
+            stored(positions, np.dtype(np.float32))
         for mesh, matrix, rows in self._meshes:
             vertices = np.array(mesh.vertices)
             back = transformed(positions[rows][moved[rows]], np.linalg.inv(matrix))
@@ -72,7 +96,7 @@ class SceneFile:
         return self._losses(path.suffix.lower())
 
     def _losses(self, ending: str) -> list[str]:
-        notes = []
+        notes = list(self._notes)
         polygons = _polygon_count(self._path)
         if polygons is not None and polygons < len(self.faces):
             notes.append("polygons were cut into triangles")
@@ -111,8 +135,22 @@ def _export(scene: Any, path: Path) -> None:
     if ending in (".glb", ".gltf"):
         scene.export(path, **({"embed_buffers": True} if ending == ".gltf" else {}))
     elif ending == ".obj":
-        scene.export(path, digits=12, mtl_name=f"{path.stem}.mtl")
+        library = path.with_name(f"{path.name}.mtl")
+        scene.export(path, digits=12, mtl_name=library.name)
+        _name_after(path, library)
     elif ending == ".off":
         scene.to_mesh().export(path, digits=17)
     else:
         scene.to_mesh().export(path)
+
+
+def _name_after(path: Path, library: Path) -> None:
+    """Name the images of a file's materials after the file, so that they meet no others."""
+    images = [image for image in path.parent.iterdir() if image not in (path, library)]
+    for image in images:
+        image.rename(path.with_name(f"{path.name}.{image.name}"))
+    if images:
+        names = "|".join(re.escape(image.name) for image in images)
+        text = library.read_text("utf-8")
+        text = re.sub(rf"^(map_\w+) ({names})$", rf"\1 {path.name}.\2", text, flags=re.MULTILINE)
+        library.write_text(text, "utf-8")
