@@ -44,7 +44,12 @@ class FileBackend:
         return _FORMATS[command.kind]
 
     def add_arguments(self, parser: argparse.ArgumentParser, command: Command) -> None:
-        """Add the flags for masks and materials."""
+        """Add the flags for sizes, masks and materials."""
+        parser.add_argument(
+            "--any-size",
+            action="store_true",
+            help="read files, too, whose header claims far more than their size can hold",
+        )
         if command.kind in (TEXTURE, MASK):
             parser.add_argument(
                 "--material",
@@ -77,7 +82,7 @@ class FileBackend:
         from ..files.output import Options
 
         given = vars(options)  # not all commands have all flags
-        names = ("mask", "invert_mask", "material", "overwrite")
+        names = ("mask", "invert_mask", "material", "overwrite", "any_size")
         asked = Options(progress=progress, **{name: given[name] for name in names if name in given})
         if command.filter is None:
             from ..files.textures import texture_mask_file

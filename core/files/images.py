@@ -10,6 +10,7 @@ from __future__ import annotations
 import inspect
 import os
 import shutil
+import sys
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,7 +49,10 @@ def _channels(pixels: Pixels) -> int:
 
 
 def _map_array(path: Path) -> ImageFile:
-    return ImageFile(np.load(path, mmap_mode="r"), "NumPy")
+    pixels = np.load(path, mmap_mode="r")
+    if not isinstance(pixels, np.ndarray):
+        raise ShockError(f"{path} is an archive of arrays; save one of them as .npy.")
+    return ImageFile(pixels, "NumPy")
 
 
 def _flush_array(path: Path, image_file: ImageFile, pixels: Pixels) -> list[str]:
@@ -56,7 +60,7 @@ def _flush_array(path: Path, image_file: ImageFile, pixels: Pixels) -> list[str]
 
 
 _TYPES = ("uint8", "uint16", "float16", "float32", "float64")
-_ANY = range(1, 1000)
+_ANY = range(1, 1 << 16)
 _JPEG = _Format(read_pillow, write_jpeg, ("uint8",), (1, 3))
 _TIFF = _Format(read_tiff, write_tiff, ("uint8", "uint16", "float32", "float64"), _ANY)
 _FORMATS = {
@@ -68,7 +72,7 @@ _FORMATS = {
     ".exr": _Format(read_exr, write_exr, ("float16", "float32"), (1, 3, 4)),
     ".bmp": _Format(read_pillow, write_bmp, ("uint8",), (1, 3)),
     ".webp": _Format(read_pillow, write_webp, ("uint8",), (3, 4)),
-    _ARRAY: _Format(_map_array, _flush_array, _TYPES, _ANY),
+    _ARRAY: _Format(_map_array, _flush_array, _TYPES, range(1, sys.maxsize)),
 }
 _LOSSY = (".jpg", ".jpeg")
 _ROWS = 256
@@ -121,7 +125,7 @@ def filter_image_file(
 
     with staged(target, options.overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
-        return _filter(source, path, fill)
+        return _filter(source, path, fill, options.any_size)
 
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
@@ -138,15 +142,15 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
         _read_back(path, pixels)
 
 
-def image_size(path: str | Path) -> tuple[int, int]:
+def image_size(path: str | Path, any_size: bool = False) -> tuple[int, int]:
     """Return height and width of an image file."""
-    height, width = _read(Path(path)).pixels.shape[:2]
+    height, width = _read(Path(path), any_size).pixels.shape[:2]
     return height, width
 
 
-def _read(path: Path) -> ImageFile:
+def _read(path: Path, any_size: bool) -> ImageFile:
     check_source(path, _FORMATS)
-    with reading(path):
+    with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
     pixels = image_file.pixels
     if pixels.dtype.name not in _TYPES:
@@ -159,8 +163,10 @@ def _read(path: Path) -> ImageFile:
     return image_file
 
 
-def _filter(source: Path, path: Path, function: Callable[[Pixels, Pixels], None]) -> Outcome:
-    image_file = _read(source)
+def _filter(
+    source: Path, path: Path, function: Callable[[Pixels, Pixels], None], any_size: bool
+) -> Outcome:
+    image_file = _read(source, any_size)
     pixels = image_file.pixels
     ending = path.suffix.lower()
     _check_format(source, ending, pixels)
@@ -229,7 +235,7 @@ def read_mask(options: Options) -> dict[str, Pixels]:
     if options.mask is None:
         return {}
     path = Path(options.mask)
-    weights = _read(path).pixels
+    weights = _read(path, options.any_size).pixels
     if weights.ndim == 3 and weights.shape[2] == 1:
         weights = weights[..., 0]
     if weights.ndim != 2:

@@ -71,7 +71,8 @@ def filter_mesh_file(
     check_target(target, KEEPS)
     ending = target.suffix.lower()
     keeps_format = source.suffix.lower() == ending
-    document = read_document(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
+    reader = IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile
+    document = read_document(source, reader, options.any_size)
     weights = _read_mask(source, options)
     with reporting(options.progress):
         result = _filtered(document, weld(document.vertices), function, weights)
@@ -126,7 +127,7 @@ def filter_colors_file(
             f"{target}: colors are written in the format of the input only; end it in"
             f" {source.suffix}, or use Blender."
         )
-    document = read_document(source, IN_PLACE[ending])
+    document = read_document(source, IN_PLACE[ending], options.any_size)
     with reading(source):
         colors = document.read_colors()
     if not np.isfinite(colors).any():
@@ -144,10 +145,12 @@ def filter_colors_file(
     return Outcome(len(colors), changed, tuple(notes), done)
 
 
-def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDocument:
+def read_document(
+    source: Path, reader: Callable[[Path], AnyDocument], any_size: bool = False
+) -> AnyDocument:
     """Read a file, or say what is wrong with it."""
     check_source(source, KEEPS)
-    with reading(source):
+    with reading(source, any_size):
         document = reader(source)
     if not len(document.faces):
         raise InvalidMesh(

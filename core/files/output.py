@@ -36,6 +36,8 @@ class Options:
         Name of the material that shows a texture; all faces do if left out.
     overwrite : bool
         Replace files that exist.
+    any_size : bool
+        Read files whose header claims far more than their size can hold, too.
     progress : callable, optional
         Called with (fraction, message); returns False to cancel.
     """
@@ -44,6 +46,7 @@ class Options:
     invert_mask: bool = False
     material: str | None = None
     overwrite: bool = False
+    any_size: bool = False
     progress: ProgressCallback | None = None
 
 

@@ -15,16 +15,22 @@ import tokenize
 import traceback
 import zlib
 from collections.abc import Collection, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 from ..errors import ShockError
 
 _DAMAGE = (
-    ArithmeticError, EOFError, MemoryError, OSError, ValueError, struct.error, tokenize.TokenError,
-    zlib.error,
+    ArithmeticError, EOFError, OSError, ValueError, struct.error, tokenize.TokenError, zlib.error,
 )  # fmt: skip
 """What the contents of a file can make any reader raise, Shock Filter's own ones too."""
+
+_FREE, _RATIO = 1 << 28, 2000
+"""Bytes that a header may claim at no charge, and beyond that for each byte of the file: twice
+what the best compression of images reaches on one color."""
+
+_any_size: ContextVar[bool] = ContextVar("any_size", default=False)
 
 _NO_READERS = {__name__.partition(".")[0], "numpy", *sys.stdlib_module_names}
 """Packages that read no files for us, or of which the errors above are all that is expected."""
@@ -71,6 +77,25 @@ def needed(package: str, path: Path) -> Any:
         ) from error
 
 
+def check_claim(path: Path, claimed: float) -> None:
+    """Refuse a file whose header claims far more bytes than it can hold, before these are taken."""
+    size = path.stat().st_size
+    if claimed > max(_FREE, _RATIO * size) and not _any_size.get():
+        raise ShockError(
+            f"{path} claims to hold {claimed / 2**30:.1f} GiB in a file of {size} bytes; is it"
+            " damaged? If not, add --any-size."
+        )
+
+
+@contextlib.contextmanager
+def _claims_lifted(any_size: bool) -> Iterator[None]:
+    token = _any_size.set(any_size)
+    try:
+        yield
+    finally:
+        _any_size.reset(token)
+
+
 @contextlib.contextmanager
 def reading_back(path: Path) -> Iterator[None]:
     """Refuse a file that was just written and turns out not to be readable, or another.
@@ -81,7 +106,8 @@ def reading_back(path: Path) -> Iterator[None]:
         Instead of whatever a reader raises.
     """
     try:
-        yield
+        with _claims_lifted(True):
+            yield
     except Exception as error:
         reason = str(error) or type(error).__name__
         raise ShockError(
@@ -91,10 +117,11 @@ def reading_back(path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def reading(path: Path) -> Iterator[None]:
+def reading(path: Path, any_size: bool = False) -> Iterator[None]:
     """Say of whatever a reader raises that the file may be damaged.
 
-    Where it is rather a mistake in Shock Filter's own code, the traceback is logged.
+    Where it is rather a mistake in Shock Filter's own code, the traceback is logged. `any_size`
+    lifts the limit of what headers may claim.
 
     Raises
     ------
@@ -102,9 +129,12 @@ def reading(path: Path) -> Iterator[None]:
         Instead. Shock Filter's own errors and those of the system pass.
     """
     try:
-        yield
+        with _claims_lifted(any_size):
+            yield
     except ShockError:
         raise
+    except MemoryError as error:
+        raise ShockError(f"{path} needs more memory than there is ({error}); free some.") from error
     except Exception as error:
         if getattr(error, "errno", None) is not None:
             raise  # the system's: no such file, no right to read it

@@ -61,7 +61,7 @@ def filter_texture_file(
     Outcome
         Counts of pixels, and notes on the texture coordinates and on what did not survive.
     """
-    surface = read_textured_mesh(mesh, options.material)
+    surface = read_textured_mesh(mesh, options.material, options.any_size)
     words = {word: mask[::-1] for word, mask in read_mask(options).items()}
     notes = list(surface.notes)
 
@@ -100,8 +100,8 @@ def texture_mask_file(
         Height and width in texels, or an image file of the wanted size.
     """
     target = Path(target)
-    height, width = size if isinstance(size, tuple) else image_size(size)
-    surface = read_textured_mesh(mesh, options.material)
+    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
+    surface = read_textured_mesh(mesh, options.material, options.any_size)
     with reporting(options.progress):
         atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
     shown = mask_pixels(atlas, kind, target.suffix.lower())
@@ -144,7 +144,9 @@ def _colors(numbers: Pixels) -> Pixels:
     return colors
 
 
-def read_textured_mesh(path: str | Path, material: str | None = None) -> TexturedMesh:
+def read_textured_mesh(
+    path: str | Path, material: str | None = None, any_size: bool = False
+) -> TexturedMesh:
     """Read the faces of a mesh file that have texture coordinates.
 
     Parameters
@@ -153,6 +155,8 @@ def read_textured_mesh(path: str | Path, material: str | None = None) -> Texture
         OBJ, PLY, GLB or glTF file.
     material : str, optional
         Only those of this material.
+    any_size : bool
+        As in `Options`.
 
     Raises
     ------
@@ -163,7 +167,7 @@ def read_textured_mesh(path: str | Path, material: str | None = None) -> Texture
     """
     path = Path(path)
     check_ending(path, IN_PLACE, "such files hold no texture coordinates")
-    document = read_document(path, IN_PLACE[path.suffix.lower()])
+    document = read_document(path, IN_PLACE[path.suffix.lower()], any_size)
     with reading(path):
         uv, materials = document.read_uvs()
     known = ~np.isnan(uv).any(axis=(1, 2))

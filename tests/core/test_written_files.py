@@ -10,15 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 import trimesh
 from on_files import sharpen_image_file
 from PIL import Image
 from shock_filter import core
-from shock_filter.core.files import images
+from shock_filter.core import cli
+from shock_filter.core.files import images, reading
 from shock_filter.core.files.formats.gltf import GltfFile
 from shock_filter.core.files.formats.obj import ObjFile
 from shock_filter.core.files.formats.ply import PlyFile
 from shock_filter.core.files.formats.trimesh import SceneFile
+from shock_filter.core.files.images import filter_image_file
 from shock_filter.core.files.meshes import filter_mesh_file
 from shock_filter.core.files.output import Options
 from test_image_files import picture, read, write
@@ -285,3 +288,110 @@ def test_materials_from_elsewhere_are_left_behind(folder, name, target):
     outcome = filter_mesh_file(lift, "in/in.obj", target)
     assert any(name in note for note in outcome.notes)
     assert sorted(path.name for path in folder.iterdir()) == sorted(["in", "secret.mtl", target])
+
+
+# ----------------------------------------------------------------------------- what a header claims
+
+
+def bomb(name):
+    """A small file whose header claims gigabytes; returns what they are."""
+    if name.endswith(".bmp"):
+        size = struct.pack("<IiiHHIIiiII", 40, 20, 536870936, 1, 24, 0, 0, 0, 0, 0, 0)
+        Path(name).write_bytes(b"BM" + struct.pack("<IHHI", 1454, 0, 0, 54) + size + bytes(1400))
+    elif name.endswith(".tif"):
+        tifffile.imwrite(name, np.zeros((8, 20, 3), np.uint8), photometric="rgb", rowsperstrip=8)
+        with tifffile.TiffFile(name, mode="r+b") as file:
+            for tag in ("ImageLength", "RowsPerStrip"):
+                file.pages[0].tags[tag].overwrite(67108888)
+    elif name.endswith(".png"):
+        write(name, picture())
+        data = Path(name).read_bytes()
+        header = chunk(b"IHDR", struct.pack(">II", 60000, 60000) + data[24:29])
+        Path(name).write_bytes(data[:8] + header + data[33:])
+    elif name.endswith(".exr"):
+        write(name, picture(3, "float32"))
+        data = Path(name).read_bytes()
+        for window in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
+            place = data.index(window) + len(window) + 4
+            data = data[:place] + struct.pack("<4i", 0, 0, 59999, 59999) + data[place + 16 :]
+        Path(name).write_bytes(data)
+    else:
+        gltf(Path(name), ["model.bin"])
+        tree = json.loads(Path(name).read_text())
+        accessor = {"componentType": 5126, "count": 500_000_000, "type": "VEC4"}
+        tree["accessors"].append(accessor)
+        tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2
+        Path(name).write_text(json.dumps(tree))
+
+
+def run_on(name, any_size):
+    if name.endswith(".gltf"):
+        return filter_mesh_file(lift, name, "out.obj", Options(any_size=any_size))
+    ending = "exr" if name.endswith("exr") else "png"
+    return sharpen_image_file(name, f"out.{ending}", STRONG, any_size=any_size)
+
+
+@pytest.mark.timeout(30)
+@pytest.mark.parametrize("name", ["in.bmp", "in.tif", "in.png", "in.exr", "in.gltf"])
+def test_claims_that_a_file_cannot_hold_are_refused(name, monkeypatch):
+    bomb(name)
+    with pytest.raises(core.ShockError, match=r"claims to hold \d+\.\d GiB .* add --any-size"):
+        run_on(name, any_size=False)
+    monkeypatch.setattr(reading, "_FREE", 1)  # then nothing is small enough to be free
+    monkeypatch.setattr(reading, "_RATIO", 0.01)
+    write("small.png", picture())
+    with pytest.raises(core.ShockError, match="claims to hold"):
+        run_on("small.png", any_size=False)
+    assert run_on("small.png", any_size=True).changed > 0
+
+
+def test_flat_images_may_be_small_files(folder):
+    Image.new("RGB", (8192, 8192)).save("in.webp", lossless=True)  # 200 MB in a few bytes
+    assert Path("in.webp").stat().st_size < 10000
+    assert filter_image_file(lambda pixels: pixels, "in.webp", "out.webp").changed == 0
+
+
+def test_the_command_line_lifts_the_limit(monkeypatch, capsys):
+    monkeypatch.setattr(reading, "_FREE", 1)
+    monkeypatch.setattr(reading, "_RATIO", 0.01)
+    write("in.png", picture())
+    assert cli.main(["sharpen-image", "in.png", "out.png"]) == 1
+    assert "add --any-size" in capsys.readouterr().err
+    assert cli.main(["sharpen-image", "in.png", "out.png", "--any-size"]) == 0
+
+
+def test_too_little_memory_is_not_called_damage(monkeypatch):
+    write("in.png", picture())
+
+    def run_short(path):
+        raise MemoryError
+
+    kind = images._FORMATS[".png"]._replace(read=run_short)
+    monkeypatch.setattr(images, "_FORMATS", images._FORMATS | {".png": kind})
+    with pytest.raises(core.ShockError, match=r"in\.png needs more memory than there is") as caught:
+        sharpen_image_file("in.png", "out.png", STRONG)
+    assert "damaged" not in str(caught.value)
+
+
+@pytest.mark.parametrize("strips", [[0], [0, 1, 2]])
+def test_tiff_strips_without_data_are_not_read_as_black(strips):
+    tifffile.imwrite("in.tif", picture(), photometric="rgb", rowsperstrip=8)
+    with tifffile.TiffFile("in.tif", mode="r+b") as file:
+        tag = file.pages[0].tags["StripByteCounts"]
+        tag.overwrite([0 if k in strips else n for k, n in enumerate(tag.value)])
+    with pytest.raises(core.ShockError, match="parts without data; fill them"):
+        sharpen_image_file("in.tif", "out.tif", STRONG)
+
+
+@pytest.mark.parametrize("pixels", [np.zeros((4, 5, 2000), np.uint8), np.zeros((4, 5, 2), "f2")])
+def test_what_few_formats_hold_is_answered_with_those(pixels):
+    np.save("in.npy", pixels)
+    with pytest.raises(core.ShockError, match=r"write one of .*\.npy\."):
+        sharpen_image_file("in.npy", "out.png", STRONG)
+
+
+def test_archives_of_arrays_are_named():
+    np.savez("in", pixels=picture())
+    Path("in.npz").rename("in.npy")
+    with pytest.raises(core.ShockError, match=r"in\.npy is an archive of arrays"):
+        sharpen_image_file("in.npy", "out.npy", STRONG)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ...errors import ShockError
 from ..image_file import ImageFile, lost
-from ..reading import needed
+from ..reading import check_claim, needed
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _COLORS = ("RGBA", "RGB", "Y")
@@ -23,6 +23,10 @@ def read_exr(path: Path) -> ImageFile:
         if stream.read(4) != _MAGIC:
             raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
     try:
+        with openexr.File(str(path), header_only=True) as file:
+            low, high = file.header()["dataWindow"]
+            width, height = high - low + 1.0
+            check_claim(path, 4 * width * height * len(file.header()["channels"]))
         with openexr.File(str(path)) as file:
             parts = len(file.parts)
             header = dict(file.header())  # closing the file empties the original

@@ -29,10 +29,12 @@ from ..document import (
     transformed,
     unit,
 )
+from ..reading import check_claim
 from ..side_files import copy_beside, read
 
 _GLTF_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _GLTF_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_LARGEST_ENTRY = 64  # bytes, of a matrix
 _TRIANGLES = 4
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
@@ -245,6 +247,8 @@ def read_tree(path: Path) -> tuple[dict[str, Any], list[bytes]]:
             buffers.append(base64.b64decode(uri.partition(",")[2]))
         else:
             buffers.append(read(path.parent, unquote(uri), buffer["byteLength"]))
+    unstored = (each for each in tree.get("accessors", []) if "bufferView" not in each)
+    check_claim(path, sum(_LARGEST_ENTRY * each["count"] for each in unstored))
     return tree, buffers
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ...errors import ShockError
 from ..image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost
-from ..reading import needed
+from ..reading import check_claim, needed
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}
@@ -38,6 +38,8 @@ def read_pillow(path: Path) -> ImageFile:
     with _opened(path) as image:
         if getattr(image, "is_animated", False) and image.format != "MPO":
             raise ShockError(f"{path} is animated; save its frames as files, and name these.")
+        width, height = image.size
+        check_claim(path, width * height * len(image.getbands()))
         about = {key: image.info[name] for key, name in _INFO.items() if image.info.get(name)}
         if EXIF in about:
             about[EXIF] = about[EXIF].removeprefix(_EXIF_MARK)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ...errors import ShockError
 from ..image_file import ICC, RESOLUTION, XMP, ImageFile, lost
-from ..reading import needed
+from ..reading import check_claim, needed
 
 _RGB, _PALETTE = 2, 3
 _GRAY = {0: "miniswhite", 1: "minisblack"}
@@ -50,6 +50,9 @@ def read_tiff(path: Path) -> ImageFile:
 def _read_page(page: Any, path: Path, has_previews: bool) -> ImageFile:
     if page.photometric not in _COLORS or page.imagedepth != 1:
         raise ShockError(f"{path} has colors of another kind; convert it to gray or RGB first.")
+    if 0 in page.databytecounts:
+        raise ShockError(f"{path} has parts without data; fill them, or save it anew.")
+    check_claim(path, page.nbytes)
     pixels = page.asarray()
     if page.axes.startswith("S"):  # planes one after the other
         pixels = np.moveaxis(pixels, 0, -1)
