@@ -38,6 +38,9 @@ class Setting(NamedTuple):
         For text fields: the allowed words, each with its description.
     advanced : bool
         True for fields that belong into a closed sub-panel.
+    length_power : int
+        For numbers that count in mean edge lengths: the power of length in their unit, by which
+        they change where the mean edge is another one.
     label : str
         Words on screen where those of the field's name are too long or too technical; at most
         14 letters, which is what Blender's sidebar shows.
@@ -51,6 +54,7 @@ class Setting(NamedTuple):
     soft_maximum: float = INF
     choices: Mapping[str, str] = {}
     advanced: bool = False
+    length_power: int = 0
     label: str = ""
 
 
@@ -83,7 +87,8 @@ class _Settings:
         if name in vars(self) or name not in fields:
             raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
         kind, _, about = fields[name]
-        vars(self)[name] = (_word if kind is str else _number)(name, value, kind, about)
+        checked = _word(name, value, about) if kind is str else _number(name, value, about, kind)
+        vars(self)[name] = checked
 
     def __delattr__(self, name: str) -> None:
         raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
@@ -99,14 +104,14 @@ class _Settings:
         return hash((type(self), *vars(self).values()))
 
 
-def _word(name: str, value: Any, kind: type, about: Setting) -> str:
+def _word(name: str, value: Any, about: Setting) -> str:
     if not isinstance(value, str) or value not in about.choices:
         words = ", ".join(about.choices)
         raise InvalidSettings(f"{name} is {value!r}; choose one of: {words}.")
     return value
 
 
-def _number(name: str, value: Any, kind: type, about: Setting) -> Any:
+def _number(name: str, value: Any, about: Setting, kind: type) -> Any:
     if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
         value = value.item()  # a numpy scalar
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -135,9 +140,8 @@ class _FlowSettings(_Settings):
         " narrow edges together, 4096 wide ones; infinity is the steady state",
         unit="flow time in mean edge lengths",
         minimum=0.0,
-        maximum=INF,
-        soft_minimum=0.0,
         soft_maximum=4096.0,
+        length_power=4,  # P falls with the square of the lengths, and the flow is its gradient
     )
     smoothing_passes: int = _setting(
         1,
@@ -297,6 +301,7 @@ class FitSettings(_Settings):
         soft_minimum=0.5,
         soft_maximum=30.0,
         advanced=True,
+        length_power=1,
         label="Fit Radius",
     )
     fidelity: float = _setting(
@@ -374,6 +379,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         maximum=1e6,
         soft_maximum=5.0,
         advanced=True,
+        length_power=1,
         label="Move Limit",
     )
 
@@ -390,6 +396,7 @@ class _KernelSettings(_Settings):
         minimum=0.0,
         maximum=1e6,
         soft_maximum=10.0,
+        length_power=2,
     )
     beta: float = _setting(
         3.0,
@@ -399,6 +406,7 @@ class _KernelSettings(_Settings):
         minimum=0.0,
         maximum=1e6,
         soft_maximum=30.0,
+        length_power=1,
         label="Keep Edges",
     )
     iterations: int = _setting(

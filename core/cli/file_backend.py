@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -88,4 +89,5 @@ class FileBackend:
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)
         then_time = options.then_sharpen if command.filter.then else None
-        return pipeline(command.filter.applied(settings, then_time), *files, **words)
+        function = partial(command.filter.function(then_time), settings=settings)
+        return pipeline(function, *files, **words)

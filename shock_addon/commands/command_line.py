@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ...core import cli, host
+from ...core import cli
 from ...core.errors import Cancelled, InvalidUV, ShockError
 from ...core.files.output import Outcome, staged
 from ...core.registry import GEOMETRY, MASK
@@ -182,6 +182,7 @@ def _draw_mask(
     import numpy as np
 
     from ...core.files.textures import mask_outcome, mask_pixels
+    from ...core.host.textures import analyse
 
     try:
         faces, _, skipped = data.textures.read_faces(
@@ -189,7 +190,7 @@ def _draw_mask(
         )
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
-    atlas = host.textures.analyse(faces, size, progress)
+    atlas = analyse(faces, size, progress)
     shown = mask_pixels(atlas, options.kind, ending)
     with staged(target, options.overwrite) as path:
         if kind is None:
