@@ -78,16 +78,15 @@ class FileBackend:
         words: dict[str, Any] = {"overwrite": options.overwrite, "progress": progress}
         if command.kind in (TEXTURE, MASK):
             words["material"] = options.material
-        if command.filter is None:
+        if command.kind is MASK:
             from ..files.textures import texture_mask_file
 
             words |= {"size": options.size, "like": options.like}
-            return texture_mask_file(source, target, options.kind, **words)
+            return texture_mask_file(source, target, settings.kind, **words)
         if command.takes_mask:
             words |= {"mask": options.mask, "invert_mask": options.invert_mask}
         files = [options.mesh, source, target] if command.kind.on_mesh else [source, target]
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)
-        then_time = options.then_sharpen if command.filter.then else None
-        function = partial(command.filter.function(then_time), settings=settings)
-        return pipeline(function, *files, **words)
+        function = command.function(options.then_sharpen if command.then else None)
+        return pipeline(partial(function, settings=settings), *files, **words)
