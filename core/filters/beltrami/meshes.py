@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from ...base.checks import checked_mask, checked_signal, checked_type
 from ...base.progress import ProgressCallback, aside, phase, reporting
-from ...mesh.calculus import blended_normals, group_means, lumped_mass
+from ...mesh.calculus import group_means, lumped_mass
 from ...mesh.geodesics import stencils
 from ...mesh.order import is_scattered, sorted_along_curve
 from ...mesh.triangle_mesh import Floats, TriangleMesh
 from ...mesh.weld import split_at_jumps
 from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings
-from ..fit import displacement, moved_vertices
+from ..fit import moved_vertices, refitted
 from ..signals import from_own_corners, like, to_own_corners
 from .mesh_smoothing import smooth_graph
 from .normals import noise_of_normals, smoothed_normals
@@ -362,20 +362,11 @@ def _displacement(
         return _moves_to(points, mesh, weights)
     with aside("Denoising"):
         noise = noise_of_normals(mesh)
-    moved, current = np.zeros((0, 3)), mesh
-    for turn in range(settings.repeat):
-        with phase(turn / settings.repeat, (turn + 1) / settings.repeat, "Denoising"):
-            with phase(0.0, 0.7, "Denoising"):
-                normals = smoothed_normals(current, settings, noise)
-            if weights is not None:
-                with phase(0.7, 0.7, "Denoising"):
-                    normals = blended_normals(mesh, current.normals, normals, weights)
-            with phase(0.7, 1.0, "Fitting the surface"):
-                step, _ = displacement(current, normals, settings, weights)
-        moved = step if turn == 0 else moved + step
-        if turn + 1 < settings.repeat:
-            current = mesh.moved_to(mesh.vertices + moved)
-    return moved
+
+    def denoise(current: TriangleMesh) -> Floats:
+        return smoothed_normals(current, settings, noise)
+
+    return refitted(mesh, denoise, settings, weights, "Denoising")
 
 
 def _moves_to(points: Floats, mesh: TriangleMesh, weights: Floats | None) -> Floats:
