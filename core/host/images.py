@@ -74,14 +74,12 @@ def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]
             straight[band] = pixels[band]
             straight[band, :, :3] /= _factor(pixels[band])
     new = function(straight, "auto")
-    result = np.empty_like(pixels)
     with aside("Comparing colors"):
         for band in blocks(len(pixels), _ROWS):
             same = (new[band] == straight[band]).all(axis=-1, keepdims=True)
-            multiplied = new[band].copy()
-            multiplied[..., :3] *= _factor(multiplied)
-            result[band] = np.where(same, pixels[band], multiplied)
-    return result
+            new[band, :, :3] *= _factor(new[band])
+            np.copyto(new[band], pixels[band], where=same)
+    return new
 
 
 def _factor(pixels: Pixels) -> Pixels:
