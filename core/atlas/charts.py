@@ -11,9 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from ..base.parallel import kernel, run
 from ..base.progress import phase
+from ..base.vectors import after
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -75,14 +78,23 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
     with phase(0.5, 0.8, "Finding charts"):
         run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
-    labels = np.full(mesh.face_count, -1, dtype=np.int32)
-    boxes = np.empty((_label(mesh.twins, seams, labels), 2, 2))
+    count, labels = _hang_together(mesh.twins, seams)
+    boxes = np.empty((count, 2, 2))
     with phase(0.9, 1.0, "Finding charts"):
         _measure_boxes(points, labels, boxes)
         tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
         boxes -= tiles[:, None]
         run(shift_charts, mesh.face_count, points, labels, -tiles, points)
     return Charts(points, labels, boxes, np.flatnonzero(seams).astype(np.int32), areas, outside)
+
+
+def _hang_together(twins: Ints, seams: npt.NDArray[np.bool_]) -> tuple[int, Ints]:
+    # The number of charts, and that of each face, in the order of the charts' first faces.
+    faces = len(twins)
+    joints = np.flatnonzero(~seams)
+    links = joints // 3, twins.reshape(-1)[joints] // 3
+    graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=(faces, faces))
+    return connected_components(graph, directed=False)
 
 
 def _check_areas(areas: Floats, texels: int) -> None:
@@ -174,35 +186,10 @@ def _mark_seams(start, stop, twins, points, areas, seams):
             if t >= 0:
                 g = t // 3
                 j = t - 3 * g
-                joined = _near(points, f, k, g, (j + 1) % 3) and _near(points, f, (k + 1) % 3, g, j)
+                joined = _near(points, f, k, g, after(j)) and _near(points, f, after(k), g, j)
                 if min(abs(areas[f]), abs(areas[g])) > _FLAT:
                     joined = joined and areas[f] * areas[g] > 0  # not folded over
             seams[3 * f + k] = not joined
-
-
-@kernel
-def _label(twins, seams, labels):
-    queue = np.empty(labels.shape[0], np.int32)
-    count = 0
-    for seed in range(labels.shape[0]):
-        if labels[seed] >= 0:
-            continue
-        labels[seed] = count
-        queue[0] = seed
-        head, tail = 0, 1
-        while head < tail:
-            f = queue[head]
-            head += 1
-            for k in range(3):
-                if seams[3 * f + k]:
-                    continue
-                g = twins[f, k] // 3
-                if labels[g] < 0:
-                    labels[g] = count
-                    queue[tail] = g
-                    tail += 1
-        count += 1
-    return count
 
 
 @kernel
