@@ -22,7 +22,7 @@ from ..base.progress import aside, ask, phase
 from ..base.vectors import after
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints
-from .charts import Charts, shift_charts
+from .charts import Charts
 
 NOTHING = -1
 """In `Sheet.nodes` and `Sheet.cells`: no chart is here."""
@@ -84,9 +84,8 @@ def lay_out(charts: Charts, height: int, width: int) -> Sheet:
         If that takes too many texels.
     """
     shifts, shape = _places(charts, height, width)
-    points = np.empty_like(charts.points)
-    with phase(0.3, 0.4, "Finding texels"):
-        run(shift_charts, len(points), charts.points, charts.labels, shifts, points)
+    points = charts.points + shifts[charts.labels][:, None]
+    with aside("Finding texels"):
         faces = _faces_by_rows(points, shape[0])
     nodes, cells = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.int32)
     overlapping = np.zeros(len(points), dtype=np.bool_)

@@ -92,9 +92,10 @@ def _is_open(potential, vectors, faces, i, j, turned):
     row, column = (j, i) if turned else (i, j)
     if faces is not None:
         return faces[row, column] >= 0
+    rows = columns = 0
     if vectors is not None:
         rows, columns = vectors.shape[:2]
-    else:
+    if potential is not None:
         rows, columns = potential.shape[0] - 1, potential.shape[1] - 1
     return row >= 0 and column >= 0 and row < rows and column < columns
 
