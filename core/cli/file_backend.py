@@ -75,18 +75,18 @@ class FileBackend:
         progress: Callable[[float, str], bool],
     ) -> Outcome:
         """Filter one file into another."""
-        words: dict[str, Any] = {"overwrite": options.overwrite, "progress": progress}
-        if command.kind in (TEXTURE, MASK):
-            words["material"] = options.material
+        from ..files.output import Options
+
+        given = vars(options)  # not all commands have all flags
+        names = ("mask", "invert_mask", "material", "overwrite")
+        asked = Options(progress=progress, **{name: given[name] for name in names if name in given})
         if command.kind is MASK:
             from ..files.textures import texture_mask_file
 
-            words |= {"size": options.size, "like": options.like}
-            return texture_mask_file(source, target, settings.kind, **words)
-        if command.takes_mask:
-            words |= {"mask": options.mask, "invert_mask": options.invert_mask}
+            size = options.size or options.like
+            return texture_mask_file(source, target, settings.kind, size, asked)
         files = [options.mesh, source, target] if command.kind.on_mesh else [source, target]
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)
         function = command.function(options.then_sharpen if command.then else None)
-        return pipeline(partial(function, settings=settings), *files, **words)
+        return pipeline(partial(function, settings=settings), *files, asked)
