@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..data.skipped import Refused, Skipped, sentences
 from . import poll as obstacles
-from .base import FilterOperator, can_run, describe_colors, write_results
+from .base import Done, FilterOperator, Written, can_run, describe_colors, write_results
 
 
 class OneImageOperator(FilterOperator):
@@ -47,10 +47,10 @@ class OneImageOperator(FilterOperator):
         self.image = image.name  # redo must not take the result, which is shown by then
         return [target], skipped
 
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the image and show it in the Image Editor."""
         written, skipped = write_results(self.targets, results, self._write_one)
-        for image, _ in written:
+        for _, image, _ in written:
             self.result = image.name
             if data.chosen.edited_image(context) is not None:
                 context.space_data.image = image
@@ -68,18 +68,18 @@ class OneImageOperator(FilterOperator):
             data.images.overwrite(source, target.parts, new)
         return source
 
-    def counts(self, results: list[Any]) -> tuple[int, int]:
+    def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count pixels, of all parts."""
         parts = self._parts.values()
         changed = sum(part.changed for part in parts)
         return changed, sum(part.colors[..., 0].size for part in parts)
 
-    def facts(self, written: list[tuple], seconds: float) -> dict[str, Any]:
+    def facts(self, written: list[Written], seconds: float) -> dict[str, Any]:
         """Return what `summary` names."""
-        ((image, _),) = written
+        ((_, image, _),) = written
         changes = describe_colors(list(self._parts.values()), "pixels", self.row.advice)
         if self.row.changes:
-            changed, total = self.counts([])
+            changed, total = self.counts(written)
             changes = pgettext_rpt(self.row.changes).format(changed=changed, total=total)
         names = {"old": self.image, "new": image.name}
         return {"done": self.done(), "changes": changes, "seconds": seconds, **names}
@@ -108,7 +108,7 @@ class ImageOperator(OneImageOperator):
         """Take all of it."""
         return {data.images.UNTILED: result}
 
-    def summary(self, written: list[tuple], seconds: float) -> str:
+    def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count pixels."""
         facts = self.facts(written, seconds)
         text = pgettext_rpt(

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..data.skipped import Refused, Skipped
 from . import poll as obstacles
-from .base import can_run, counted
+from .base import Written, can_run, counted
 from .images import OneImageOperator
 
 
@@ -57,7 +57,7 @@ class TextureOperator(OneImageOperator):
             with data.meshes.object_mode(bpy.context):
                 self._notes += data.textures.assign(target, source, image)
 
-    def summary(self, written: list[tuple], seconds: float) -> str:
+    def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count objects and pixels."""
         facts = self.facts(written, seconds)
         (target,) = self.targets
@@ -70,6 +70,6 @@ class TextureOperator(OneImageOperator):
             objects=counted(len(target.objects), "1 object", "{:,} objects"), **facts
         )
 
-    def notes(self, written: list[tuple]) -> str:
+    def notes(self, written: list[Written]) -> str:
         """Say what is unusual about the UV map."""
         return " ".join(self._notes)
