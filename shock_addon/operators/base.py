@@ -115,9 +115,14 @@ class FilterOperator(ModalJob):
         if work is None:
             return {"CANCELLED"}
         manager = context.window_manager
+
+        def show(fraction: float, message: str) -> bool:
+            manager.progress_update(fraction)
+            return listener is None or listener(fraction, message)
+
         manager.progress_begin(0.0, 1.0)
         try:
-            return self.finish(context, lambda: work(_shown_by(manager)))
+            return self.finish(context, lambda: work(show))
         finally:
             manager.progress_end()
 
@@ -291,11 +296,3 @@ def describe_colors(results: Sequence[Any], things: str, advice: str) -> str:
     if largest < _HARDLY_SEEN and advice:
         text += f" ({pgettext_rpt(advice)})"
     return text
-
-
-def _shown_by(manager: bpy.types.WindowManager) -> Progress:
-    def show(fraction: float, message: str) -> bool:
-        manager.progress_update(fraction)
-        return listener is None or listener(fraction, message)
-
-    return show

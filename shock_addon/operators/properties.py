@@ -100,18 +100,11 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
     return bpy.props.FloatProperty(
         default=default,
         precision=1 if high - low > _WIDE else 3,
-        step=_step(default, high - low),
+        # What a click on an arrow adds, in hundredths: a hundredth of the range, or less.
+        step=min(high - low, 100.0 * default / 16.0) if default else high - low,
         **limits,
         **text,
     )
-
-
-def _step(default: float, width: float) -> float:
-    """Choose what a click on an arrow or a pixel of dragging adds, in hundredths.
-
-    It is a hundredth of the range, but at most a sixteenth of the default.
-    """
-    return min(width, 100.0 * default / 16.0) if default else width
 
 
 def _output(*items: tuple[str, str, str]) -> Any:
