@@ -106,6 +106,9 @@ def _walk(mesh: TriangleMesh, field: Field, time: float, faces: Ints, coordinate
 def _place(start, stop, places, faces, coordinates):
     # The same places, in barycentric coordinates, in each face.
     count = places.shape[0]
-    for point in range(count * start, count * stop):
-        faces[point] = point // count
-        coordinates[point] = places[point % count]
+    for f in range(start, stop):
+        for i in range(count):
+            point = count * f + i
+            faces[point] = f
+            for c in range(3):
+                coordinates[point, c] = places[i, c]
