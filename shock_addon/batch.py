@@ -60,11 +60,9 @@ def main() -> None:
     code = 1
     try:
         code = run(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
-    finally:
-        error = sys.exception()
-        if error is not None:
-            traceback.print_exception(error)
-        sys.exit(code)  # Blender itself would end with 0, even after an error
+    except BaseException:
+        traceback.print_exc()
+    sys.exit(code)  # Blender itself would end with 0, even after an error
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 """The table of modes: one row for each thing that the panels do.
 
 Property groups, operators, buttons, menus, presets, previews, statistics, links into the manual and
-Blender's command line are made by walking over the rows. What a row does not say, its filter says
-(`core.registry`: settings, kind of data, what may follow), and `DATA`, the table of Blender's data.
+Blender's command line are made by walking over the rows; operators by ``type(...)`` in
+`operators.filtering`. What a row does not say, its filter says (`core.registry`: settings, kind of
+data, what may follow), and `DATA`, the table of Blender's data.
 
 *Mode* means a row here, as it does on screen; what Blender calls a mode of the 3D view is an
 *object mode*. Needs no bpy, neither numpy nor numba.
@@ -49,8 +50,6 @@ class Data(NamedTuple):
         Whether the Image Editor offers it.
     on_surface : bool
         Whether it is there on mesh objects only.
-    has_colors : bool
-        Whether a mesh needs colors.
     """
 
     base: str
@@ -62,7 +61,6 @@ class Data(NamedTuple):
     object_modes: tuple[str, ...] = ()
     in_images: bool = False
     on_surface: bool = True
-    has_colors: bool = False
 
 
 _MESH = ".operators.meshes:MeshOperator"
@@ -71,7 +69,7 @@ DATA = {
     "geometry": Data(
         _MESH,
         (*_WHERE, "output", "weld", *_SHADING),
-        "..core.host.registered:filter_shape",
+        "..core.host.geometry:filter_shape",
         ".data.geometry:read_geometry",
         ".data.geometry:write_geometry",
         "..core.host.flow:flow_of_shape",
@@ -80,33 +78,31 @@ DATA = {
     "colors": Data(
         _MESH,
         ("attribute", *_WHERE, "weld"),
-        "..core.host.registered:filter_colors",
+        "..core.host.colors:filter_colors",
         ".data.colors:read_colors",
         ".data.colors:write_colors",
         "..core.host.flow:flow_of_colors",
         object_modes=("OBJECT", "PAINT_VERTEX"),
-        has_colors=True,
     ),
     "both": Data(
         _MESH,
         ("attribute", *_WHERE, "output", "weld", *_SHADING),
-        "..core.host.registered:filter_both",
+        "..core.host.denoising:filter_both",
         ".data.painted:read_painted",
         ".data.painted:write_painted",
         object_modes=("OBJECT",),
-        has_colors=True,
     ),
     "image": Data(
         ".operators.images:ImageOperator",
         ("output",),
-        "..core.host.registered:filter_image",
+        "..core.host.images:filter_image",
         in_images=True,
         on_surface=False,
     ),
     "texture": Data(
         ".operators.textures:TextureOperator",
         (*_WHERE, "mask_image", "image", "output", "assign"),
-        "..core.host.registered:filter_texture",
+        "..core.host.textures:filter_texture",
         object_modes=("OBJECT", "PAINT_TEXTURE"),
         in_images=True,
     ),
@@ -186,6 +182,12 @@ class Target(NamedTuple):
         return name if name in self.fields else ""
 
     @property
+    def steady_state(self) -> str:
+        """The property that makes this time infinite; empty if it has to be finite."""
+        is_endless = self.time and math.isinf(self.fields[self.time].maximum)
+        return self.prefix + STEADY_STATE if is_endless else ""
+
+    @property
     def fields(self) -> dict[str, Setting]:
         """Describe the filter's settings, by the names of their properties."""
         described = describe(self.row.settings).items()
@@ -195,8 +197,8 @@ class Target(NamedTuple):
     def settings(self) -> list[str]:
         """List the properties that say what is done."""
         names = list(self.fields)
-        if "time" in names and math.isinf(self.fields["time"].maximum):
-            names.insert(names.index("time") + 1, STEADY_STATE)
+        if self.steady_state:
+            names.insert(names.index(self.time) + 1, self.steady_state)
         return names
 
     @property
@@ -214,8 +216,8 @@ class Mode(NamedTuple):
         Name of its property group in ``scene.shock_filter``, and of its folder of presets.
     label, about : str
         The panel's choice; in the Image Editor it may be described by `about_in_images`.
-    operator, title, tooltip : str
-        Name after ``shock_filter.``, words on the button, description without a period.
+    operator, tooltip : str
+        Name after ``shock_filter.``, description without a period.
     targets : tuple of Target
     done : str
         What was done, in a verb such as "Sharpened".
@@ -247,7 +249,6 @@ class Mode(NamedTuple):
     label: str
     about: str
     operator: str
-    title: str
     tooltip: str
     targets: tuple[Target, ...]
     done: str
@@ -273,6 +274,11 @@ class Mode(NamedTuple):
         return next((t for t in self.targets if object_mode in t.data.object_modes), None)
 
     @property
+    def title(self) -> str:
+        """The words on the button."""
+        return self.operator.replace("_", " ").title()
+
+    @property
     def group(self) -> str:
         """The property group that has its settings."""
         return self.within or self.key
@@ -281,16 +287,6 @@ class Mode(NamedTuple):
     def data(self) -> Data:
         """The kind of data, the widest one of the targets."""
         return self.targets[-1].data
-
-    @property
-    def in_3d(self) -> bool:
-        """Whether the 3D view offers it."""
-        return self.data.on_surface
-
-    @property
-    def in_images(self) -> bool:
-        """Whether the Image Editor offers it."""
-        return self.data.in_images
 
     @property
     def follows(self) -> type | None:
@@ -325,7 +321,6 @@ MODES: list[Mode] = [
         "Denoise",
         "Remove noise from vertices and colors; creases and edges stay",
         "denoise",
-        "Denoise",
         "Remove noise from meshes and their colors; creases and edges between colors stay",
         (
             Target(
@@ -388,7 +383,6 @@ MODES: list[Mode] = [
         "Denoise",
         "",
         "denoise_image",
-        "Denoise Image",
         "Remove noise from an image; edges stay",
         (Target("beltrami_image"),),
         "Denoised",
@@ -423,7 +417,6 @@ MODES: list[Mode] = [
         "Geometry",
         "Move vertices so that rounded creases become sharp",
         "sharpen_geometry",
-        "Sharpen Geometry",
         "Turn rounded creases into sharp ones: normals flow towards the creases, positions follow",
         (Target("sharpen_geometry"),),
         "Sharpened",
@@ -469,7 +462,6 @@ MODES: list[Mode] = [
         "Colors",
         "Move the colors on the surface so that blurred edges in them become sharp",
         "sharpen_colors",
-        "Sharpen Colors",
         "Turn blurred edges between painted colors into sharp ones, without new colors beside them",
         (Target("sharpen_vertex_signal"),),
         "Sharpened",
@@ -497,7 +489,6 @@ MODES: list[Mode] = [
         "Image",
         "",
         "sharpen_image",
-        "Sharpen Image",
         "Turn blurred edges in an image into sharp ones, without halos beside them",
         (Target("sharpen_image"),),
         "Sharpened",
@@ -531,7 +522,6 @@ MODES: list[Mode] = [
         "Move the colors of an image on the surface that shows it, across seams, so that blurred"
         " edges in it become sharp",
         "sharpen_texture",
-        "Sharpen Texture",
         "Turn blurred edges in a texture into sharp ones, on the surface and across UV seams",
         (Target("sharpen_texture"),),
         "Sharpened",
@@ -565,7 +555,6 @@ MODES: list[Mode] = [
         "",
         "",
         "dilate_texture",
-        "Dilate Texture",
         "Fill the texture around its charts with what lies across the UV seams, so that none shows",
         (Target("dilate_texture"),),
         "Dilated",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,13 +85,13 @@ class FileBackend:
         given = vars(options)  # not all commands have all flags
         names = ("mask", "invert_mask", "material", "overwrite", "any_size")
         asked = Options(progress=progress, **{name: given[name] for name in names if name in given})
-        if command.filter is None:
+        if command.kind is MASK:
             from ..files.textures import texture_mask_file
 
             size = options.size or options.like
-            return texture_mask_file(source, target, options.kind, size, asked)
+            return texture_mask_file(source, target, settings.kind, size, asked)
         files = [options.mesh, source, target] if command.kind.on_mesh else [source, target]
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)
-        then_time = options.then_sharpen if command.filter.then else None
-        return pipeline(command.filter.applied(settings, then_time), *files, asked)
+        function = command.function(options.then_sharpen if command.then else None)
+        return pipeline(partial(function, settings=settings), *files, asked)

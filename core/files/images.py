@@ -90,7 +90,7 @@ def filter_image_file(
     ----------
     function : callable
         ``function(pixels, mask=None)`` returns an array like the pixels; see
-        `registry.Filter.applied`. If it has a parameter ``out``, it is given the array for the
+        `registry.Filter.function`. If it has a parameter ``out``, it is given the array for the
         result. It gets float32 in place of float16.
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is

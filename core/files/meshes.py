@@ -51,7 +51,7 @@ def filter_mesh_file(
     Parameters
     ----------
     function : callable
-        ``function(mesh, mask=None)`` returns new positions; see `registry.Filter.applied`.
+        ``function(mesh, mask=None)`` returns new positions; see `registry.Filter.function`.
     source, target : path
         PLY, OBJ, STL, OFF, GLB or glTF files. `target` appears when it is complete.
     options : Options
@@ -99,7 +99,7 @@ def filter_colors_file(
     Parameters
     ----------
     function : callable
-        ``function(mesh, colors, mask=None)`` returns new colors; see `registry.Filter.applied`.
+        ``function(mesh, colors, mask=None)`` returns new colors; see `registry.Filter.function`.
     source, target : path
         PLY, OBJ, GLB or glTF files, both of the same format.
     options : Options

@@ -49,7 +49,8 @@ def filter_texture_file(
     ----------
     function : callable
         ``function(mesh, uv, pixels, mask=None, atlas=None)`` returns an array like the pixels, of
-        which row 0 is at v = 0; see `registry.Filter.applied`. A mask is handed on if there is one.
+        which row 0 is at v = 0; see `registry.Filter.function`. A mask is handed on if there
+        is one.
     mesh : path
         OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
         joined; see `core.weld_borders`.

@@ -7,12 +7,15 @@ sorting first makes them several times faster.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
+from ..base.memo import kept
 from ..base.progress import aside, ask
 from .adjacency import count_sort
-from .triangle_mesh import TriangleMesh
+from .triangle_mesh import Floats, TriangleMesh
 
 _SMALL = 100_000
 """Faces below which everything fits into the processor's caches anyway."""
@@ -26,6 +29,33 @@ def is_scattered(mesh: TriangleMesh) -> bool:
     here, after = mesh.faces[sample, :, None], mesh.faces[sample + 1, None, :]
     nearest = np.abs(here - after).min(axis=(1, 2))
     return float(np.mean(nearest > mesh.vertex_count // 100)) > 0.5
+
+
+def in_good_order(
+    mesh: TriangleMesh, function: Callable[..., Floats], weights: Floats | None
+) -> Floats:
+    """Call a function on a mesh, sorted along a curve for that if it is scattered.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    function : callable
+        ``function(mesh, weights)`` gives each vertex a row (n, d).
+    weights : (n,) float64 or None
+        Of the vertices.
+
+    Returns
+    -------
+    (n, d) float64
+        The rows, in the order of `mesh`.
+    """
+    if not is_scattered(mesh):
+        return function(mesh, weights)
+    ordered, order, _ = kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
+    rows = function(ordered, None if weights is None else weights[order])
+    back = np.empty_like(rows)
+    back[order] = rows
+    return back
 
 
 def sorted_along_curve(

@@ -16,31 +16,31 @@ from ...core.files.output import staged
 from ...core.files.reading import check_file
 
 _OPEN_FILE = "-"
-
-# Blender's operators by file ending; of several importers the first that this Blender has.
+_BLEND = ".blend"
 _USD = (".usd", ".usda", ".usdc", ".usdz")
-_IMPORTERS: dict[str, tuple[str, ...]] = {
-    ".abc": ("wm.alembic_import",),
-    ".dae": ("wm.collada_import",),
-    ".fbx": ("import_scene.fbx", "wm.fbx_import"),
-    ".glb": ("import_scene.gltf",),
-    ".gltf": ("import_scene.gltf",),
-    ".obj": ("wm.obj_import",),
-    ".ply": ("wm.ply_import",),
-    ".stl": ("wm.stl_import",),
-    **dict.fromkeys(_USD, ("wm.usd_import",)),
+_GLTF = ("import_scene.gltf",), "export_scene.gltf"
+_SCENES: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
+    ".abc": (("wm.alembic_import",), "wm.alembic_export", {"as_background_job": False}),
+    ".dae": (("wm.collada_import",), "wm.collada_export", {}),
+    ".fbx": (
+        ("import_scene.fbx", "wm.fbx_import"),
+        "export_scene.fbx",
+        {"path_mode": "COPY", "embed_textures": True},
+    ),
+    ".glb": (*_GLTF, {"export_format": "GLB"}),
+    ".gltf": (*_GLTF, {"export_format": "GLTF_SEPARATE"}),
+    ".obj": (("wm.obj_import",), "wm.obj_export", {"path_mode": "COPY", "export_colors": True}),
+    ".ply": (("wm.ply_import",), "wm.ply_export", {}),
+    ".stl": (("wm.stl_import",), "wm.stl_export", {}),
+    **dict.fromkeys(_USD, (("wm.usd_import",), "wm.usd_export", {})),
 }
-_EXPORTERS: dict[str, tuple[str, dict[str, Any]]] = {
-    ".abc": ("wm.alembic_export", {"as_background_job": False}),
-    ".dae": ("wm.collada_export", {}),
-    ".fbx": ("export_scene.fbx", {"path_mode": "COPY", "embed_textures": True}),
-    ".glb": ("export_scene.gltf", {"export_format": "GLB"}),
-    ".gltf": ("export_scene.gltf", {"export_format": "GLTF_SEPARATE"}),
-    ".obj": ("wm.obj_export", {"path_mode": "COPY", "export_colors": True}),
-    ".ply": ("wm.ply_export", {}),
-    ".stl": ("wm.stl_export", {}),
-    **{ending: ("wm.usd_export", {}) for ending in _USD},
-}
+"""By ending: importers, of which the first that this Blender has is taken; exporter and options."""
+
+_UNWRITTEN = (
+    "{path.name} cannot be written ({reason}); is there room on the disk and in the folder a right"
+    " to write?"
+)
+"""Blender names no reason for a full disk, or a wrong one."""
 
 _IMAGE_FORMATS = {
     ".bmp": "BMP",
@@ -56,14 +56,12 @@ _IMAGE_FORMATS = {
 }
 
 
-def exporter_of(target: Path) -> tuple[str, dict[str, Any]] | None:
-    """Return operator and options that write this ending; None for Blender's own format."""
+def check_ending(target: Path) -> None:
+    """Refuse a file that this Blender cannot write."""
     ending = target.suffix.lower()
-    if ending == ".blend":
-        return None
-    if ending not in _EXPORTERS or not _exists(_EXPORTERS[ending][0]):
-        raise _unknown(str(target), [e for e, (name, _) in _EXPORTERS.items() if _exists(name)])
-    return _EXPORTERS[ending]
+    known = [each for each, (_, exporter, _) in _SCENES.items() if _exists(exporter)]
+    if ending not in (_BLEND, *known):
+        raise _unknown(str(target), known)
 
 
 def open_scene(source: str) -> None:
@@ -73,32 +71,36 @@ def open_scene(source: str) -> None:
     check_file(Path(source))
     path = str(Path(source).absolute())
     ending = Path(source).suffix.lower()
-    if ending == ".blend":
+    if ending == _BLEND:
         call("wm.open_mainfile", filepath=path, load_ui=False)
         return
-    importer = next(filter(_exists, _IMPORTERS.get(ending, ())), None)
-    if importer is None:
-        known = [e for e, names in _IMPORTERS.items() if any(map(_exists, names))]
-        raise _unknown(source, known)
+    known = {
+        each: next(filter(_exists, importers))
+        for each, (importers, _, _) in _SCENES.items()
+        if any(map(_exists, importers))
+    }
+    if ending not in known:
+        raise _unknown(source, list(known))
     bpy.ops.wm.read_homefile(use_empty=True)
-    call(importer, filepath=path)
+    call(known[ending], filepath=path)
 
 
-def save_scene(target: Path, exporter: tuple[str, dict[str, Any]] | None, overwrite: bool) -> None:
+def save_scene(target: Path, overwrite: bool) -> None:
     """Export the scene, or save it as Blender's own file."""
-    if exporter is not None:
-        own = f"{target.stem}.bin", f"{target.stem}.mtl"  # as the exporters name them
-        with staged(target, overwrite, own) as path:
-            call(exporter[0], filepath=str(path), **exporter[1])
-        return
-    with staged(target, overwrite) as path:
+    ending = target.suffix.lower()
+    own = f"{target.stem}.bin", f"{target.stem}.mtl"  # as the exporters name them
+    with staged(target, overwrite, own) as path:
+        if ending != _BLEND:
+            _, exporter, options = _SCENES[ending]
+            call(exporter, filepath=str(path), **options)
+            return
         # In the target's own folder, since the file names others relative to where it is saved.
         beside = target.absolute().with_name(f"{path.parent.name}.blend")
+        options = {"copy": True, "check_existing": False}
         try:
-            call("wm.save_as_mainfile", filepath=str(beside), copy=True, check_existing=False)
+            with _reported(_UNWRITTEN, path=path):
+                bpy.ops.wm.save_as_mainfile(filepath=str(beside), **options)
             os.replace(beside, path)
-        except ShockError as error:
-            raise _unwritten(path, str(error)) from error
         finally:
             beside.unlink(missing_ok=True)
 
@@ -118,10 +120,8 @@ def loaded_image(source: str) -> Iterator[bpy.types.Image]:
     """Give the image of a file: the open scene's own one, or one that is removed afterwards."""
     check_file(Path(source))
     known = set(bpy.data.images)
-    try:
+    with _reported():
         image = bpy.data.images.load(str(Path(source).absolute()), check_existing=True)
-    except RuntimeError as error:
-        raise ShockError(str(error).strip().removeprefix("Error: ")) from error
     try:
         if not image.size[0] * image.size[1]:
             raise ShockError(f"{source} cannot be read; is it an image, and not damaged?")
@@ -133,16 +133,19 @@ def loaded_image(source: str) -> Iterator[bpy.types.Image]:
 
 def write_image(image: bpy.types.Image, path: Path) -> None:
     """Save an image in its own format."""
-    try:
+    with _reported(_UNWRITTEN, path=path):
         image.save(filepath=str(path))
-    except RuntimeError as error:
-        raise _unwritten(path, str(error).strip().removeprefix("Error: ")) from error
 
 
-def write_values(path: Path, kind: str, shown: Any) -> None:
-    """Write gray values or colors, bytes or floats."""
+def write_values(path: Path, kind: str | None, shown: Any) -> None:
+    """Write gray values or colors, bytes or floats; without a kind as NumPy's file."""
     import numpy as np
 
+    from ..data.arrays import write_pixels
+
+    if kind is None:
+        np.save(path, shown[::-1])
+        return
     height, width = shown.shape[:2]
     is_float = shown.dtype.kind == "f"
     pixels = np.ones((height, width, 4), dtype=np.float32)
@@ -150,7 +153,7 @@ def write_values(path: Path, kind: str, shown: Any) -> None:
     image = bpy.data.images.new(
         "mask", width, height, alpha=False, float_buffer=is_float, is_data=True
     )
-    image.pixels.foreach_set(pixels.reshape(-1))
+    write_pixels(image, pixels)
     image.file_format = kind
     write_image(image, path)
     bpy.data.images.remove(image)
@@ -172,20 +175,20 @@ def _exists(name: str) -> bool:
 
 def call(name: str, **options: Any) -> None:
     """Call an operator; its error reports become a ShockError."""
-    try:
+    with _reported():
         result = operator(name)(**options)
-    except RuntimeError as error:
-        raise ShockError(str(error).strip().removeprefix("Error: ")) from error
     if result != {"FINISHED"}:
         raise ShockError(f"Blender's {name} stopped before its end.")
 
 
-def _unwritten(path: Path, reason: str) -> ShockError:
-    # Blender names no reason for a full disk, or a wrong one.
-    return ShockError(
-        f"{path.name} cannot be written ({reason}); is there room on the disk and in the folder a"
-        " right to write?"
-    )
+@contextmanager
+def _reported(text: str = "{reason}", **values: Any) -> Iterator[None]:
+    """Turn what Blender reports into a ShockError with this text."""
+    try:
+        yield
+    except RuntimeError as error:
+        reason = str(error).strip().removeprefix("Error: ")
+        raise ShockError(text.format(reason=reason, **values)) from error
 
 
 def _unknown(path: str, known: list[str]) -> ShockError:

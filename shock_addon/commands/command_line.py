@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ...core import cli, host
+from ...core import cli
 from ...core.errors import Cancelled, InvalidUV, ShockError
 from ...core.files.output import Outcome, staged
 from ...core.registry import GEOMETRY, MASK
@@ -23,6 +23,8 @@ from ..operators import base as operators
 from ..operators import kernels
 from . import blender_files as files
 from . import flags
+
+Progress = operators.Progress
 
 _ARRAY = ".npy"
 
@@ -54,39 +56,58 @@ class BlenderBackend:
         target: Path,
         settings: Any,
         options: argparse.Namespace,
-        progress: operators.Progress,
+        progress: Progress,
     ) -> Outcome:
         """Filter one file into another; IN may be - for the open file, but not for images."""
         if command.kind is MASK:
             return _draw_mask(source, target, options, progress)
-        values = flags.values_of(command, settings, options)
-        run = _filter_meshes
-        if command.kind.is_image:
-            run = _filter_texture if command.kind.on_mesh else _filter_image
-        return run(command, source, target, values, options, progress)
+        run = _Run(command, flags.values_of(command, settings, options), progress)
+        if not command.kind.is_image:
+            return _filter_meshes(run, source, target, options)
+        filter_file = _filter_texture if command.kind.on_mesh else _filter_image
+        return filter_file(run, source, target, options)
 
 
-def _filter_meshes(
-    command: cli.Command,
-    source: str,
-    target: Path,
-    values: dict[str, Any],
-    options: argparse.Namespace,
-    progress: operators.Progress,
-) -> Outcome:
-    exporter = files.exporter_of(target)
+class _Run:
+    """A run of a command's operator; `listener` of the operators while it is under way."""
+
+    def __init__(self, command: cli.Command, values: dict[str, Any], progress: Progress) -> None:
+        self.command, self.values, self.progress = command, values, progress
+        self.counts = 0, 0
+        self._cancelled = False
+
+    def __call__(self, fraction: float, message: str) -> bool:
+        """Hear of the progress, and pass it on."""
+        self._cancelled = not self.progress(0.9 * fraction, message)
+        return not self._cancelled
+
+    def start(self, **more: Any) -> tuple[int, int]:
+        """Return how many vertices, colors or pixels have changed, of how many."""
+        operators.listener = self
+        try:
+            name = flags.mode_of(self.command)[0].operator
+            files.call(f"shock_filter.{name}", **self.values, **more)
+        except ShockError:
+            if self._cancelled:
+                raise Cancelled("Interrupted; nothing was written.") from None
+            raise
+        finally:
+            operators.listener = None
+        return self.counts
+
+
+def _filter_meshes(run: _Run, source: str, target: Path, options: argparse.Namespace) -> Outcome:
+    files.check_ending(target)
     files.open_scene(source)
     objects, notes = _chosen(options.objects)
-    axes = options.mirror if command.kind is GEOMETRY else []
-    with _selected(objects), _mirrored(objects, axes):
-        changed, total = _run_operator(command, values, progress)
-    if not progress(1.0, "Writing"):
+    moves = run.command.kind is GEOMETRY
+    with _selected(objects), _mirrored(objects, options.mirror if moves else []):
+        changed, total = run.start()
+    if not run.progress(1.0, "Writing"):
         raise Cancelled("Interrupted before writing.")
-    files.save_scene(target, exporter, options.overwrite)
-    done = "changed {changed} of {total} colors"
-    if command.kind is GEOMETRY:
-        done = "moved {changed} of {total} vertices"
-    return Outcome(total, changed, tuple(notes), done)
+    files.save_scene(target, options.overwrite)
+    verb, things = ("moved", "vertices") if moves else ("changed", "colors")
+    return Outcome(total, changed, tuple(notes), f"{verb} {{changed}} of {{total}} {things}")
 
 
 @contextmanager
@@ -108,9 +129,8 @@ def _selected(objects: list[bpy.types.Object]) -> Iterator[None]:
 def _mirrored(objects: list[bpy.types.Object], axes: list[str]) -> Iterator[None]:
     """Turn on the meshes' mirror options for these axes; the file's own ones come back."""
     names = [f"use_mirror_{axis}" for axis in axes]
-    turned_on = [
-        (obj.data, name) for obj in objects for name in names if not getattr(obj.data, name)
-    ]
+    meshes = [obj.data for obj in objects]
+    turned_on = [(mesh, name) for mesh in meshes for name in names if not getattr(mesh, name)]
     for mesh, name in turned_on:
         setattr(mesh, name, True)
     try:
@@ -120,14 +140,7 @@ def _mirrored(objects: list[bpy.types.Object], axes: list[str]) -> Iterator[None
             setattr(mesh, name, False)
 
 
-def _filter_image(
-    command: cli.Command,
-    source: str,
-    target: Path,
-    values: dict[str, Any],
-    options: argparse.Namespace,
-    progress: operators.Progress,
-) -> Outcome:
+def _filter_image(run: _Run, source: str, target: Path, options: argparse.Namespace) -> Outcome:
     with files.loaded_image(source) as image:
         kind = files.image_format(target)
         if image.file_format != kind:
@@ -135,8 +148,7 @@ def _filter_image(
                 f"{source} is a {image.file_format} file, and Blender keeps its depth only in this"
                 " format; end OUT accordingly, or use shock-filter outside Blender."
             )
-        more = {"image": image.name, "output": "REPLACE"}
-        changed, total = _run_operator(command, values | more, progress)
+        changed, total = run.start(image=image.name, output="REPLACE")
         with staged(target, options.overwrite) as path:
             if changed:
                 files.write_image(image, path)
@@ -146,28 +158,21 @@ def _filter_image(
     return Outcome(total, changed, notes if changed else (), "changed {changed} of {total} pixels")
 
 
-def _filter_texture(
-    command: cli.Command,
-    source: str,
-    target: Path,
-    values: dict[str, Any],
-    options: argparse.Namespace,
-    progress: operators.Progress,
-) -> Outcome:
+def _filter_texture(run: _Run, source: str, target: Path, options: argparse.Namespace) -> Outcome:
     files.image_format(target)
     files.open_scene(options.mesh)
     objects, notes = _chosen(options.objects)
     with ExitStack() as stack:
         stack.enter_context(_selected(objects))
-        if command.takes_mask and options.mask:
+        if run.command.takes_mask and options.mask:
             mask = stack.enter_context(files.loaded_image(options.mask))
-            values |= {"mask_image": mask.name, "invert_mask": options.invert_mask}
-        outcome = _filter_image(command, source, target, values, options, progress)
+            run.values |= {"mask_image": mask.name, "invert_mask": options.invert_mask}
+        outcome = _filter_image(run, source, target, options)
     return replace(outcome, notes=(*notes, *outcome.notes))
 
 
 def _draw_mask(
-    source: str, target: Path, options: argparse.Namespace, progress: operators.Progress
+    source: str, target: Path, options: argparse.Namespace, progress: Progress
 ) -> Outcome:
     ending = target.suffix.lower()
     kind = None if ending == _ARRAY else files.image_format(target)
@@ -179,23 +184,18 @@ def _draw_mask(
             size = image.size[1], image.size[0]
     kernels.choose_folder()
     kernels.load()
-    import numpy as np
-
     from ...core.files.textures import mask_outcome, mask_pixels
+    from ...core.host.textures import analyse
 
+    everywhere = data.textures.EVERYWHERE
     try:
-        faces, _, skipped = data.textures.read_faces(
-            bpy.context, objects, None, data.textures.EVERYWHERE
-        )
+        faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, everywhere)
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
-    atlas = host.textures.analyse(faces, size, progress)
+    atlas = analyse(faces, size, progress)
     shown = mask_pixels(atlas, options.kind, ending)
     with staged(target, options.overwrite) as path:
-        if kind is None:
-            np.save(path, shown[::-1])
-        else:
-            files.write_values(path, kind, shown)
+        files.write_values(path, kind, shown)
     return mask_outcome(atlas, (*notes, *skipped))
 
 
@@ -214,32 +214,3 @@ def _chosen(names: list[str] | None) -> tuple[list[bpy.types.Object], list[str]]
         raise ShockError("The scene has no visible mesh; show one or name it with --object.")
     notes = [f"hidden, so left as they are: {', '.join(hidden)}"] if hidden else []
     return list({obj.data: obj for obj in chosen}.values()), notes
-
-
-class _Listener:
-    """Hears of an operator's progress, and what it has done."""
-
-    def __init__(self, progress: operators.Progress) -> None:
-        self._progress = progress
-        self.cancelled = False
-        self.counts = 0, 0
-
-    def __call__(self, fraction: float, message: str) -> bool:
-        self.cancelled = not self._progress(0.9 * fraction, message)
-        return not self.cancelled
-
-
-def _run_operator(
-    command: cli.Command, values: dict[str, Any], progress: operators.Progress
-) -> tuple[int, int]:
-    """Return how many vertices, colors or pixels have changed, of how many."""
-    operators.listener = listener = _Listener(progress)
-    try:
-        files.call(f"shock_filter.{flags.mode_of(command)[0].operator}", **values)
-    except ShockError:
-        if listener.cancelled:
-            raise Cancelled("Interrupted; nothing was written.") from None
-        raise
-    finally:
-        operators.listener = None
-    return listener.counts

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...core.cli import Command
 from ...core.registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
-from ..modes import MODES, STEADY_STATE, Mode, Target
+from ..modes import MODES, Mode, Target
 from .blender_files import operator
 
 _AXES = ["x", "y", "z"]
@@ -29,7 +29,7 @@ FORMATS = {
 
 def mode_of(command: Command) -> tuple[Mode, Target]:
     """Find the mode, and its target, that runs a command's filter."""
-    name = command.filter.name
+    name = command.name
     return next((mode, each) for mode in MODES for each in mode.targets if each.filter == name)
 
 
@@ -120,8 +120,8 @@ def values_of(command: Command, settings: Any, options: argparse.Namespace) -> d
     """Return the values of the operator's properties, as far as settings and flags say them."""
     mode, target = mode_of(command)
     values = {target.prefix + name: value for name, value in asdict(settings).items()}
-    if STEADY_STATE in target.settings and math.isinf(settings.time):
-        values |= {target.time: 0.0, STEADY_STATE: True}
+    if target.steady_state and math.isinf(settings.time):
+        values |= {target.time: 0.0, target.steady_state: True}
     if target.key:
         values["target"] = target.key
     if mode.follows is not None and options.then_sharpen is not None:
@@ -131,16 +131,11 @@ def values_of(command: Command, settings: Any, options: argparse.Namespace) -> d
     if command.kind is COLORS:
         values["attribute"] = options.attribute
     if command.kind is GEOMETRY:
-        values |= _shape_values(options)
-    return values
-
-
-def _shape_values(options: argparse.Namespace) -> dict[str, Any]:
-    values: dict[str, Any] = {
-        "output": "SHAPE_KEY" if options.new_shape_key else "MESH",
-        "custom_normals": options.custom_normals.upper(),
-        "mark_sharp": options.mark_sharp or options.sharp_angle is not None,
-    }
-    if options.sharp_angle is not None:
-        values["sharp_angle"] = options.sharp_angle
+        values |= {
+            "output": "SHAPE_KEY" if options.new_shape_key else "MESH",
+            "custom_normals": options.custom_normals.upper(),
+            "mark_sharp": options.mark_sharp or options.sharp_angle is not None,
+        }
+        if options.sharp_angle is not None:
+            values["sharp_angle"] = options.sharp_angle
     return values

@@ -27,7 +27,7 @@ from .skipped import Skipped
 from .unchanged import check_same
 
 if TYPE_CHECKING:
-    from ...core.host.geometry import Sharpened
+    from ...core.host.geometry import Reshaped
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,14 @@ def read_geometry(
 
 
 def write_geometry(
-    target: Target, result: Sharpened, key_name: str = "Sharpened"
+    target: Target, result: Reshaped, key_name: str = "Sharpened"
 ) -> bpy.types.Object:
     """Write new positions, in Object Mode; returns the object.
 
     Parameters
     ----------
     target : Target
-    result : Sharpened
+    result : Reshaped
     key_name : str
         What a new shape key is called.
 

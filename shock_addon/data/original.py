@@ -20,7 +20,7 @@ from .skipped import Skipped
 from .unchanged import check_same
 
 if TYPE_CHECKING:
-    from ...core.host.geometry import Sharpened
+    from ...core.host.geometry import Reshaped
 
 _Part = tuple[str, str]
 """What a mesh holds: the kind and the name."""
@@ -141,7 +141,7 @@ def _write_result(target: Target, original: Original, result: Any) -> None:
         _show_shape(target, original, result)
 
 
-def _show_shape(target: Target, original: Original, result: Sharpened) -> None:
+def _show_shape(target: Target, original: Original, result: Reshaped) -> None:
     keys = find(target).data.shape_keys
     if target.place.output == "MESH" or keys is None:
         place = replace(target.place, output="MESH", custom_normals="KEEP", sharp_angle=None)

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 
 from .. import data
 from ..modes import Mode, choices, find, load
-from ..operators.base import Filter
+from ..operators.base import Done, Filter, Written
 from ..operators.meshes import MeshOperator
 from ..operators.properties import settings_of
 from . import overlay as flow_overlay
@@ -67,21 +67,21 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         flow, weld = self.row.data.flow, self._parameters().weld
         return lambda surface, progress: load(flow)(surface, settings, weld, progress)
 
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the attributes, and draw them from now on."""
         written, skipped = super().write(context, results)
-        for obj, _ in written:
+        for _, obj, _ in written:
             flow_overlay.show(obj)
         return written, skipped
 
-    def summary(self, written: list[tuple], seconds: float) -> str:
+    def summary(self, written: list[Written], seconds: float) -> str:
         """Name the attributes."""
-        (obj, _), *_ = written
+        (_, obj, _), *_ = written
         return pgettext_rpt("Wrote {potential} and {flow} to {name}, {seconds:.1f} s.").format(
             potential=data.flow.POTENTIAL, flow=data.flow.FLOW, name=obj.name, seconds=seconds
         )
 
-    def notes(self, written: list[tuple]) -> str:
+    def notes(self, written: list[Written]) -> str:
         """Leave it at that: nothing has moved."""
         return ""
 

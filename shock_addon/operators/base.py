@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
@@ -38,6 +38,18 @@ _FAILED = "{operator} failed: {reason}; the console has the details."
 _FAILED_WRITING = (
     "{operator} failed while writing: {reason}; undo it, and see the console for the details."
 )
+
+
+class Written(NamedTuple):
+    """A target whose result is in place; `data` is the object or the image that has it."""
+
+    target: Any
+    data: Any
+    result: Any
+
+
+Done = tuple[list[Written], list[str]]
+"""What was written, and a sentence for each target that was left alone."""
 
 
 class FilterOperator(ModalJob):
@@ -72,19 +84,19 @@ class FilterOperator(ModalJob):
         """Return ``filter(surface, progress)``, which runs on any thread and knows no bpy."""
         return filter_of(self.row, settings, self)
 
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the results of `self.targets`; see `write_results`."""
         raise NotImplementedError
 
-    def counts(self, results: list[Any]) -> tuple[int, int]:
-        """Count what has changed, and what was worked on; results may be errors."""
+    def counts(self, written: list[Written]) -> tuple[int, int]:
+        """Count what has changed, and what was worked on."""
         raise NotImplementedError
 
-    def summary(self, written: list[tuple], seconds: float) -> str:
+    def summary(self, written: list[Written], seconds: float) -> str:
         """Say in one line what was done and how long it took."""
         raise NotImplementedError
 
-    def notes(self, written: list[tuple]) -> str:
+    def notes(self, written: list[Written]) -> str:
         """Say what was left as it is although it shapes what is seen."""
         return ""
 
@@ -103,9 +115,14 @@ class FilterOperator(ModalJob):
         if work is None:
             return {"CANCELLED"}
         manager = context.window_manager
+
+        def show(fraction: float, message: str) -> bool:
+            manager.progress_update(fraction)
+            return listener is None or listener(fraction, message)
+
         manager.progress_begin(0.0, 1.0)
         try:
-            return self.finish(context, lambda: work(_shown_by(manager)))
+            return self.finish(context, lambda: work(show))
         finally:
             manager.progress_end()
 
@@ -180,7 +197,7 @@ class FilterOperator(ModalJob):
         seconds = time.perf_counter() - self._began
         statistics.learn(self, seconds)
         if listener is not None:
-            listener.counts = self.counts(results)
+            listener.counts = self.counts(written)
         # In one line: Blender's status bar shows only the last report.
         parts = [self.summary(written, seconds), self.notes(written), *skipped]
         self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
@@ -242,13 +259,12 @@ def filter_targets(targets: Sequence[Any], function: Filter, progress: Progress)
 
 def write_results(
     targets: Sequence[Any], results: list[Any], write: Callable[[Any, Any], Any]
-) -> tuple[list[tuple], list[str]]:
+) -> Done:
     """Write what was computed.
 
     Returns
     -------
-    written : list of tuple
-        What `write` returned, with the result.
+    written : list of Written
     skipped : list of str
         A sentence for each target that was left alone.
     """
@@ -258,7 +274,7 @@ def write_results(
             skipped += sentences([(target.name, as_reason(explain(result)))])
             continue
         try:
-            written.append((write(target, result), result))
+            written.append(Written(target, write(target, result), result))
         except Skipped as reason:
             skipped += sentences([(target.name, str(reason))])
     return written, skipped
@@ -280,11 +296,3 @@ def describe_colors(results: Sequence[Any], things: str, advice: str) -> str:
     if largest < _HARDLY_SEEN and advice:
         text += f" ({pgettext_rpt(advice)})"
     return text
-
-
-def _shown_by(manager: bpy.types.WindowManager) -> Progress:
-    def show(fraction: float, message: str) -> bool:
-        manager.progress_update(fraction)
-        return listener is None or listener(fraction, message)
-
-    return show

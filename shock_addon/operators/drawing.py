@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..modes import STEADY_STATE, Mode
+from ..modes import Mode
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
@@ -55,14 +55,15 @@ def _section(layout: bpy.types.UILayout, mode: Mode, title: str) -> bpy.types.UI
 def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
     """Draw the settings that most runs differ in."""
     column = split(layout)
-    for name, about in mode.target(parameters).fields.items():
+    target = mode.target(parameters)
+    for name, about in target.fields.items():
         if about.advanced:
             continue
         row = column.row()
         row.prop(parameters, name)
-        if name == "time" and hasattr(parameters, STEADY_STATE):
-            row.active = not parameters.steady_state
-            column.prop(parameters, STEADY_STATE)
+        if name == target.time and target.steady_state:
+            row.active = not getattr(parameters, target.steady_state)
+            column.prop(parameters, target.steady_state)
     if mode.follows is not None:
         _draw_switched(column, parameters, "then_sharpen", "sharpen_time")
 

@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..data.skipped import Refused, Skipped, sentences
 from . import poll as obstacles
-from .base import FilterOperator, can_run, describe_colors, write_results
+from .base import Done, FilterOperator, Written, can_run, describe_colors, write_results
 
 
 class OneImageOperator(FilterOperator):
@@ -25,9 +25,12 @@ class OneImageOperator(FilterOperator):
         """Return the target, and reasons for what does not take part; or raise `Skipped`."""
         raise NotImplementedError
 
-    def write_one(self, target: Any, result: Any) -> bpy.types.Image:
-        """Return the image that was written, or raise `Skipped`."""
+    def parts(self, target: Any, result: Any) -> dict[int, Any]:
+        """Return the new colors of each part of the image; see `data.images.read_parts`."""
         raise NotImplementedError
+
+    def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
+        """Show a new image where `source` was seen."""
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the named image, or the one that is shown."""
@@ -44,14 +47,42 @@ class OneImageOperator(FilterOperator):
         self.image = image.name  # redo must not take the result, which is shown by then
         return [target], skipped
 
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the image and show it in the Image Editor."""
-        written, skipped = write_results(self.targets, results, self.write_one)
-        for image, _ in written:
+        written, skipped = write_results(self.targets, results, self._write_one)
+        for _, image, _ in written:
             self.result = image.name
             if data.chosen.edited_image(context) is not None:
                 context.space_data.image = image
         return written, skipped
+
+    def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
+        source = data.images.find_image(target)
+        self._parts = self.parts(target, result)
+        new = {number: part.colors for number, part in self._parts.items()}
+        if self.output == "NEW":
+            image = data.images.add_or_reuse(source, self.row.done.lower(), self.result, new)
+            self.show(target, source, image)
+            return image
+        if any(part.changed for part in self._parts.values()):
+            data.images.overwrite(source, target.parts, new)
+        return source
+
+    def counts(self, written: list[Written]) -> tuple[int, int]:
+        """Count pixels, of all parts."""
+        parts = self._parts.values()
+        changed = sum(part.changed for part in parts)
+        return changed, sum(part.colors[..., 0].size for part in parts)
+
+    def facts(self, written: list[Written], seconds: float) -> dict[str, Any]:
+        """Return what `summary` names."""
+        ((_, image, _),) = written
+        changes = describe_colors(list(self._parts.values()), "pixels", self.row.advice)
+        if self.row.changes:
+            changed, total = self.counts(written)
+            changes = pgettext_rpt(self.row.changes).format(changed=changed, total=total)
+        names = {"old": self.image, "new": image.name}
+        return {"done": self.done(), "changes": changes, "seconds": seconds, **names}
 
 
 class ImageOperator(OneImageOperator):
@@ -73,33 +104,16 @@ class ImageOperator(OneImageOperator):
         """Read the image."""
         return data.images.read_image(image), []
 
-    def write_one(self, target: Any, result: Any) -> bpy.types.Image:
-        """Write the image, or a new one beside it."""
-        source = data.images.find_image(target)
-        new = {data.images.UNTILED: result.colors}
-        if self.output == "REPLACE":
-            if result.changed:
-                data.images.overwrite(source, target.parts, new)
-            return source
-        return data.images.add_or_reuse(source, self.row.done.lower(), self.result, new)
+    def parts(self, target: Any, result: Any) -> dict[int, Any]:
+        """Take all of it."""
+        return {data.images.UNTILED: result}
 
-    def counts(self, results: list[Any]) -> tuple[int, int]:
-        """Count pixels."""
-        (result,) = results
-        return result.changed, result.colors[..., 0].size
-
-    def summary(self, written: list[tuple], seconds: float) -> str:
+    def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count pixels."""
-        ((image, result),) = written
+        facts = self.facts(written, seconds)
         text = pgettext_rpt(
             "{done} the image {old}: {changes}, {seconds:.1f} s."
-            if image.name == self.image
+            if facts["new"] == facts["old"]
             else "{done} the image {old} into {new}: {changes}, {seconds:.1f} s."
         )
-        return text.format(
-            done=self.done(),
-            old=self.image,
-            new=image.name,
-            changes=describe_colors([result], "pixels", self.row.advice),
-            seconds=seconds,
-        )
+        return text.format(**facts)

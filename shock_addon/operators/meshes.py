@@ -13,7 +13,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..modes import load
 from . import poll as obstacles
-from .base import FilterOperator, can_run, counted, describe_colors, write_results
+from .base import Done, FilterOperator, Written, can_run, counted, describe_colors, write_results
 
 
 class MeshOperator(FilterOperator):
@@ -38,25 +38,27 @@ class MeshOperator(FilterOperator):
         """Read all selected objects, or those in the current object mode."""
         return data.meshes.read_targets(context, self.reader(), self)
 
-    def write(self, context: bpy.types.Context, results: list[Any]) -> tuple[list, list[str]]:
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write them, and return to the current object mode."""
         with data.meshes.object_mode(context):
             return write_results(self.targets, results, self.writer())
 
-    def counts(self, results: list[Any]) -> tuple[int, int]:
-        """Count vertices, or colors; a shape counts where positions differ at all."""
+    def counts(self, written: list[Written]) -> tuple[int, int]:
+        """Count vertices, where positions differ at all, and colors."""
         changed = total = 0
-        for target, result in zip(self.targets, results, strict=True):
-            if hasattr(result, "positions"):
-                moved = (result.positions != target.surface.positions).any(axis=1)
+        for target, _, result in written:
+            if "output" in self.row.target(self).places:
+                old = getattr(target.surface, "shape", target.surface).positions
+                moved = (getattr(result, "shape", result).positions != old).any(axis=1)
                 changed, total = changed + int(moved.sum()), total + len(moved)
-            elif hasattr(result, "colors"):
-                changed, total = changed + result.changed, total + len(result.colors)
+            if "attribute" in self.row.target(self).places:
+                paint = getattr(result, "paint", result)
+                changed, total = changed + paint.changed, total + len(paint.colors)
         return changed, total
 
-    def summary(self, written: list[tuple], seconds: float) -> str:
+    def summary(self, written: list[Written], seconds: float) -> str:
         """Count meshes, and what has changed of them."""
-        results = [result for _, result in written]
+        results = [each.result for each in written]
         meshes = counted(len(written), "1 mesh", "{:,} meshes")
         kind = self.row.target(self).data_kind
         text, advice = pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s."), ""
@@ -77,10 +79,10 @@ class MeshOperator(FilterOperator):
         said = text.format(done=self.done(), meshes=meshes, changes=changes, seconds=seconds)
         return f"{said} {advice}".rstrip()
 
-    def notes(self, written: list[tuple]) -> str:
+    def notes(self, written: list[Written]) -> str:
         """Say what shapes what is seen beside the vertices, where these may have moved."""
         moves = "output" in self.row.target(self).places
-        return notes([obj for obj, _ in written], self) if moves else ""
+        return notes([each.data for each in written], self) if moves else ""
 
 
 def describe_moves(results: list[Any]) -> str:
@@ -125,11 +127,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
 
 
 def _is_flat(mesh: bpy.types.Mesh) -> bool:
-    import numpy as np
-
-    flags = np.empty(len(mesh.polygons), dtype=bool)
-    mesh.polygons.foreach_get("use_smooth", flags)
-    return not flags.any()
+    return not data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:

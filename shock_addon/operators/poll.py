@@ -33,7 +33,7 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     if mode.data.in_images:
         return of_textures(context) or _of_texture(context, settings)
     obstacle = of_meshes(context) or _of_links(context) or _of_faces(context)
-    if not obstacle and mode.target(settings).data.has_colors:
+    if not obstacle and "attribute" in mode.target(settings).places:
         obstacle = _of_colors(context)
     return obstacle
 

@@ -25,7 +25,7 @@ def annotations_of(settings: type, prefix: str = "") -> dict[str, Any]:
     for name, (kind, default, about) in describe(settings).items():
         annotations[prefix + name] = _property(name, kind, default, about)
         if name == "time" and math.isinf(about.maximum):
-            annotations[STEADY_STATE] = bpy.props.BoolProperty(
+            annotations[prefix + STEADY_STATE] = bpy.props.BoolProperty(
                 name="Steady State",
                 description="Flow until nothing changes any more: the time is infinite",
                 default=math.isinf(default),
@@ -61,7 +61,7 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
         values[name] = value
     if values.get("fidelity"):  # the panel grays the radius out, which says the same
         values.pop("screening_radius")
-    if getattr(owner, STEADY_STATE, False):
+    if getattr(owner, prefix + STEADY_STATE, False):
         values["time"] = math.inf
     return settings(**values)
 
@@ -100,18 +100,11 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
     return bpy.props.FloatProperty(
         default=default,
         precision=1 if high - low > _WIDE else 3,
-        step=_step(default, high - low),
+        # What a click on an arrow adds, in hundredths: a hundredth of the range, or less.
+        step=min(high - low, 100.0 * default / 16.0) if default else high - low,
         **limits,
         **text,
     )
-
-
-def _step(default: float, width: float) -> float:
-    """Choose what a click on an arrow or a pixel of dragging adds, in hundredths.
-
-    It is a hundredth of the range, but at most a sixteenth of the default.
-    """
-    return min(width, 100.0 * default / 16.0) if default else width
 
 
 def _output(*items: tuple[str, str, str]) -> Any:
@@ -272,60 +265,33 @@ def parameters_of(mode: Mode) -> dict[str, Any]:
 
 def _then_sharpen(settings: type) -> dict[str, Any]:
     kind, default, about = describe(settings)["time"]
-    about = about._replace(
-        description="How long the result is sharpened. 0 changes nothing;"
-        " 4096 pulls wide edges together",
-    )
+    text = "How long the result is sharpened. 0 changes nothing; 4096 pulls wide edges together"
     return {
         "then_sharpen": bpy.props.BoolProperty(
             name="Then Sharpen",
             description="Sharpen what is denoised in the same run",
             default=False,
         ),
-        "sharpen_time": _property("sharpen_time", kind, default, about),
+        "sharpen_time": _property("sharpen_time", kind, default, about._replace(description=text)),
     }
 
 
-def _group(mode: Mode) -> type:
-    return type(
-        f"SHOCK_FILTER_PG_{mode.key}",
-        (bpy.types.PropertyGroup,),
-        {
-            "__doc__": f"The panel's parameters for the mode {label(mode.key)}.",
-            "__module__": __name__,
-            "__annotations__": parameters_of(mode),
-        },
-    )
-
-
-def _choice(modes: list[Mode], default: str, description: str, in_images: bool) -> Any:
+def _choice(description: str, in_images: bool) -> Any:
     return bpy.props.EnumProperty(
         name="Mode",
         description=description,
         items=[
             (mode.key.upper(), mode.label, (in_images and mode.about_in_images) or mode.about)
-            for mode in modes
+            for mode in choices()
+            if (mode.data.in_images if in_images else mode.data.on_surface)
         ],
-        default=default,
+        default="IMAGE" if in_images else "GEOMETRY",
     )
 
 
-def _scene_group(groups: dict[str, type]) -> type:
-    in_3d = [mode for mode in choices() if mode.in_3d]
-    in_images = [mode for mode in choices() if mode.in_images]
-    return type(
-        "SHOCK_FILTER_PG_scene",
-        (bpy.types.PropertyGroup,),
-        {
-            "__doc__": "What the panels keep in each scene.",
-            "__module__": __name__,
-            "__annotations__": {
-                "mode": _choice(in_3d, "GEOMETRY", "What to do", False),
-                "image_mode": _choice(in_images, "IMAGE", "What to do with the image", True),
-                **{key: bpy.props.PointerProperty(type=group) for key, group in groups.items()},
-            },
-        },
-    )
+def _group(name: str, about: str, annotations: dict[str, Any]) -> type:
+    parts = {"__doc__": about, "__module__": __name__, "__annotations__": annotations}
+    return type(f"SHOCK_FILTER_PG_{name}", (bpy.types.PropertyGroup,), parts)
 
 
 _classes: list[type] = []
@@ -333,12 +299,18 @@ _classes: list[type] = []
 
 def register() -> None:
     """Add the property groups and the scene's settings."""
-    groups = {mode.key: _group(mode) for mode in choices()}
-    scene = _scene_group(groups)
-    _classes[:] = [*groups.values(), scene]
+    kept = {
+        "mode": _choice("What to do", in_images=False),
+        "image_mode": _choice("What to do with the image", in_images=True),
+    }
+    for mode in choices():
+        about = f"The panel's parameters for the mode {label(mode.key)}."
+        _classes.append(_group(mode.key, about, parameters_of(mode)))
+        kept[mode.key] = bpy.props.PointerProperty(type=_classes[-1])
+    _classes.append(_group("scene", "What the panels keep in each scene.", kept))
     for cls in _classes:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.shock_filter = bpy.props.PointerProperty(type=scene)
+    bpy.types.Scene.shock_filter = bpy.props.PointerProperty(type=_classes[-1])
 
 
 def unregister() -> None:
@@ -346,3 +318,4 @@ def unregister() -> None:
     del bpy.types.Scene.shock_filter
     for cls in reversed(_classes):
         bpy.utils.unregister_class(cls)
+    _classes.clear()

@@ -195,7 +195,7 @@ def _of_meshes(context: bpy.types.Context) -> str:
     if not obstacle and context.object not in data.chosen.mesh_objects(context):
         obstacle = "Make one of the selected mesh objects the active one."
     mode = _shown_mode(context)
-    if not obstacle and mode.in_images:
+    if not obstacle and mode.data.in_images:
         obstacle = _of_texture(context, getattr(context.scene.shock_filter, mode.key).image)
     return obstacle
 

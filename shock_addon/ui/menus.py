@@ -29,14 +29,14 @@ class SHOCK_FILTER_MT_filters(bpy.types.Menu):
         in_images = context.space_data.type == "IMAGE_EDITOR"
         for mode in choices():
             target = mode.target_in(context.mode)
-            if not (mode.in_images if in_images else target):
+            if not (mode.data.in_images if in_images else target):
                 continue
             operator = draw_filter(layout, context, mode)
             if len(mode.targets) > 1 and context.mode != "OBJECT":
                 operator.target = target.key
         for mode in choices():
             for other in below(mode):
-                if mode.in_images if in_images else mode.target_in(context.mode):
+                if mode.data.in_images if in_images else mode.target_in(context.mode):
                     draw_filter(layout, context, other)
 
 

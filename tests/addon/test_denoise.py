@@ -7,15 +7,16 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core.host.denoising import denoise_both
+from shock_filter.core.host.denoising import filter_both
 from shock_filter.core.host.inputs import Denoising
-from shock_filter.shock_addon.data import painted
+from shock_filter.shock_addon.data import geometry, painted
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
     read_targets,
     write_positions,
 )
+from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import properties
@@ -203,15 +204,54 @@ def test_several_objects_at_once_and_a_shared_mesh_once(noisy_cube, select):
     np.testing.assert_array_equal(read_positions(one.data), read_positions(other.data))
 
 
+@pytest.fixture
+def counting(monkeypatch):
+    """Listen to runs as a command line does, and return what keeps their counts."""
+
+    class Listener:
+        counts = None
+
+        def __call__(self, fraction, message):
+            return True
+
+    monkeypatch.setattr(operators, "listener", Listener())
+    return operators.listener
+
+
+@pytest.mark.parametrize(("target", "values"), [("geometry", 1), ("colors", 1), ("both", 2)])
+def test_a_command_line_hears_how_many_values_have_changed(noisy_cube, counting, target, values):
+    cube, _ = noisy_cube()
+    assert denoise(target=target, color_time=4096.0) == {"FINISHED"}
+    changed, total = counting.counts
+    assert total == values * len(cube.data.vertices)
+    assert 0.9 * total < changed <= total
+
+
+def test_what_was_not_written_is_not_counted(noisy_cube, select, counting, monkeypatch):
+    objects = [noisy_cube(name=name)[0] for name in ("One", "Other")]
+    select(*objects)
+    write = geometry.write_geometry
+
+    def write_one(target, result, key_name):
+        if target.name == "Other":
+            raise Skipped("it was changed meanwhile; run again")
+        return write(target, result, key_name)
+
+    monkeypatch.setattr(geometry, "write_geometry", write_one)
+    assert denoise() == {"FINISHED"}
+    assert counting.counts[1] == len(objects[0].data.vertices)
+
+
 def test_modifiers_are_named_when_vertices_move():
     obj = SimpleNamespace(modifiers=["Mirror"], data=None)
     operator = bpy.types.SHOCK_FILTER_OT_denoise
     quiet = {"custom_normals": "CLEAR", "mark_sharp": False, "output": "SHAPE_KEY"}
-    geometry, colors = (
+    of_geometry, of_colors = (
         SimpleNamespace(row=operator.row, target=t, **quiet) for t in ("geometry", "colors")
     )
-    assert operator.notes(geometry, [(obj, None)]).startswith("Modifiers were left in place")
-    assert operator.notes(colors, [(obj, None)]) == ""
+    written = [operators.Written(None, obj, None)]
+    assert operator.notes(of_geometry, written).startswith("Modifiers were left in place")
+    assert operator.notes(of_colors, written) == ""
 
 
 def test_undo_brings_the_noise_back(noisy_cube):
@@ -409,7 +449,7 @@ def test_nothing_is_written_when_one_of_both_was_changed_meanwhile(noisy_cube):
     cube, _ = noisy_cube()
     (target,), _ = read_targets(bpy.context, painted.read_painted, parameters())
     settings = Denoising(properties_of("both"), None)
-    result = denoise_both(target.surface, settings, True, None)
+    result = filter_both(target.surface, "beltrami_vertex_signal", settings, True, None)
     data = cube.data.color_attributes["Paint"].data
     data[0].color = (0.0, 0.0, 0.0, 1.0)
     points = read_positions(cube.data)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shock_filter.core import Cancelled, TextureSettings
 from shock_filter.core.host.mosaic import Mosaic
-from shock_filter.core.host.registered import filter_texture
+from shock_filter.core.host.textures import filter_texture
 from shock_filter.shock_addon.data import chosen, tiles
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data import textures as texture_data

@@ -62,10 +62,10 @@ FILTERS += (
 MODES = """
 _TWICE = (Preset("Half", "For gray", {"strength": 0.5}), Preset("None", "For fun", {"strength": 0}))
 MODES += [
-    Mode("invert", "Invert", "Turn colors around", "invert_colors", "Invert Colors",
+    Mode("invert", "Invert", "Turn colors around", "invert_colors",
          "Turn colors around", (Target("invert_vertex_signal"),), "Inverted", "inverting",
          second="strength", presets=_TWICE),
-    Mode("invert_image", "Invert", "", "invert_image", "Invert Image", "Turn an image around",
+    Mode("invert_image", "Invert", "", "invert_image", "Turn an image around",
          (Target("invert_image"),), "Inverted", "inverting", second="strength", presets=_TWICE),
 ]
 """

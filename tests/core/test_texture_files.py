@@ -15,6 +15,7 @@ from shock_filter.core.files.textures import (
     read_textured_mesh,
     texture_mask_file,
 )
+from shock_filter.core.settings import MaskSettings, describe
 
 SIZE = 64
 GAP = 0.25
@@ -346,7 +347,7 @@ def test_cancelling_writes_nothing(tmp_path, mesh, texture):
 def test_masks_as_numbers(tmp_path, mesh):
     read = read_textured_mesh(mesh)
     masks = core.TextureAtlas(read.mesh, read.uv, 32, SIZE).masks()
-    for kind in cli.MASKS:
+    for kind in describe(MaskSettings)["kind"][2].choices:
         wanted = getattr(masks, kind)[::-1]
         for ending in ("npy", "tif", "exr"):
             path = tmp_path / f"{kind}.{ending}"
