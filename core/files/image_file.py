@@ -28,6 +28,8 @@ class ImageFile:
         What could not be taken from the file as it is.
     own : Any
         What only its own format understands.
+    only_own : list of str
+        Names of that, as far as another format leaves it behind.
     """
 
     pixels: npt.NDArray[Any]
@@ -35,9 +37,14 @@ class ImageFile:
     about: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     own: Any = None
+    only_own: list[str] = field(default_factory=list)
 
 
-def lost(image_file: ImageFile, target: Path, kept: set[str]) -> list[str]:
-    """A note on what a format cannot hold."""
-    missing = sorted(set(image_file.about) - kept)
-    return [f"{target.suffix} does not keep {', '.join(missing)}: left behind"] if missing else []
+def lost(image_file: ImageFile, target: Path, kept: set[str], name: str = "") -> list[str]:
+    """A note on what a format, of this name, cannot hold."""
+    missing = set(image_file.about) - kept
+    if image_file.format != name:
+        missing |= set(image_file.only_own)
+    if not missing:
+        return []
+    return [f"{target.suffix} does not keep {', '.join(sorted(missing))}: left behind"]

@@ -275,7 +275,7 @@ def test_exr_keeps_header_and_other_channels():
     assert channels["RGB"].max() > 1
     np.testing.assert_array_equal(channels["Z"], depth)
     left = sharpen("in.exr", "out.npy")
-    assert left.notes == (".npy does not keep the other channels (Z): left behind",)
+    assert left.notes == (".npy does not keep comments, the other channels (Z): left behind",)
 
 
 def test_what_is_lost_is_said():

@@ -13,6 +13,10 @@ from ..image_file import ImageFile, lost
 from ..reading import check_claim, needed
 
 _MAGIC = b"\x76\x2f\x31\x01"
+_PLAIN_HEADER = {
+    *("channels", "compression", "dataWindow", "displayWindow", "lineOrder", "pixelAspectRatio"),
+    *("screenWindowCenter", "screenWindowWidth", "tiles", "type", "chunkCount", "version"),
+}
 _COLORS = ("RGBA", "RGB", "Y")
 
 
@@ -44,8 +48,9 @@ def read_exr(path: Path) -> ImageFile:
     if pixels[name].dtype.kind != "f":
         raise ShockError(f"{path} holds whole numbers, not colors; save colors as half or float.")
     others = [other for other in pixels if other != name]
-    about = {f"the other channels ({', '.join(others)})": others} if others else {}
-    return ImageFile(pixels[name], "EXR", about, [], (header, pixels, name))
+    only_own = [f"the other channels ({', '.join(others)})"] if others else []
+    only_own += set(header) - _PLAIN_HEADER
+    return ImageFile(pixels[name], "EXR", own=(header, pixels, name), only_own=only_own)
 
 
 def write_exr(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
@@ -63,5 +68,6 @@ def write_exr(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
             f"{path.name} cannot be written ({error}); choose another output."
         ) from error
     if image_file.format == "EXR":
-        return [f"{other} stay as they are" for other in image_file.about]
+        channels = [name for name in image_file.only_own if name not in image_file.own[0]]
+        return [f"{name} stay as they are" for name in channels]
     return lost(image_file, path, set())

@@ -28,6 +28,14 @@ _PLAIN_MODES = ("L", "LA", "RGB", "RGBA")
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # Parts of a PNG that say how values are meant, so that they stay true for other values.
 _MEANING = (b"cHRM", b"gAMA", b"iCCP", b"sRGB", b"cICP", b"mDCV", b"cLLI")
+_CARRIED = (b"iCCP", b"pHYs", b"eXIf")
+_XMP_KEY = b"XML:com.adobe.xmp"
+# What else is read of a JPEG's parts, or tells how it is stored.
+_KNOWN_JPEG = (
+    *(b"JFIF", b"Exif\0", b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0", b"MPF\0"),
+    *(b"Adobe", b"Photoshop 3.0\0"),
+)
+_BMP_PROFILES = (b"DEBM", b"KNIL")
 _EXIF_MARK = b"Exif\0\0"
 _LIMIT = threading.Lock()
 _CLEAR_COLOR = "its transparent color became a channel of opacity"
@@ -46,10 +54,11 @@ def read_pillow(path: Path) -> ImageFile:
         image_file = ImageFile(np.empty(0), image.format or "", about)
         if image.format == "PNG":
             data = path.read_bytes()
-            image_file.own, damaged = _lasting_chunks(data)
-            if damaged:
-                kinds = ", ".join(kind.decode("latin-1") for kind in damaged)
-                image_file.notes.append(f"damaged parts of the file ({kinds}): left behind")
+            image_file.own, damaged, stale = _lasting_chunks(data)
+            for what, kinds in (("damaged parts", damaged), ("parts that tell of pixels", stale)):
+                if kinds:
+                    image_file.notes.append(f"{what} of the file ({_kinds(kinds)}): left behind")
+            image_file.only_own = _only_png(image_file.own)
             if data[24] == 16:
                 if "transparency" in image.info:
                     image_file.notes.append(_CLEAR_COLOR)
@@ -57,6 +66,13 @@ def read_pillow(path: Path) -> ImageFile:
                 return image_file
         if image.format in ("JPEG", "MPO"):
             image_file.own = _jpeg_options(image)
+            others = {name for name, data in image.applist if not data.startswith(_KNOWN_JPEG)}
+            if others - {"COM"}:
+                image_file.notes.append(f"{', '.join(sorted(others - {'COM'}))} data: left behind")
+            given = {"comment": "comment", "extra": "IPTC"}
+            image_file.only_own = [given[key] for key in image_file.own if key in given]
+        if image.format in ("BMP", "DIB") and path.read_bytes()[70:74] in _BMP_PROFILES:
+            image_file.notes.append("its color profile: left behind")
         if image.format == "MPO":
             image_file.notes.append("further pictures in the file (previews, depth): left behind")
         image_file.pixels = np.array(_plain(image, path, image_file.notes))
@@ -110,10 +126,10 @@ def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
         data = _encoded_png(pixels)
     chunks = image_file.own
     if image_file.format != "PNG":
-        chunks, _ = _lasting_chunks(_encoded_png(np.zeros((1, 1), np.uint8), image_file.about))
+        chunks, *_ = _lasting_chunks(_encoded_png(np.zeros((1, 1), np.uint8), image_file.about))
     start = len(_SIGNATURE) + 25  # after the header chunk
     path.write_bytes(b"".join([data[:start], *chunks, data[start:]]))
-    return []
+    return lost(image_file, path, _KEPT["PNG"], "PNG")
 
 
 def _encoded_png(pixels: npt.NDArray[Any], about: dict[str, Any] | None = None) -> bytes:
@@ -124,18 +140,19 @@ def _encoded_png(pixels: npt.NDArray[Any], about: dict[str, Any] | None = None) 
     options = _options(about or {}, "PNG")
     if XMP in (about or {}):
         options["pnginfo"] = PngImagePlugin.PngInfo()
-        options["pnginfo"].add_itxt("XML:com.adobe.xmp", options.pop("xmp"))
+        options["pnginfo"].add_itxt(_XMP_KEY, options.pop("xmp"))
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "PNG", **options)
     return stream.getvalue()
 
 
-def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes]]:
-    """The parts of a PNG file that stay true when its pixels change, and the kinds of damaged ones.
+def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]:
+    """The parts of a PNG file that stay true when its pixels change.
 
-    What stands behind the file's end is none of it.
+    Also the kinds of damaged parts, and of those that are true for the old pixels only. What stands
+    behind the file's end is none of it.
     """
-    found, damaged, place = [], [], len(_SIGNATURE)
+    found, damaged, stale, place = [], [], [], len(_SIGNATURE)
     while place + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, place)
         if kind == b"IEND":
@@ -147,8 +164,20 @@ def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes]]:
                 found.append(whole)
             else:
                 damaged.append(kind)
+        elif optional and kind != b"tRNS":  # which became opacity
+            stale.append(kind)
         place += 12 + length
-    return found, damaged
+    return found, damaged, stale
+
+
+def _kinds(kinds: list[bytes]) -> str:
+    return ", ".join(sorted({kind.decode("latin-1") for kind in kinds}))
+
+
+def _only_png(chunks: list[bytes]) -> list[str]:
+    """What other formats leave behind of a PNG's lasting parts."""
+    others = (each for each in chunks if each[4:8] not in _CARRIED and _XMP_KEY not in each[8:40])
+    return list({chunk[4:8].decode() for chunk in others})
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
@@ -169,6 +198,10 @@ def _jpeg_options(image: Any) -> dict[str, Any]:
         options["subsampling"] = sampling
     if "comment" in image.info:
         options["comment"] = image.info["comment"]
+    blocks = [data for _, data in image.applist if data.startswith(b"Photoshop 3.0\0")]
+    if blocks:  # of captions and copyright (IPTC)
+        parts = (b"\xff\xed" + struct.pack(">H", len(data) + 2) + data for data in blocks)
+        options["extra"] = b"".join(parts)
     return options
 
 
@@ -198,7 +231,7 @@ def _save(
     from PIL import Image
 
     Image.fromarray(pixels).save(path, name, **_options(image_file.about, name), **options)
-    return lost(image_file, path, _KEPT[name])
+    return lost(image_file, path, _KEPT[name], name)
 
 
 def _options(about: dict[str, Any], name: str) -> dict[str, Any]:

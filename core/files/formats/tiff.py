@@ -24,8 +24,10 @@ _MOST_PAGES = 99  # a picture and smaller copies of it; a damaged file may seem 
 _STORAGE = {254, 255, 256, 257, 258, 259, 262, 263, 264, 265, 266, 273, 277, 278, 279, 280, 281}
 _STORAGE |= {282, 283, 284, 288, 289, 296, 317, 320, 322, 323, 324, 325, 330, 338, 339, 340, 341}
 _STORAGE |= {347, 512, 513, 514, 515, 519, 520, 521, 529, 530, 531, 532, 34675}
-_TEXTS = {270: "description", 305: "software", 306: "datetime"}
-_BLOCKS = {34665: "EXIF", 34853: "GPS", 40965: "EXIF interoperability"}
+_SUB_PAGES = 330
+# What cannot be copied, or would show the old pixels.
+_BLOCKS = {34665: "EXIF", 34853: "GPS", 40965: "EXIF interoperability", 37724: "layers"}
+_TEXT = 2  # type of tags
 _RESOLUTION_UNITS = {1: None, 2: 1.0, 3: 2.54}
 _NAMES = {700: XMP, 34675: ICC}
 
@@ -67,19 +69,22 @@ def _read_page(page: Any, path: Path, has_previews: bool) -> ImageFile:
     if page.photometric == _PALETTE:
         pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
         notes.append("its palette was replaced by 16-bit RGB channels")
-    if has_previews:
+    if has_previews or _SUB_PAGES in tags:
         notes.append("smaller copies in the file: left behind")
     blocks = [name for code, name in _BLOCKS.items() if code in tags]
     if blocks:
         notes.append(f"{', '.join(blocks)} cannot be copied: left behind")
-    return ImageFile(pixels, "TIFF", about, notes, _write_options(page, tags))
+    options = _write_options(page)
+    named = {code: tag.name for code, tag in tags.items() if code not in _NAMES}
+    only_tiff = [named[code] for code, *_ in options["extratags"] if code in named]
+    return ImageFile(pixels, "TIFF", about, notes, options, only_tiff)
 
 
-def _write_options(page: Any, tags: dict[int, Any]) -> dict[str, Any]:
+def _write_options(page: Any) -> dict[str, Any]:
     """What `tifffile.imwrite` has to be told so that the copy is as the original."""
     from tifffile import TIFF
 
-    dropped = _STORAGE | set(_TEXTS) | set(_BLOCKS) | set(TIFF.TAG_FILTERED)
+    dropped = _STORAGE | set(_BLOCKS) | set(TIFF.TAG_FILTERED)
     extra = page.samplesperpixel - (1 if page.photometric in _GRAY else 3)
     stated = len(page.extrasamples) == extra
     options: dict[str, Any] = {
@@ -87,13 +92,20 @@ def _write_options(page: Any, tags: dict[int, Any]) -> dict[str, Any]:
         "compressed": page.compression != _NONE,
         "extrasamples": (page.extrasamples if stated else [_UNSPECIFIED] * extra) or None,
         "extratags": [
-            (tag.code, int(tag.dtype), tag.count, tag.value, True)
-            for tag in tags.values()
+            (tag.code, int(tag.dtype), tag.count, _tag_value(page, tag), True)
+            for tag in page.tags.values()  # some codes come twice
             if tag.code not in dropped
         ],
     }
-    options |= {name: tags[code].value for code, name in _TEXTS.items() if code in tags}
     return options
+
+
+def _tag_value(page: Any, tag: Any) -> Any:
+    if int(tag.dtype) != _TEXT:
+        return tag.value
+    file = page.parent.filehandle  # texts as bytes: nothing says how they are encoded
+    file.seek(tag.valueoffset)
+    return file.read(tag.valuebytecount)
 
 
 def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
@@ -117,4 +129,4 @@ def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> l
         data = image_file.about[XMP]
         options["extratags"] = [(700, 1, len(data), data, True)]
     needed("tifffile", path).imwrite(path, pixels, **options)
-    return lost(image_file, path, kept)
+    return lost(image_file, path, kept, "TIFF")
