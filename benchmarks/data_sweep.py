@@ -20,14 +20,14 @@ from report import table
 from shock_filter import core
 from shock_filter.core.atlas import TextureAtlas
 from shock_filter.core.files.formats.pillow import read_pillow
-from shock_filter.core.files.formats.trimesh import KEEPS, SceneFile
+from shock_filter.core.files.formats.trimesh import ENDINGS, SceneFile
 from shock_filter.core.files.meshes import IN_PLACE, read_document
 from shock_filter.core.files.textures import read_textured_mesh
 from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
 from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
 from shock_filter.core.registry import find
 
-MESHES = tuple(KEEPS)
+MESHES = tuple(ENDINGS)
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
 TEXTURE_SIZE = 512
 

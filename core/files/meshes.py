@@ -22,7 +22,7 @@ from .document import Document, Floats, InPlaceDocument, Ints
 from .formats.gltf import GltfFile
 from .formats.obj import ObjFile
 from .formats.ply import PlyFile, PlyVertices
-from .formats.trimesh import KEEPS, SceneFile
+from .formats.trimesh import ENDINGS, SceneFile
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_ending, check_source, check_target, reading, reading_back
 
@@ -68,11 +68,10 @@ def filter_mesh_file(
         If a file cannot be read or written, or as `function` does.
     """
     source, target = Path(source), Path(target)
-    check_target(target, KEEPS)
-    ending = target.suffix.lower()
-    keeps_format = source.suffix.lower() == ending
-    reader = IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile
-    document = read_document(source, reader, options.any_size)
+    check_target(target, ENDINGS)
+    readers = [IN_PLACE.get(path.suffix.lower()) for path in (source, target)]
+    reader = readers[0] if readers[0] == readers[1] else None
+    document = read_document(source, reader or SceneFile, options.any_size)
     weights = _read_mask(source, options)
     with reporting(options.progress):
         result = _filtered(document, weld(document.vertices), function, weights)
@@ -118,7 +117,7 @@ def filter_colors_file(
         As in `filter_mesh_file`.
     """
     source, target = Path(source), Path(target)
-    check_target(target, KEEPS)
+    check_target(target, ENDINGS)
     for path in (source, target):
         check_ending(path, IN_PLACE, "such files cannot be given other vertex colors")
     ending = target.suffix.lower()
@@ -149,7 +148,7 @@ def read_document(
     source: Path, reader: Callable[[Path], AnyDocument], any_size: bool = False
 ) -> AnyDocument:
     """Read a file, or say what is wrong with it."""
-    check_source(source, KEEPS)
+    check_source(source, ENDINGS)
     with reading(source, any_size):
         document = reader(source)
     if not len(document.faces):

@@ -133,6 +133,10 @@ def reading(path: Path, any_size: bool = False) -> Iterator[None]:
             yield
     except ShockError:
         raise
+    except ImportError as error:
+        raise ShockError(
+            f"{path}: this needs {error.name}; run: pip install {error.name}"
+        ) from error
     except MemoryError as error:
         raise ShockError(f"{path} needs more memory than there is ({error}); free some.") from error
     except Exception as error:

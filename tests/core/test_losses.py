@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a file holds arrives in the copy, or the note names it: for every pair of formats."""
 
+import json
 import struct
 import zlib
 from pathlib import Path
@@ -9,9 +10,12 @@ import numpy as np
 import OpenEXR
 import pytest
 import tifffile
+import trimesh
 from on_files import sharpen_image_file
 from PIL import Image
 from shock_filter import core
+from shock_filter.core.files.meshes import filter_mesh_file
+from test_files import ply_bytes
 from test_image_files import PROFILE, picture
 
 STRONG = core.ImageSettings(time=64)
@@ -182,3 +186,144 @@ def test_texts_of_a_tiff_may_hold_any_letters(tag, coding):
     tifffile.imwrite("in.tif", picture(), extratags=extra, **words)
     assert sharpen_image_file("in.tif", "out.tif", STRONG).notes == ()
     assert text + b"\0" in Path("out.tif").read_bytes()
+
+
+# ------------------------------------------------------------------------------------------ meshes
+
+BOX = trimesh.creation.box()
+UV = BOX.vertices[:, :2] + 0.5
+
+
+def obj(name):
+    rows = ["# a remark", "mtllib in.mtl", "vp 0.1 0.2", "o Body", "g a_group"]
+    rows += ["v {} {} {} 0.5 0.25 1".format(*v) for v in BOX.vertices]
+    rows += ["vt {} {}".format(*v) for v in UV]
+    rows += ["vn {} {} {}".format(*v) for v in BOX.vertex_normals]
+    rows += ["usemtl paint", "s 1"]
+    rows += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in BOX.faces + 1]
+    Path(name).write_text("\n".join([*rows, "l 1 2", "p 3"]) + "\n")
+    Image.fromarray(picture()).save("color.png")
+    Image.fromarray(picture()).save("bump.png")
+    Path("in.mtl").write_text("newmtl paint\nKd 1 0 0\nmap_Kd color.png\nmap_Bump bump.png\n")
+
+
+def ply(name):
+    rows = len(BOX.vertices)
+    table = [(n, "float", "f4", BOX.vertex_normals[:, k]) for k, n in enumerate(("nx", "ny", "nz"))]
+    table += [(n, "uchar", "u1", np.full(rows, 99)) for n in ("red", "green", "blue")]
+    table += [(n, "float", "f4", UV[:, k]) for k, n in enumerate("st")]
+    table += [("quality", "float", "f4", np.ones(rows))]
+    data = ply_bytes(BOX.vertices, BOX.faces, table)
+    edges = b"element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header"
+    Path(name).write_bytes(data.replace(b"end_header", edges) + struct.pack("<2i", 0, 1))
+
+
+def stl(name):
+    data = bytearray(BOX.export(file_type="stl"))
+    data[:80] = b"a header".ljust(80)
+    data[132:134] = b"\x1f\x80"
+    Path(name).write_bytes(data)
+
+
+def text_stl(name):
+    Path(name).write_text("solid Body\n" + BOX.export(file_type="stl_ascii").partition("\n")[2])
+
+
+def off(name):
+    text = BOX.export(file_type="off")
+    Path(name).write_text(text.replace("OFF\n", "OFF\n# a remark\n"))
+
+
+def glb(name):
+    mesh = BOX.copy()
+    image = Image.fromarray(picture())
+    material = trimesh.visual.material.PBRMaterial(
+        name="paint", baseColorTexture=image, normalTexture=image
+    )
+    mesh.visual = trimesh.visual.TextureVisuals(uv=UV, material=material)
+    data = trimesh.Scene({"Body": mesh}).export(file_type="glb", include_normals=True)
+    length = struct.unpack_from("<I", data, 12)[0]
+    tree, rest = json.loads(data[20 : 20 + length]), data[20 + length :]
+    attributes = tree["meshes"][0]["primitives"][0]["attributes"]
+    attributes |= {"TEXCOORD_1": attributes["TEXCOORD_0"], "_WEIGHT": attributes["NORMAL"]}
+    attributes["COLOR_0"] = attributes["POSITION"]
+    tree["meshes"][0]["primitives"] += [{"mode": 0, "attributes": {"POSITION": 1}}]
+    tree["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": attributes["NORMAL"]}]
+    tree |= {
+        "animations": [{"name": "a_spin", "channels": [], "samplers": []}],
+        "skins": [{"name": "a_skin", "joints": [0]}],
+        "cameras": [{"name": "a_camera", "type": "perspective"}],
+        "extras": {"note": "an_extra"},
+        "extensions": {"KHR_lights_punctual": {"lights": [{"name": "a_light"}]}, "EXT_own": {}},
+        "extensionsUsed": ["KHR_lights_punctual", "EXT_own"],
+    }
+    tree["asset"]["copyright"] = "me_alone"
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    own = struct.pack("<I4s", 8, b"OWNP") + b"a_secret"
+    size = 20 + len(text) + len(rest) + len(own)
+    head = struct.pack("<4sIIII", b"glTF", 2, size, len(text), 0x4E4F534A)
+    Path(name).write_bytes(head + text + rest + own)
+
+
+def text_gltf(name):
+    glb("once.glb")
+    filter_mesh_file(lambda mesh, mask: mesh.vertices, "once.glb", name)
+
+
+MESHES = {"in.obj": obj, "in.ply": ply, "in.stl": stl, "text.stl": text_stl, "in.off": off}
+MESHES |= {"in.glb": glb, "in.gltf": text_gltf}
+OF_GLTF = {
+    "animations": b"a_spin", "skins": b"a_skin", "cameras": b"a_camera", "lights": b"a_light",
+    "extras": b"an_extra", "copyright": b"me_alone", "morph targets": b"targets",
+    "TEXCOORD_1": b"TEXCOORD_1", "_WEIGHT": b"_WEIGHT", "EXT_own": b"EXT_own",
+    "lines and points": b'"mode":0', "UVs": b"TEXCOORD_0", "colors": b"COLOR_0",
+    "normals": b"NORMAL", "materials": b'"materials"', "object names": b"Body",
+    "textures of more than color": b"normalTexture",
+}  # fmt: skip
+OF_OBJ = {
+    "comments": b"# a remark", "groups": b"g a_group", "curves and surfaces": b"vp ",
+    "smoothing groups": b"s 1", "lines and points": b"\nl 1", "UVs": b"vt ", "normals": b"vn ",
+    "materials": b"newmtl paint", "object names": b"o Body", "colors": b"0.5 0.25 1",
+    "textures of more than color": b"map_Bump",
+}  # fmt: skip
+OF_PLY = {
+    "comments": b"comment a scan", "quality": b"quality", "(edge)": b"edge", "normals": b"nx",
+    "UVs": b"float s", "colors": b"red",
+}  # fmt: skip
+MESH_ITEMS = {
+    "in.obj": OF_OBJ, "in.ply": OF_PLY, "in.off": {"comments": b"# a remark"},
+    "in.stl": {"the header's text": b"a header", "colors": b"\x1f\x80"},
+    "text.stl": {"object names": b"solid Body"}, "in.gltf": OF_GLTF,
+    "in.glb": OF_GLTF | {"OWNP": b"a_secret"},
+}  # fmt: skip
+SPELT = {
+    ".obj": {"UVs": b"vt ", "materials": b"newmtl paint", "normals": b"vn "},
+    ".ply": {"UVs": b" s\nproperty", "colors": b"red", "normals": b"nx"},
+}
+"""How formats spell what others have, too."""
+
+
+@pytest.mark.parametrize("target", [".obj", ".ply", ".stl", ".off", ".glb", ".gltf"])
+@pytest.mark.parametrize("source", MESHES)
+def test_meshes(folder, source, target):
+    (folder / "out").mkdir()
+    MESHES[source](source)
+    outcome = filter_mesh_file(lambda mesh, mask: mesh.vertices * 1.5, source, f"out/out{target}")
+    note = "; ".join(outcome.notes)
+    data = b"".join(path.read_bytes() for path in sorted((folder / "out").iterdir()))
+    spelt = MESH_ITEMS[source]
+    converted = Path(source).suffix != target and not ("gl" in source and "gl" in target)
+    if converted:
+        spelt = {**spelt, **SPELT.get(target, {}), **(OF_GLTF if "gl" in target else {})}
+    lost = {item for item in MESH_ITEMS[source] if spelt[item] not in data}
+    if converted and target in (".obj", ".glb", ".gltf") and "colors" in MESH_ITEMS[source]:
+        mesh = trimesh.load_scene(f"out/out{target}", process=False).to_mesh()
+        lost |= {"colors"} if not has_colors(mesh) else set()
+    assert sorted(item for item in lost if item.strip("()") not in note) == []
+    if not converted and target not in (".stl", ".off"):
+        assert lost <= {"OWNP"}
+
+
+def has_colors(mesh):
+    return mesh.visual.kind == "vertex" or "color" in mesh.vertex_attributes

@@ -20,7 +20,7 @@ from shock_filter.core.files import images, reading
 from shock_filter.core.files.formats.gltf import GltfFile
 from shock_filter.core.files.formats.obj import ObjFile
 from shock_filter.core.files.formats.ply import PlyFile
-from shock_filter.core.files.formats.trimesh import SceneFile
+from shock_filter.core.files.formats.trimesh import SceneFile, load_scene
 from shock_filter.core.files.images import filter_image_file
 from shock_filter.core.files.meshes import filter_mesh_file
 from shock_filter.core.files.output import Options
@@ -395,3 +395,153 @@ def test_archives_of_arrays_are_named():
     Path("in.npz").rename("in.npy")
     with pytest.raises(core.ShockError, match=r"in\.npy is an archive of arrays"):
         sharpen_image_file("in.npy", "out.npy", STRONG)
+
+
+# ------------------------------------------------------------------------------ letters and numbers
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n"
+LETTERS = "Größe ©".encode("latin-1")
+
+
+def lettered(name):
+    """A mesh file with letters that are not UTF-8, where its format has room for words."""
+    shape = trimesh.Trimesh(TRIANGLE, CORNERS.reshape(-1, 3), process=False)
+    if name == "in.obj":
+        Path(name).write_bytes(b"# " + LETTERS + b"\no " + LETTERS + b"\n" + TETRAHEDRON.encode())
+    elif name == "in.stl":
+        data = shape.export(file_type="stl_ascii").encode()
+        Path(name).write_bytes(data.replace(b"solid ", b"solid " + LETTERS))
+    elif name == "in.off":
+        data = shape.export(file_type="off").encode()
+        Path(name).write_bytes(data.replace(b"OFF\n", b"OFF\n# " + LETTERS + b"\n"))
+    else:
+        data = shape.export(file_type="ply")
+        header = b"ply\n", b"comment " + LETTERS + b"\n"
+        encoding, _, rest = data.removeprefix(b"ply\n").partition(b"\n")
+        Path(name).write_bytes(header[0] + encoding + b"\n" + header[1] + rest)
+
+
+@pytest.mark.parametrize("target", ["out.obj", "out.ply", "out.stl", "out.off", "out.glb"])
+@pytest.mark.parametrize("name", ["in.obj", "in.stl", "in.off", "in.ply"])
+def test_letters_that_are_not_utf8(name, target, monkeypatch):
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    lettered(name)
+    filter_mesh_file(lift, name, target)
+    mesh = load_scene(Path(target))[0].to_mesh()
+    assert abs(mesh.volume) == pytest.approx(1 / 6, rel=1e-6)
+
+
+def test_a_cut_stl_is_called_damaged(monkeypatch):
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    trimesh.creation.icosphere().export("in.stl")
+    data = Path("in.stl").read_bytes()
+    for cut in (data[:-30], data[:700], b"\xff" * 90):
+        Path("in.stl").write_bytes(cut)
+        for target in ("out.stl", "out.obj"):
+            with pytest.raises(core.ShockError, match=r"in\.stl cannot be read; is it damaged"):
+                filter_mesh_file(lift, "in.stl", target)
+
+
+def test_packages_that_readers_miss_are_named(monkeypatch):
+    lettered("in.off")
+
+    def miss(*_, **__):
+        raise ModuleNotFoundError("No module named 'special'", name="special")
+
+    monkeypatch.setattr(trimesh, "load_scene", miss)
+    with pytest.raises(core.ShockError, match="needs special; run: pip install special"):
+        filter_mesh_file(lift, "in.off", "out.off")
+
+
+@pytest.mark.parametrize("target", ["out.obj", "out.ply"])
+def test_a_byte_order_mark_does_not_hide_the_first_vertex(target):
+    Path("in.obj").write_bytes(b"\xef\xbb\xbf" + TETRAHEDRON.encode())
+    outcome = filter_mesh_file(lift, "in.obj", target)
+    assert outcome.total == 4
+    assert Path(target).read_bytes().startswith((b"\xef\xbb\xbfv 1 1 1", b"ply"))
+    mesh = load_scene(Path(target))[0].to_mesh()
+    np.testing.assert_allclose(mesh.bounds, [[1] * 3, [2] * 3])
+
+
+def text_ply(numbers):
+    header = "ply\nformat ascii 1.0\nelement vertex 4\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    header += "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = [*numbers, "3 0 1 2", "3 0 2 3", "3 0 3 1", "3 1 3 2"]
+    return header + "\n".join(rows) + "\n"
+
+
+def test_long_numbers_of_a_text_ply_are_read_whole():
+    long = f"1{'0' * 45}e-45"
+    Path("in.ply").write_text(text_ply(["0 0 0", f"{long} 0 0", "0 1 0", "0 0 1"]))
+    seen = []
+
+    def look(mesh, mask):
+        seen.append(mesh.vertices)
+        return mesh.vertices
+
+    filter_mesh_file(look, "in.ply", "out.ply")
+    assert seen[0][1, 0] == 1.0
+
+
+def test_a_text_ply_that_is_cut_is_named():
+    Path("in.ply").write_text(text_ply(["0 0 0", "1 0 0", "0 1 0", "0 0 1"])[:-16])
+    with pytest.raises(core.ShockError, match="fewer lines than its header says"):
+        filter_mesh_file(lift, "in.ply", "out.ply")
+    assert "of 4 polygons, 2 could be read" in filter_mesh_file(lift, "in.ply", "out.obj").notes
+
+
+@pytest.mark.parametrize("target", ["out.glb", "out.stl", "out.ply", "in.glb", "in.ply"])
+def test_positions_beyond_32_bits_are_refused(target):
+    large = trimesh.Trimesh(TRIANGLE * np.float32(3e38), CORNERS.reshape(-1, 3), process=False)
+    name = target if target.startswith("in.") else "in.obj"
+    large.export(name)
+    before = Path(name).read_bytes()
+
+    def double(mesh, mask):
+        return mesh.vertices * 2
+
+    with pytest.raises(core.InvalidMesh, match="do not fit into this format; scale the mesh down"):
+        filter_mesh_file(double, name, target, Options(overwrite=True))
+    assert Path(name).read_bytes() == before
+
+
+def with_draco(path):
+    """A model whose primitive stands there compressed, too, for readers that know how."""
+    gltf(path, ["model.bin"])
+    tree = json.loads(path.read_text())
+    draco = {"bufferView": 0, "attributes": {"POSITION": 0}}
+    tree["meshes"][0]["primitives"][0]["extensions"] = {"KHR_draco_mesh_compression": draco}
+    tree["extensionsUsed"] = ["KHR_draco_mesh_compression"]
+    path.write_text(json.dumps(tree))
+
+
+def test_a_compressed_copy_of_what_changed_is_dropped(folder):
+    with_draco(folder / "in.gltf")
+    outcome = filter_mesh_file(lift, "in.gltf", "out.gltf")
+    assert "its compressed copy (Draco) was left behind" in outcome.notes
+    assert "draco" not in (folder / "out.gltf").read_text()
+    assert "extensionsUsed" not in (folder / "out.gltf").read_text()
+    outcome = filter_mesh_file(lambda mesh, mask: mesh.vertices, "in.gltf", "same.gltf")
+    assert "draco" in (folder / "same.gltf").read_text()
+
+
+@pytest.mark.parametrize("target", ["out.gltf", "out.glb", "out.obj"])
+def test_accessors_of_no_entries_do_not_stop_the_others(folder, target):
+    gltf(folder / "in.gltf", ["model.bin"])
+    tree = json.loads((folder / "in.gltf").read_text())
+    tree["accessors"].append(tree["accessors"][0] | {"count": 0})
+    tree["meshes"][0]["primitives"].append({"attributes": {"POSITION": 2}})
+    (folder / "in.gltf").write_text(json.dumps(tree))
+    assert filter_mesh_file(lift, "in.gltf", target).changed == 4
+
+
+@pytest.mark.parametrize("target", ["out.glb", "out.gltf"])
+@pytest.mark.parametrize("uris", [["a.bin"], ["a.bin", "b.bin"]])
+def test_glb_and_gltf_become_each_other_without_loss(folder, target, uris):
+    gltf(folder / "in.gltf", uris, animations=[{"name": "spin", "channels": [], "samplers": []}])
+    filter_mesh_file(lift, "in.gltf", "once.glb")
+    outcome = filter_mesh_file(lift, "once.glb", target, Options(overwrite=True))
+    assert outcome.notes == ()
+    np.testing.assert_allclose(positions(target), TRIANGLE + 2)
+    assert b'"spin"' in (folder / target).read_bytes()

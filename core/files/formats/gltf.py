@@ -36,6 +36,7 @@ _GLTF_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 51
 _GLTF_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _LARGEST_ENTRY = 64  # bytes, of a matrix
 _TRIANGLES = 4
+_DRACO = "KHR_draco_mesh_compression"
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
 
@@ -49,6 +50,7 @@ class GltfFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._tree, buffers = read_tree(path)
+        self._chunks = glb_chunks(path.read_bytes())[2:]
         self._buffers = [bytearray(data) for data in buffers]
         to_world = _gltf_matrices(self._tree)
         self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
@@ -118,10 +120,26 @@ class GltfFile:
             local = transformed(positions[rows][chosen], np.linalg.inv(matrix))
             values[chosen] = stored(local, values.dtype)
             accessor = self._tree["accessors"][number]
-            accessor["min"], accessor["max"] = (
-                [float(v) for v in bound] for bound in (values.min(axis=0), values.max(axis=0))
-            )
+            if len(values):
+                accessor["min"], accessor["max"] = (
+                    [float(v) for v in bound] for bound in (values.min(axis=0), values.max(axis=0))
+                )
+        if moved.any():
+            notes += self._drop_compressed()
         return notes + self._write(path)
+
+    def _drop_compressed(self) -> list[str]:
+        """Drop the compressed copies of primitives, which stand beside what was changed."""
+        dropped = [
+            primitive["extensions"].pop(_DRACO)
+            for _, primitive in self._primitives()
+            if _DRACO in primitive.get("extensions", {})
+        ]
+        for key in ("extensionsUsed", "extensionsRequired") if dropped else ():
+            names = [name for name in self._tree.pop(key, []) if name != _DRACO]
+            if names:
+                self._tree[key] = names
+        return ["its compressed copy (Draco) was left behind"] if dropped else []
 
     def own_files(self, target: Path) -> Collection[str]:
         # In place, buffers keep their names.
@@ -174,7 +192,8 @@ class GltfFile:
             for bound in ("min", "max"):  # optional for colors, and stale now
                 self._tree["accessors"][accessor].pop(bound, None)
         if changed:
-            return changed, self._write(path)
+            notes = self._drop_compressed()
+            return changed, notes + self._write(path)
         path.write_bytes(self._path.read_bytes())
         return 0, copy_beside(self._path, self._side_files("buffers", "images"), path)
 
@@ -208,15 +227,16 @@ class GltfFile:
         return True
 
     def _write(self, path: Path) -> list[str]:
-        binary = b""
+        binary, is_glb = b"", path.suffix.lower() == ".glb"
         for number, (buffer, data) in enumerate(
             zip(self._tree.get("buffers", []), self._buffers, strict=True)
         ):
-            uri = buffer.get("uri")
-            if uri is None:
-                binary = bytes(data)
-            elif uri.startswith("data:"):
+            uri = buffer.get("uri", "")
+            if uri.startswith("data:"):
                 buffer["uri"] = uri.partition(",")[0] + "," + base64.b64encode(data).decode()
+            elif is_glb and number == 0:
+                buffer.pop("uri", None)
+                binary = bytes(data)
             else:
                 if not self._in_place:  # a name that no other file's buffer gets
                     buffer["uri"] = quote(f"{path.name}.{number}.bin")
@@ -224,8 +244,12 @@ class GltfFile:
                 name.parent.mkdir(parents=True, exist_ok=True)
                 name.write_bytes(data)
         text = json.dumps(self._tree, separators=(",", ":"), ensure_ascii=False).encode()
-        path.write_bytes(text if path.suffix.lower() == ".gltf" else _glb(text, binary))
-        return copy_beside(self._path, self._side_files("images"), path)
+        path.write_bytes(_glb(text, binary, self._chunks) if is_glb else text)
+        notes = []
+        if self._chunks and not is_glb:
+            kinds = ", ".join(chunk_name(kind) for kind, _ in self._chunks)
+            notes.append(f".gltf cannot hold parts of its own ({kinds}): left behind")
+        return notes + copy_beside(self._path, self._side_files("images"), path)
 
     def _side_files(self, *kinds: str) -> list[str]:
         entries = [entry for kind in kinds for entry in self._tree.get(kind, [])]
@@ -236,7 +260,7 @@ class GltfFile:
 def read_tree(path: Path) -> tuple[dict[str, Any], list[bytes]]:
     """Read the description in a file, and the buffers that it names."""
     data = path.read_bytes()
-    chunks = _glb_chunks(data) if data.startswith(b"glTF") else {_JSON: data}
+    chunks = dict(reversed(glb_chunks(data))) if data.startswith(b"glTF") else {_JSON: data}
     tree = json.loads(chunks.get(_JSON, b""))
     buffers = []
     for buffer in tree.get("buffers", []):
@@ -252,21 +276,27 @@ def read_tree(path: Path) -> tuple[dict[str, Any], list[bytes]]:
     return tree, buffers
 
 
-def _glb_chunks(data: bytes) -> dict[int, bytes]:
-    chunks, place = {}, 12
-    while place + 8 <= len(data):
+def glb_chunks(data: bytes) -> list[tuple[int, bytes]]:
+    """The parts of a GLB file, each with its kind: description, buffer, and what others added."""
+    chunks, place = [], 12
+    while data.startswith(b"glTF") and place + 8 <= len(data):
         length, kind = struct.unpack_from("<II", data, place)
-        chunks[kind] = data[place + 8 : place + 8 + length]
+        chunks.append((kind, data[place + 8 : place + 8 + length]))
         place += 8 + length
     return chunks
 
 
-def _glb(text: bytes, binary: bytes) -> bytes:
-    text += b" " * (-len(text) % 4)
-    binary += bytes(-len(binary) % 4)
-    body = struct.pack("<II", len(text), _JSON) + text
-    if binary:
-        body += struct.pack("<II", len(binary), _BINARY) + binary
+def chunk_name(kind: int) -> str:
+    """The four letters of a kind of part."""
+    return kind.to_bytes(4, "little").decode("latin-1")
+
+
+def _glb(text: bytes, binary: bytes, others: list[tuple[int, bytes]]) -> bytes:
+    chunks = [(_JSON, text + b" " * (-len(text) % 4))]
+    if binary or others:
+        chunks.append((_BINARY, binary + bytes(-len(binary) % 4)))
+    chunks += others
+    body = b"".join(struct.pack("<II", len(data), kind) + data for kind, data in chunks)
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 

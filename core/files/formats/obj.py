@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from collections.abc import Collection
 from pathlib import Path
 
@@ -28,7 +29,9 @@ class ObjFile:
     """An OBJ file as lines; only `v` lines of changed vertices and the normals are rewritten."""
 
     def __init__(self, path: Path) -> None:
-        text = re.sub(rb"\\\r?\n", b" ", path.read_bytes())
+        data = path.read_bytes()
+        self._mark = BOM_UTF8 if data.startswith(BOM_UTF8) else b""
+        text = re.sub(rb"\\\r?\n", b" ", data.removeprefix(BOM_UTF8))
         self.path = path
         self.lines = text.splitlines(keepends=True)
         self._vertex_lines: list[int] = []
@@ -76,7 +79,7 @@ class ObjFile:
         fresh = bool(moved.any() and (self._corners[:, 1] >= 0).any())
         if fresh:
             self._renew_normals(lines, positions)
-        path.write_bytes(b"".join(lines))
+        path.write_bytes(self._mark + b"".join(lines))
         return [*_copy_materials(self.path, self.lines, path), *[NEW_NORMALS] * fresh]
 
     def own_files(self, target: Path) -> Collection[str]:
@@ -84,7 +87,8 @@ class ObjFile:
 
     def read_back(self, path: Path) -> Floats:
         # Reading faces takes longer than all else; a number of lines is enough.
-        lines = [line.lstrip() for line in path.read_bytes().splitlines()]
+        data = path.read_bytes().removeprefix(BOM_UTF8)
+        lines = [line.lstrip() for line in data.splitlines()]
         if sum(line[:2] in (b"f ", b"f\t") for line in lines) != len(self._face_lines):
             raise ValueError("fewer faces")
         vertices = [line for line in lines if line[:2] in (b"v ", b"v\t")]
@@ -112,7 +116,8 @@ class ObjFile:
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
         old = self.read_colors()
         changed = np.flatnonzero(((colors != old) & np.isfinite(old)).any(axis=1))
-        path.write_bytes(b"".join(self._with_words(slice(4, 7), colors, changed)))
+        lines = self._with_words(slice(4, 7), colors, changed)
+        path.write_bytes(self._mark + b"".join(lines))
         return len(changed), _copy_materials(self.path, self.lines, path)
 
     def read_uvs(self) -> tuple[Floats, Names]:
@@ -172,9 +177,14 @@ def _fans(sizes: Ints) -> tuple[Ints, Ints]:
     return np.column_stack([first, first + step + 1, first + step + 2]), owner
 
 
+def material_files(folder: Path, lines: list[bytes]) -> list[str]:
+    """Names of the files of materials that the lines of an OBJ file name."""
+    return _named_files(folder, lines, rb"mtllib")
+
+
 def _copy_materials(source: Path, lines: list[bytes], target: Path) -> list[str]:
     """Copy the material files that an OBJ names, and their textures, beside its copy."""
-    libraries = _named_files(source.parent, lines, rb"mtllib")
+    libraries = material_files(source.parent, lines)
     images: list[str] = []
     for library in libraries:
         path = find(source.parent, library)

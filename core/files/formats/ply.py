@@ -127,6 +127,7 @@ class PlyVertices:
         order = ">" if encoding == "binary_big_endian" else "<"
         self._start = head.end()  # of the vertices, in bytes
         self._row = 0  # of the first vertex, in lines of text after the header
+        self._least = sum(count for _, count, _ in elements)  # lines of text
         for element, count, properties in elements:
             if not self._is_text and any(kind == "list" for _, kind in properties):
                 raise ShockError(f"{path}: lists before or in the vertices are not handled.")
@@ -145,8 +146,10 @@ class PlyVertices:
         if not self._is_text:
             return np.frombuffer(self._data, self._dtype, self._count, self._start)
         self._lines = self._data[self._start :].splitlines(keepends=True)
-        rows = [tuple(line.split()) for line in self._lines[self._row : self._row + self._count]]
-        return np.array(rows, dtype=[(name, "S40") for name in self.names])
+        if len(self._lines) < self._least:
+            raise ValueError("fewer lines than its header says")
+        rows = [line.split() for line in self._lines[self._row : self._row + self._count]]
+        return dict(zip(self.names, np.array(rows).T, strict=True))
 
     def rest(self) -> bytes:
         """What stands behind the vertices."""

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+from codecs import BOM_UTF8
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -14,17 +16,10 @@ from ...mesh.weld import weld
 from ..document import Bools, Floats, Ints, joined, stored, transformed
 from ..reading import needed
 from ..side_files import Resolver
+from .contents import REPLACED, contents, polygon_count
 from .gltf import read_tree
 
-# What each format can hold besides triangles, as far as trimesh writes it.
-KEEPS: dict[str, set[str]] = {
-    ".glb": {"colors", "UVs", "materials", "object names"},
-    ".gltf": {"colors", "UVs", "materials", "object names"},
-    ".obj": {"colors", "UVs", "materials"},
-    ".ply": {"colors", "UVs"},
-    ".off": set(),
-    ".stl": set(),
-}
+ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 
 _DOUBLE = (".obj", ".off")  # all others hold 32 bits
 
@@ -39,17 +34,45 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
     if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
         options = {"fix_texture": fix_texture, "skip_materials": True}
     known: dict[str, bytes] = {}
+    data = _readable(path)
+    file = path if data is None else io.BytesIO(data)
     if path.suffix.lower() in (".glb", ".gltf"):
         tree, buffers = read_tree(path)
         uris = [buffer.get("uri") for buffer in tree.get("buffers", [])]
         known = {uri: data for uri, data in zip(uris, buffers, strict=True) if uri}
     resolver = Resolver(path, known)
-    scene = trimesh.load_scene(path, process=False, resolver=resolver, **options)
+    options |= {"resolver": resolver, "file_type": path.suffix[1:].lower()}
+    scene = trimesh.load_scene(file, process=False, **options)
     for mesh in scene.geometry.values():
         uv = getattr(getattr(mesh, "visual", None), "uv", None)
         if uv is not None and np.shape(uv)[1] < 2:
             raise ValueError("texture coordinates of one number")
     return scene, resolver.notes()
+
+
+def _readable(path: Path) -> bytes | None:
+    """A file's contents in UTF-8, which trimesh wants; None if they are so already."""
+    ending, data = path.suffix.lower(), path.read_bytes()
+    if ending == ".ply":  # letters stand in comments of the header
+        end = data.find(b"end_header") + 1
+        return None if data[:end].isascii() else _to_ascii(data[:end]) + data[end:]
+    if ending == ".stl":
+        count = int.from_bytes(data[80:84], "little")
+        if len(data) == 84 + 50 * count:
+            return None  # binary
+        if b"facet" not in data.lower():
+            raise ValueError("neither text nor as long as its header says")
+    elif ending not in (".obj", ".off"):
+        return None
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1").encode()
+    return data.removeprefix(BOM_UTF8) if data.startswith(BOM_UTF8) else None
+
+
+def _to_ascii(data: bytes) -> bytes:
+    return data.decode("latin-1").encode("ascii", "replace")
 
 
 class SceneFile:
@@ -93,41 +116,19 @@ class SceneFile:
             vertices[moved[rows]] = back
             mesh.vertices = vertices  # trimesh forgets stale normals by this
         _export(self._scene, path)
-        return self._losses(path.suffix.lower())
+        return self._losses(path)
 
-    def _losses(self, ending: str) -> list[str]:
+    def _losses(self, written: Path) -> list[str]:
         notes = list(self._notes)
-        polygons = _polygon_count(self._path)
+        polygons = polygon_count(self._path)
         if polygons is not None and polygons < len(self.faces):
             notes.append("polygons were cut into triangles")
-        lost = sorted(_contents([mesh for mesh, _, _ in self._meshes]) - KEEPS[ending])
+        elif polygons is not None and polygons > len(self.faces):
+            notes.append(f"of {polygons} polygons, {len(self.faces)} could be read")
+        lost = sorted(contents(self._path) - (contents(written) - REPLACED))
         if lost:
-            notes.append(f"{ending} cannot hold {', '.join(lost)}: left behind")
+            notes.append(f"{written.suffix} files written here lack {', '.join(lost)}")
         return notes
-
-
-def _contents(meshes: list[Any]) -> set[str]:
-    kinds = {mesh.visual.kind for mesh in meshes}
-    contents = {"object names"} if len(meshes) > 1 else set()
-    if kinds & {"vertex", "face"}:
-        contents.add("colors")
-    if "texture" in kinds:
-        contents |= {"UVs", "materials"}
-    return contents
-
-
-def _polygon_count(path: Path) -> int | None:
-    """Number of polygons that a file states, for formats that have them."""
-    ending, data = path.suffix.lower(), path.read_bytes()
-    if ending == ".obj":
-        return len(re.findall(rb"^[ \t]*f[ \t]", data, re.MULTILINE))
-    if ending == ".ply":
-        stated = re.search(rb"^element face (\d+)", data, re.MULTILINE)
-    elif ending == ".off":
-        stated = re.search(rb"^\s*\d+\s+(\d+)\s+\d+\s*$", data, re.MULTILINE)
-    else:
-        return None
-    return int(stated[1]) if stated else None
 
 
 def _export(scene: Any, path: Path) -> None:
