@@ -184,9 +184,7 @@ def _draw_mask(
     from ...core.files.textures import mask_outcome, mask_pixels
 
     try:
-        faces, _, skipped = data.textures.read_faces(
-            bpy.context, objects, None, data.textures.EVERYWHERE
-        )
+        faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, None)
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
     atlas = host.textures.analyse(faces, size, progress)

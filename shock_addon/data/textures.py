@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -61,12 +60,8 @@ class TextureTarget:
     notes: list[str]
 
 
-EVERYWHERE = SimpleNamespace(vertex_group="", invert_mask=False, selected_only=False, mask_image="")
-"""Parameters without any mask."""
-
-
 def read_texture(
-    context: bpy.types.Context, image: bpy.types.Image, parameters: Any, margin: int
+    context: bpy.types.Context, image: bpy.types.Image, parameters: Any
 ) -> tuple[TextureTarget, list[str]]:
     """Read an image and the faces that show it.
 
@@ -75,9 +70,8 @@ def read_texture(
     context : bpy.types.Context
     image : bpy.types.Image
     parameters : object
-        Has `vertex_group`, `invert_mask`, `selected_only` and `mask_image`.
-    margin : int
-        Texels to keep free around each UDIM tile.
+        Those of `color_mask`, and `mask_image` where the filter takes a mask; and `gutter` where it
+        fills one, so that tiles are laid out farther apart.
 
     Returns
     -------
@@ -99,6 +93,7 @@ def read_texture(
     parts = image_data.read_parts(image)
     mosaic, notes = None, []
     if image.source == "TILED":
+        margin = getattr(parameters, "gutter", 0) + 1
         mosaic = Mosaic.of(image_data.sizes_of(parts), margin)
         faces, notes = _in_tiles(faces, mosaic)
     surface = TexturedSurface(
@@ -295,13 +290,12 @@ def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list
 
 
 def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -> Floats | None:
-    if not parameters.mask_image:
+    name = getattr(parameters, "mask_image", "")
+    if not name:
         return None
-    mask = bpy.data.images.get(parameters.mask_image)
+    mask = bpy.data.images.get(name)
     if mask is None:
-        raise Skipped(
-            "there is no mask image named {name!r}; name another", name=parameters.mask_image
-        )
+        raise Skipped("there is no mask image named {name!r}; name another", name=name)
     reason = refusal(mask, tiles=True)
     if reason:
         raise Skipped(

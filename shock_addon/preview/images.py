@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core.host.crop import Crop, crop_around, smoothed_at_once
+from ...core.host.crop import Crop, crop_around, filtered_at_once
 from ...core.host.inputs import HostImage
 from ...core.host.screen_colors import is_transparent, screen_colors
 from .. import data
@@ -99,9 +99,7 @@ def _read_image(
     colors = _colors_of(image)
 
     def part(settings: Any) -> tuple[HostImage, Callable[[Any], list[Piece]]]:
-        smaller = crop
-        if hasattr(settings, "kernel"):
-            smaller = crop.shrunk(place, smoothed_at_once(settings.kernel))
+        smaller = crop.shrunk(place, filtered_at_once(settings))
         return smaller.image, partial(_pieces, smaller, colors)
 
     return ImageStage(image, part)
@@ -111,7 +109,7 @@ def _read_texture(
     context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
 ) -> ImageStage:
     image = data.chosen.chosen_image(context, parameters.image)
-    target, _ = data.textures.read_texture(context, image, parameters, parameters.gutter + 1)
+    target, _ = data.textures.read_texture(context, image, parameters)
     colors = _colors_of(image)
 
     def pieces(result: Any) -> list[Piece]:
