@@ -32,6 +32,14 @@ def mesh_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
     return sorted(meshes, key=lambda obj: obj != context.object)
 
 
+def mesh_users(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """List these objects without those whose mesh another one before them has, too."""
+    users: dict[bpy.types.Mesh, bpy.types.Object] = {}
+    for obj in mesh_objects(context):
+        users.setdefault(obj.data, obj)
+    return list(users.values())
+
+
 def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
     """Return the image that the Image Editor shows, if the context is one."""
     space = context.space_data

@@ -170,18 +170,17 @@ def _batches(mesh: bpy.types.Mesh) -> list:
 
     from ...core.host.strokes import potential_colors, strokes
     from ..data.flow import read_faces, read_flow
-    from ..data.meshes import read_corner_vertices, read_positions, read_triangle_corners
+    from ..data.meshes import read_positions, read_triangles
 
     found = read_flow(mesh)
     if found is None:
         return []
     potential, flow = found
     shader = from_builtin("SMOOTH_COLOR")
-    triangles = read_corner_vertices(mesh)[read_triangle_corners(mesh)]
     colored = {"pos": read_positions(mesh), "color": potential_colors(potential)}
     corners, colors = strokes(*read_faces(mesh), flow)
     return [
-        batch_for_shader(shader, "TRIS", colored, indices=triangles),
+        batch_for_shader(shader, "TRIS", colored, indices=read_triangles(mesh)),
         batch_for_shader(shader, "TRIS", {"pos": corners, "color": colors}),
     ]
 

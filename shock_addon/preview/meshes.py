@@ -82,7 +82,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
     """
     parameters = parameters_of(context, mode)
     read = load(mode.target(parameters).data.read)
-    targets, skipped = data.active_object.read_active(context, read, parameters)
+    targets, skipped = data.meshes.read_active(context, read, parameters)
     if not targets:
         raise Refused(" ".join(skipped))
     patch = _patch(context, event, targets[0], _SLOW if mode.is_slow else _QUICK)

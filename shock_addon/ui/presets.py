@@ -13,6 +13,8 @@ from ..operators.properties import label
 
 _OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
 
+_MODES = [(mode.key, label(mode.key), "") for mode in choices()]
+
 
 class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
     """Set all settings of the filter; masks and output stay"""
@@ -21,7 +23,7 @@ class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
     bl_label = "Use Preset"
     bl_options = {"UNDO", "INTERNAL"}
 
-    mode: bpy.props.EnumProperty(items=[(mode.key, label(mode.key), "") for mode in choices()])
+    mode: bpy.props.EnumProperty(items=_MODES)
     name: bpy.props.StringProperty()
 
     @classmethod

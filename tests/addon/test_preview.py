@@ -14,9 +14,8 @@ from shock_filter.core.host.inputs import Denoising, MirroredSurface
 from shock_filter.core.host.patch import patch_around, seen_vertex, whole_surface
 from shock_filter.core.host.registered import filter_shape
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
-from shock_filter.shock_addon.data.active_object import read_active
 from shock_filter.shock_addon.data.geometry import read_geometry
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.meshes import read_active, read_positions, write_positions
 from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.modes import find, load
 from shock_filter.shock_addon.preview import meshes as preview_meshes

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mark edges as sharp where faces meet at an angle."""
+"""What shading goes by beside the shape: sharp edges and custom normals."""
 
 from __future__ import annotations
 
@@ -43,5 +43,28 @@ def mark_sharp(
     marks = mesh.attributes.get("sharp_edge") or mesh.attributes.new(
         "sharp_edge", "BOOLEAN", "EDGE"
     )
-    old = arrays.read(marks.data, "value", dtype=bool)
-    arrays.write(marks.data, "value", old | sharp, bool)
+    arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
+
+
+def clear_normals(obj: bpy.types.Object) -> None:
+    """Remove custom normals; smooth shading then follows the surface and its sharp edges."""
+    with bpy.context.temp_override(object=obj, active_object=obj, mesh=obj.data):
+        bpy.ops.mesh.customdata_custom_splitnormals_clear()
+
+
+def recompute_normals(obj: bpy.types.Object, mask: npt.NDArray[np.float64] | None) -> None:
+    """Set custom normals to the surface's, which break at sharp edges, where the mask is not 0."""
+    mesh = obj.data
+    vertices = read_corner_vertices(mesh)
+    free = np.ones(len(vertices), dtype=bool) if mask is None else (mask > 0.0)[vertices]
+    layer = arrays.find_attribute(mesh, "custom_normal", "INT16_2D", "CORNER")
+    if layer is not None:
+        turns = arrays.read_attribute(layer)  # from the surface's
+        turns[free] = 0
+        arrays.write_attribute(layer, turns)
+        return
+    # Before Blender 4.5, and where normals are stored as vectors; slow, but there is no other way.
+    normals = arrays.read(mesh.corner_normals, "vector", 3)
+    normals[free] = 0.0  # which Blender takes for those of the surface
+    clear_normals(obj)
+    mesh.normals_split_custom_set(normals)
