@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+import gpu
 import numpy as np
 import numpy.typing as npt
+from gpu_extras.batch import batch_for_shader
 
 from ...core.host.screen_colors import decoded
 from .pointing import editors_of, is_shown_in
@@ -104,9 +106,6 @@ class Overlay:
             self._draw_piece(piece, texture, space.display_channels)
 
     def _draw_piece(self, piece: Piece, texture: Any, channels: str) -> None:
-        import gpu
-        from gpu_extras.batch import batch_for_shader
-
         left, bottom, right, top = piece.box
         corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
         places = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -137,16 +136,12 @@ def _linear(color: Any) -> tuple[float, ...]:
 
 
 def _texture(colors: npt.NDArray[np.float32]) -> Any:
-    import gpu
-
     height, width = colors.shape[:2]
     buffer = gpu.types.Buffer("FLOAT", colors.size, np.ascontiguousarray(colors).reshape(-1))
     return gpu.types.GPUTexture((width, height), format="RGBA32F", data=buffer)
 
 
 def _shader() -> Any:
-    import gpu
-
     between = gpu.types.GPUStageInterfaceInfo("shock_filter_pixels")
     between.smooth("VEC2", "place")
     info = gpu.types.GPUShaderCreateInfo()

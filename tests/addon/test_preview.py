@@ -660,8 +660,8 @@ def test_blenders_handlers_end_it_first(events):
     shown_by(events)
     handlers = bpy.app.handlers
     for before_it in (handlers.undo_pre, handlers.redo_pre, handlers.save_pre, handlers.load_pre):
-        assert preview_operator._stop in before_it
-    preview_operator._stop()
+        assert preview_operator.stop in before_it
+    preview_operator.stop()
     assert stored(box) == before
     assert preview_operator._running == []
     assert events.send("TIMER") == {"CANCELLED"}
