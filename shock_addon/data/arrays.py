@@ -87,6 +87,18 @@ def find_attribute(
     return attribute
 
 
+def find_or_add_attribute(
+    mesh: bpy.types.Mesh, name: str, data_type: str, domain: str
+) -> bpy.types.Attribute:
+    """Return a mesh's attribute of this name; one of another kind is replaced."""
+    attribute = find_attribute(mesh, name, data_type, domain)
+    if attribute is not None:
+        return attribute
+    if name in mesh.attributes:
+        mesh.attributes.remove(mesh.attributes[name])
+    return mesh.attributes.new(name, data_type, domain)
+
+
 def read_pixels(image: bpy.types.Image) -> npt.NDArray[np.float32]:
     """Read an image's pixels, from the bottom up: (h, w, channels)."""
     flat = np.empty(len(image.pixels), dtype=np.float32)

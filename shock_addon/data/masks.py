@@ -97,13 +97,7 @@ def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt
 
 
 def _free_corners(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
-    faces = _free_faces(mesh, mode, parameters)
-    if faces is None:
-        return None
-    return np.repeat(faces, arrays.read(mesh.polygons, "loop_total", dtype=np.int32))
-
-
-def _free_faces(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
+    """Say which face corners lie in free faces; None if all do."""
     flags = []
     if mode in {"EDIT_MESH", "SCULPT", *_PAINTING}:
         flags.append(~_flags(mesh.polygons, "hide"))
@@ -112,7 +106,9 @@ def _free_faces(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray
     if (selected_only and by_face) or (mode in _PAINTING and mesh.use_paint_mask):
         flags.append(_flags(mesh.polygons, "select"))
     free = np.logical_and.reduce(flags) if flags else np.True_
-    return None if free.all() else free
+    if free.all():
+        return None
+    return np.repeat(free, arrays.read(mesh.polygons, "loop_total", dtype=np.int32))
 
 
 def _product(masks: list[npt.NDArray]) -> npt.NDArray[np.float64] | None:

@@ -40,9 +40,7 @@ def mark_sharp(
         sharp &= (mask[ends] > 0.0).all(axis=1)
     if not sharp.any():
         return
-    marks = mesh.attributes.get("sharp_edge") or mesh.attributes.new(
-        "sharp_edge", "BOOLEAN", "EDGE"
-    )
+    marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
     arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
 
 

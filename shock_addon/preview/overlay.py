@@ -20,6 +20,8 @@ _FRAME = (1.0, 1.0, 1.0, 0.5)
 _CHANNELS = {"RED": 0, "GREEN": 1, "BLUE": 2, "ALPHA": 3}
 """Display channels of the Image Editor that show one of the four as gray."""
 
+_UNIFORMS = {"to_clip": "MAT4", "even": "VEC3", "odd": "VEC3", "channel": "INT", "cell_size": "INT"}
+
 _VERTICES = """
 void main()
 {
@@ -111,8 +113,8 @@ class Overlay:
         places = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
         theme = bpy.context.preferences.themes[0].user_interface
         checkered = piece.transparent and channels == "COLOR_ALPHA"
-        opaque = {"position": corners, "corner": places}
-        batch = batch_for_shader(self._shader, "TRI_FAN", opaque)
+        shape = {"position": corners, "corner": places}
+        batch = batch_for_shader(self._shader, "TRI_FAN", shape)
         to_clip = gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
         self._shader.bind()
         self._shader.uniform_sampler("pixels", texture)
@@ -150,13 +152,7 @@ def _shader() -> Any:
     info.vertex_out(between)
     info.fragment_out(0, "VEC4", "result")
     info.sampler(0, "FLOAT_2D", "pixels")
-    for kind, name in (
-        ("MAT4", "to_clip"),
-        ("VEC3", "even"),
-        ("VEC3", "odd"),
-        ("INT", "channel"),
-        ("INT", "cell_size"),
-    ):
+    for name, kind in _UNIFORMS.items():
         info.push_constant(kind, name)
     info.vertex_source(_VERTICES)
     info.fragment_source(_PIXELS)

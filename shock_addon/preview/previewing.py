@@ -176,14 +176,9 @@ class Preview:
         def work(progress: Progress) -> Any:
             settings = stage.settings(settings_of(mode, parameters))
             part, seen = stage.part(settings)
-
             function = filter_of(mode, settings, parameters)
-
-            def filter_part(surface: Any, phase: Progress) -> Any:
-                return seen(function(surface, phase))
-
             target = SimpleNamespace(surface=part)
-            (result,) = filter_targets([target], filter_part, progress)
+            (result,) = filter_targets([target], lambda *data: seen(function(*data)), progress)
             return result
 
         self._job = Job(work)
