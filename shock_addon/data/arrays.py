@@ -21,7 +21,6 @@ _STORED = {
     "INT16_2D": ("value", 2, np.int16),
     "INT32_2D": ("value", 2, np.int32),
     "FLOAT": ("value", 1, np.float32),
-    "FLOAT2": ("vector", 2, np.float32),
     "FLOAT_VECTOR": ("vector", 3, np.float32),
     "FLOAT_COLOR": ("color", 4, np.float32),
     "BYTE_COLOR": ("color_srgb", 4, np.float32),  # the values as they are stored

@@ -37,9 +37,7 @@ class MeshStage:
         Say which patch it is, with a field for its size.
     """
 
-    def __init__(
-        self, target: data.meshes.Target, patch: Patch, words: str = "patch of {size:,} vertices"
-    ) -> None:
+    def __init__(self, target: data.meshes.Target, patch: Patch, words: str) -> None:
         self.settings = patch.settings
         self.chosen, self.note = {}, ""
         if patch.share < 1.0:

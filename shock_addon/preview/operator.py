@@ -201,25 +201,11 @@ def stop(*_: object) -> None:
         operator.end()
 
 
-def register() -> None:
-    """End previews before anything reads or replaces what they show."""
-    for handlers in _handlers():
-        handlers.append(stop)
-
-
 def unregister() -> None:
-    """End the preview, and do not listen any more."""
+    """End the preview, before its operator is unregistered."""
     if _running:
         jobs.settle(bpy.context.window_manager)
     stop()
-    for handlers in _handlers():
-        if stop in handlers:  # other add-ons may clear such lists
-            handlers.remove(stop)
-
-
-def _handlers() -> list[list]:
-    handlers = bpy.app.handlers
-    return [handlers.load_pre, handlers.save_pre, handlers.undo_pre, handlers.redo_pre]
 
 
 CLASSES = (SHOCK_FILTER_OT_preview,)

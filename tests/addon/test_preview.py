@@ -34,7 +34,8 @@ def begun(mode, size=None):
     patch = whole_surface(target.surface)
     if size is not None:
         patch = patch_around(target.surface, 0, size)
-    return previewing.Preview(row, parameters, preview_meshes.MeshStage(target, patch))
+    stage = preview_meshes.MeshStage(target, patch, "patch of {size:,} vertices")
+    return previewing.Preview(row, parameters, stage)
 
 
 def settle(running):

@@ -148,20 +148,18 @@ node.image = image
 mesh.materials.append(material)
 ran.append(list(bpy.ops.shock_filter.invert_texture(image="Plain", output="REPLACE")))
 
-def tried(name, read):
-    mode = find(name)
-    panel = previewing.parameters_of(bpy.context, mode)
-    stage = read(bpy.context, None, mode, panel)
-    settings = settings_of(mode, panel)
-    part, pieces = stage.part(settings)
-    (piece,) = pieces(filter_of(mode, settings, panel)(part, lambda *_: True))
-    stage.end()
+def tried(name):
+    preview = preview_images.begin(bpy.context, None, find(name))
+    settings = settings_of(preview.mode, preview.parameters)
+    part, pieces = preview.stage.part(settings)
+    run = filter_of(preview.mode, settings, preview.parameters)
+    (piece,) = pieces(run(part, lambda *_: True))
+    preview.end()
     return [part.size, float(piece.colors[0, 0, 0])]
 
 node.image = bpy.data.images.new("Large", 80, 80, float_buffer=True)
 preview_images._place = lambda *_: (0.5, 0.5)
-tries = [tried("invert_image", preview_images._read_image),
-         tried("invert_texture", preview_images._read_texture)]
+tries = [tried("invert_image"), tried("invert_texture")]
 scene.mode = "INVERT"
 preset = list(bpy.ops.shock_filter.use_preset(mode="invert", name="Half"))
 parameters = previewing.parameters_of(bpy.context, find("invert"))
