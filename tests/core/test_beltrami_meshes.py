@@ -8,6 +8,7 @@ from shock_filter import core
 from shock_filter.core.filters.beltrami.normals import noise_of_normals
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
 from shock_filter.core.mesh.geodesics import (
+    ALL,
     distances_from,
     face_stencils,
     march,
@@ -152,7 +153,7 @@ def test_a_front_is_used_again_from_march_to_march():
     whole = csr_matrix((lengths, (a, b)), shape=(mesh.face_count, mesh.face_count))
     front = new_front(mesh.face_count)
     for turn, source in enumerate((7, 1000, 7, 300), start=1):
-        count = march(source, turn, 5.0, graph, front)
+        count = march(source, turn, 5.0, ALL, graph, front)
         reached, squares = front.reached[:count], front.squares
         exact = dijkstra(whole, indices=source)
         assert set(reached) == set(np.flatnonzero(exact <= 5.0))
