@@ -55,7 +55,8 @@ def smooth_graph(
     around = min(2.0 * math.pi * limit**2 + 1.0, count)
     most = ALL
     if has_hubs:
-        around = most = int(max(_MOST_AROUND * around, HUB))
+        most = int(max(_MOST_AROUND * around, HUB))
+        around = 2 * most  # at a hub, as many are looked at
     chunk = min(max(int(_REACHED / around), 1), chunk_size(count))
     out = np.empty_like(values)
     if settings.distance == "geodesic":
