@@ -500,6 +500,12 @@ class BeltramiSettings(_KernelSettings):
                 window=self.window,
             )
 
+    @property
+    def reach(self) -> float:
+        """About how many pixels each one is averaged over in one iteration."""
+        reach = max(-4.0 * math.pi * self.time * math.log(self.threshold), 1.0)
+        return min(reach, self.window**2) if self.window else reach
+
 
 @dataclass(kw_only=True, repr=False, eq=False)
 class BeltramiMeshSettings(_KernelSettings):

@@ -187,9 +187,8 @@ def _draw_mask(
     from ...core.files.textures import mask_outcome, mask_pixels
     from ...core.host.textures import analyse
 
-    everywhere = data.textures.EVERYWHERE
     try:
-        faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, everywhere)
+        faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, None)
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
     atlas = analyse(faces, size, progress)

@@ -21,9 +21,8 @@ from shock_filter.core.settings import (
     _Settings,
     describe,
 )
-from shock_filter.shock_addon.data.active_object import read_active
 from shock_filter.shock_addon.data.geometry import read_geometry
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.meshes import read_active, read_positions, write_positions
 from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.modes import find, load
 from shock_filter.shock_addon.preview import meshes as preview_meshes
@@ -42,7 +41,8 @@ def begun(mode, size=None):
     patch = whole_surface(target.surface)
     if size is not None:
         patch = patch_around(target.surface, 0, size)
-    return previewing.Preview(row, parameters, preview_meshes.MeshStage(target, patch))
+    stage = preview_meshes.MeshStage(target, patch, "patch of {size:,} vertices")
+    return previewing.Preview(row, parameters, stage)
 
 
 def settle(running):
@@ -683,8 +683,8 @@ def test_blenders_handlers_end_it_first(events):
     shown_by(events)
     handlers = bpy.app.handlers
     for before_it in (handlers.undo_pre, handlers.redo_pre, handlers.save_pre, handlers.load_pre):
-        assert preview_operator._stop in before_it
-    preview_operator._stop()
+        assert preview_operator.stop in before_it
+    preview_operator.stop()
     assert stored(box) == before
     assert preview_operator._running == []
     assert events.send("TIMER") == {"CANCELLED"}

@@ -620,9 +620,8 @@ def test_a_linked_material_keeps_its_image_and_says_so(tmp_path, capfd):
 
 
 def target_of(obj):
-    parameters = texture_data.EVERYWHERE
     image = chosen.shown_image(bpy.context)
-    return texture_data.read_texture(bpy.context, image, parameters, 17)[0]
+    return texture_data.read_texture(bpy.context, image, SimpleNamespace(gutter=16))[0]
 
 
 @pytest.mark.parametrize("after", [0, 3, 8])

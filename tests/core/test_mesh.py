@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, shuffled
+from shapes import cube, fan, grid, icosphere, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
@@ -187,6 +187,12 @@ def test_sorting_along_a_curve_keeps_the_surface_and_brings_neighbours_together(
     assert not is_scattered(core.TriangleMesh(*icosphere(3)))
 
 
+def test_a_scattered_mesh_stays_scattered_when_it_is_subdivided():
+    vertices, faces, _, _ = shuffled(*icosphere(6))
+    assert is_scattered(core.TriangleMesh(*subdivide(vertices, faces)))
+    assert not is_scattered(core.TriangleMesh(*icosphere(7)))
+
+
 def two_sheets(apart):
     """Two squares of four triangles each, this far from each other; the second is turned over."""
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], dtype=float)
@@ -283,3 +289,14 @@ def test_a_moved_mesh_is_checked():
     ):
         with pytest.raises(core.InvalidMesh, match=words):
             mesh.moved_to(positions)
+
+
+def test_corners_at_a_hub_are_split_by_their_values():
+    mesh = core.TriangleMesh(*fan(300))
+    signal = np.random.default_rng(0).integers(-1, 2, size=(900, 2)) * 0.5
+    signal[::7] *= -1  # 0.0 and -0.0 are equal
+    signal[5::11] += np.random.default_rng(1).random((82, 2))
+    cut, values = split_at_jumps(mesh, signal)
+    assert np.array_equal(values[cut.faces].reshape(-1, 2), signal)
+    different = np.column_stack([mesh.faces.reshape(-1), signal + 0.0])
+    assert cut.vertex_count == len(np.unique(different, axis=0))
