@@ -34,8 +34,11 @@ def run_all(
     failed = False
     with _Interrupt() as interrupt:
         for source, target in pairs:
+            if interrupt.asked:  # too late for the file before
+                print(f"Interrupted; {target} was not written.", file=sys.stderr)
+                return INTERRUPTED
             done = _run_one(backend, source, target, settings, options, interrupt)
-            if interrupt.asked:
+            if interrupt.asked and not done:
                 return INTERRUPTED
             failed |= not done
     return FAILED if failed else DONE

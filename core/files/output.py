@@ -9,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import errno
 import filecmp
+import functools
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,6 +53,8 @@ class Options:
 
 
 DEFAULTS = Options()
+_PREFIX = ".shock-filter-"
+_NEW = 10.0  # seconds; what is younger may be about to be held
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
     them, those before it are new, but none is half a file, and `target` is as it was.
 
     Files that are replaced pass on their permissions; where they are links, what these point to is
-    replaced.
+    replaced or made.
     """
     target = target.absolute()
     if not os.access(target.parent, os.W_OK | os.X_OK):
@@ -125,8 +129,41 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
 
 
 def _temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
-    folder = tempfile.TemporaryDirectory(prefix=".shock-filter-", dir=parent)
-    return Path(stack.enter_context(folder))
+    """Make a folder that goes at the end, or in a later run if this one is killed."""
+    _remove_left_over(parent)
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=_PREFIX, dir=parent)))
+    stack.enter_context(_held(folder))
+    return folder
+
+
+@functools.cache  # once for each folder, since looking through it takes a while
+def _remove_left_over(parent: Path) -> None:
+    """Remove what runs that were killed have left in a folder."""
+    for folder in parent.glob(f"{_PREFIX}*"):
+        with contextlib.suppress(OSError), _held(folder) as is_free:
+            if is_free and time.time() - folder.stat().st_mtime > _NEW:
+                shutil.rmtree(folder)
+                folder.with_name(f"{folder.name}.blend").unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _held(folder: Path) -> Iterator[bool]:
+    """Hold a folder as long as this process lives; whether no other process does."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield False
+        return
+    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            is_free = True
+        except OSError:  # held, or on a disk that knows no locks
+            is_free = False
+        yield is_free
+    finally:
+        os.close(number)
 
 
 def _same(new: Path, old: Path) -> bool:
@@ -138,11 +175,12 @@ def _fitted(new: Path, old: Path, stack: contextlib.ExitStack) -> tuple[Path, Pa
 
     Returns both files, the old one without links.
     """
-    if not old.exists():
-        return new, old
-    shutil.copymode(old, new)
+    if old.exists():
+        shutil.copymode(old, new)
     if old.is_symlink():
-        old = old.resolve()
+        link, old = old, Path(os.path.realpath(old))
+        if old.is_symlink() or not old.parent.is_dir():
+            raise ShockError(f"{link} is a link to {old}, where no file can be; remove the link.")
         folder = _temporary_folder(old.parent, stack)
         with _room(old.parent):
             new = Path(shutil.move(new, folder))

@@ -399,6 +399,26 @@ class Stubborn(Recorder):
             raise core.ShockError("Python: Traceback") from error
 
 
+class InterruptedWhileWriting(cli.FileBackend):
+    """Ctrl-C comes when the file is as good as written."""
+
+    def filter(self, command, source, target, settings, options, progress):
+        outcome = super().filter(command, source, target, settings, options, progress)
+        signal.raise_signal(signal.SIGINT)
+        return outcome
+
+
+def test_ctrl_c_while_the_output_is_written(folder, capsys):
+    make("in/a.obj", "in/b.obj")
+    backend = InterruptedWhileWriting()
+    assert sharpen("in/a.obj", "a.obj", backend=backend) == 0
+    assert Path("a.obj").exists()
+    assert "Interrupted" not in capsys.readouterr().err
+    assert sharpen("in/a.obj", "in/b.obj", "out", backend=backend) == 130
+    assert [path.name for path in Path("out").iterdir()] == ["a.obj"]
+    assert "Interrupted; out/b.obj was not written" in capsys.readouterr().err.replace("\\", "/")
+
+
 @pytest.mark.parametrize("backend", [Interrupted(), TwiceInterrupted(), Stubborn()])
 def test_ctrl_c_ends_without_output(folder, capsys, backend):
     make("in/a.obj", "in/b.obj")

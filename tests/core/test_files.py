@@ -5,7 +5,9 @@ import errno
 import json
 import os
 import shutil
+import signal
 import struct
+import subprocess
 import sys
 
 import numpy as np
@@ -15,6 +17,7 @@ from on_files import sharpen_colors_file, sharpen_file
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
+from shock_filter.core.files import output
 from shock_filter.core.files.formats import obj
 from shock_filter.core.files.meshes import (
     filter_mesh_file,
@@ -895,12 +898,51 @@ def test_replaced_files_keep_links_and_permissions(tmp_path):
     assert [path.name for path in (tmp_path / "store").iterdir()] == ["kept.obj"]
 
 
-def test_a_link_to_nothing_is_replaced(tmp_path):
-    (tmp_path / "out.obj").symlink_to(tmp_path / "gone" / "out.obj")
-    with staged(tmp_path / "out.obj", True) as path:
+def test_links_to_nothing_stay_links(tmp_path):
+    (tmp_path / "store").mkdir()
+    (tmp_path / "out.obj").symlink_to(tmp_path / "store" / "out.obj")
+    with staged(tmp_path / "out.obj", False) as path:
         path.write_text("new")
-    assert (tmp_path / "out.obj").read_text() == "new"
-    assert not (tmp_path / "out.obj").is_symlink()
+    assert (tmp_path / "out.obj").is_symlink()
+    assert (tmp_path / "store" / "out.obj").read_text() == "new"
+    (tmp_path / "far.obj").symlink_to(tmp_path / "gone" / "out.obj")
+    (tmp_path / "loop.obj").symlink_to("loop.obj")
+    for name in ("far.obj", "loop.obj"):
+        with (
+            pytest.raises(core.ShockError, match=f"{name} is a link .* remove the link"),
+            staged(tmp_path / name, True) as path,
+        ):
+            path.write_text("new")
+        assert (tmp_path / name).is_symlink()
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from shock_filter.core.files.output import staged
+with staged(Path("out.obj"), True) as path:
+    path.write_text("half")
+    os.kill(os.getpid(), int(sys.argv[1]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals, no locks on folders")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_what_a_killed_run_has_left_is_removed_by_a_later_one(tmp_path, number):
+    run = subprocess.run([sys.executable, "-c", KILLED, str(int(number))], cwd=tmp_path)
+    assert run.returncode == -number
+    (left,) = tmp_path.iterdir()
+    with staged(tmp_path / "of_another.obj", True) as path:  # and what another run has at work
+        path.write_text("new")
+        at_work = path.parent
+        for folder in (left, at_work):
+            os.utime(folder, (0, 0))
+        output._remove_left_over.cache_clear()
+        with staged(tmp_path / "out.obj", True) as path:
+            path.write_text("new")
+        assert not left.exists()
+        assert at_work.exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"of_another.obj", "out.obj"}
 
 
 # ------------------------------------------------------------------------------------------ colors
