@@ -18,7 +18,7 @@ exit codes:
   0    every input was filtered and written
   1    some inputs failed; the others were written
   2    the command line is wrong; nothing was done
-  130  interrupted; the file at hand was not written
+  130  interrupted; the file at hand and those after it were not written
 
 examples:
   {prog} sharpen-geometry scan.ply sharp.ply
