@@ -13,7 +13,7 @@ import bpy
 
 from ...core.errors import ShockError
 from ...core.files.output import staged
-from ...core.files.reading import check_file
+from ...core.files.reading import check_file, reading_back
 
 _OPEN_FILE = "-"
 _BLEND = ".blend"
@@ -93,6 +93,7 @@ def save_scene(target: Path, overwrite: bool) -> None:
         if ending != _BLEND:
             _, exporter, options = _SCENES[ending]
             call(exporter, filepath=str(path), **options)
+            _read_back(path)
             return
         # In the target's own folder, since the file names others relative to where it is saved.
         beside = target.absolute().with_name(f"{path.parent.name}.blend")
@@ -103,6 +104,24 @@ def save_scene(target: Path, overwrite: bool) -> None:
             os.replace(beside, path)
         finally:
             beside.unlink(missing_ok=True)
+        _read_back(path)
+
+
+def _read_back(path: Path) -> None:
+    """Make sure that a scene that was just written is there: its header and sizes."""
+    from ...core.files.formats.gltf import read_tree
+    from ...core.files.formats.ply import PlyVertices
+
+    readers = {".glb": read_tree, ".gltf": read_tree, ".ply": PlyVertices}
+    with reading_back(path):
+        if path.suffix.lower() == _BLEND:
+            with bpy.data.libraries.load(str(path)) as (names, _):
+                found = bool(names.scenes)
+        else:
+            readers.get(path.suffix.lower(), Path.stat)(path)
+            found = path.stat().st_size > 0
+        if not found:
+            raise ValueError("nothing in it")
 
 
 def image_format(target: Path) -> str:
@@ -135,6 +154,9 @@ def write_image(image: bpy.types.Image, path: Path) -> None:
     """Save an image in its own format."""
     with _reported(_UNWRITTEN, path=path):
         image.save(filepath=str(path))
+    with reading_back(path), loaded_image(str(path)) as written:
+        if tuple(written.size) != tuple(image.size):
+            raise ValueError("another size")
 
 
 def write_values(path: Path, kind: str | None, shown: Any) -> None:

@@ -763,6 +763,43 @@ def test_half_a_blend_file_is_never_left(scene, old, folder):
     assert Path("out.blend").read_bytes() == scene.read_bytes()
 
 
+# A writer that reports success and leaves a file cut short.
+SPOILED = """
+import contextlib, pathlib
+from shock_filter.core.files import output
+staged = output.staged
+@contextlib.contextmanager
+def spoiled(*words):
+    with staged(*words) as path:
+        from shock_filter.shock_addon.commands import blender_files
+        reading_back = blender_files.reading_back
+        def cut(name):
+            path.write_bytes(path.read_bytes()[:60])
+            blender_files.reading_back = reading_back
+            return reading_back(name)
+        blender_files.reading_back = cut
+        yield path
+output.staged = spoiled
+"""
+
+
+def test_what_cannot_be_read_back_replaces_nothing(scene, old, folder):
+    rounded_box().export("in.ply")
+    pixels = np.random.default_rng(0).integers(0, 255, (99, 99, 3), dtype=np.uint8)
+    Image.fromarray(pixels).save("in.png")
+    for command, source, target in (
+        ("sharpen-image", "in.png", "out.png"),
+        ("sharpen-geometry", "in.ply", "out.glb"),
+        ("sharpen-geometry", "in.ply", "out.ply"),
+        ("sharpen-geometry", scene, "out.blend"),
+    ):
+        Path(target).write_text("old")
+        run = blender(command, source, target, "--overwrite", before=SPOILED)
+        assert run.code == 1
+        assert f"{target} was not written: it could not be read back" in run.err
+        assert Path(target).read_text() == "old"
+
+
 def test_a_blend_file_finds_its_textures_from_where_it_is_saved(scene, old, folder):
     Path("textures").mkdir()
     Image.fromarray(soft_edge()).save("textures/wood.png")
