@@ -17,13 +17,17 @@ from ..errors import ShockError
 _MISSING = "left behind, as no plain files beside the input: {}"
 
 
+def relative(name: str) -> PurePosixPath:
+    """A name as a path, also if it was written on Windows."""
+    return PurePosixPath(name.strip().replace("\\", "/"))
+
+
 def find(folder: Path, name: str) -> Path | None:
     """The plain file that a name means; None if there is none in or below the folder."""
-    relative = PurePosixPath(name.strip().replace("\\", "/"))
-    if ".." in relative.parts:
+    if ".." in relative(name).parts:
         return None
     try:
-        path = (folder / relative).resolve()
+        path = (folder / relative(name)).resolve()
         return path if path.is_relative_to(folder.resolve()) and path.is_file() else None
     except (OSError, RuntimeError, ValueError):  # too long, links in a circle, a zero in it
         return None
@@ -47,7 +51,7 @@ def copy_beside(source: Path, names: Iterable[str], target: Path) -> list[str]:
     """Copy files that a mesh file names; returns a note on those that cannot be."""
     missing = []
     for name in dict.fromkeys(names):
-        found, copy = find(source.parent, name), target.parent / name.strip().replace("\\", "/")
+        found, copy = find(source.parent, name), target.parent / relative(name)
         if found is None or copy == target:
             missing.append(name)
             continue

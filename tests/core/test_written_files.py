@@ -170,6 +170,26 @@ def test_buffers_of_a_batch_do_not_meet(folder, order):
     np.testing.assert_allclose(positions("out/part1.gltf"), TRIANGLE * 3 + 1)
 
 
+@pytest.mark.parametrize("uri", ["a.bin", "./a.bin", "a%2Ebin", "sub\\\\a.bin"])
+def test_models_that_share_a_buffer(folder, uri):
+    gltf(folder / "in.gltf", ["a.bin"])
+    tree = json.loads((folder / "in.gltf").read_text())
+    tree["buffers"] *= 2
+    tree["bufferViews"][1]["buffer"] = 1
+    for buffer in tree["buffers"]:
+        buffer["uri"] = uri
+    (folder / "in.gltf").write_text(json.dumps(tree))
+    data = (folder / "a.bin").read_bytes()
+    (folder / "sub").mkdir()
+    file = folder / ("sub/a.bin" if "sub" in uri else "a.bin")
+    file.write_bytes(data + b"of another")
+    for target in ("out.gltf", "in.gltf"):
+        filter_mesh_file(lift, "in.gltf", target, Options(overwrite=True))
+    assert file.read_bytes()[-22:] == data[-12:] + b"of another"
+    assert (np.frombuffer(file.read_bytes(), "<f4", 12) == TRIANGLE.reshape(-1) + 1).all()
+    np.testing.assert_allclose(positions("out.gltf"), TRIANGLE + 1)
+
+
 OBJ = "mtllib {}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n"
 
 

@@ -30,12 +30,13 @@ from ..document import (
     unit,
 )
 from ..reading import check_claim
-from ..side_files import copy_beside, read
+from ..side_files import copy_beside, find, read, relative
 
 _GLTF_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _GLTF_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _LARGEST_ENTRY = 64  # bytes, of a matrix
 _TRIANGLES = 4
+_INSIDE = "data:"
 _DRACO = "KHR_draco_mesh_compression"
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
@@ -49,9 +50,8 @@ class GltfFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._tree, buffers = read_tree(path)
+        self._tree, self._buffers = read_tree(path)
         self._chunks = glb_chunks(path.read_bytes())[2:]
-        self._buffers = [bytearray(data) for data in buffers]
         to_world = _gltf_matrices(self._tree)
         self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
         blocks: list[Floats] = []
@@ -144,7 +144,8 @@ class GltfFile:
     def own_files(self, target: Path) -> Collection[str]:
         # In place, buffers keep their names.
         self._in_place = target.exists() and target.samefile(self._path)
-        return self._side_files("buffers") if self._in_place else ()
+        names = self._side_files("buffers") if self._in_place else []
+        return [relative(name).as_posix() for name in names]
 
     def read_back(self, path: Path) -> Floats:
         return GltfFile(path).vertices
@@ -232,7 +233,7 @@ class GltfFile:
             zip(self._tree.get("buffers", []), self._buffers, strict=True)
         ):
             uri = buffer.get("uri", "")
-            if uri.startswith("data:"):
+            if uri.startswith(_INSIDE):
                 buffer["uri"] = uri.partition(",")[0] + "," + base64.b64encode(data).decode()
             elif is_glb and number == 0:
                 buffer.pop("uri", None)
@@ -240,9 +241,9 @@ class GltfFile:
             else:
                 if not self._in_place:  # a name that no other file's buffer gets
                     buffer["uri"] = quote(f"{path.name}.{number}.bin")
-                name = path.parent / unquote(buffer["uri"])
+                name = path.parent / relative(unquote(buffer["uri"]))
                 name.parent.mkdir(parents=True, exist_ok=True)
-                name.write_bytes(data)
+                name.write_bytes(data + self._rest(buffer, data))
         text = json.dumps(self._tree, separators=(",", ":"), ensure_ascii=False).encode()
         path.write_bytes(_glb(text, binary, self._chunks) if is_glb else text)
         notes = []
@@ -251,26 +252,38 @@ class GltfFile:
             notes.append(f".gltf cannot hold parts of its own ({kinds}): left behind")
         return notes + copy_beside(self._path, self._side_files("images"), path)
 
+    def _rest(self, buffer: dict[str, Any], data: bytearray) -> bytes:
+        """What stands behind a buffer in its file, and may be another model's."""
+        found = find(self._path.parent, unquote(buffer["uri"])) if self._in_place else None
+        return found.read_bytes()[len(data) :] if found else b""
+
     def _side_files(self, *kinds: str) -> list[str]:
         entries = [entry for kind in kinds for entry in self._tree.get(kind, [])]
-        uris = [entry.get("uri", "data:") for entry in entries]
-        return [unquote(uri) for uri in uris if not uri.startswith("data:")]
+        uris = [entry.get("uri", _INSIDE) for entry in entries]
+        return [unquote(uri) for uri in uris if not uri.startswith(_INSIDE)]
 
 
-def read_tree(path: Path) -> tuple[dict[str, Any], list[bytes]]:
-    """Read the description in a file, and the buffers that it names."""
+def read_tree(path: Path) -> tuple[dict[str, Any], list[bytearray]]:
+    """Read the description in a file, and its buffers; those in one file are one."""
     data = path.read_bytes()
     chunks = dict(reversed(glb_chunks(data))) if data.startswith(b"glTF") else {_JSON: data}
     tree = json.loads(chunks.get(_JSON, b""))
+    entries = tree.get("buffers", [])
+    sizes: dict[str, int] = {}
+    for entry in entries:
+        uri = entry.get("uri", _INSIDE)
+        if not uri.startswith(_INSIDE):
+            sizes[uri] = max(entry["byteLength"], sizes.get(uri, 0))
+    files = {uri: bytearray(read(path.parent, unquote(uri), size)) for uri, size in sizes.items()}
     buffers = []
-    for buffer in tree.get("buffers", []):
-        uri = buffer.get("uri")
+    for entry in entries:
+        uri = entry.get("uri")
         if uri is None:
-            buffers.append(chunks.get(_BINARY, b""))
-        elif uri.startswith("data:"):
-            buffers.append(base64.b64decode(uri.partition(",")[2]))
+            buffers.append(bytearray(chunks.get(_BINARY, b"")))
+        elif uri.startswith(_INSIDE):
+            buffers.append(bytearray(base64.b64decode(uri.partition(",")[2])))
         else:
-            buffers.append(read(path.parent, unquote(uri), buffer["byteLength"]))
+            buffers.append(files[uri])
     unstored = (each for each in tree.get("accessors", []) if "bufferView" not in each)
     check_claim(path, sum(_LARGEST_ENTRY * each["count"] for each in unstored))
     return tree, buffers

@@ -39,7 +39,7 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
     if path.suffix.lower() in (".glb", ".gltf"):
         tree, buffers = read_tree(path)
         uris = [buffer.get("uri") for buffer in tree.get("buffers", [])]
-        known = {uri: data for uri, data in zip(uris, buffers, strict=True) if uri}
+        known = {uri: bytes(data) for uri, data in zip(uris, buffers, strict=True) if uri}
     resolver = Resolver(path, known)
     options |= {"resolver": resolver, "file_type": path.suffix[1:].lower()}
     scene = trimesh.load_scene(file, process=False, **options)
