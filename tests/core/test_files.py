@@ -692,6 +692,7 @@ end_header
         ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "nan.obj holds NaN"),
         ("word.obj", b"v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "word.obj cannot be read"),
         ("bare.ply", b"ply\nelement vertex 1\nproperty float x\nend_header\n", "cannot be read"),
+        ("odd.ply", STRIPS.replace(b"ascii", b"asciii"), "odd.ply cannot .*its format is asciii"),
         ("far.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "far.obj: a face names a vertex"),
         ("zero.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "zero.obj: a face names a vertex"),
         ("line.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "zero area"),

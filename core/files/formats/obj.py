@@ -86,13 +86,10 @@ class ObjFile:
         return ()  # copies only
 
     def read_back(self, path: Path) -> Floats:
-        # Reading faces takes longer than all else; a number of lines is enough.
-        data = path.read_bytes().removeprefix(BOM_UTF8)
-        lines = [line.lstrip() for line in data.splitlines()]
-        if sum(line[:2] in (b"f ", b"f\t") for line in lines) != len(self._face_lines):
+        count, vertices = look_through(path)
+        if count != len(self._face_lines):
             raise ValueError("fewer faces")
-        vertices = [line for line in lines if line[:2] in (b"v ", b"v\t")]
-        return np.loadtxt(vertices, usecols=(1, 2, 3), ndmin=2)
+        return vertices
 
     def _with_words(self, place: slice, values: Floats, vertices: Ints) -> list[bytes]:
         """The lines, with values in place of some words in those of these vertices."""
@@ -175,6 +172,15 @@ def _fans(sizes: Ints) -> tuple[Ints, Ints]:
     step = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     first = (np.cumsum(sizes) - sizes)[owner]
     return np.column_stack([first, first + step + 1, first + step + 2]), owner
+
+
+def look_through(path: Path) -> tuple[int, Floats]:
+    """Count faces and read positions: reading what the faces are takes longer than all else."""
+    data = path.read_bytes().removeprefix(BOM_UTF8)
+    lines = [line.lstrip() for line in data.splitlines()]
+    vertices = [line for line in lines if line[:2] in (b"v ", b"v\t")]
+    count = sum(line[:2] in (b"f ", b"f\t") for line in lines)
+    return count, np.loadtxt(vertices, usecols=(1, 2, 3), ndmin=2)
 
 
 def material_files(folder: Path, lines: list[bytes]) -> list[str]:

@@ -35,6 +35,7 @@ _PLY_TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
+_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _COLORS = (
     ("red", "green", "blue"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
@@ -123,8 +124,10 @@ class PlyVertices:
             elements = _ply_elements(lines)
         except (IndexError, StopIteration) as error:
             raise ValueError("a line of the header is missing or too short") from error
+        if encoding not in _ORDERS:
+            raise ValueError(f"its format is {encoding}")
         self._is_text = encoding == "ascii"
-        order = ">" if encoding == "binary_big_endian" else "<"
+        order = _ORDERS[encoding]
         self._start = head.end()  # of the vertices, in bytes
         self._row = 0  # of the first vertex, in lines of text after the header
         self._least = sum(count for _, count, _ in elements)  # lines of text
