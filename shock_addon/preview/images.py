@@ -29,13 +29,13 @@ _FIRST_TILE = 1001
 
 
 class ImageStage:
-    """An image over which the result is drawn; see `Stage`.
+    """An image over which the result is drawn; a stage of a `Preview`.
 
     Parameters
     ----------
     image : bpy.types.Image
     part : callable
-        As in `Stage`; what is shown are pieces.
+        As in `Preview`; what is shown are pieces.
     """
 
     def __init__(self, image: bpy.types.Image, part: Callable[[Any], tuple]) -> None:
