@@ -189,10 +189,11 @@ class TextureAtlas:
             self.owners = _owned_within(self.sheet.nodes, self.height, self.width)
             self.copies = _own_elsewhere(self.charts, self.sheet, self.owners, overlapping)
             _own_ghosts(self.charts, self.sheet, self.sources, self.owners)
+        areas = self.charts.areas
         self.report = UVReport(
             len(self.charts.boxes),
             np.flatnonzero(overlapping),
-            np.flatnonzero(_mirrored(self.charts.areas)),
+            np.flatnonzero(areas < 0 if areas.sum() >= 0 else areas > 0),
             np.flatnonzero(self.charts.outside),
             np.flatnonzero(degenerate_faces(self.charts)),
         )
@@ -263,10 +264,6 @@ class TextureAtlas:
 
 
 _LARGEST = 1 << 15
-
-
-def _mirrored(areas: Floats) -> npt.NDArray[np.bool_]:
-    return areas < 0 if areas.sum() >= 0 else areas > 0
 
 
 @kernel

@@ -70,20 +70,13 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) ->
     high = low.copy()
     _widen(reads, columns, flat, low, high)
     slack = np.maximum(_SLACK * (high - low), np.float32(step))
-    least, most = _range_on_charts(atlas, flat)
-    low = np.maximum(low - slack, least)
-    high = np.minimum(high + slack, most)
-    flat[free] = np.clip(adjusted, low, high)
-
-
-def _range_on_charts(
-    atlas: TextureAtlas, values: npt.NDArray[np.float32]
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    shape = -(-atlas.height // ROWS), values.shape[1]
-    lows, highs = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
+    shape = -(-atlas.height // ROWS), flat.shape[1]
+    least, most = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
     with aside("Filling the gutter"):
-        run(_bound, atlas.height, atlas.owners, atlas.inside, values, lows, highs, chunk=ROWS)
-    return lows.min(axis=0), highs.max(axis=0)
+        run(_bound, atlas.height, atlas.owners, atlas.inside, flat, least, most, chunk=ROWS)
+    low = np.maximum(low - slack, least.min(axis=0))
+    high = np.minimum(high + slack, most.max(axis=0))
+    flat[free] = np.clip(adjusted, low, high)
 
 
 def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
