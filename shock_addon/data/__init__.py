@@ -6,7 +6,28 @@ import numpy.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from . import (  # noqa: F401
+        arrays,
+        chosen,
+        colors,
+        flow,
+        geometry,
+        images,
+        masks,
+        materials,
+        meshes,
+        original,
+        painted,
+        shading,
+        shape_keys,
+        skipped,
+        textures,
+        tiles,
+        vertex_groups,
+    )
 
 
 def __getattr__(name: str) -> Any:
