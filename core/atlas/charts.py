@@ -79,7 +79,12 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
     with phase(0.5, 0.8, "Finding charts"):
         run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
-    count, labels = _hang_together(mesh.twins, seams)
+    ask()
+    joints = np.flatnonzero(~seams)
+    links = joints // 3, mesh.twins.reshape(-1)[joints] // 3
+    shape = mesh.face_count, mesh.face_count
+    graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=shape)
+    count, labels = connected_components(graph, directed=False)  # in the order of first faces
     ask()
     order = np.argsort(labels, kind="stable")
     first = np.searchsorted(labels[order], np.arange(count))
@@ -91,15 +96,6 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     boxes -= tiles[:, None]
     points -= tiles[labels][:, None]
     return Charts(points, labels, boxes, np.flatnonzero(seams).astype(np.int32), areas, outside)
-
-
-def _hang_together(twins: Ints, seams: npt.NDArray[np.bool_]) -> tuple[int, Ints]:
-    # The number of charts, and that of each face, in the order of the charts' first faces.
-    faces = len(twins)
-    joints = np.flatnonzero(~seams)
-    links = joints // 3, twins.reshape(-1)[joints] // 3
-    graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=(faces, faces))
-    return connected_components(graph, directed=False)
 
 
 def _check_areas(areas: Floats, texels: int) -> None:
