@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -71,6 +72,9 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder for all that Blender reads and writes, with the scenarios in it."""
     folder = tmp_path_factory.mktemp("blender")
     (folder / "resources").mkdir()
+    if kernels := os.environ.get("SHOCK_FILTER_KERNELS"):  # see tests/extension/test_installed.py
+        extensions = folder / "resources" / "extensions"
+        shutil.copytree(kernels, extensions / ".user" / "user_default" / "shock_filter")
     shutil.copytree(Path(__file__).parent / "inside", folder / "inside")
     return folder
 
