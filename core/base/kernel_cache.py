@@ -132,12 +132,9 @@ def keep_on_disk(kernel: Any) -> Any:
 @cache
 def _stamp(path: Path) -> str:
     """Digest a source file and all that it imports from this package."""
-    found = {path}
-    left = [path]
-    while left:
-        imported = _imported(left.pop()) - found
-        found |= imported
-        left += imported
+    found = [path]
+    for file in found:  # which grows meanwhile
+        found += _imported(file).difference(found)
     digest = hashlib.sha256()
     for file in sorted(found):
         digest.update(_text(file))
