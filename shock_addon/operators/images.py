@@ -63,6 +63,8 @@ class OneImageOperator(FilterOperator):
         if self.output == "NEW":
             image = data.images.add_or_reuse(source, self.row.done.lower(), self.result, new)
             self.show(target, source, image)
+            for each in (source, image):
+                data.images.keep(each)
             return image
         if any(part.changed for part in self._parts.values()):
             data.images.overwrite(source, target.parts, new)

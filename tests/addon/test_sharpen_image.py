@@ -170,12 +170,12 @@ def test_a_packed_image_comes_back_from_the_file(output, float_buffer, tmp_path)
     photo.colorspace_settings.name = "sRGB"
     photo.pixels.foreach_set(blend().reshape(-1))
     photo.pack()
+    photo.use_fake_user = True
     sharpen(image="Photo", time=256.0, output=output)
     result = bpy.data.images["Photo" if output == "REPLACE" else "Photo sharpened"]
     assert result.packed_file is not None
     assert not result.is_dirty
     result.name = "Kept"
-    result.use_fake_user = True
     sharp = read(result)
     assert steepness(sharp) < steepness(blend())
     path = str(tmp_path / "kept.blend")
@@ -191,7 +191,6 @@ def test_a_new_image_comes_back_from_the_file(kind, tmp_path):
     add(pixels=pixels, **kind)
     sharpen(image="Photo", time=256.0)
     result = bpy.data.images["Photo sharpened"]
-    result.use_fake_user = True
     sharp = read(result)
     path = str(tmp_path / "kept.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
