@@ -11,6 +11,7 @@ from bpy.app.handlers import persistent
 
 from ..core.host import forgetting
 from .commands import registration as command
+from .data import shown
 from .flow import operator as flow_operator
 from .flow import overlay as flow_overlay
 from .operators import base as operators
@@ -45,7 +46,14 @@ def _forget_summaries(*_: object) -> None:
 
 def _handlers() -> list[tuple]:
     handlers = bpy.app.handlers
-    return [(handlers.load_pre, _forget_file), (handlers.undo_post, _forget_summaries)]
+    return [
+        (handlers.load_pre, _forget_file),
+        (handlers.undo_post, _forget_summaries),
+        (handlers.undo_pre, shown.note),
+        (handlers.undo_post, shown.restore),
+        (handlers.redo_pre, shown.note),
+        (handlers.redo_post, shown.restore),
+    ]
 
 
 def _unregister_at_exit() -> None:

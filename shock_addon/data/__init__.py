@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         original,
         painted,
         shape_keys,
+        shown,
         skipped,
         textures,
         tiles,

@@ -50,10 +50,10 @@ class OneImageOperator(FilterOperator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the image and show it in the Image Editor."""
         written, skipped = write_results(self.targets, results, self._write_one)
-        for _, image, _ in written:
+        for target, image, _ in written:
+            source = data.images.find_image(target)
+            data.shown.show(context.space_data, source, image, again=bool(self.result))
             self.result = image.name
-            if data.chosen.edited_image(context) is not None:
-                context.space_data.image = image
         return written, skipped
 
     def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
