@@ -24,6 +24,9 @@ Filter = Callable[[Any, Progress], Any]
 _HARDLY_SEEN = 0.01
 """A change of colors that people hardly see."""
 
+_NOTICED = 0.5
+"""Seconds of compiling that people notice."""
+
 summaries: dict[str, str] = {}
 """What each mode has done last, or why it has not."""
 
@@ -135,6 +138,7 @@ class FilterOperator(ModalJob):
 
     def _prepare(self, context: bpy.types.Context) -> Work | None:
         self._began = time.perf_counter()
+        self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)
@@ -195,13 +199,21 @@ class FilterOperator(ModalJob):
             self.tell("ERROR", " ".join(skipped))
             return {"CANCELLED"}
         seconds = time.perf_counter() - self._began
-        statistics.learn(self, seconds)
+        compiling = kernels.seconds_compiling() - self._compiled
+        statistics.learn(self, seconds - compiling)
         if listener is not None:
             listener.counts = self.counts(written)
         # In one line: Blender's status bar shows only the last report.
-        parts = [self.summary(written, seconds), self.notes(written), *skipped]
+        parts = [self.summary(written, seconds), _said_of(compiling), self.notes(written), *skipped]
         self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
         return {"FINISHED"}
+
+
+def _said_of(compiling: float) -> str:
+    if compiling < _NOTICED:
+        return ""
+    text = pgettext_rpt("Compiling took {seconds:.1f} s of it, which only first runs do.")
+    return text.format(seconds=compiling)
 
 
 def filter_of(mode: Mode, settings: Any, parameters: Any) -> Filter:
@@ -238,7 +250,7 @@ def can_run(operator: type, obstacle: str) -> bool:
 
 def filter_targets(targets: Sequence[Any], function: Filter, progress: Progress) -> list[Any]:
     """Filter all targets, on any thread; one that fails gives its error as its result."""
-    progress(0.0, "Preparing (compiles on first use)")
+    progress(0.0, "Preparing")
     kernels.load()
     total = sum(target.surface.size for target in targets)
     done = 0
