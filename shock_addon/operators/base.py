@@ -12,6 +12,7 @@ import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
+from .. import data
 from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
 from ..modes import Mode, load
 from . import drawing, kernels, statistics
@@ -29,6 +30,9 @@ _NOTICED = 0.5
 
 summaries: dict[str, str] = {}
 """What each mode has done last, or why it has not."""
+
+_subjects: dict[str, set[int]] = {}
+"""The uids of the objects and images that it was done with."""
 
 listener: Any = None
 """Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C.
@@ -140,6 +144,7 @@ class FilterOperator(ModalJob):
         self._began = time.perf_counter()
         self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
+            _subjects[self.key] = data.chosen.subjects(context)
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)
             if self.targets:
@@ -198,6 +203,7 @@ class FilterOperator(ModalJob):
         if not written:
             self.tell("ERROR", " ".join(skipped))
             return {"CANCELLED"}
+        _subjects[self.key] |= {each.data.session_uid for each in written}
         seconds = time.perf_counter() - self._began
         compiling = kernels.seconds_compiling() - self._compiled
         statistics.learn(self, seconds - compiling)
@@ -214,6 +220,12 @@ def _said_of(compiling: float) -> str:
         return ""
     text = pgettext_rpt("Compiling took {seconds:.1f} s of it, which only first runs do.")
     return text.format(seconds=compiling)
+
+
+def summary_of(context: bpy.types.Context, key: str) -> str:
+    """Return what a mode has done last with what is chosen now; empty if it was something else."""
+    same = data.chosen.subjects(context) & _subjects.get(key, set())
+    return summaries.get(key, "") if same else ""
 
 
 def filter_of(mode: Mode, settings: Any, parameters: Any) -> Filter:
