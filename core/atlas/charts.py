@@ -42,7 +42,7 @@ class Charts(NamedTuple):
     areas : (m,) float64
         Signed areas in squared texels; negative for mirrored faces.
     outside : (m,) bool
-        Faces with corners outside the image, before charts were moved.
+        Faces with corners outside the image, wherever whole tiles have moved their charts.
     """
 
     points: Floats
@@ -68,9 +68,8 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
     points = np.empty_like(coordinates)
     areas = np.empty(mesh.face_count)
-    outside = np.empty(mesh.face_count, dtype=np.bool_)
     with phase(0.2, 0.5, "Finding charts"):
-        run(_place_faces, mesh.face_count, coordinates, height, width, points, areas, outside)
+        run(_place_faces, mesh.face_count, coordinates, height, width, points, areas)
     _check_areas(areas, height * width)
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
     with phase(0.5, 0.8, "Finding charts"):
@@ -82,6 +81,8 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
         tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
         boxes -= tiles[:, None]
         run(shift_charts, mesh.face_count, points, labels, -tiles, points)
+    low, high = np.array([[-_SLACK], [1.0 + _SLACK]]) * (height, width) - 0.5
+    outside = ((points < low) | (points > high)).any(axis=(1, 2))
     return Charts(points, labels, boxes, np.flatnonzero(seams).astype(np.int32), areas, outside)
 
 
@@ -133,15 +134,12 @@ def _checked_uv(uv: npt.ArrayLike, face_count: int) -> Floats:
 
 
 @kernel
-def _place_faces(start, stop, coordinates, height, width, points, areas, outside):
+def _place_faces(start, stop, coordinates, height, width, points, areas):
     for f in range(start, stop):
-        outside[f] = False
         for k in range(3):
             u, v = coordinates[f, k, 0], coordinates[f, k, 1]
             points[f, k, 0] = v * height - 0.5
             points[f, k, 1] = u * width - 0.5
-            if min(u, v) < -_SLACK or max(u, v) > 1.0 + _SLACK:
-                outside[f] = True
         ay, ax = points[f, 1, 0] - points[f, 0, 0], points[f, 1, 1] - points[f, 0, 1]
         by, bx = points[f, 2, 0] - points[f, 0, 0], points[f, 2, 1] - points[f, 0, 1]
         # (row, column) is left-handed: columns go along u, rows along v.
