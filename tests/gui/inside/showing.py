@@ -31,8 +31,8 @@ def scenario() -> Steps:
     """Go through all operators on images, each from the same state of the file."""
     scene.clear()
     scene.add_texture(scene.add_monkey("Monkey", 1))
-    scene.add_image("Photo")
-    scene.add_image(OTHER)
+    for name in ("Photo", OTHER):
+        scene.add_image(name).scale(48, 48)  # each step of a drag runs once more
     for image in bpy.data.images:
         image.use_fake_user = True
     area("VIEW_3D").type = "IMAGE_EDITOR"
