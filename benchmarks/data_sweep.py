@@ -24,7 +24,8 @@ from shock_filter.core.files.formats.trimesh import KEEPS, SceneFile
 from shock_filter.core.files.meshes import IN_PLACE, read_document
 from shock_filter.core.files.textures import read_textured_mesh
 from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import then_sharpen
+from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
+from shock_filter.core.registry import find
 
 MESHES = tuple(KEEPS)
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
@@ -47,10 +48,12 @@ def mesh_runs(path: Path) -> tuple[str, Iterator[Run]]:
         corners = colors[mesh.faces]
         yield "geometry", lambda: core.sharpen_geometry(mesh)
         yield "steady", lambda: core.sharpen_geometry(mesh, core.GeometrySettings(time=np.inf))
-        yield "denoise", lambda: then_sharpen(core.beltrami_mesh, 64.0)(mesh, settings=settings)
+        yield "denoise", lambda: find("beltrami_mesh").function(64.0)(mesh, settings=settings)
         yield "colors", lambda: core.sharpen_vertex_signal(mesh, colors)
         yield "corners", lambda: core.sharpen_corner_signal(mesh, corners)
-        yield "both", lambda: then_sharpen(beltrami_joint_corners, 64.0)(mesh, corners)
+        sharpening = core.ShockSettings(time=64.0)
+        both = then_sharpen(beltrami_joint_corners, sharpen_both, sharpening)
+        yield "both", lambda: both(mesh, corners)
         yield "texture", lambda: textured(path)
 
     return f"{mesh.vertex_count:,} vertices", runs()
@@ -74,7 +77,7 @@ def image_runs(path: Path) -> tuple[str, Iterator[Run]]:
     def runs() -> Iterator[Run]:
         yield "image", lambda: core.sharpen_image(pixels)
         yield "steady", lambda: core.sharpen_image(pixels, core.ImageSettings(time=np.inf))
-        yield "denoise", lambda: then_sharpen(core.beltrami_image, 16.0)(pixels)
+        yield "denoise", lambda: find("beltrami_image").function(16.0)(pixels)
 
     return f"{width} x {height} pixels", runs()
 

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import common
+import literal_walk
 import numpy as np
+from literal_walk import PAPER_STEP
 from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.flow.potential import flow_potential
-from shock_filter.core.flow.trace import PAPER_STEP, trace_faces
+from shock_filter.core.flow.trace import trace_faces
 from shock_filter.core.mesh.calculus import average_to_vertices
 
 
@@ -29,18 +31,18 @@ def walked(
     signal = average_to_vertices(mesh, mesh.normals)
     potential = flow_potential(mesh, signal, 1)
     seeds = end_points(mesh, *trace_faces(mesh, potential, 0.0))
-    trace_faces(mesh, potential, 1.0, step=PAPER_STEP)  # compiles
+    literal_walk.trace_faces(mesh, potential, 1.0, PAPER_STEP)  # compiles
 
     def differences(flow_time: float, step: float) -> list[float]:
         exact = end_points(mesh, *trace_faces(mesh, potential, flow_time))
-        literal = end_points(mesh, *trace_faces(mesh, potential, flow_time, step=step))
+        literal = end_points(mesh, *literal_walk.trace_faces(mesh, potential, flow_time, step))
         apart = np.linalg.norm(exact - literal, axis=1)
         return [
             *(float(value) for value in (np.median(apart), apart.mean())),
             *(float(value) for value in np.percentile(apart, [90, 99])),
             float(np.linalg.norm(exact - seeds, axis=1).mean()),
             common.fastest(lambda: trace_faces(mesh, potential, flow_time), 3),
-            common.fastest(lambda: trace_faces(mesh, potential, flow_time, step=step), 3),
+            common.fastest(lambda: literal_walk.trace_faces(mesh, potential, flow_time, step), 3),
         ]
 
     by_step = [differences(256.0, step) for step in steps]

@@ -22,6 +22,9 @@ import common
 import numpy as np
 from report import Page, Target, table, targets
 from shock_filter import core
+from shock_filter.core.host.colors import filter_colors
+from shock_filter.core.host.geometry import filter_shape
+from shock_filter.core.host.images import filter_image
 from shock_filter.core.host.inputs import (
     ColoredSurface,
     Denoising,
@@ -30,12 +33,7 @@ from shock_filter.core.host.inputs import (
     TexturedFaces,
     TexturedSurface,
 )
-from shock_filter.core.host.registered import (
-    filter_colors,
-    filter_image,
-    filter_shape,
-    filter_texture,
-)
+from shock_filter.core.host.textures import filter_texture
 from shock_filter.core.host.welding import forget
 from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings
 

@@ -8,7 +8,7 @@ costs a settings class, a module in `core.filters` and a row. Needs neither nump
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -80,7 +80,9 @@ class Filter(NamedTuple):
     takes_mask : bool
         Whether it has a mask.
     then : str
-        Name of the filter that may follow in the same run; see `filters.denoising`.
+        Name of the sharpening, of the same kind of data, that may follow in the same run.
+    then_settings : mapping
+        Its settings that differ from their defaults, beside its time.
     """
 
     name: str
@@ -92,34 +94,37 @@ class Filter(NamedTuple):
     corners: str = ""
     takes_mask: bool = True
     then: str = ""
+    then_settings: Mapping[str, Any] = {}
 
-    def function(self) -> Any:
-        """Load the function."""
-        return _load(self.module, self.name)
-
-    def corner_function(self) -> Any:
-        """Load the function for signals at the corners."""
-        return _load(self.module, self.corners)
-
-    def applied(self, settings: Any, then_time: float | None = None) -> Any:
-        """Load the function and fix its settings.
+    def function(self, then_time: float | None = None, corners: bool = False) -> Any:
+        """Load the function.
 
         Parameters
         ----------
-        settings : Any
-            Of its settings class.
         then_time : float, optional
             Flow time of the filter that follows; none follows if left out.
+        corners : bool
+            For `COLORS`: whether the signal is given at the corners.
 
         Returns
         -------
         callable
-            ``function(*data, mask=None, progress=None)``
+            ``function(*data, settings=None, mask=None, progress=None)``
         """
-        function = self.function()
-        if then_time is not None:
-            function = _load("filters.denoising", "then_sharpen")(function, then_time)
-        return partial(function, settings=settings)
+        function = _load(self.module, self.corners if corners else self.name)
+        if not self.takes_mask:
+            function = _without_mask(function)
+        if then_time is None:
+            return function
+        sharpen = find(self.then).function(corners=corners)
+        then_sharpen = _load("filters.denoising", "then_sharpen")
+        return then_sharpen(function, sharpen, self.sharpening(then_time))
+
+    def sharpening(self, time: float | None) -> Any:
+        """Make the settings of the filter that follows; None without a time."""
+        if time is None:
+            return None
+        return find(self.then).settings(**self.then_settings, time=time)
 
 
 FILTERS: tuple[Filter, ...] = (
@@ -131,6 +136,7 @@ FILTERS: tuple[Filter, ...] = (
         "denoise-geometry",
         "remove noise from meshes; creases stay",
         then="sharpen_geometry",
+        then_settings={"sampling": "linear"},  # removes the noise that is left
     ),
     Filter(
         "beltrami_vertex_signal",
@@ -240,6 +246,10 @@ def kernel_modules() -> list[str]:
     """List the modules, by their full names, whose import brings up all kernels."""
     modules = set(public_names().values()) - {"errors", "settings"}
     return [f"{__package__}.{module}" for module in sorted(modules)]
+
+
+def _without_mask(function: Any) -> Any:
+    return lambda *data, mask=None, **words: function(*data, **words)
 
 
 def _load(module: str, name: str) -> Any:

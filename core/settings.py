@@ -31,13 +31,16 @@ class Setting(NamedTuple):
     unit : str
         Unit in words; empty for counts and choices.
     minimum, maximum : float
-        Allowed range, both ends included.
+        Allowed range, both ends included; no number is negative unless that is said.
     soft_minimum, soft_maximum : float
         Range in which values are useful; sliders end there.
     choices : mapping
         For text fields: the allowed words, each with its description.
     advanced : bool
         True for fields that belong into a closed sub-panel.
+    length_power : int
+        For numbers that count in mean edge lengths: the power of length in their unit, by which
+        they change where the mean edge is another one.
     label : str
         Words on screen where those of the field's name are too long or too technical; at most
         14 letters, which is what Blender's sidebar shows.
@@ -45,12 +48,13 @@ class Setting(NamedTuple):
 
     description: str
     unit: str = ""
-    minimum: float = -INF
+    minimum: float = 0.0
     maximum: float = INF
     soft_minimum: float = -INF
     soft_maximum: float = INF
     choices: Mapping[str, str] = {}
     advanced: bool = False
+    length_power: int = 0
     label: str = ""
 
 
@@ -83,7 +87,8 @@ class _Settings:
         if name in vars(self) or name not in fields:
             raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
         kind, _, about = fields[name]
-        vars(self)[name] = (_word if kind is str else _number)(name, value, kind, about)
+        checked = _word(name, value, about) if kind is str else _number(name, value, about, kind)
+        vars(self)[name] = checked
 
     def __delattr__(self, name: str) -> None:
         raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
@@ -99,14 +104,14 @@ class _Settings:
         return hash((type(self), *vars(self).values()))
 
 
-def _word(name: str, value: Any, kind: type, about: Setting) -> str:
+def _word(name: str, value: Any, about: Setting) -> str:
     if not isinstance(value, str) or value not in about.choices:
         words = ", ".join(about.choices)
         raise InvalidSettings(f"{name} is {value!r}; choose one of: {words}.")
     return value
 
 
-def _number(name: str, value: Any, kind: type, about: Setting) -> Any:
+def _number(name: str, value: Any, about: Setting, kind: type) -> Any:
     if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
         value = value.item()  # a numpy scalar
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -134,17 +139,14 @@ class _FlowSettings(_Settings):
         "How long values flow towards the edges. 0 changes nothing; 16 is subtle, 256 pulls"
         " narrow edges together, 4096 wide ones; infinity is the steady state",
         unit="flow time in mean edge lengths",
-        minimum=0.0,
-        maximum=INF,
-        soft_minimum=0.0,
         soft_maximum=4096.0,
+        length_power=4,  # P falls with the square of the lengths, and the flow is its gradient
     )
     smoothing_passes: int = _setting(
         1,
         "Smoothing passes on the flow, not on the result. 0 follows every wrinkle; 16 ignores"
         " noise, pulls from farther away and sees only broad edges",
         unit="passes",
-        minimum=0,
         maximum=1000,
         soft_maximum=16,
         label="Smoothing",
@@ -243,7 +245,6 @@ class DilateSettings(_Settings):
         " only what linear sampling reads, one texel; 64 is enough for six smaller sizes of the"
         " texture, each half the last",
         unit="texels",
-        minimum=0,
         maximum=1024,
         soft_maximum=64,
     )
@@ -284,6 +285,23 @@ class TextureSettings(DilateSettings, _SignalSettings):
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
+class MaskSettings(_Settings):
+    """Settings of the command ``texture-mask``."""
+
+    kind: str = _setting(
+        "active",
+        "What is drawn",
+        choices={
+            "active": "Texels that linear sampling of some face reads",
+            "boundary": "Active texels that charts cover only in part",
+            "face": "The face in which the texel's center lies",
+            "chart": "The chart of that face",
+            "count": "How many charts read the texel",
+        },
+    )
+
+
+@dataclass(kw_only=True, repr=False, eq=False)
 class FitSettings(_Settings):
     """Settings of the screened Poisson refit of positions to normals (paper 4.1)."""
 
@@ -297,6 +315,7 @@ class FitSettings(_Settings):
         soft_minimum=0.5,
         soft_maximum=30.0,
         advanced=True,
+        length_power=1,
         label="Fit Radius",
     )
     fidelity: float = _setting(
@@ -304,7 +323,6 @@ class FitSettings(_Settings):
         "The paper's epsilon: weight of the old positions on the surface scaled to unit area."
         " 0 uses the radius instead; 1000000 keeps nearly every position",
         unit="per unit area",
-        minimum=0.0,
         maximum=1e12,
         soft_maximum=1e6,
         advanced=True,
@@ -327,7 +345,6 @@ class GeometrySettings(FitSettings, _FlowSettings):
         "Smoothing passes on the normals before anything else, for noisy scans. 0 keeps the"
         " normals as they are; 2 cleans light noise, 16 rounds fine relief away, too",
         unit="passes",
-        minimum=0,
         maximum=1000,
         soft_maximum=16,
         advanced=True,
@@ -339,7 +356,6 @@ class GeometrySettings(FitSettings, _FlowSettings):
         " sharpens everything, and gently curved regions get facets; 2 leaves all but the"
         " sharpest creases as they are",
         unit="times the surroundings",
-        minimum=0.0,
         maximum=100.0,
         soft_maximum=2.0,
         label="Threshold",
@@ -370,10 +386,10 @@ class GeometrySettings(FitSettings, _FlowSettings):
         "No vertex moves farther than this. 0 sets no limit; 0.1 keeps every vertex near its"
         " place, 5 stops only spikes",
         unit="mean edge lengths",
-        minimum=0.0,
         maximum=1e6,
         soft_maximum=5.0,
         advanced=True,
+        length_power=1,
         label="Move Limit",
     )
 
@@ -387,18 +403,18 @@ class _KernelSettings(_Settings):
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
         " is a Gaussian of variance 2 * time; 10 averages over 14 mean edge lengths around, slowly",
         unit="squared mean edge lengths",
-        minimum=0.0,
         maximum=1e6,
         soft_maximum=10.0,
+        length_power=2,
     )
     beta: float = _setting(
         3.0,
         "How much values count against lengths: a step from 0 to 1 is as far as this many mean"
         " edge lengths. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
         unit="mean edge lengths a unit of value",
-        minimum=0.0,
         maximum=1e6,
         soft_maximum=30.0,
+        length_power=1,
         label="Keep Edges",
     )
     iterations: int = _setting(
@@ -455,11 +471,7 @@ class BeltramiSettings(_KernelSettings):
         " pixels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
         unit="pixels a unit of value",
     )
-    iterations: int = _changed(
-        _KernelSettings,
-        "iterations",
-        2,
-    )
+    iterations: int = _changed(_KernelSettings, "iterations", 2)
     measure: str = _setting(
         "space",
         "How much each pixel counts, besides its distance",
@@ -475,7 +487,6 @@ class BeltramiSettings(_KernelSettings):
         "Width of the square of pixels that a kernel may reach, an odd number. 0 goes as far"
         " as weights count; 21 goes ten pixels each way",
         unit="pixels",
-        minimum=0,
         maximum=9999,
         soft_maximum=21,
         advanced=True,
@@ -488,6 +499,12 @@ class BeltramiSettings(_KernelSettings):
                 "window is {window!r}, which has no middle pixel; give an odd number, or 0.",
                 window=self.window,
             )
+
+    @property
+    def reach(self) -> float:
+        """About how many pixels each one is averaged over in one iteration."""
+        reach = max(-4.0 * math.pi * self.time * math.log(self.threshold), 1.0)
+        return min(reach, self.window**2) if self.window else reach
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
@@ -543,8 +560,4 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         " fine creases",
         soft_maximum=4,
     )
-    repeat: int = _changed(
-        GeometrySettings,
-        "repeat",
-        3,
-    )
+    repeat: int = _changed(GeometrySettings, "repeat", 3)

@@ -46,7 +46,10 @@ def _forget_summaries(*_: object) -> None:
 
 def _handlers() -> list[tuple]:
     handlers = bpy.app.handlers
+    # Previews end before anything reads or replaces what they show.
+    changes = (handlers.load_pre, handlers.save_pre, handlers.undo_pre, handlers.redo_pre)
     return [
+        *((each, preview_operator.stop) for each in changes),
         (handlers.load_pre, _forget_file),
         (handlers.undo_post, _forget_summaries),
         (handlers.undo_pre, shown.note),
@@ -75,7 +78,6 @@ def register() -> None:
     menus.register()
     manual.register()
     command.register()
-    preview_operator.register()
     for handlers, function in _handlers():
         handlers.append(function)
 

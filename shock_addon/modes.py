@@ -69,7 +69,7 @@ DATA = {
     "geometry": Data(
         _MESH,
         (*_WHERE, "output", "weld", *_SHADING),
-        "..core.host.registered:filter_shape",
+        "..core.host.geometry:filter_shape",
         ".data.geometry:read_geometry",
         ".data.geometry:write_geometry",
         "..core.host.flow:flow_of_shape",
@@ -78,7 +78,7 @@ DATA = {
     "colors": Data(
         _MESH,
         ("attribute", *_WHERE, "weld"),
-        "..core.host.registered:filter_colors",
+        "..core.host.colors:filter_colors",
         ".data.colors:read_colors",
         ".data.colors:write_colors",
         "..core.host.flow:flow_of_colors",
@@ -87,7 +87,7 @@ DATA = {
     "both": Data(
         _MESH,
         ("attribute", *_WHERE, "output", "weld", *_SHADING),
-        "..core.host.registered:filter_both",
+        "..core.host.denoising:filter_both",
         ".data.painted:read_painted",
         ".data.painted:write_painted",
         object_modes=("OBJECT",),
@@ -95,14 +95,14 @@ DATA = {
     "image": Data(
         ".operators.images:ImageOperator",
         ("output",),
-        "..core.host.registered:filter_image",
+        "..core.host.images:filter_image",
         in_images=True,
         on_surface=False,
     ),
     "texture": Data(
         ".operators.textures:TextureOperator",
         (*_WHERE, "mask_image", "image", "output", "assign"),
-        "..core.host.registered:filter_texture",
+        "..core.host.textures:filter_texture",
         object_modes=("OBJECT", "PAINT_TEXTURE"),
         in_images=True,
     ),

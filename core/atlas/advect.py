@@ -14,6 +14,7 @@ from ..grid.channels import Channels
 from ..grid.sample import add_value
 from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
 from .atlas import TextureAtlas
+from .ghosts import turn_direction
 from .sheet import NOTHING
 from .walk import MOST_SEAMS, walk_across_seams
 
@@ -41,7 +42,7 @@ def advect_texels(
     channels : Channels
         The others are left as they are in `out`.
     flow : Field
-        See `shock_flow` and `given_flow`.
+        See `shock_flow`; or a given one on the sheet's cells, in texels.
     time : float
         How long flow-lines are followed; finite for a given flow, which may go round and round.
     out : (rows, columns, c) float32
@@ -86,30 +87,26 @@ def _advect(
             total[:] = 0.0
             weight = 0.0
             for corner in range(4):
-                row, column, down, across = begin(y, x, corner)
-                if cells[row, column] == NOTHING:
+                place = begin(y, x, corner)
+                if cells[place[0], place[1]] == NOTHING:
                     continue
-                row, column, down, across, left, vy, vx, ending = walk_cells(
-                    potential, vectors, cells, inverse_metrics, time, most_steps, row, column,
-                    down, across,
-                )  # fmt: skip
+                walked = walk_cells(
+                    potential, vectors, cells, inverse_metrics, time, most_steps, place
+                )
+                place, _, _, _, ending = walked
                 crosses = ending != ENDED and ending != UNFINISHED
                 if crosses:
-                    row, column, down, across, ending = walk_across_seams(
-                        field, sheet, metric, left, most_steps, most_seams, row, column, down,
-                        across, vy, vx, ending, b, turn, step_turn,
-                    )  # fmt: skip
+                    place, ending = walk_across_seams(
+                        field, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn
+                    )
                 unfinished[y] += ending == UNFINISHED
                 if crosses and normals:
                     sample[:] = 0.0
-                    part = add_value(values, channels, row, column, down, across, nearest, sample)
-                    p = sample[0] - 0.5 * part
-                    q = sample[1] - 0.5 * part
-                    sample[0] = 0.5 * part + turn[0, 0] * p + turn[0, 1] * q
-                    sample[1] = 0.5 * part + turn[1, 0] * p + turn[1, 1] * q
+                    part = add_value(values, channels, place, nearest, sample)
+                    turn_direction(turn, sample, 0.5 * part)
                     total += sample
                     weight += part
                 else:
-                    weight += add_value(values, channels, row, column, down, across, nearest, total)
+                    weight += add_value(values, channels, place, nearest, total)
             for c in range(channels.start, channels.stop):
                 out[y, x, c] = total[c] / weight if weight > 0 else values[y, x, c]

@@ -9,14 +9,15 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import kernel, run
+from ..base.checks import BAND, SCALES
+from ..base.parallel import blocks, kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal, InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
 from .metric import measure_metric
-from .sheet import CLEARLY, NOTHING, ROWS, depth_within, lay_out, nearest_on_edge, span
+from .sheet import NOTHING, ROWS, clearly_within, ends, lay_out, nearest_on_edge, span
 
 
 @dataclass(frozen=True)
@@ -206,11 +207,14 @@ class TextureAtlas:
     def inside(self) -> npt.NDArray[np.bool_]:
         """Texels whose centre lies in a face: (h, w) bool."""
         found = np.empty(self.owners.shape, dtype=np.bool_)
-        run(_find_inside, self.height, self.sheet.nodes.reshape(-1), self.owners, found, chunk=ROWS)
+        nodes = self.sheet.nodes.reshape(-1)
+        for rows in blocks(self.height, BAND):
+            found[rows] = nodes[self.owners[rows]] >= 0  # the last one is empty, as -1 is
         return found
 
-    def gather(self, pixels: npt.NDArray, scale: float) -> npt.NDArray[np.float32]:
-        """Bring an image (h, w, c) times `scale` into the sheet: (rows, columns, c)."""
+    def gather(self, pixels: npt.NDArray) -> npt.NDArray[np.float32]:
+        """Bring an image (h, w, c) into the sheet, white as 1: (rows, columns, c)."""
+        scale = SCALES[pixels.dtype.name]
         values = np.zeros((*self.sheet.nodes.shape, pixels.shape[2]), dtype=np.float32)
         run(_gather, len(values), self.charts, self.sheet, pixels, scale, values, chunk=ROWS)
         return values
@@ -251,17 +255,12 @@ class TextureAtlas:
         """Tell the texels apart, for debugging and as masks for other tools."""
         cut = np.zeros(self.sheet.nodes.shape, dtype=np.bool_)
         _mark_cut(self.charts.borders, self.sheet.points, cut)
-        shape = self.height, self.width
-        masks = TextureMasks(
-            np.zeros(shape, dtype=np.bool_),
-            np.zeros(shape, dtype=np.bool_),
-            np.full(shape, NOTHING, dtype=np.int32),
-            np.full(shape, NOTHING, dtype=np.int32),
-            np.zeros(shape, dtype=np.int32),
-        )
-        _fill_masks(self.charts, self.sheet, self.owners, cut, masks.active, masks.boundary,
-                    masks.face, masks.chart, masks.count)  # fmt: skip
-        return masks
+        boundary = np.zeros(self.owners.shape, dtype=np.bool_)
+        count = np.zeros(self.owners.shape, dtype=np.int32)
+        _count_charts(self.charts, self.sheet, cut, boundary, count)
+        face = np.where(self.inside, self.sheet.nodes.reshape(-1)[self.owners], NOTHING)
+        chart = np.where(self.inside, self.charts.labels[face], NOTHING)
+        return TextureMasks(count > 0, boundary, face, chart, count)
 
 
 _LARGEST = 1 << 15
@@ -280,13 +279,6 @@ def _texel(charts, sheet, y, x, height, width):
         return -1, -1
     label = charts.labels[face]
     return (y - sheet.shifts[label, 0]) % height, (x - sheet.shifts[label, 1]) % width
-
-
-@kernel
-def _find_inside(start, stop, nodes, owners, found):
-    for y in range(start, stop):
-        for x in range(owners.shape[1]):
-            found[y, x] = owners[y, x] != NOTHING and nodes[owners[y, x]] >= 0
 
 
 @kernel
@@ -326,10 +318,7 @@ def _own_elsewhere(charts, sheet, owners, overlapping):
             b = owner // columns
             a = owner - b * columns
             face = nodes[b, a]
-            if (
-                depth_within(points[nodes[y, x]], y, x) > CLEARLY
-                and depth_within(points[face], b, a) > CLEARLY
-            ):
+            if clearly_within(points[nodes[y, x]], y, x) and clearly_within(points[face], b, a):
                 overlapping[nodes[y, x]] = True
                 overlapping[face] = True
     return copies[:count].copy()
@@ -410,10 +399,7 @@ def _mark_cut(borders, points, cut):
     # Cells through which the end of a chart runs.
     line = np.empty((3, 2))
     for edge in borders:
-        f = edge // 3
-        k = edge - 3 * f
-        line[0] = points[f, k]
-        line[1] = points[f, k + 1 if k < 2 else 0]
+        line[0, 0], line[0, 1], line[1, 0], line[1, 1] = ends(points, edge)
         line[2] = line[1]
         low = int(np.floor(min(line[0, 0], line[1, 0])))
         high = int(np.floor(max(line[0, 0], line[1, 0])))
@@ -425,22 +411,17 @@ def _mark_cut(borders, points, cut):
 
 
 @kernel
-def _fill_masks(charts, sheet, owners, cut, active, boundary, face, chart, count):
+def _count_charts(charts, sheet, cut, boundary, count):
     nodes = sheet.nodes
-    height, width = owners.shape
-    columns = nodes.shape[1]
+    height, width = count.shape
     for y in range(nodes.shape[0]):
-        for x in range(columns):
+        for x in range(nodes.shape[1]):
             if nodes[y, x] == NOTHING:
                 continue
             row, column = _texel(charts, sheet, y, x, height, width)
             if row < 0:
                 continue
-            active[row, column] = True
             count[row, column] += 1
             # The sheet's last row and column are empty, so that -1 may stand for them.
             if cut[y, x] or cut[y - 1, x] or cut[y, x - 1] or cut[y - 1, x - 1] or nodes[y, x] < 0:
                 boundary[row, column] = True
-            if nodes[y, x] >= 0 and owners[row, column] == y * columns + x:
-                face[row, column] = nodes[y, x]
-                chart[row, column] = charts.labels[nodes[y, x]]

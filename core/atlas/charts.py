@@ -11,9 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from ..base.parallel import kernel, run
-from ..base.progress import phase
+from ..base.progress import ask, phase
+from ..base.vectors import after
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -66,24 +69,38 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
         image more than `MOST_REPEATS` times.
     """
     coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
-    points = np.empty_like(coordinates)
-    areas = np.empty(mesh.face_count)
-    with phase(0.2, 0.5, "Finding charts"):
-        run(_place_faces, mesh.face_count, coordinates, height, width, points, areas)
+    points = coordinates[..., ::-1] * (height, width) - 0.5
+    ask()
+    (ay, ax), (by, bx) = np.moveaxis(points[:, 1:] - points[:, :1], 0, 2)
+    # (row, column) is left-handed: columns go along u, rows along v.
+    areas = 0.5 * (ax * by - ay * bx)
     _check_areas(areas, height * width)
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
     with phase(0.5, 0.8, "Finding charts"):
         run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
-    labels = np.full(mesh.face_count, -1, dtype=np.int32)
-    boxes = np.empty((_label(mesh.twins, seams, labels), 2, 2))
-    with phase(0.9, 1.0, "Finding charts"):
-        _measure_boxes(points, labels, boxes)
-        tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
-        boxes -= tiles[:, None]
-        run(shift_charts, mesh.face_count, points, labels, -tiles, points)
-    low, high = np.array([[-_SLACK], [1.0 + _SLACK]]) * (height, width) - 0.5
-    outside = ((points < low) | (points > high)).any(axis=(1, 2))
+    count, labels = _hang_together(mesh.twins, seams)
+    ask()
+    order = np.argsort(labels, kind="stable")
+    first = np.searchsorted(labels[order], np.arange(count))
+    low = np.minimum.reduceat(points.min(axis=1)[order], first)
+    high = np.maximum.reduceat(points.max(axis=1)[order], first)
+    ask()
+    boxes = np.stack([low, high], axis=1)
+    tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
+    boxes -= tiles[:, None]
+    points -= tiles[labels][:, None]
+    least, most = np.array([[-_SLACK], [1.0 + _SLACK]]) * (height, width) - 0.5
+    outside = ((points < least) | (points > most)).any(axis=(1, 2))
     return Charts(points, labels, boxes, np.flatnonzero(seams).astype(np.int32), areas, outside)
+
+
+def _hang_together(twins: Ints, seams: npt.NDArray[np.bool_]) -> tuple[int, Ints]:
+    # The number of charts, and that of each face, in the order of the charts' first faces.
+    faces = len(twins)
+    joints = np.flatnonzero(~seams)
+    links = joints // 3, twins.reshape(-1)[joints] // 3
+    graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=(faces, faces))
+    return connected_components(graph, directed=False)
 
 
 def _check_areas(areas: Floats, texels: int) -> None:
@@ -134,28 +151,6 @@ def _checked_uv(uv: npt.ArrayLike, face_count: int) -> Floats:
 
 
 @kernel
-def _place_faces(start, stop, coordinates, height, width, points, areas):
-    for f in range(start, stop):
-        for k in range(3):
-            u, v = coordinates[f, k, 0], coordinates[f, k, 1]
-            points[f, k, 0] = v * height - 0.5
-            points[f, k, 1] = u * width - 0.5
-        ay, ax = points[f, 1, 0] - points[f, 0, 0], points[f, 1, 1] - points[f, 0, 1]
-        by, bx = points[f, 2, 0] - points[f, 0, 0], points[f, 2, 1] - points[f, 0, 1]
-        # (row, column) is left-handed: columns go along u, rows along v.
-        areas[f] = 0.5 * (ax * by - ay * bx)
-
-
-@kernel
-def shift_charts(start, stop, points, labels, shifts, out):
-    """Move the corners of faces by the shifts (charts, 2) of their charts."""
-    for f in range(start, stop):
-        for k in range(3):
-            for axis in range(2):
-                out[f, k, axis] = points[f, k, axis] + shifts[labels[f], axis]
-
-
-@kernel
 def _near(points, f, k, g, j):
     return (
         abs(points[f, k, 0] - points[g, j, 0]) < _SAME
@@ -172,44 +167,7 @@ def _mark_seams(start, stop, twins, points, areas, seams):
             if t >= 0:
                 g = t // 3
                 j = t - 3 * g
-                joined = _near(points, f, k, g, (j + 1) % 3) and _near(points, f, (k + 1) % 3, g, j)
+                joined = _near(points, f, k, g, after(j)) and _near(points, f, after(k), g, j)
                 if min(abs(areas[f]), abs(areas[g])) > _FLAT:
                     joined = joined and areas[f] * areas[g] > 0  # not folded over
             seams[3 * f + k] = not joined
-
-
-@kernel
-def _label(twins, seams, labels):
-    queue = np.empty(labels.shape[0], np.int32)
-    count = 0
-    for seed in range(labels.shape[0]):
-        if labels[seed] >= 0:
-            continue
-        labels[seed] = count
-        queue[0] = seed
-        head, tail = 0, 1
-        while head < tail:
-            f = queue[head]
-            head += 1
-            for k in range(3):
-                if seams[3 * f + k]:
-                    continue
-                g = twins[f, k] // 3
-                if labels[g] < 0:
-                    labels[g] = count
-                    queue[tail] = g
-                    tail += 1
-        count += 1
-    return count
-
-
-@kernel
-def _measure_boxes(points, labels, boxes):
-    boxes[:, 0] = np.inf
-    boxes[:, 1] = -np.inf
-    for f in range(labels.shape[0]):
-        box = boxes[labels[f]]
-        for k in range(3):
-            for axis in range(2):
-                box[0, axis] = min(box[0, axis], points[f, k, axis])
-                box[1, axis] = max(box[1, axis], points[f, k, axis])

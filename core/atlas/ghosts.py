@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run
 from ..mesh.triangle_mesh import Ints
 from .metric import AtlasMetric, apply, exponential_map
-from .sheet import NOTHING, Sheet, nearest_on_edge
+from .sheet import NOTHING, Sheet, ends, nearest_on_edge
 
 _ROUNDS = 3
 _MOST_TEXELS = 4.0  # a texel beyond a seam is not farther away than so many texels there
@@ -55,7 +55,10 @@ def find_sources(sheet: Sheet, metric: AtlasMetric) -> GhostSources:
     values = np.zeros((*sheet.nodes.shape, 1), dtype=np.float32)
     known = fill_ghosts(sheet, sources, values)
     sources.cells[~known] = -1
-    _close_cells(sheet.ghosts[sources.cells < 0], sheet.cells)
+    # The sheet's last row and column of cells are empty, so that -1 may stand for them.
+    y, x = np.divmod(sheet.ghosts[sources.cells < 0], sheet.nodes.shape[1])
+    for dy, dx in np.ndindex(2, 2):
+        sheet.cells[y - dy, x - dx] = NOTHING
     return sources
 
 
@@ -141,13 +144,9 @@ def place_beyond(points, twins, shapes, jacobians, cells, edge, y, x, b, turn):
         Parallel transport from the half-edge's face to `face`.
     """
     share, _ = nearest_on_edge(points, edge, y, x)
-    f = edge // 3
-    k = edge - 3 * f
-    after = k + 1 if k < 2 else 0
-    ey = points[f, after, 0] - points[f, k, 0]
-    ex = points[f, after, 1] - points[f, k, 1]
-    dy = y - points[f, k, 0] - share * ey
-    dx = x - points[f, k, 1] - share * ex
+    ay, ax, by, bx = ends(points, edge)
+    dy = y - ay - share * (by - ay)
+    dx = x - ax - share * (bx - ax)
     shorter = _shorter(twins, jacobians, edge, dy, dx)
     dy *= shorter
     dx *= shorter
@@ -158,7 +157,7 @@ def place_beyond(points, twins, shapes, jacobians, cells, edge, y, x, b, turn):
     column = b[0] * points[g, 0, 1] + b[1] * points[g, 1, 1] + b[2] * points[g, 2, 1]
     if cells[int(row), int(column)] == NOTHING:
         return -1, 0.0, 0.0, 1.0, 0.0
-    _turn_normals(jacobians, f, g, cosine, sine, turn)
+    _turn_normals(jacobians, edge // 3, g, cosine, sine, turn)
     return g, row, column, cosine, sine
 
 
@@ -207,57 +206,78 @@ def _left(jacobians, f):
 
 
 @kernel
-def _close_cells(orphans, cells):
-    columns = cells.shape[1]
-    for ghost in orphans:
-        y = ghost // columns
-        x = ghost - y * columns
-        for dy in range(2):
-            for dx in range(2):
-                if y - dy >= 0 and x - dx >= 0:
-                    cells[y - dy, x - dx] = NOTHING
-
-
-@kernel
 def _read_ghosts(
     start, stop, nodes, sources, values, alpha, turning, centre, known, found, known_now
 ):
-    columns = nodes.shape[1]
-    flat_nodes = nodes.reshape(-1)
     cells, places, turns = sources
-    channels = values.shape[1]
     for i in range(start, stop):
-        cell = cells[i]
         found[i] = 0.0
-        if cell < 0:
+        if cells[i] < 0:
             continue
-        total = 0.0
-        opacity = 0.0
-        for corner in range(4):
-            node = cell + (corner >> 1) * columns + (corner & 1)
-            if flat_nodes[node] < 0 and not known[-2 - flat_nodes[node]]:
-                continue
-            weight = places[i, 0] if corner >> 1 else 1.0 - places[i, 0]
-            weight *= places[i, 1] if corner & 1 else 1.0 - places[i, 1]
-            total += weight
-            share = weight
-            if alpha >= 0:
-                share *= values[node, alpha]
-                found[i, alpha] += share
-            opacity += share
-            for c in range(channels):
-                if c != alpha:
-                    found[i, c] += share * values[node, c]
+        down, across = places[i]
+        total = interpolate(nodes, known, values, cells[i], down, across, alpha, found[i])
         if total <= 0:
             continue
         known_now[i] = True
-        for c in range(channels):
-            if c == alpha:
-                found[i, c] /= total
-            elif opacity > 0:
-                found[i, c] /= opacity
         if turning:
-            a = found[i, 0] - centre
-            b = found[i, 1] - centre
-            found[i, 0] = centre + turns[i, 0, 0] * a + turns[i, 0, 1] * b
-            found[i, 1] = centre + turns[i, 1, 0] * a + turns[i, 1, 1] * b
+            turn_direction(turns[i], found[i], centre)
+
+
+@kernel
+def interpolate(nodes, known, values, cell, down, across, alpha, out):
+    """Interpolate the values of a cell's nodes, of its ghosts those that are `known`.
+
+    Parameters
+    ----------
+    nodes : (rows, columns) int32
+    known : (g,) bool
+    values : (rows * columns, c) float32
+    cell : int
+        Row times columns plus column.
+    down, across : float
+        The place in the cell.
+    alpha : int
+        The channel that is opacity: other channels count as much as it says. -1: none.
+    out : (c,) array of float
+        Zero; the values are added to it.
+
+    Returns
+    -------
+    float
+        The weight of the nodes that are known; `out` stays zero where it is zero.
+    """
+    flat_nodes = nodes.reshape(-1)
+    total = 0.0
+    opacity = 0.0
+    for corner in range(4):
+        node = cell + (corner >> 1) * nodes.shape[1] + (corner & 1)
+        ghost = -2 - flat_nodes[node]
+        if ghost == -1 or (ghost >= 0 and not known[ghost]):
+            continue
+        weight = down if corner >> 1 else 1.0 - down
+        weight *= across if corner & 1 else 1.0 - across
+        total += weight
+        share = weight
+        if alpha >= 0:
+            share *= values[node, alpha]
+            out[alpha] += share
+        opacity += share
+        for c in range(values.shape[1]):
+            if c != alpha:
+                out[c] += share * values[node, c]
+    if total > 0:
+        for c in range(values.shape[1]):
+            if c == alpha:
+                out[c] /= total
+            elif opacity > 0:
+                out[c] /= opacity
+    return total
+
+
+@kernel
+def turn_direction(turn, color, centre):
+    """Turn the direction that the first two channels hold around a centre, in place."""
+    p = color[0] - centre
+    q = color[1] - centre
+    color[0] = centre + turn[0, 0] * p + turn[0, 1] * q
+    color[1] = centre + turn[1, 0] * p + turn[1, 1] * q

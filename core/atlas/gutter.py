@@ -9,16 +9,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
+from ..base.checks import SCALES
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import phase
 from ..mesh.triangle_mesh import Ints
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
-from .ghosts import place_beyond
-from .sheet import NOTHING, ROWS, nearest_on_edge
+from .ghosts import interpolate, place_beyond, turn_direction
+from .sheet import NOTHING, ROWS, ends, nearest_on_edge
 
 _LEAST = 1.5
 """Linear sampling reads texels this far from a chart."""
+
+_LITTLE = 1e-6  # weight of known values below which a texel of the gutter is left as it is
 
 
 class _Borders(NamedTuple):
@@ -41,7 +44,6 @@ class _Coding(NamedTuple):
 def write_texels(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
-    scale: float,
     settings: DilateSettings,
     keep: npt.NDArray[np.bool_] | None,
     out: npt.NDArray,
@@ -55,24 +57,23 @@ def write_texels(
     ----------
     values : (rows, columns, c) float32
         Values of nodes and ghosts.
-    scale : float
-        What makes 1 of the image's white; whole numbers are rounded.
     settings : DilateSettings
     keep : (h, w) bool, optional
         Texels inside charts that are left as they are.
     out : (h, w, c) array
-        Overwritten where there is something to write.
+        Overwritten where there is something to write; whole numbers are rounded.
     opacity : int
         A channel that is left as it is inside charts; -1: none.
     normals : bool
         The values are colors of tangent-space normals, which turn across seams.
     """
-    coding = _Coding(scale, out.dtype.kind in "ui", normals)
+    coding = _Coding(1.0 / SCALES[out.dtype.name], out.dtype.kind == "u", normals)
+    flat = values.reshape(-1, values.shape[2])
     inside = atlas.inside
     kept = np.zeros(inside.shape, dtype=np.bool_) if keep is None else keep & inside
     with phase(0.0, 0.4, "Filling the gutter"):
-        run(_write_owned, atlas.height, atlas.owners, inside, values.reshape(-1, values.shape[2]),
-            coding, kept, opacity, out, chunk=ROWS)  # fmt: skip
+        run(_write_owned, atlas.height, atlas.owners, inside, flat, coding, kept, opacity, out,
+            chunk=ROWS)  # fmt: skip
     filled = atlas.owners != NOTHING
     if not filled.all():
         radius = max(float(settings.gutter), _LEAST)
@@ -80,7 +81,7 @@ def write_texels(
             borders = _nearest_borders(atlas, filled, radius)
         with phase(0.8, 1.0, "Filling the gutter"):
             run(_write_gutter, atlas.height, borders, filled, radius, atlas.charts, atlas.sheet,
-                atlas.metric, atlas.sources, values, coding, out, chunk=ROWS)  # fmt: skip
+                atlas.metric, atlas.sources.cells >= 0, flat, coding, out, chunk=ROWS)  # fmt: skip
     if settings.background == "nearest" and filled.any() and not filled.all():
         rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
         out[~filled] = out[rows[~filled], columns[~filled]]
@@ -108,14 +109,11 @@ def _nearest_borders(atlas: TextureAtlas, filled: npt.NDArray[np.bool_], reach: 
 def _beside(points, around, edge, y, x, height, width):
     # The place of texel (y, x), that nearest to a half-edge if its chart leaves the image, which
     # repeats there.
-    f = edge // 3
-    if not around[f]:
+    if not around[edge // 3]:
         return float(y), float(x)
-    k = edge - 3 * f
-    after = k + 1 if k < 2 else 0
-    middle = 0.5 * (points[f, k, 0] + points[f, after, 0])
-    centre = 0.5 * (points[f, k, 1] + points[f, after, 1])
-    return y + height * np.rint((middle - y) / height), x + width * np.rint((centre - x) / width)
+    ay, ax, by, bx = ends(points, edge)
+    up, left = 0.5 * (ay + by) - y, 0.5 * (ax + bx) - x
+    return y + height * np.rint(up / height), x + width * np.rint(left / width)
 
 
 @kernel
@@ -132,11 +130,7 @@ def _offer(points, found, edge, y, x):
 def _seed_borders(start, stop, borders, points, found):
     height, width = found.edges.shape
     for edge in borders[start:stop]:
-        f = edge // 3
-        k = edge - 3 * f
-        after = k + 1 if k < 2 else 0
-        ay, ax = points[f, k, 0], points[f, k, 1]
-        by, bx = points[f, after, 0], points[f, after, 1]
+        ay, ax, by, bx = ends(points, edge)
         steps = int(np.ceil(max(abs(by - ay), abs(bx - ax)))) + 1
         for step in range(steps + 1):
             y = int(np.floor(ay + (by - ay) * step / steps))
@@ -144,7 +138,7 @@ def _seed_borders(start, stop, borders, points, found):
             for dy in range(2):
                 for dx in range(2):
                     row, column = (y + dy) % height, (x + dx) % width
-                    if found.around[f] or (row == y + dy and column == x + dx):
+                    if found.around[edge // 3] or (row == y + dy and column == x + dx):
                         _offer(points, found, edge, row, column)
 
 
@@ -210,14 +204,14 @@ def _write_owned(start, stop, owners, inside, values, coding, kept, opacity, out
 
 @kernel
 def _write_gutter(
-    start, stop, borders, filled, radius, charts, sheet, metric, sources, values, coding, out
+    start, stop, borders, filled, radius, charts, sheet, metric, known, values, coding, out
 ):
     height, width = filled.shape
     nodes, points, cells = sheet.nodes, sheet.points, sheet.cells
     twins, shapes, jacobians = metric.twins, metric.shapes, metric.jacobians
     b = np.empty(3)
     turn = np.empty((2, 2))
-    total = np.empty(out.shape[2])
+    color = np.empty(out.shape[2])
     for y in range(start, stop):
         for x in range(width):
             edge = borders.edges[y, x]
@@ -231,53 +225,19 @@ def _write_gutter(
                 points, twins, shapes, jacobians, cells, edge, there, across, b, turn
             )
             if face < 0:  # the surface ends: the nearest value on its border
-                row, column = _nearest_point(points, edge, there, across)
-            if not _interpolate(nodes, sources.cells, values, row, column, total):
+                share, _ = nearest_on_edge(points, edge, there, across)
+                ay, ax, by, bx = ends(points, edge)
+                row = ay + share * (by - ay)
+                column = ax + share * (bx - ax)
+            cell = int(row) * nodes.shape[1] + int(column)
+            down, across = row - int(row), column - int(column)
+            color[:] = 0.0
+            if interpolate(nodes, known, values, cell, down, across, -1, color) <= _LITTLE:
                 continue
             filled[y, x] = True
             if coding.normals:
                 if face >= 0:
-                    p = total[0] - 0.5
-                    q = total[1] - 0.5
-                    total[0] = 0.5 + turn[0, 0] * p + turn[0, 1] * q
-                    total[1] = 0.5 + turn[1, 0] * p + turn[1, 1] * q
-                unit_normal(total)
+                    turn_direction(turn, color, 0.5)
+                unit_normal(color)
             for c in range(out.shape[2]):
-                out[y, x, c] = _coded(total[c], coding)
-
-
-@kernel
-def _nearest_point(points, edge, y, x):
-    f = edge // 3
-    k = edge - 3 * f
-    after = k + 1 if k < 2 else 0
-    share, _ = nearest_on_edge(points, edge, y, x)
-    return (
-        points[f, k, 0] + share * (points[f, after, 0] - points[f, k, 0]),
-        points[f, k, 1] + share * (points[f, after, 1] - points[f, k, 1]),
-    )
-
-
-@kernel
-def _interpolate(nodes, sources, values, row, column, out):
-    # The values at a place of the sheet, from those of its nodes that are known: False if none is.
-    first = int(row)
-    left = int(column)
-    total = 0.0
-    out[:] = 0.0
-    for corner in range(4):
-        y = first + (corner >> 1)
-        x = left + (corner & 1)
-        node = nodes[y, x]
-        if node == NOTHING or (node < 0 and sources[-2 - node] < 0):
-            continue
-        weight = row - first if corner >> 1 else 1.0 - (row - first)
-        weight *= column - left if corner & 1 else 1.0 - (column - left)
-        total += weight
-        for c in range(out.shape[0]):
-            out[c] += weight * values[y, x, c]
-    if total <= 1e-6:
-        return False
-    for c in range(out.shape[0]):
-        out[c] /= total
-    return True
+                out[y, x, c] = _coded(color[c], coding)

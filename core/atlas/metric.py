@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run
+from ..base.vectors import after
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
@@ -156,7 +157,7 @@ def _corner(shapes, f, k):
 def _axis(shapes, f, k):
     # Unit vector along half-edge k of a face.
     ax, ay = _corner(shapes, f, k)
-    bx, by = _corner(shapes, f, k + 1 if k < 2 else 0)
+    bx, by = _corner(shapes, f, after(k))
     length = np.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
     return (bx - ax) / length, (by - ay) / length
 
@@ -211,8 +212,8 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
         cosine, sine = c * cosine - s * sine, s * cosine + c * sine
         f = g
         b[j] = share
-        b[j + 1 if j < 2 else 0] = 1.0 - share
-        far = j - 1 if j > 0 else 2
+        b[after(j)] = 1.0 - share
+        far = after(after(j))
         b[far] = 0.0
         # Straight on to the side that is reached first.
         rate2 = v / shapes[f, 2]
@@ -235,6 +236,6 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
         if leaving < 0:
             break
         b[leaving] = 0.0
-        k = leaving + 1 if leaving < 2 else 0
-        share = b[k + 1 if k < 2 else 0]
+        k = after(leaving)
+        share = b[after(k)]
     return f, cosine, sine

@@ -48,40 +48,38 @@ def texel_potential(
     together = guides if normals else 1  # directions turn together, others go one by one
     energy = np.zeros(atlas.sheet.nodes.shape, dtype=np.float32)
     signal = np.zeros((*energy.shape, together), dtype=np.float32)
-    spare = np.zeros_like(signal)
     centre = np.float32(0.5 if normals else 0.0)
     share = 1.0 / (guides + together)
     for guide in range(0, guides, together):
         with phase(share * guide, share * (guide + together), "Computing the flow"):
             run(_take_guides, len(values), values, channels.start + guide, channels.alpha,
                 channels.brightness, centre, signal, chunk=ROWS)  # fmt: skip
-            signal, spare = _smoothed(atlas, signal, spare, passes, 0.0 if normals else None)
+            signal = _smoothed(atlas, signal, passes, 0.0 if normals else None)
             run(_add_energy, len(values) - 1, atlas.sheet.cells, atlas.metric.inverse_metrics,
                 signal, energy, chunk=ROWS)  # fmt: skip
     with phase(share * guides, 1.0, "Computing the flow"):
         if normals:
-            signal, spare = (np.zeros((*energy.shape, 1), dtype=np.float32) for _ in range(2))
+            signal = np.zeros((*energy.shape, 1), dtype=np.float32)
         run(_average_energy, len(values), atlas.sheet.nodes, atlas.sheet.cells,
             atlas.metric.texel_areas, energy, signal[..., 0], chunk=ROWS)  # fmt: skip
         fill_ghosts(atlas.sheet, atlas.sources, signal)
-        potential, _ = _smoothed(atlas, signal, spare, passes)
-    return potential[..., 0]
+        return _smoothed(atlas, signal, passes)[..., 0]
 
 
 def _smoothed(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
-    spare: npt.NDArray[np.float32],
     passes: int,
     directions: float | None = None,
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    # The smoothed values and the other array; both are overwritten.
+) -> npt.NDArray[np.float32]:
+    # `values` are overwritten.
+    spare = np.zeros_like(values)
     for _ in range(passes):
         run(_smooth_rows, len(values), atlas.sheet.nodes, atlas.sources.cells,
             atlas.metric.neighbour_weights, values, spare, chunk=ROWS)  # fmt: skip
         fill_ghosts(atlas.sheet, atlas.sources, spare, directions=directions)
         values, spare = spare, values
-    return values, spare
+    return values
 
 
 @kernel

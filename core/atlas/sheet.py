@@ -18,10 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run, run_in_order
-from ..base.progress import aside, phase
+from ..base.progress import aside, ask, phase
+from ..base.vectors import after
 from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints
-from .charts import Charts, shift_charts
+from .charts import Charts
 
 NOTHING = -1
 """In `Sheet.nodes` and `Sheet.cells`: no chart is here."""
@@ -29,9 +30,8 @@ NOTHING = -1
 ROWS = 32
 """Rows of a sheet that a kernel gets at once."""
 
-CLEARLY = 0.01
-"""Deeper in two faces than this, in texels, a texel's centre shows that they overlap."""
-
+_GHOST = -2  # minus the ghost's number
+_CLEARLY = 0.01  # in texels
 _SLACK = 1e-6
 _MOST_NODES = 1 << 31
 
@@ -39,7 +39,7 @@ _MOST_NODES = 1 << 31
 class _FacesByRows(NamedTuple):
     # First and last row of cells that each face touches: (m, 2). And the faces that touch nodes
     # of each chunk of rows, in order: faces[start[chunk]:start[chunk + 1]].
-    bands: Ints
+    bands: npt.NDArray[np.int64]
     start: npt.NDArray[np.int64]
     faces: Ints
 
@@ -84,23 +84,21 @@ def lay_out(charts: Charts, height: int, width: int) -> Sheet:
         If that takes too many texels.
     """
     shifts, shape = _places(charts, height, width)
-    points = np.empty_like(charts.points)
-    with phase(0.3, 0.4, "Finding texels"):
-        run(shift_charts, len(points), charts.points, charts.labels, shifts, points)
-        faces = _faces_by_rows(points, 0.0, shape[0])
+    points = charts.points + shifts[charts.labels][:, None]
+    with aside("Finding texels"):
+        faces = _faces_by_rows(points, shape[0])
     nodes, cells = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.int32)
     overlapping = np.zeros(len(points), dtype=np.bool_)
     with phase(0.4, 0.8, "Finding texels"):
         run(_draw_faces, shape[0], points, faces, nodes, cells, overlapping, chunk=ROWS)
-    counts = np.zeros(shape[0], dtype=np.int64)
     with phase(0.8, 0.9, "Finding texels"):
-        run(_count_ghosts, shape[0], nodes, cells, counts, chunk=ROWS)
-    ends = np.cumsum(counts)
-    ghosts = np.empty(ends[-1], dtype=np.int32)
+        run(_mark_ghosts, shape[0], cells, nodes, chunk=ROWS)
+    with aside("Finding texels"):
+        ghosts = np.flatnonzero(nodes == _GHOST).astype(np.int32)
+        nodes.reshape(-1)[ghosts] = _GHOST - np.arange(len(ghosts))
     edges = np.full(len(ghosts), -1, dtype=np.int32)
     nearest = np.full(len(ghosts), np.inf, dtype=np.float32)
     with phase(0.9, 1.0, "Finding texels"):
-        run(_number_ghosts, shape[0], nodes, cells, ends - counts, ghosts, chunk=ROWS)
         run_in_order(_find_edges, len(charts.borders), charts.borders, points, charts.labels,
                      nodes, cells, nearest, edges)  # fmt: skip
     return Sheet(points, shifts, nodes, cells, ghosts, edges, overlapping)
@@ -136,12 +134,13 @@ def _clashing(
 ) -> npt.NDArray[np.bool_]:
     # Charts that share a node with one of a lower number.
     claims = np.empty((height + 2, width + 2), dtype=np.int32)
+    points = charts.points + 1.0  # nodes begin one row and one column before the image
     with aside("Finding texels"):
-        faces = _faces_by_rows(charts.points, 1.0, height + 2)
+        faces = _faces_by_rows(points, height + 2)
     clashes = np.zeros(len(charts.boxes), dtype=np.bool_)
     for check in (False, True):
         with phase(0.5 * check, 0.5 + 0.5 * check, "Finding texels"):
-            run(_claim, height + 2, charts.points, faces, charts.labels, away, check, claims,
+            run(_claim, height + 2, points, faces, charts.labels, away, check, claims,
                 clashes, chunk=ROWS)  # fmt: skip
     return clashes
 
@@ -168,46 +167,21 @@ def _shelve(
     return shifts, (int(row + tallest), columns)
 
 
-def _faces_by_rows(points: Floats, shift: float, rows: int) -> _FacesByRows:
-    bands = np.empty((len(points), 2), dtype=np.int32)
-    run(_find_bands, len(points), points, shift, bands)
-    start = np.zeros(-(-rows // ROWS) + 1, dtype=np.int64)
-    run_in_order(_count_faces, len(points), bands, start)
-    np.cumsum(start, out=start)
-    faces = np.empty(start[-1], dtype=np.int32)
-    run_in_order(_list_faces, len(points), bands, start[:-1].copy(), faces)
+def _faces_by_rows(points: Floats, rows: int) -> _FacesByRows:
+    low, high = points[..., 0].min(axis=1), points[..., 0].max(axis=1)
+    bands = np.floor(np.stack([low - _SLACK, high + _SLACK], axis=1)).astype(np.int64)
+    ask()
+    chunks = -(-rows // ROWS)
+    first = np.maximum(bands[:, 0] // ROWS, 0)
+    counts = np.maximum(np.minimum((bands[:, 1] + 1) // ROWS + 1, chunks) - first, 0)
+    ends = np.cumsum(counts)
+    # One entry for each face in each chunk that it touches.
+    faces = np.repeat(np.arange(len(points), dtype=np.int32), counts)
+    chunk = np.arange(len(faces)) - np.repeat(ends - counts - first, counts)
+    ask()
+    faces = faces[np.argsort(chunk, kind="stable")]
+    start = np.concatenate([[0], np.cumsum(np.bincount(chunk, minlength=chunks))])
     return _FacesByRows(bands, start, faces)
-
-
-@kernel
-def _find_bands(start, stop, points, shift, bands):
-    for f in range(start, stop):
-        a, b, c = points[f, 0, 0], points[f, 1, 0], points[f, 2, 0]
-        bands[f, 0] = int(np.floor(min(a, b, c) + shift - _SLACK))
-        bands[f, 1] = int(np.floor(max(a, b, c) + shift + _SLACK))
-
-
-@kernel
-def _chunks(band, count):
-    # The chunks of rows with nodes that a face touches: first, end.
-    return max(band[0] // ROWS, 0), min((band[1] + 1) // ROWS + 1, count)
-
-
-@kernel
-def _count_faces(start, stop, bands, counts):
-    for f in range(start, stop):
-        first, end = _chunks(bands[f], counts.shape[0] - 1)
-        for chunk in range(first, end):
-            counts[chunk + 1] += 1
-
-
-@kernel
-def _list_faces(start, stop, bands, cursors, faces):
-    for f in range(start, stop):
-        first, end = _chunks(bands[f], cursors.shape[0])
-        for chunk in range(first, end):
-            faces[cursors[chunk]] = f
-            cursors[chunk] += 1
 
 
 @kernel
@@ -221,36 +195,28 @@ def span(triangle, low, high):
         if low <= y <= high:
             first = min(first, x)
             last = max(last, x)
-        after = k + 1 if k < 2 else 0
-        next_y = triangle[after, 0]
-        slope = triangle[after, 1] - x
-        if min(y, next_y) < low < max(y, next_y):
-            crossing = x + slope * (low - y) / (next_y - y)
-            first = min(first, crossing)
-            last = max(last, crossing)
-        if min(y, next_y) < high < max(y, next_y):
-            crossing = x + slope * (high - y) / (next_y - y)
-            first = min(first, crossing)
-            last = max(last, crossing)
+        next_y = triangle[after(k), 0]
+        slope = triangle[after(k), 1] - x
+        for line in (low, high):
+            if min(y, next_y) < line < max(y, next_y):
+                crossing = x + slope * (line - y) / (next_y - y)
+                first = min(first, crossing)
+                last = max(last, crossing)
     return first, last
 
 
 @kernel
 def _claim(start, stop, points, by_rows, labels, away, check, claims, clashes):
-    # Give each node to the lowest chart that touches it; then mark the other ones. Nodes begin
-    # one row and one column before the image.
+    # Give each node to the lowest chart that touches it; then mark the other ones.
     if not check:
         claims[start:stop] = clashes.shape[0]
-    triangle = np.empty((3, 2))
     bands, listed, faces = by_rows
     chunk = start // ROWS
     for f in faces[listed[chunk] : listed[chunk + 1]]:
         label = labels[f]
         if away[label]:
             continue
-        for k in range(3):
-            triangle[k, 0] = points[f, k, 0] + 1.0
-            triangle[k, 1] = points[f, k, 1] + 1.0
+        triangle = points[f]
         for row in range(max(bands[f, 0], start - 1), min(bands[f, 1] + 1, stop)):
             first, last = span(triangle, row - _SLACK, row + 1 + _SLACK)
             if last < first:
@@ -266,22 +232,21 @@ def _claim(start, stop, points, by_rows, labels, away, check, claims, clashes):
 
 
 @kernel
-def depth_within(triangle, y, x):
-    """How far a point lies inside a triangle, in texels; negative outside."""
+def clearly_within(triangle, y, x):
+    """Whether a texel's centre lies so deep in a triangle that no other one may be there."""
     area = (triangle[1, 1] - triangle[0, 1]) * (triangle[2, 0] - triangle[0, 0])
     area -= (triangle[1, 0] - triangle[0, 0]) * (triangle[2, 1] - triangle[0, 1])
     turn = 1.0 if area > 0 else -1.0
     depth = np.inf
     for k in range(3):
-        after = k + 1 if k < 2 else 0
-        ey = triangle[after, 0] - triangle[k, 0]
-        ex = triangle[after, 1] - triangle[k, 1]
+        ey = triangle[after(k), 0] - triangle[k, 0]
+        ex = triangle[after(k), 1] - triangle[k, 1]
         length = np.sqrt(ey * ey + ex * ex)
         if length == 0:
-            return -1.0
+            return False
         across = ex * (y - triangle[k, 0]) - ey * (x - triangle[k, 1])
         depth = min(depth, turn * across / length)
-    return depth
+    return depth > _CLEARLY
 
 
 @kernel
@@ -311,53 +276,46 @@ def _draw_faces(start, stop, points, by_rows, nodes, cells, overlapping):
                 other = nodes[row, x]
                 if other == NOTHING:
                     nodes[row, x] = f
-                elif (
-                    depth_within(triangle, row, x) > CLEARLY
-                    and depth_within(points[other], row, x) > CLEARLY
-                ):
+                elif clearly_within(triangle, row, x) and clearly_within(points[other], row, x):
                     overlapping[f] = True
                     overlapping[other] = True
 
 
 @kernel
 def _beside(cells, y, x):
-    # One of the cells around a node that a chart touches, as a face, or NOTHING.
+    # One of the cells around a node that a chart touches, as a face, or NOTHING. The sheet's last
+    # row and column of cells are empty, so that -1 may stand for them.
     for dy in range(2):
         for dx in range(2):
-            if y - dy >= 0 and x - dx >= 0 and cells[y - dy, x - dx] != NOTHING:
+            if cells[y - dy, x - dx] != NOTHING:
                 return cells[y - dy, x - dx]
     return NOTHING
 
 
 @kernel
-def _count_ghosts(start, stop, nodes, cells, counts):
+def _mark_ghosts(start, stop, cells, nodes):
     for y in range(start, stop):
         for x in range(nodes.shape[1]):
             if nodes[y, x] == NOTHING and _beside(cells, y, x) != NOTHING:
-                counts[y] += 1
+                nodes[y, x] = _GHOST
 
 
 @kernel
-def _number_ghosts(start, stop, nodes, cells, starts, ghosts):
-    for y in range(start, stop):
-        number = starts[y]
-        for x in range(nodes.shape[1]):
-            if nodes[y, x] == NOTHING and _beside(cells, y, x) != NOTHING:
-                nodes[y, x] = -2 - number
-                ghosts[number] = y * nodes.shape[1] + x
-                number += 1
+def ends(points, edge):
+    """The row and column where a half-edge begins, and those where it ends."""
+    f = edge // 3
+    k = edge - 3 * f
+    return points[f, k, 0], points[f, k, 1], points[f, after(k), 0], points[f, after(k), 1]
 
 
 @kernel
 def nearest_on_edge(points, edge, y, x):
     """Share along a half-edge of its point nearest to (y, x), and the squared distance."""
-    f = edge // 3
-    k = edge - 3 * f
-    after = k + 1 if k < 2 else 0
-    ey = points[f, after, 0] - points[f, k, 0]
-    ex = points[f, after, 1] - points[f, k, 1]
-    dy = y - points[f, k, 0]
-    dx = x - points[f, k, 1]
+    ay, ax, by, bx = ends(points, edge)
+    ey = by - ay
+    ex = bx - ax
+    dy = y - ay
+    dx = x - ax
     length = ey * ey + ex * ex
     share = min(max((dy * ey + dx * ex) / length, 0.0), 1.0) if length > 0 else 0.0
     dy -= share * ey
@@ -371,30 +329,24 @@ def _find_edges(start, stop, borders, points, labels, nodes, cells, nearest, edg
     reach = 1.5
     rows, columns = nodes.shape
     for edge in borders[start:stop]:
-        f = edge // 3
-        k = edge - 3 * f
-        after = k + 1 if k < 2 else 0
-        top = min(points[f, k, 0], points[f, after, 0]) - reach
-        bottom = max(points[f, k, 0], points[f, after, 0]) + reach
-        first = max(int(np.ceil(top)), 0)
-        last = min(int(np.floor(bottom)), rows - 1)
-        ey = points[f, after, 0] - points[f, k, 0]
-        ex = points[f, after, 1] - points[f, k, 1]
+        label = labels[edge // 3]
+        ay, ax, by, bx = ends(points, edge)
+        first = max(int(np.ceil(min(ay, by) - reach)), 0)
+        last = min(int(np.floor(max(ay, by) + reach)), rows - 1)
         for y in range(first, last + 1):
             # Columns of the edge where its row is near y, on both sides by the reach.
-            if abs(ey) > 1e-9:
-                a = min(max((y - reach - points[f, k, 0]) / ey, 0.0), 1.0)
-                b = min(max((y + reach - points[f, k, 0]) / ey, 0.0), 1.0)
-            else:
-                a, b = 0.0, 1.0
-            one = points[f, k, 1] + a * ex
-            two = points[f, k, 1] + b * ex
+            a, b = 0.0, 1.0
+            if abs(by - ay) > 1e-9:
+                a = min(max((y - reach - ay) / (by - ay), 0.0), 1.0)
+                b = min(max((y + reach - ay) / (by - ay), 0.0), 1.0)
+            one = ax + a * (bx - ax)
+            two = ax + b * (bx - ax)
             left = max(int(np.ceil(min(one, two) - reach)), 0)
             right = min(int(np.floor(max(one, two) + reach)), columns - 1)
             for x in range(left, right + 1):
-                if nodes[y, x] > -2 or labels[_beside(cells, y, x)] != labels[f]:
+                if nodes[y, x] > _GHOST or labels[_beside(cells, y, x)] != label:
                     continue
-                ghost = -2 - nodes[y, x]
+                ghost = _GHOST - nodes[y, x]
                 _, distance = nearest_on_edge(points, edge, y, x)
                 if distance < nearest[ghost]:
                     nearest[ghost] = distance

@@ -11,9 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import BAND
-from ..base.parallel import blocks, kernel
-from ..errors import InvalidSignal
+from ..base.parallel import kernel
 from ..grid.walk import ENDED, UNFINISHED, Field, cell_velocity, ends_at_turn, walk_cells
 from .atlas import TextureAtlas
 from .ghosts import place_beyond
@@ -37,49 +35,11 @@ def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> Field
     return Field(potential, faces=atlas.sheet.cells, metrics=atlas.metric.inverse_metrics)
 
 
-def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
-    """Return a flow that is given on the surface, constant in each face.
-
-    Parameters
-    ----------
-    atlas : TextureAtlas
-    vectors : (m, 3) array of float
-        Velocity in space at each face of the mesh, in mean texel sizes; what points out of the
-        face is left out. Walks follow it: to carry values along, give its opposite.
-
-    Raises
-    ------
-    InvalidSignal
-        If the vectors do not fit the mesh or are not finite.
-    """
-    given = np.asarray(vectors, dtype=np.float64)
-    if given.shape != (atlas.mesh.face_count, 3) or not np.isfinite(given).all():
-        raise InvalidSignal(
-            f"The vectors have the shape {given.shape} or are not all finite; give"
-            f" ({atlas.mesh.face_count}, 3) numbers."
-        )
-    steps = np.einsum("mij,mj->mi", atlas.metric.inverse_jacobians, _in_frames(atlas, given))
-    cells = np.zeros((*atlas.sheet.cells.shape, 2))
-    for rows in blocks(len(cells), BAND):
-        faces = atlas.sheet.cells[rows]
-        cells[rows] = np.where(faces[..., None] >= 0, steps[faces], 0.0)
-    return Field(vectors=cells, faces=atlas.sheet.cells)
-
-
-def _in_frames(atlas: TextureAtlas, vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    # Components in the faces' frames, of which the first axis runs along the first edge: (m, 2).
-    a, b, c = np.moveaxis(atlas.mesh.scaled_vertices[atlas.mesh.faces], 1, 0)
-    normals = np.cross(b - a, c - a)
-    axes = np.stack([b - a, np.cross(normals, b - a)], axis=1)
-    lengths = np.linalg.norm(axes, axis=2, keepdims=True)
-    axes = np.divide(axes, lengths, out=np.zeros_like(axes), where=lengths > 0)
-    return np.einsum("mij,mj->mi", axes, vectors)
-
-
 @kernel
-def _seam(nodes, ghost_edges, row, column, down, across, axis):
+def _seam(nodes, ghost_edges, place, axis):
     # The half-edge over which a point on a side of a cell leaves its chart, or -1: that of the
     # nearest ghost at the side's ends.
+    row, column, down, across = place
     y = row + (down > 0.5)
     x = column + (across > 0.5)
     node = nodes[y, x]
@@ -92,25 +52,7 @@ def _seam(nodes, ghost_edges, row, column, down, across, axis):
 
 
 @kernel
-def _cross_seam(sheet, metric, edge, y, x, vy, vx, b, turn):
-    # Over a seam: (face or -1, row, column) on the other side, and the velocity (vy, vx) there.
-    face, row, column, cosine, sine = place_beyond(
-        sheet.points, metric.twins, metric.shapes, metric.jacobians, sheet.cells, edge, y, x, b,
-        turn,
-    )  # fmt: skip
-    if face < 0:
-        return -1, row, column, vy, vx
-    u, v = apply(metric.jacobians, edge // 3, vy, vx)
-    u, v = cosine * u - sine * v, sine * u + cosine * v
-    vy, vx = apply(metric.inverse_jacobians, face, u, v)
-    return face, row, column, vy, vx
-
-
-@kernel
-def walk_across_seams(
-    field, sheet, metric, left, most_steps, most_seams, row, column, down, across, vy, vx, ending,
-    b, turn, step_turn,
-):  # fmt: skip
+def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn):
     """Go on where `walk_cells` left its chart, over as many seams as it takes.
 
     Where both sides of a seam flow into it, a walk of the shock filter ends; one along a given
@@ -121,7 +63,7 @@ def walk_across_seams(
     field : Field
     sheet : Sheet
     metric : AtlasMetric
-    left, row, column, down, across, vy, vx, ending
+    walked
         What `walk_cells` returned.
     most_steps, most_seams : int
         Cells that may be crossed in a row inside a chart, and seams in all.
@@ -132,43 +74,49 @@ def walk_across_seams(
 
     Returns
     -------
-    row, column, down, across
+    place
         Where the walk ends.
     ending : int
         `ENDED` or `UNFINISHED`.
     """
     potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
+    place, left, vy, vx, ending = walked
     turn[0, 0] = turn[1, 1] = 1.0
     turn[0, 1] = turn[1, 0] = 0.0
     for _ in range(most_seams):
-        edge = _seam(sheet.nodes, sheet.ghost_edges, row, column, down, across, ending)
+        edge = _seam(sheet.nodes, sheet.ghost_edges, place, ending)
         if edge < 0 or metric.twins[edge // 3, edge % 3] < 0:
-            return row, column, down, across, ENDED
+            return place, ENDED
         # A touch before the line: should the charts' texels line up, the walk crosses it there
         # as it would have done here.
         speed = abs(vy) + abs(vx)
+        row, column, down, across = place
         y = row + down - _TOUCH * vy / speed
         x = column + across - _TOUCH * vx / speed
-        face, y, x, vy, vx = _cross_seam(sheet, metric, edge, y, x, vy, vx, b, step_turn)
+        face, y, x, cosine, sine = place_beyond(
+            sheet.points, metric.twins, metric.shapes, metric.jacobians, sheet.cells, edge, y, x,
+            b, step_turn,
+        )  # fmt: skip
         if face < 0:
-            return row, column, down, across, ENDED
+            return place, ENDED
+        u, v = apply(metric.jacobians, edge // 3, vy, vx)
+        u, v = cosine * u - sine * v, sine * u + cosine * v
+        vy, vx = apply(metric.inverse_jacobians, face, u, v)
         _join_turns(turn, step_turn)
         row = int(y)
         column = int(x)
-        down = y - row
-        across = x - column
+        place = row, column, y - row, x - column
         _, _, p, q = cell_velocity(
             potential, vectors, sheet.cells, inverse_metrics, row, column, False
         )
         if ends_at_turn(vectors, vy, vx, p, q):
-            return row, column, down, across, ENDED
-        row, column, down, across, left, vy, vx, ending = walk_cells(
-            potential, vectors, sheet.cells, inverse_metrics, left, most_steps, row, column, down,
-            across,
-        )  # fmt: skip
+            return place, ENDED
+        place, left, vy, vx, ending = walk_cells(
+            potential, vectors, sheet.cells, inverse_metrics, left, most_steps, place
+        )
         if ending == ENDED or ending == UNFINISHED:
-            return row, column, down, across, ending
-    return row, column, down, across, UNFINISHED
+            return place, ending
+    return place, UNFINISHED
 
 
 @kernel

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..errors import InvalidSettings
-from .commands import COMMANDS, MASKS, TEXTURE_MASK, Backend, Command
+from .commands import COMMANDS, TEXTURE_MASK, Backend, Command
 from .file_backend import FileBackend
 from .inputs import UsageError, pairs
 from .parsing import build_parser, read_settings
@@ -21,7 +21,6 @@ __all__ = [
     "DONE",
     "FAILED",
     "INTERRUPTED",
-    "MASKS",
     "TEXTURE_MASK",
     "Backend",
     "Command",

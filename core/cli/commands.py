@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from ..registry import FILTERS, MASK, Filter, Kind
+from ..registry import FILTERS, MASK, Filter
+from ..settings import MaskSettings
 
 if TYPE_CHECKING:
     import argparse
@@ -14,52 +15,19 @@ if TYPE_CHECKING:
 
     from ..files.output import Outcome
 
+Command = Filter
+"""What people may type first, `TEXTURE_MASK` too."""
 
-class Command(NamedTuple):
-    """What people may type first.
-
-    Attributes
-    ----------
-    name : str
-        The word.
-    kind : Kind
-        What it works on.
-    about : str
-        What it does.
-    filter : Filter or None
-        The filter that it runs; its settings become flags.
-    """
-
-    name: str
-    kind: Kind
-    about: str
-    filter: Filter | None = None
-
-    @property
-    def settings(self) -> type | None:
-        """The filter's settings class."""
-        return None if self.filter is None else self.filter.settings
-
-    @property
-    def takes_mask(self) -> bool:
-        """Whether a mask can protect parts of what is filtered."""
-        return self.filter is not None and self.filter.takes_mask
-
-
-TEXTURE_MASK = Command("texture-mask", MASK, "draw what each texel of a mesh's texture is")
-COMMANDS = (
-    *(Command(row.command, row.kind, row.about, row) for row in FILTERS),
-    TEXTURE_MASK,
+TEXTURE_MASK = Command(
+    "texture_mask",
+    "files.textures",
+    MaskSettings,
+    MASK,
+    "texture-mask",
+    "draw what each texel of a mesh's texture is",
+    takes_mask=False,
 )
-
-MASKS = {
-    "active": "texels that linear sampling of some face reads",
-    "boundary": "active texels that charts cover only in part",
-    "face": "the face in which the texel's center lies",
-    "chart": "the chart of that face",
-    "count": "how many charts read the texel",
-}
-"""What `TEXTURE_MASK` can draw."""
+COMMANDS = (*FILTERS, TEXTURE_MASK)
 
 
 class Backend(Protocol):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,18 +75,18 @@ class FileBackend:
         progress: Callable[[float, str], bool],
     ) -> Outcome:
         """Filter one file into another."""
-        words: dict[str, Any] = {"overwrite": options.overwrite, "progress": progress}
-        if command.kind in (TEXTURE, MASK):
-            words["material"] = options.material
-        if command.filter is None:
+        from ..files.output import Options
+
+        given = vars(options)  # not all commands have all flags
+        names = ("mask", "invert_mask", "material", "overwrite")
+        asked = Options(progress=progress, **{name: given[name] for name in names if name in given})
+        if command.kind is MASK:
             from ..files.textures import texture_mask_file
 
-            words |= {"size": options.size, "like": options.like}
-            return texture_mask_file(source, target, options.kind, **words)
-        if command.takes_mask:
-            words |= {"mask": options.mask, "invert_mask": options.invert_mask}
+            size = options.size or options.like
+            return texture_mask_file(source, target, settings.kind, size, asked)
         files = [options.mesh, source, target] if command.kind.on_mesh else [source, target]
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)
-        then_time = options.then_sharpen if command.filter.then else None
-        return pipeline(command.filter.applied(settings, then_time), *files, **words)
+        function = command.function(options.then_sharpen if command.then else None)
+        return pipeline(partial(function, settings=settings), *files, asked)

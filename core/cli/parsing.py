@@ -8,9 +8,9 @@ import math
 from typing import Any
 
 from ... import __version__
-from ..registry import find
+from ..registry import MASK, find
 from ..settings import Setting, describe
-from .commands import COMMANDS, MASKS, Backend, Command
+from .commands import COMMANDS, Backend, Command
 from .inputs import UsageError
 
 _EPILOG = """\
@@ -42,51 +42,43 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"Shock Filter {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        _add_command(commands, command, backend)
+    for row in COMMANDS:
+        _add_command(commands, row, backend)
     return parser
 
 
-def _add_command(commands: Any, command: Command, backend: Backend) -> None:
+def _add_command(commands: Any, row: Command, backend: Backend) -> None:
     parser = commands.add_parser(
-        command.name,
-        help=command.about,
-        description=f"{command.about.capitalize()}: {backend.formats(command)}.",
+        row.command,
+        help=row.about,
+        description=f"{row.about.capitalize()}: {backend.formats(row)}.",
         allow_abbrev=False,
     )
-    parser.set_defaults(command=command)
-    if command.filter is None:
-        words: dict[str, Any] = {"nargs": 1, "metavar": "MESH", "help": command.kind.inputs}
+    parser.set_defaults(command=row)
+    if row.kind is MASK:
+        words: dict[str, Any] = {"nargs": 1, "metavar": "MESH", "help": row.kind.inputs}
         output = "image file to write, its ending says the format"
     else:
-        words = {"nargs": "+", "metavar": "IN", "help": f"{command.kind.inputs}; * and ** work"}
+        words = {"nargs": "+", "metavar": "IN", "help": f"{row.kind.inputs}; * and ** work"}
         output = (
             "file to write, its ending says the format; or folder, if it is one, ends in / or"
             " there are several inputs: files keep their names and formats there; folders are made"
         )
-    if command.kind.on_mesh:
+    if row.kind.on_mesh:
         parser.add_argument("mesh", metavar="MESH", help="mesh file whose surface shows IN")
     parser.add_argument("inputs", **words)
     parser.add_argument("output", metavar="OUT", help=output)
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    backend.add_arguments(parser, command)
-    if command.filter is None:
-        _add_mask_flags(parser)
-        return
-    if command.filter.then:
-        _add_then_sharpen(parser, find(command.filter.then).settings)
-    _add_settings(parser, command.filter.settings)
+    backend.add_arguments(parser, row)
+    if row.then:
+        _add_then_sharpen(parser, find(row.then).settings)
+    _add_settings(parser, row.settings)
+    if row.kind is MASK:
+        _add_size(parser)
 
 
-def _add_mask_flags(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--kind",
-        choices=list(MASKS),
-        default="active",
-        help="; ".join(f"{kind}: {meaning}" for kind, meaning in MASKS.items())
-        + " (default active)",
-    )
+def _add_size(parser: argparse.ArgumentParser) -> None:
     size = parser.add_mutually_exclusive_group(required=True)
     size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
     size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
@@ -164,14 +156,12 @@ _number.__name__ = "number"  # argparse says "invalid number value"
 
 def read_settings(options: argparse.Namespace) -> Any:
     """Make the settings that the flags say, and check what no single flag can know."""
-    row = options.command.filter
-    if row is None:
-        return None
+    row = options.command
     settings = row.settings(**{name: getattr(options, name) for name in describe(row.settings)})
     if row.then and options.then_sharpen is not None:
         if not math.isfinite(options.then_sharpen):
             raise UsageError("the time of --then-sharpen must be finite; give one such as 4096")
-        find(row.then).settings(time=options.then_sharpen)
+        row.sharpening(options.then_sharpen)
     if getattr(options, "invert_mask", False) and not options.mask:
         raise UsageError("--invert-mask needs --mask; name the mask that it turns around")
     return settings

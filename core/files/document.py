@@ -16,9 +16,7 @@ Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Names = npt.NDArray[np.str_]
 
-NO_VERTICES: Floats = np.empty((0, 3))
 NO_FACES: Ints = np.empty((0, 3), dtype=np.int64)
-NO_PARTS: Ints = np.empty(0, dtype=np.int64)
 NEW_NORMALS = "normals were computed anew from the sharpened surface"
 
 
@@ -33,8 +31,8 @@ class Document(Protocol):
         """Write it with other positions; returns notes on what changed or got lost."""
 
 
-class ColoredDocument(Document, Protocol):
-    """A file whose vertex colors can be replaced."""
+class InPlaceDocument(Document, Protocol):
+    """A file that keeps its format, whose vertex colors can be replaced."""
 
     def read_colors(self) -> Floats:
         """Red, green and blue of each vertex, with 1 for the largest whole number; NaN for none."""
@@ -42,12 +40,20 @@ class ColoredDocument(Document, Protocol):
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
         """Write it with other colors; returns how many vertices changed theirs, and notes."""
 
-
-class TexturedDocument(ColoredDocument, Protocol):
-    """One that can hold texture coordinates, too."""
-
     def read_uvs(self) -> tuple[Floats, Names]:
         """Coordinates of the triangles' corners (t, 3, 2), v upwards, NaN for none; materials."""
+
+
+def joined(
+    vertices: list[Floats], faces: list[Ints], parts: list[int]
+) -> tuple[Floats, Ints, Ints]:
+    """Vertices, triangles and parts of a document of several objects; `parts` numbers these."""
+    counts = [len(triangles) for triangles in faces]
+    return (
+        np.vstack([np.empty((0, 3)), *vertices]),
+        np.vstack([NO_FACES, *faces]),
+        np.repeat(np.array(parts, dtype=np.int64), counts),
+    )
 
 
 def to_unit(values: npt.NDArray[Any], kind: np.dtype[Any]) -> Floats:

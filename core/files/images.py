@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..base.progress import ProgressCallback, reporting
+from ..base.progress import reporting
 from ..errors import ShockError
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .formats.tiff import read_tiff, write_tiff
 from .image_file import ImageFile, lost
-from .output import Outcome, check_folder, staged
-from .reading import check_ending, check_file, reading
+from .output import DEFAULTS, Options, Outcome, staged
+from .reading import check_source, check_target, reading
 
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
@@ -79,11 +79,7 @@ def filter_image_file(
     function: Callable[..., Pixels],
     source: str | Path,
     target: str | Path,
-    *,
-    mask: str | Path | None = None,
-    invert_mask: bool = False,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Filter an image file and write it to another.
 
@@ -91,19 +87,13 @@ def filter_image_file(
     ----------
     function : callable
         ``function(pixels, mask=None)`` returns an array like the pixels; see
-        `registry.Filter.applied`. If it has a parameter ``out``, it is given the array for the
+        `registry.Filter.function`. If it has a parameter ``out``, it is given the array for the
         result. It gets float32 in place of float16.
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
         complete; its format must hold the values as they are, none is converted.
-    mask : path, optional
-        Gray image of the same size: black stays, white is filtered fully.
-    invert_mask : bool
-        Use one minus the mask.
-    overwrite : bool
-        Replace files that exist.
-    progress : callable, optional
-        Called with (fraction, message); returns False to cancel.
+    options : Options
+        Masks, and whether to replace files.
 
     Returns
     -------
@@ -115,16 +105,14 @@ def filter_image_file(
     ShockError
         If a file cannot be read or written, or as `function` does.
     """
-    words = {"mask": read_mask(mask, invert_mask)} if mask else {}
+    words = read_mask(options)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
-    for path in (source, target):
-        check_ending(path, _FORMATS)
-    _check_source(source)
-    check_folder(target)
+    check_source(source, _FORMATS)
+    check_target(target, _FORMATS)
 
     def fill(pixels: Pixels, result: Pixels) -> None:
-        with reporting(progress):
+        with reporting(options.progress):
             if pixels.dtype == np.float16:
                 result[...] = function(pixels.astype(np.float32), **words)
             elif fills:
@@ -132,15 +120,14 @@ def filter_image_file(
             else:
                 result[...] = function(pixels, **words)
 
-    with staged(target, overwrite) as path:
+    with staged(target, options.overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
         return _filter(source, path, fill)
 
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     """Write pixels that come from no file, in the format of the target's ending."""
-    check_ending(target, _FORMATS)
-    check_folder(target)
+    check_target(target, _FORMATS)
     ending = target.suffix.lower()
     if ending != _ARRAY:
         _check_format(target, ending, pixels)
@@ -153,19 +140,12 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
 
 def image_size(path: str | Path) -> tuple[int, int]:
     """Return height and width of an image file."""
-    _check_source(Path(path))
     height, width = _read(Path(path)).pixels.shape[:2]
     return height, width
 
 
-def _check_source(path: Path) -> None:
-    check_ending(path, _FORMATS)
-    check_file(path)
-    if not path.stat().st_size:
-        raise ShockError(f"{path} is empty; copy or save it again.")
-
-
 def _read(path: Path) -> ImageFile:
+    check_source(path, _FORMATS)
     with reading(path):
         image_file = _FORMATS[path.suffix.lower()].read(path)
     pixels = image_file.pixels
@@ -233,10 +213,11 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
     return changed
 
 
-def read_mask(path: str | Path, invert: bool) -> Pixels:
-    """Read a gray image as weights from 0 to 1."""
-    path = Path(path)
-    _check_source(path)
+def read_mask(options: Options) -> dict[str, Pixels]:
+    """Read a gray image as weights from 0 to 1: the word `mask` for a filter, or no word."""
+    if options.mask is None:
+        return {}
+    path = Path(options.mask)
     weights = _read(path).pixels
     if weights.ndim == 3 and weights.shape[2] == 1:
         weights = weights[..., 0]
@@ -244,4 +225,4 @@ def read_mask(path: str | Path, invert: bool) -> Pixels:
         raise ShockError(f"{path}: the mask has colors or opacity; save it as a gray image.")
     if weights.dtype.kind == "u":
         weights = weights / np.float64(np.iinfo(weights.dtype).max)
-    return 1.0 - weights if invert else weights
+    return {"mask": 1.0 - weights if options.invert_mask else weights}

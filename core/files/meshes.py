@@ -14,20 +14,20 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..base.progress import ProgressCallback, phase, reporting
+from ..base.progress import phase, reporting
 from ..errors import InvalidMesh, InvalidSignal, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld
-from .document import Bools, Document, Floats, Ints, TexturedDocument
+from .document import Document, Floats, InPlaceDocument, Ints
 from .formats.gltf import GltfFile
 from .formats.obj import ObjFile
 from .formats.ply import PlyFile, PlyVertices
 from .formats.trimesh import KEEPS, SceneFile
-from .output import Outcome, check_folder, staged
-from .reading import check_ending, check_file, reading
+from .output import DEFAULTS, Options, Outcome, staged
+from .reading import check_ending, check_source, check_target, reading
 
 AnyDocument = TypeVar("AnyDocument", bound=Document)
-IN_PLACE: dict[str, Callable[[Path], TexturedDocument]] = {
+IN_PLACE: dict[str, Callable[[Path], InPlaceDocument]] = {
     ".obj": ObjFile,
     ".ply": PlyFile,
     ".glb": GltfFile,
@@ -41,11 +41,7 @@ def filter_mesh_file(
     function: Callable[..., Floats],
     source: str | Path,
     target: str | Path,
-    *,
-    mask: str | None = None,
-    invert_mask: bool = False,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Move the vertices of a mesh file and write it to another.
 
@@ -55,18 +51,11 @@ def filter_mesh_file(
     Parameters
     ----------
     function : callable
-        ``function(mesh, mask=None)`` returns new positions; see `registry.Filter.applied`.
+        ``function(mesh, mask=None)`` returns new positions; see `registry.Filter.function`.
     source, target : path
         PLY, OBJ, STL, OFF, GLB or glTF files. `target` appears when it is complete.
-    mask : str, optional
-        Vertex property of a PLY file: 0 leaves a vertex where it is, 1 moves it fully. Whole
-        numbers count in parts of their type's largest value.
-    invert_mask : bool
-        Use one minus the mask.
-    overwrite : bool
-        Replace files that exist.
-    progress : callable, optional
-        Called with (fraction, message); returns False to cancel.
+    options : Options
+        Masks, and whether to replace files.
 
     Returns
     -------
@@ -79,15 +68,16 @@ def filter_mesh_file(
         If a file cannot be read or written, or as `function` does.
     """
     source, target = Path(source), Path(target)
-    _check_paths(source, target)
+    check_target(target, KEEPS)
     ending = target.suffix.lower()
     keeps_format = source.suffix.lower() == ending
     document = read_document(source, IN_PLACE.get(ending, SceneFile) if keeps_format else SceneFile)
-    weights = _read_mask(source, mask, invert_mask) if mask else None
-    with reporting(progress):
-        positions = _moved(document, function, weights)
+    weights = _read_mask(source, options)
+    with reporting(options.progress):
+        result = _filtered(document, weld(document.vertices), function, weights)
+    positions = np.where(result == document.vertices, document.vertices, result)  # 0.0 may be -0.0
     moved = (positions != document.vertices).any(axis=1)
-    with staged(target, overwrite) as path:
+    with staged(target, options.overwrite) as path:
         notes = document.save(path, positions, moved)
     return Outcome(len(positions), int(moved.sum()), tuple(notes))
 
@@ -96,11 +86,7 @@ def filter_colors_file(
     function: Callable[..., Floats],
     source: str | Path,
     target: str | Path,
-    *,
-    mask: str | None = None,
-    invert_mask: bool = False,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Change the vertex colors of a mesh file and write it to another of the same format.
 
@@ -111,10 +97,10 @@ def filter_colors_file(
     Parameters
     ----------
     function : callable
-        ``function(mesh, colors, mask=None)`` returns new colors; see `registry.Filter.applied`.
+        ``function(mesh, colors, mask=None)`` returns new colors; see `registry.Filter.function`.
     source, target : path
         PLY, OBJ, GLB or glTF files, both of the same format.
-    mask, invert_mask, overwrite, progress
+    options : Options
         As in `filter_mesh_file`.
 
     Returns
@@ -130,14 +116,10 @@ def filter_colors_file(
         As in `filter_mesh_file`.
     """
     source, target = Path(source), Path(target)
-    _check_paths(source, target)
-    ending = target.suffix.lower()
+    check_target(target, KEEPS)
     for path in (source, target):
-        if path.suffix.lower() not in IN_PLACE:
-            raise ShockError(
-                f"{path}: {path.suffix} files cannot be given other vertex colors; use one of"
-                f" {', '.join(IN_PLACE)}."
-            )
+        check_ending(path, IN_PLACE, "such files cannot be given other vertex colors")
+    ending = target.suffix.lower()
     if source.suffix.lower() != ending:
         raise ShockError(
             f"{target}: colors are written in the format of the input only; end it in"
@@ -150,29 +132,19 @@ def filter_colors_file(
         raise InvalidSignal(
             f"{source} has no vertex colors; paint them, or bake a texture to them."
         )
-    weights = _read_mask(source, mask, invert_mask) if mask else None
-    with reporting(progress):
-        result = _recolored(document, colors, function, weights)
-    with staged(target, overwrite) as path:
+    weights = _read_mask(source, options)
+    with reporting(options.progress):
+        result = _filtered(document, _weld_colors(document, colors), function, weights, colors)
+    result = np.where(abs(result - colors) < _ROUNDING, colors, result)
+    with staged(target, options.overwrite) as path:
         changed, notes = document.save_colors(path, result)
     done = "changed the color of {changed} of {total} vertices"
     return Outcome(len(colors), changed, tuple(notes), done)
 
 
-def _check_paths(source: Path, target: Path) -> None:
-    check_mesh_file(source)
-    check_ending(target, KEEPS)
-    check_folder(target)
-
-
-def check_mesh_file(path: Path) -> None:
-    """Refuse what cannot be a mesh file that is there."""
-    check_file(path)
-    check_ending(path, KEEPS)
-
-
 def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDocument:
     """Read a file, or say what is wrong with it."""
+    check_source(source, KEEPS)
     with reading(source):
         document = reader(source)
     if not len(document.faces):
@@ -190,56 +162,35 @@ def read_document(source: Path, reader: Callable[[Path], AnyDocument]) -> AnyDoc
 # -------------------------------------------------------------------------------------- filtering
 
 
-def _moved(document: Document, function: Callable[..., Floats], weights: Floats | None) -> Floats:
-    """Positions after filtering; vertices that do not move keep theirs bit for bit."""
-    first, index = weld(document.vertices)
-    places = document.vertices[first]
-
-    def move(mesh: TriangleMesh, _: Floats, mask: Floats | None) -> Floats:
-        return function(mesh, mask=mask)
-
-    result = _filtered(document, (first, index), None, move, places, weights)[index]
-    return np.where(result == document.vertices, document.vertices, result)
-
-
-def _recolored(
-    document: Document, colors: Floats, function: Callable[..., Floats], weights: Floats | None
-) -> Floats:
-    """Colors after filtering; NaN, for none, stays."""
-    colored = np.isfinite(colors).all(axis=1)
+def _weld_colors(document: Document, colors: Floats) -> tuple[Ints, Ints]:
+    """Find vertices that are at one place and of one color, or of none."""
     places = weld(document.vertices)[1]
-    kinds = weld(np.where(colored[:, None], colors, -1.0))[1]
-    first, index = weld(np.column_stack([places, kinds, np.zeros(len(kinds))]))
-    usable = colored[document.faces].all(axis=1)
-
-    def recolor(mesh: TriangleMesh, values: Floats, mask: Floats | None) -> Floats:
-        return function(mesh, values, mask=mask)
-
-    result = _filtered(document, (first, index), usable, recolor, colors[first], weights)[index]
-    return np.where(abs(result - colors) < _ROUNDING, colors, result)
+    kinds = weld(np.where(np.isfinite(colors).all(axis=1, keepdims=True), colors, -1.0))[1]
+    return weld(np.column_stack([places, kinds, np.zeros(len(kinds))]))
 
 
 def _filtered(
     document: Document,
     welded: tuple[Ints, Ints],
-    usable: Bools | None,
-    function: Callable[[TriangleMesh, Floats, Floats | None], Floats],
-    values: Floats,
+    function: Callable[..., Floats],
     weights: Floats | None,
+    colors: Floats | None = None,
 ) -> Floats:
     """Filter each group of joined objects as a mesh of its own.
 
     `welded` holds the first of the vertices that are one, and the number of each vertex among
-    these; `values` and the result have a row for each of them.
+    these. Where there are colors, these are filtered in place of the positions; faces at a vertex
+    whose color is NaN, for none, are left out.
     """
     first, index = welded
     points, faces = document.vertices[first], index[document.faces]
+    values = points if colors is None else colors[first]
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    if usable is not None:
-        whole &= usable
+    whole &= np.isfinite(values[faces]).all(axis=(1, 2))
     faces = faces[whole]
+    lowest = np.ones(len(first))  # weight of the vertices that are one
     if weights is not None:
-        weights = _lowest(weights, index, len(first))
+        np.minimum.at(lowest, index, weights)
     result = values.copy()
     groups = _groups(document.parts[whole], faces, len(points))
     for number, group in enumerate(groups):
@@ -250,17 +201,11 @@ def _filtered(
             if len(groups) == 1:
                 raise
             continue  # one object without a surface does not keep the others from theirs
+        signal = () if colors is None else (values[used],)
+        mask = None if weights is None else lowest[used]
         with phase(number / len(groups), (number + 1) / len(groups), "Filtering"):
-            mask = None if weights is None else weights[used]
-            result[used] = function(mesh, values[used], mask)
-    return result
-
-
-def _lowest(weights: Floats, index: Ints, count: int) -> Floats:
-    """The lowest weight of the vertices that are one."""
-    lowest = np.ones(count)
-    np.minimum.at(lowest, index, weights)
-    return lowest
+            result[used] = function(mesh, *signal, mask=mask)
+    return result[index]
 
 
 def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:
@@ -280,7 +225,10 @@ def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
 
 
-def _read_mask(source: Path, name: str, invert: bool) -> Floats:
+def _read_mask(source: Path, options: Options) -> Floats | None:
+    name = options.mask
+    if name is None:
+        return None
     if source.suffix.lower() != ".ply":
         raise ShockError(f"{source}: masks are read from PLY files only; give one, or use Blender.")
     with reading(source):
@@ -290,4 +238,4 @@ def _read_mask(source: Path, name: str, invert: bool) -> Floats:
             f"{source} has no vertex property {name!r}; it has: {', '.join(table.names)}."
         )
     weights = table.weights(name)
-    return 1.0 - weights if invert else weights
+    return 1.0 - weights if options.invert_mask else weights

@@ -16,7 +16,38 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..base.progress import ProgressCallback
 from ..errors import Cancelled, ShockError
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is asked beside the files' names.
+
+    Attributes
+    ----------
+    mask : str, optional
+        Of meshes: a vertex property of PLY files, where 0 leaves a vertex as it is and 1 changes
+        it fully; whole numbers count in parts of their type's largest value. Of images: a gray
+        image file of the same size, where black stays and white is filtered fully.
+    invert_mask : bool
+        Use one minus the mask.
+    material : str, optional
+        Name of the material that shows a texture; all faces do if left out.
+    overwrite : bool
+        Replace files that exist.
+    progress : callable, optional
+        Called with (fraction, message); returns False to cancel.
+    """
+
+    mask: str | Path | None = None
+    invert_mask: bool = False
+    material: str | None = None
+    overwrite: bool = False
+    progress: ProgressCallback | None = None
+
+
+DEFAULTS = Options()
 
 
 @dataclass(frozen=True)
@@ -41,12 +72,6 @@ class Outcome:
     def __str__(self) -> str:
         """Say what was done."""
         return self.done.format(changed=self.changed, total=self.total)
-
-
-def check_folder(target: Path) -> None:
-    """Refuse a file whose folder is not there."""
-    if not target.absolute().parent.is_dir():
-        raise ShockError(f"There is no folder {target.parent}; make it first.")
 
 
 @contextlib.contextmanager

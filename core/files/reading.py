@@ -38,10 +38,27 @@ def check_file(path: Path) -> None:
         raise ShockError(f"There is no file {path}; check its name and folder.")
 
 
-def check_ending(path: Path, known: Collection[str]) -> None:
+def check_ending(
+    path: Path, known: Collection[str], reason: str = "cannot handle this ending"
+) -> None:
     """Refuse a file whose ending says that it is of another kind."""
     if path.suffix.lower() not in known:
-        raise ShockError(f"{path}: cannot handle this ending; use one of {', '.join(known)}.")
+        raise ShockError(f"{path}: {reason}; use one of {', '.join(known)}.")
+
+
+def check_source(path: Path, known: Collection[str]) -> None:
+    """Refuse what cannot be a file to be read."""
+    check_file(path)
+    check_ending(path, known)
+    if not path.stat().st_size:
+        raise ShockError(f"{path} is empty; copy or save it again.")
+
+
+def check_target(path: Path, known: Collection[str]) -> None:
+    """Refuse a file that cannot be written, or whose folder is not there."""
+    check_ending(path, known)
+    if not path.absolute().parent.is_dir():
+        raise ShockError(f"There is no folder {path.parent}; make it first.")
 
 
 def needed(package: str, path: Path) -> Any:

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from ..atlas import TextureAtlas
-from ..base.progress import ProgressCallback, phase, reporting
-from ..errors import InvalidSettings, InvalidUV, ShockError
+from ..base.progress import phase, reporting
+from ..errors import InvalidUV, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from .document import Floats
 from .images import Pixels, filter_image_file, image_size, read_mask, write_image_file
-from .meshes import IN_PLACE, check_mesh_file, read_document
-from .output import Outcome
-from .reading import reading
+from .meshes import IN_PLACE, read_document
+from .output import DEFAULTS, Options, Outcome
+from .reading import check_ending, reading
 
 RAW = (".npy", ".tif", ".tiff", ".exr")
 """Endings of files that hold a mask's numbers; all others hold a picture of it."""
@@ -41,12 +41,7 @@ def filter_texture_file(
     mesh: str | Path,
     source: str | Path,
     target: str | Path,
-    *,
-    material: str | None = None,
-    mask: str | Path | None = None,
-    invert_mask: bool = False,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Filter the texture of a mesh, on its surface, and write it to another image file.
 
@@ -54,22 +49,21 @@ def filter_texture_file(
     ----------
     function : callable
         ``function(mesh, uv, pixels, mask=None, atlas=None)`` returns an array like the pixels, of
-        which row 0 is at v = 0; see `registry.Filter.applied`. A mask is handed on if there is one.
+        which row 0 is at v = 0; see `registry.Filter.function`. A mask is handed on if there
+        is one.
     mesh : path
         OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
         joined; see `core.weld_borders`.
-    source, target, mask, invert_mask, overwrite, progress
+    source, target, options
         As in :func:`shock_filter.core.files.images.filter_image_file`.
-    material : str, optional
-        Name of the material that shows the texture; all faces do if left out.
 
     Returns
     -------
     Outcome
         Counts of pixels, and notes on the texture coordinates and on what did not survive.
     """
-    surface = read_textured_mesh(mesh, material)
-    words = {"mask": read_mask(mask, invert_mask)[::-1]} if mask else {}
+    surface = read_textured_mesh(mesh, options.material)
+    words = {word: mask[::-1] for word, mask in read_mask(options).items()}
     notes = list(surface.notes)
 
     def on_surface(pixels: Pixels) -> Pixels:
@@ -81,7 +75,7 @@ def filter_texture_file(
         with phase(0.3, 1.0, "Filtering"):
             return function(surface.mesh, surface.uv, upright, **words, atlas=atlas)[::-1]
 
-    outcome = filter_image_file(on_surface, source, target, overwrite=overwrite, progress=progress)
+    outcome = filter_image_file(on_surface, source, target, replace(options, mask=None))
     return replace(outcome, notes=(*notes, *outcome.notes))
 
 
@@ -89,44 +83,30 @@ def texture_mask_file(
     mesh: str | Path,
     target: str | Path,
     kind: str,
-    *,
-    size: tuple[int, int] | None = None,
-    like: str | Path | None = None,
-    material: str | None = None,
-    overwrite: bool = False,
-    progress: ProgressCallback | None = None,
+    size: tuple[int, int] | str | Path,
+    options: Options = DEFAULTS,
 ) -> Outcome:
     """Draw what each texel of a mesh's texture is, and write it as an image.
 
     Parameters
     ----------
-    mesh, material, overwrite, progress
+    mesh, options
         As in `filter_texture_file`.
     target : path
         NumPy, TIFF and EXR files hold numbers, with -1 for no face or chart; all others a
         picture, where faces and charts have colors that stay the same from run to run.
     kind : str
         A field of :class:`shock_filter.core.atlas.TextureMasks`.
-    size : (int, int), optional
-        Height and width in texels.
-    like : path, optional
-        Image file of the wanted size; one of `size` and `like` must be given.
-
-    Raises
-    ------
-    InvalidSettings
-        If both or none of them are given.
+    size : (int, int), or path
+        Height and width in texels, or an image file of the wanted size.
     """
     target = Path(target)
-    if size is None and like is not None:
-        size = image_size(like)
-    elif size is None or like is not None:
-        raise InvalidSettings("Give the image's size, or an image that it is to be like.")
-    surface = read_textured_mesh(mesh, material)
-    with reporting(progress):
-        atlas = TextureAtlas(surface.mesh, surface.uv, *size)
+    height, width = size if isinstance(size, tuple) else image_size(size)
+    surface = read_textured_mesh(mesh, options.material)
+    with reporting(options.progress):
+        atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
     shown = mask_pixels(atlas, kind, target.suffix.lower())
-    write_image_file(target, np.ascontiguousarray(shown[::-1]), overwrite)
+    write_image_file(target, np.ascontiguousarray(shown[::-1]), options.overwrite)
     return mask_outcome(atlas, surface.notes)
 
 
@@ -183,13 +163,8 @@ def read_textured_mesh(path: str | Path, material: str | None = None) -> Texture
         If the file cannot be read or has no such material.
     """
     path = Path(path)
-    check_mesh_file(path)
-    ending = path.suffix.lower()
-    if ending not in IN_PLACE:
-        raise InvalidUV(
-            f"{path}: {ending} files hold no texture coordinates; use one of {', '.join(IN_PLACE)}."
-        )
-    document = read_document(path, IN_PLACE[ending])
+    check_ending(path, IN_PLACE, "such files hold no texture coordinates")
+    document = read_document(path, IN_PLACE[path.suffix.lower()])
     with reading(path):
         uv, materials = document.read_uvs()
     known = ~np.isnan(uv).any(axis=(1, 2))

@@ -15,31 +15,23 @@ import numpy.typing as npt
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidMesh
 from ..mesh.triangle_mesh import Floats, TriangleMesh
-from ..settings import GeometrySettings, ImageSettings, ShockSettings
-from .beltrami.images import beltrami_image
-from .beltrami.meshes import (
-    beltrami_corner_signal,
-    beltrami_joint_corners,
-    beltrami_mesh,
-    beltrami_vertex_signal,
-)
+from ..settings import GeometrySettings, ShockSettings
 from .geometry import sharpen_geometry
-from .images import sharpen_image
-from .signals import sharpen_corner_signal, sharpen_vertex_signal
+from .signals import sharpen_corner_signal
 
 Filter = Callable[..., Any]
 
 
-def then_sharpen(denoise: Filter, time: float | None) -> Filter:
+def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
     """Have what a filter has denoised be sharpened in the same run.
 
     Parameters
     ----------
-    denoise : callable
-        `beltrami_mesh`, `beltrami_vertex_signal`, `beltrami_corner_signal`, `beltrami_image` or
-        `beltrami_joint_corners`.
-    time : float or None
-        Flow time of the sharpening, as in `ShockSettings`; None leaves it out.
+    denoise, sharpen : callable
+        Filters of the same kind of data, see `registry.Kind`; or `beltrami_joint_corners` and
+        `sharpen_both`.
+    sharpening : object or None
+        The settings of `sharpen`; None leaves it out.
 
     Returns
     -------
@@ -48,16 +40,9 @@ def then_sharpen(denoise: Filter, time: float | None) -> Filter:
         mask are those of `denoise`; the sharpening has the same mask. Each half of the progress
         is one of the two.
 
-    Raises
-    ------
-    InvalidSettings
-        At once, if the time is negative or no number.
-
     Notes
     -----
-    All other settings of the sharpening are fixed here. Normals of geometry are read by linear
-    sampling, which removes the noise that is left where detail sampling keeps it; opacity of an
-    image is what the kernel's settings say.
+    Opacity of an image is what the settings of `denoise` say.
 
     Examples
     --------
@@ -65,74 +50,55 @@ def then_sharpen(denoise: Filter, time: float | None) -> Filter:
     >>> from shock_filter import core
     >>> from shock_filter.core.filters.denoising import then_sharpen
     >>> step = np.repeat([[0.2, 0.3, 0.7, 0.8]], 3, axis=0)
-    >>> function = then_sharpen(core.beltrami_image, 16.0)
+    >>> sharpening = core.ImageSettings(time=16.0)
+    >>> function = then_sharpen(core.beltrami_image, core.sharpen_image, sharpening)
     >>> function(step, settings=core.BeltramiSettings(time=0.5)).shape
     (3, 4)
     """
-    if time is None:
+    if sharpening is None:
         return denoise
-    sharpen, fixed = _SHARPENINGS[denoise]
-    timed = replace(fixed, time=time)
 
     def denoise_and_sharpen(
         *data: Any,
         settings: Any = None,
         mask: npt.ArrayLike | None = None,
         progress: ProgressCallback | None = None,
+        **more: Any,
     ) -> Any:
-        sharpening = replace(timed, alpha=settings.alpha) if hasattr(settings, "alpha") else timed
+        chosen = sharpening
+        if hasattr(settings, "alpha") and hasattr(sharpening, "alpha"):
+            chosen = replace(sharpening, alpha=settings.alpha)
         with reporting(progress):
             with phase(0.0, 0.5, "Denoising"):
-                result = denoise(*data, settings=settings, mask=mask)
+                result = denoise(*data, settings=settings, mask=mask, **more)
             with phase(0.5, 1.0, "Sharpening"):
-                return sharpen(*data, result, sharpening, mask)
+                # The result takes the place of what was denoised, which stands last.
+                last = data[-1]
+                denoised = _moved(last, result) if isinstance(last, TriangleMesh) else result
+                if denoised is None:
+                    return result
+                return sharpen(*data[:-1], denoised, settings=chosen, mask=mask, **more)
 
     return denoise_and_sharpen
 
 
-_LINEAR = GeometrySettings(sampling="linear")
-
-
-def _sharpen_moved(
-    mesh: TriangleMesh, positions: Floats, settings: GeometrySettings, mask: npt.ArrayLike | None
-) -> Floats:
-    moved = _moved(mesh, positions)
-    return positions if moved is None else sharpen_geometry(moved, settings, mask)
-
-
-def _sharpen_both(
+def sharpen_both(
     mesh: TriangleMesh,
-    _: Any,
-    result: tuple[Floats, npt.NDArray],
+    both: tuple[Floats, npt.NDArray],
     settings: ShockSettings,
-    mask: npt.ArrayLike | None,
+    mask: npt.ArrayLike | None = None,
 ) -> tuple[Floats, npt.NDArray]:
-    # The colors flow on the surface that is sharp already.
-    positions, signal = result
+    """Sharpen new positions of a mesh, and colors of its corners on the surface that is sharp."""
+    positions, signal = both
     moved = _moved(mesh, positions)
     if moved is None:
-        return result
+        return both
     with phase(0.0, 0.5, "Sharpening"):
-        positions = sharpen_geometry(moved, replace(_LINEAR, time=settings.time), mask)
+        shape = GeometrySettings(time=settings.time, sampling="linear")
+        positions = sharpen_geometry(moved, shape, mask)
     with phase(0.5, 1.0, "Sharpening"):
         sharp = mesh.moved_to(positions)
         return positions, sharpen_corner_signal(sharp, signal, settings, mask)
-
-
-_SHARPENINGS: dict[Filter, tuple[Filter, Any]] = {
-    beltrami_mesh: (_sharpen_moved, _LINEAR),
-    beltrami_vertex_signal: (
-        lambda mesh, _, *rest: sharpen_vertex_signal(mesh, *rest),
-        ShockSettings(),
-    ),
-    beltrami_corner_signal: (
-        lambda mesh, _, *rest: sharpen_corner_signal(mesh, *rest),
-        ShockSettings(),
-    ),
-    beltrami_image: (lambda _, *rest: sharpen_image(*rest), ImageSettings()),
-    beltrami_joint_corners: (_sharpen_both, ShockSettings()),
-}
-"""Per filter: what sharpens, given its data and result, settings and mask; and these settings."""
 
 
 def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh | None:

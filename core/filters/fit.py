@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,9 @@ from ..base.vectors import after, edge
 from ..errors import InvalidSignal, SolverError
 from ..linear.cg import SolveReport, solve
 from ..linear.system import LinearSystem
-from ..mesh.calculus import cotangents, lumped_mass, stiffness_weights
+from ..mesh.calculus import blended_normals, cotangents, lumped_mass, stiffness_weights
 from ..mesh.triangle_mesh import Floats, TriangleMesh
-from ..settings import FitSettings
+from ..settings import BeltramiGeometrySettings, FitSettings, GeometrySettings
 
 log = logging.getLogger(__name__)
 
@@ -147,6 +148,58 @@ def displacement(
     with aside("Fitting the surface"):
         run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, moved)
     return moved, report
+
+
+def refitted(
+    mesh: TriangleMesh,
+    new_normals: Callable[[TriangleMesh], Floats],
+    settings: GeometrySettings | BeltramiGeometrySettings,
+    weights: Floats | None,
+    message: str,
+    limit: float = 0.0,
+) -> Floats:
+    """Filter the normals of a mesh and fit its positions to them, `settings.repeat` times.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    new_normals : callable
+        Gives the filtered normals of a mesh that has moved: (m, 3).
+    settings : GeometrySettings or BeltramiGeometrySettings
+    weights : (n,) float64 or None
+        1 filters fully, 0 leaves the vertex in place.
+    message : str
+        What is done to the normals, for people.
+    limit : float
+        The farthest that a vertex may move in all, in mean edge lengths; 0 sets no limit.
+
+    Returns
+    -------
+    (n, 3) float64
+        The displacement, in the unit of `mesh.vertices`.
+    """
+    moved, current = np.zeros((0, 3)), mesh
+    for turn in range(settings.repeat):
+        with phase(turn / settings.repeat, (turn + 1) / settings.repeat, message):
+            with phase(0.0, 0.6, message):
+                normals = new_normals(current)
+            if weights is not None:
+                with aside(message):
+                    normals = blended_normals(mesh, current.normals, normals, weights)
+            with phase(0.6, 1.0, "Fitting the surface"):
+                step, _ = displacement(current, normals, settings, weights)
+        moved = step if turn == 0 else moved + step
+        if limit > 0:
+            _limit(moved, limit * mesh.mean_edge_length)
+        if turn + 1 < settings.repeat:
+            current = mesh.moved_to(mesh.vertices + moved)
+    return moved
+
+
+def _limit(moved: Floats, most: float) -> None:
+    lengths = np.linalg.norm(moved, axis=1)
+    far = lengths > most
+    moved[far] *= (most / lengths[far])[:, None]
 
 
 def _refit_system(mesh: TriangleMesh, eps: float, mask: Floats | None) -> LinearSystem:

@@ -3,21 +3,23 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import checked_mask
 from ..base.memo import kept
 from ..base.parallel import kernel, run
-from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..base.progress import ProgressCallback, phase, reporting
 from ..base.vectors import dot
 from ..flow.advect import advect_faces
 from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
-from ..mesh.calculus import average_to_faces, average_to_vertices, blended_normals, smooth_vertices
-from ..mesh.order import is_scattered, sorted_along_curve
+from ..mesh.calculus import average_to_faces, average_to_vertices, smooth_vertices
+from ..mesh.order import in_good_order, is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import GeometrySettings
-from .fit import displacement, moved_vertices
+from .fit import moved_vertices, refitted
 
 
 def sharpen_normals(
@@ -62,7 +64,7 @@ def sharpen_normals(
     settings = settings or GeometrySettings()
     with reporting(progress):
         if is_scattered(mesh):
-            ordered, _, face_order = _ordered(mesh)
+            ordered, _, face_order = kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
             sharpened = _sharpened(ordered, settings)
             sharpened[ordered.flipped] *= -1
             normals = np.empty_like(sharpened)
@@ -132,13 +134,7 @@ def sharpen_geometry(
     if settings.time == 0 and settings.mollify_passes == 0:
         return mesh.vertices.copy()
     with reporting(progress):
-        if is_scattered(mesh):
-            ordered, order, _ = _ordered(mesh)
-            moved = np.empty_like(mesh.vertices)
-            ordered_weights = None if weights is None else weights[order]
-            moved[order] = _displaced(ordered, settings, ordered_weights)
-        else:
-            moved = _displaced(mesh, settings, weights)
+        moved = in_good_order(mesh, partial(_displacement, settings), weights)
         with phase(1.0, 1.0, "Fitting the surface"):
             return moved_vertices(mesh, moved)
 
@@ -194,29 +190,11 @@ def geometry_flow(
             return potential, flow_from_potential(mesh, potential)
 
 
-def _ordered(
-    mesh: TriangleMesh,
-) -> tuple[TriangleMesh, npt.NDArray[np.intp], npt.NDArray[np.int32]]:
-    return kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
+def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | None) -> Floats:
+    def sharpen(current: TriangleMesh) -> Floats:
+        return _sharpened(current, settings)
 
-
-def _displaced(mesh: TriangleMesh, settings: GeometrySettings, weights: Floats | None) -> Floats:
-    moved, current = np.zeros((0, 3)), mesh
-    for turn in range(settings.repeat):
-        with phase(turn / settings.repeat, (turn + 1) / settings.repeat, "Sharpening"):
-            with phase(0.0, 0.6, "Sharpening"):
-                normals = _sharpened(current, settings)
-            if weights is not None:
-                with aside("Sharpening"):
-                    normals = blended_normals(mesh, current.normals, normals, weights)
-            with phase(0.6, 1.0, "Fitting the surface"):
-                step, _ = displacement(current, normals, settings, weights)
-        moved = step if turn == 0 else moved + step
-        if settings.max_displacement > 0:
-            _limit(moved, settings.max_displacement * mesh.mean_edge_length)
-        if turn + 1 < settings.repeat:
-            current = mesh.moved_to(mesh.vertices + moved)
-    return moved
+    return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement)
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
@@ -255,12 +233,6 @@ def _mollified(mesh: TriangleMesh, normals: Floats, passes: int) -> Floats:
         mollified = average_to_faces(mesh, smooth)
         run(_make_unit, mesh.face_count, mollified, normals)
     return mollified
-
-
-def _limit(moved: Floats, most: float) -> None:
-    lengths = np.linalg.norm(moved, axis=1)
-    far = lengths > most
-    moved[far] *= (most / lengths[far])[:, None]
 
 
 @kernel

@@ -16,7 +16,7 @@ from ..atlas.potential import texel_potential
 from ..atlas.seam_fit import stitch
 from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
-from ..base.checks import BAND, SCALES, checked_image, checked_weights
+from ..base.checks import BAND, LARGEST, SCALES, checked_image, checked_weights
 from ..base.parallel import blocks, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
@@ -25,8 +25,6 @@ from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
 from .signals import mix_rows
-
-_LARGEST = 1e30  # beyond, sums leave the range of single precision
 
 
 class _Content(NamedTuple):
@@ -177,7 +175,7 @@ def dilate_texture(
             atlas = _checked_atlas(atlas, mesh, uv, pixels)
         with phase(0.7, 1.0, "Filling the gutter"):
             with aside("Filling the gutter"):
-                values = atlas.gather(pixels, SCALES[pixels.dtype.name])
+                values = atlas.gather(pixels)
             return _written(atlas, values, _Content(), settings, atlas.inside, pixels).reshape(
                 given.shape
             )
@@ -192,7 +190,7 @@ def _sharpened(
 ) -> npt.NDArray[np.float32]:
     # The new values of the nodes inside charts.
     with aside("Computing the flow"):
-        values = atlas.gather(pixels, SCALES[pixels.dtype.name])
+        values = atlas.gather(pixels)
         if content.alpha >= 0:
             opacity = values[..., content.alpha]
             for rows in blocks(len(values), BAND):
@@ -213,7 +211,7 @@ def _sharpened(
                               normals=content.normals)  # fmt: skip
     if weights is not None:
         with phase(1.0, 1.0, "Filling the gutter"):
-            shares = atlas.gather(weights[..., None], 1.0).reshape(-1)
+            shares = atlas.gather(weights[..., None]).reshape(-1)
             flat = result.reshape(len(shares), -1)
             run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
     return result
@@ -235,7 +233,7 @@ def _written(
         else:
             stitch(atlas, values, SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0)
         out = copied(pixels)
-    write_texels(atlas, values, 1.0 / SCALES[pixels.dtype.name], settings, keep, out,
+    write_texels(atlas, values, settings, keep, out,
                  opacity=content.alpha, normals=content.normals)  # fmt: skip
     return out
 
@@ -247,9 +245,9 @@ def _fill_ghosts(atlas: TextureAtlas, values: npt.NDArray[np.float32], content: 
 
 def _checked_texture(image: npt.ArrayLike) -> npt.NDArray:
     given = checked_image(image)
-    if given.dtype.kind == "f" and max(-float(given.min()), float(given.max())) > _LARGEST:
+    if given.dtype.kind == "f" and max(-float(given.min()), float(given.max())) > LARGEST:
         raise InvalidSignal(
-            "The image holds values beyond {most:g}; scale or clip them.", most=_LARGEST
+            "The image holds values beyond {most:g}; scale or clip them.", most=LARGEST
         )
     return given
 

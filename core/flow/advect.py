@@ -7,6 +7,7 @@ import numpy as np
 
 from ..base.parallel import kernel, run
 from ..base.progress import phase
+from ..mesh.calculus import make_unit_or
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .trace import trace_faces
 
@@ -120,30 +121,16 @@ def _average_corners(start, stop, corner_start, corners, corner_values, values, 
 @kernel
 def _sample(start, stop, faces, normals, averages, end_faces, coordinates, sampling, out):
     for f in range(start, stop):
-        ox, oy, oz = normals[f, 0], normals[f, 1], normals[f, 2]
         g = end_faces[f]
-        x = y = z = 0.0
-        if sampling == 0:
-            x, y, z = normals[g, 0], normals[g, 1], normals[g, 2]
-        else:
-            for c in range(3):
-                weight = coordinates[f, c]
-                v = faces[g, c]
-                x += weight * averages[v, 0]
-                y += weight * averages[v, 1]
-                z += weight * averages[v, 2]
-            if sampling == 2:
-                x += ox
-                y += oy
-                z += oz
+        for x in range(3):
+            value = normals[g, x]
+            if sampling != 0:
+                value = 0.0
                 for c in range(3):
-                    v = faces[f, c]
-                    x -= averages[v, 0] / 3.0
-                    y -= averages[v, 1] / 3.0
-                    z -= averages[v, 2] / 3.0
-        length = np.sqrt(x * x + y * y + z * z)
-        if length < 1e-12 or (ox == 0 and oy == 0 and oz == 0):
-            x, y, z, length = ox, oy, oz, 1.0
-        out[f, 0] = x / length
-        out[f, 1] = y / length
-        out[f, 2] = z / length
+                    value += coordinates[f, c] * averages[faces[g, c], x]
+            if sampling == 2:
+                value += normals[f, x]
+                for c in range(3):
+                    value -= averages[faces[f, c], x] / 3.0
+            out[f, x] = value
+        make_unit_or(out[f], normals[f])

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from ..base.checks import checked_signal
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..base.vectors import dot, edge
 from ..mesh.calculus import average_to_vertices, gradient, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import ShockSettings
@@ -165,15 +166,8 @@ def _energy(start, stop, vertices, faces, areas, values, energy):
         total = 0.0
         if areas[f] > 0:
             a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            uu = 0.0
-            uv = 0.0
-            vv = 0.0
-            for x in range(3):
-                u = vertices[b, x] - vertices[a, x]
-                v = vertices[c, x] - vertices[a, x]
-                uu += u * u
-                uv += u * v
-                vv += v * v
+            u, v = edge(vertices, a, b), edge(vertices, a, c)
+            uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
             for j in range(values.shape[1]):
                 p = values[b, j] - values[a, j]
                 q = values[c, j] - values[a, j]

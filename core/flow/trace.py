@@ -3,24 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..base.parallel import kernel, run
 from ..base.progress import aside, phase
 from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
-from .walk import (
-    Field,
-    Triangles,
-    find_given_rates,
-    find_shock_rates,
-    walk_exactly,
-    walk_literally,
-)
-
-PAPER_STEP = 0.1
-"""The paper's delta: length of a literal step, in mean edge lengths."""
-
+from .walk import Field, Triangles, find_given_rates, find_shock_rates, walk_exactly
 
 OFFSET = 0.001
 """The paper's epsilon: how far towards the face's centre the trace of a vertex begins."""
@@ -28,28 +19,23 @@ OFFSET = 0.001
 
 def face_centres(mesh: TriangleMesh) -> tuple[Ints, Floats]:
     """The centre of each face, to trace from: faces (m,), barycentric coordinates (m, 3)."""
-    faces = np.empty(mesh.face_count, dtype=np.int32)
-    coordinates = np.empty((mesh.face_count, 3))
-    run(_place_at_centres, mesh.face_count, faces, coordinates)
-    return faces, coordinates
+    return _in_each_face(mesh, np.full((1, 3), 1.0 / 3.0))
 
 
 def corner_offsets(mesh: TriangleMesh) -> tuple[Ints, Floats]:
     """A point in each face beside each of its corners: faces (3 m,), coordinates (3 m, 3)."""
-    faces = np.empty(3 * mesh.face_count, dtype=np.int32)
-    coordinates = np.empty((3 * mesh.face_count, 3))
-    run(_place_at_corners, mesh.face_count, faces, coordinates)
+    return _in_each_face(mesh, (1.0 - OFFSET) * np.eye(3) + OFFSET / 3.0)
+
+
+def _in_each_face(mesh: TriangleMesh, places: Floats) -> tuple[Ints, Floats]:
+    faces = np.empty(len(places) * mesh.face_count, dtype=np.int32)
+    coordinates = np.empty((len(faces), 3))
+    run(_place, mesh.face_count, places, faces, coordinates)
     return faces, coordinates
 
 
 def trace(
-    mesh: TriangleMesh,
-    potential: Floats,
-    time: float,
-    faces: Ints,
-    coordinates: Floats,
-    *,
-    step: float | None = None,
+    mesh: TriangleMesh, potential: Floats, time: float, faces: Ints, coordinates: Floats
 ) -> None:
     """Move points for `time` against the shock flow of `potential`, in place.
 
@@ -64,25 +50,13 @@ def trace(
         The face of each point; overwritten.
     coordinates : (k, 3) float64
         Its barycentric coordinates; overwritten.
-    step : float, optional
-        Walk literally, in steps of this length in mean edge lengths; the paper's is
-        `PAPER_STEP`. None walks exactly.
     """
-    triangles = _triangles(mesh)
-    rates = np.empty((mesh.face_count, 3))
-    with phase(0.0, 0.1, "Tracing flow-lines"):
-        run(find_shock_rates, mesh.face_count, triangles, potential, rates)
-    _walk(triangles, Field(rates, potential), time, faces, coordinates, step)
+    rates = _rates(mesh, find_shock_rates, potential)
+    _walk(mesh, Field(rates, potential), time, faces, coordinates)
 
 
 def follow(
-    mesh: TriangleMesh,
-    vectors: Floats,
-    time: float,
-    faces: Ints,
-    coordinates: Floats,
-    *,
-    step: float | None = None,
+    mesh: TriangleMesh, vectors: Floats, time: float, faces: Ints, coordinates: Floats
 ) -> None:
     """Move points for `time` along given vectors, or up to a border, in place.
 
@@ -93,25 +67,19 @@ def follow(
         A velocity in each face, in mean edge lengths per unit of time; its tangential part counts.
     time : float
         Finite.
-    faces, coordinates, step
+    faces, coordinates
         As in `trace`.
     """
     if not np.isfinite(time):
         raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
-    triangles = _triangles(mesh)
-    rates = np.empty((mesh.face_count, 3))
-    with phase(0.0, 0.1, "Tracing flow-lines"):
-        run(find_given_rates, mesh.face_count, triangles, vectors, rates)
-    _walk(triangles, Field(rates), time, faces, coordinates, step)
+    _walk(mesh, Field(_rates(mesh, find_given_rates, vectors)), time, faces, coordinates)
 
 
-def trace_faces(
-    mesh: TriangleMesh, potential: Floats, time: float, *, step: float | None = None
-) -> tuple[Ints, Floats]:
+def trace_faces(mesh: TriangleMesh, potential: Floats, time: float) -> tuple[Ints, Floats]:
     """Trace from the centre of each face; see `trace`. Returns faces (m,), coordinates (m, 3)."""
     with aside("Tracing flow-lines"):
         faces, coordinates = face_centres(mesh)
-    trace(mesh, potential, time, faces, coordinates, step=step)
+    trace(mesh, potential, time, faces, coordinates)
     return faces, coordinates
 
 
@@ -119,37 +87,28 @@ def _triangles(mesh: TriangleMesh) -> Triangles:
     return Triangles(mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas, mesh.normals)
 
 
-def _walk(
-    triangles: Triangles,
-    field: Field,
-    time: float,
-    faces: Ints,
-    coordinates: Floats,
-    step: float | None,
-) -> None:
+def _rates(mesh: TriangleMesh, find_rates: Callable[..., None], values: Floats) -> Floats:
+    rates = np.empty((mesh.face_count, 3))
+    with phase(0.0, 0.1, "Tracing flow-lines"):
+        run(find_rates, mesh.face_count, _triangles(mesh), values, rates)
+    return rates
+
+
+def _walk(mesh: TriangleMesh, field: Field, time: float, faces: Ints, coordinates: Floats) -> None:
     unfinished = np.zeros(len(faces), dtype=np.bool_)
     with phase(0.1, 1.0, "Tracing flow-lines"):
-        if step is None:
-            run(walk_exactly, len(faces), triangles, field, float(time), MOST_STEPS, faces,
-                coordinates, unfinished)  # fmt: skip
-        else:
-            run(walk_literally, len(faces), triangles, field, float(time), float(step), MOST_STEPS,
-                faces, coordinates, unfinished)  # fmt: skip
+        run(walk_exactly, len(faces), _triangles(mesh), field, float(time), MOST_STEPS, faces,
+            coordinates, unfinished)  # fmt: skip
     warn_of_unfinished(unfinished)
 
 
 @kernel
-def _place_at_centres(start, stop, faces, coordinates):
+def _place(start, stop, places, faces, coordinates):
+    # The same places, in barycentric coordinates, in each face.
+    count = places.shape[0]
     for f in range(start, stop):
-        faces[f] = f
-        for k in range(3):
-            coordinates[f, k] = 1.0 / 3.0
-
-
-@kernel
-def _place_at_corners(start, stop, faces, coordinates):
-    for point in range(3 * start, 3 * stop):
-        faces[point] = point // 3
-        for k in range(3):
-            at_corner = 1.0 - OFFSET if k == point % 3 else 0.0
-            coordinates[point, k] = at_corner + OFFSET / 3.0
+        for i in range(count):
+            point = count * f + i
+            faces[point] = f
+            for c in range(3):
+                coordinates[point, c] = places[i, c]

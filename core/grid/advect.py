@@ -16,7 +16,7 @@ from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from .channels import Channels
 from .potential import ROWS
 from .sample import add_value, put_mean
-from .walk import UNFINISHED, begin, walk_cells, walk_literally
+from .walk import UNFINISHED, begin, walk_cells
 
 
 def advect_pixels(
@@ -27,7 +27,6 @@ def advect_pixels(
     out: npt.NDArray,
     *,
     nearest: bool = False,
-    step: float | None = None,
 ) -> None:
     """Read the image where the flow-lines come from ("Vertex Advection", on squares).
 
@@ -46,13 +45,10 @@ def advect_pixels(
         Where the result goes, in the image's range; whole numbers are rounded.
     nearest : bool
         Take the nearest pixel's value at the ends instead of interpolating linearly.
-    step : float, optional
-        Walk literally, in steps of this length in pixels (the paper's is 0.1). None walks
-        exactly from cell to cell.
     """
     unfinished = np.zeros(len(image), dtype=np.int64)
-    run(_advect_rows, len(image), image, channels, potential, float(time), step, MOST_STEPS,
-        nearest, _rounds(out), out, unfinished, chunk=ROWS)  # fmt: skip
+    run(_advect_rows, len(image), image, channels, potential, float(time), MOST_STEPS, nearest,
+        _rounds(out), out, unfinished, chunk=ROWS)  # fmt: skip
     warn_of_unfinished(unfinished)
 
 
@@ -87,35 +83,15 @@ def _rounds(out: npt.NDArray) -> bool:
 
 
 @kernel
-def _exists(row, column, height, width):
+def _exists(place, height, width):
+    row, column, _, _ = place
     return row >= 0 and column >= 0 and row < height - 1 and column < width - 1
 
 
 @kernel
-def _trace(potential, time, step, most_steps, row, column, down, across):
-    if step is not None:
-        return walk_literally(potential, None, time, step, most_steps, row, column, down, across)
-    row, column, down, across, _, _, _, ending = walk_cells(
-        potential, None, None, None, time, most_steps, row, column, down, across
-    )
-    return row, column, down, across, ending
-
-
-@kernel
 def _advect_rows(
-    start,
-    stop,
-    image,
-    channels,
-    potential,
-    time,
-    step,
-    most_steps,
-    nearest,
-    rounded,
-    out,
-    unfinished,
-):  # fmt: skip
+    start, stop, image, channels, potential, time, most_steps, nearest, rounded, out, unfinished
+):
     height, width = image.shape[:2]
     total = np.empty(image.shape[2])
     for y in range(start, stop):
@@ -123,14 +99,14 @@ def _advect_rows(
             total[:] = 0.0
             opacity = 0.0
             for corner in range(4):
-                row, column, down, across = begin(y, x, corner)
-                if not _exists(row, column, height, width):
+                place = begin(y, x, corner)
+                if not _exists(place, height, width):
                     continue
-                row, column, down, across, ending = _trace(
-                    potential, time, step, most_steps, row, column, down, across
+                place, _, _, _, ending = walk_cells(
+                    potential, None, None, None, time, most_steps, place
                 )
                 unfinished[y] += ending == UNFINISHED
-                opacity += add_value(image, channels, row, column, down, across, nearest, total)
+                opacity += add_value(image, channels, place, nearest, total)
             put_mean(image, y, x, channels, total, opacity, rounded, out)
 
 
@@ -140,28 +116,20 @@ def _start_rows(start, stop, cells, places):
     for y in range(start, stop):
         for x in range(width):
             for corner in range(4):
-                row, column, down, across = begin(y, x, corner)
-                if not _exists(row, column, height, width):
-                    row = -1  # no cell there
-                _store(cells, places, y, x, corner, row, column, down, across)
+                place = begin(y, x, corner)
+                _store(place, cells[y, x, corner], places[y, x, corner])
+                if not _exists(place, height, width):
+                    cells[y, x, corner, 0] = -1  # no cell there
 
 
 @kernel
-def _store(cells, places, y, x, corner, row, column, down, across):
-    cells[y, x, corner, 0] = row
-    cells[y, x, corner, 1] = column
-    places[y, x, corner, 0] = down
-    places[y, x, corner, 1] = across
+def _store(place, cell, within):
+    cell[0], cell[1], within[0], within[1] = place
 
 
 @kernel
-def _stored(cells, places, y, x, corner):
-    return (
-        np.int64(cells[y, x, corner, 0]),
-        np.int64(cells[y, x, corner, 1]),
-        np.float64(places[y, x, corner, 0]),
-        np.float64(places[y, x, corner, 1]),
-    )
+def _stored(cell, within):
+    return np.int64(cell[0]), np.int64(cell[1]), np.float64(within[0]), np.float64(within[1])
 
 
 @kernel
@@ -170,14 +138,14 @@ def _trace_rows(start, stop, potential, time, most_steps, cells, places, unfinis
     for y in range(start, stop):
         for x in range(width):
             for corner in range(4):
-                row, column, down, across = _stored(cells, places, y, x, corner)
-                if row < 0:
+                cell, within = cells[y, x, corner], places[y, x, corner]
+                if cell[0] < 0:
                     continue
-                row, column, down, across, ending = _trace(
-                    potential, time, None, most_steps, row, column, down, across
+                place, _, _, _, ending = walk_cells(
+                    potential, None, None, None, time, most_steps, _stored(cell, within)
                 )
                 unfinished[y] += ending == UNFINISHED
-                _store(cells, places, y, x, corner, row, column, down, across)
+                _store(place, cell, within)
 
 
 @kernel
@@ -189,8 +157,8 @@ def _read_rows(start, stop, image, channels, cells, places, nearest, rounded, ou
             total[:] = 0.0
             opacity = 0.0
             for corner in range(4):
-                row, column, down, across = _stored(cells, places, y, x, corner)
-                if row < 0:
-                    continue
-                opacity += add_value(image, channels, row, column, down, across, nearest, total)
+                cell = cells[y, x, corner]
+                if cell[0] >= 0:
+                    place = _stored(cell, places[y, x, corner])
+                    opacity += add_value(image, channels, place, nearest, total)
             put_mean(image, y, x, channels, total, opacity, rounded, out)

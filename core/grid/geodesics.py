@@ -22,9 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import as_array
 from ..base.parallel import kernel
-from ..errors import InvalidSignal
 
 # The neighbours of a pixel, clockwise from the right: even ones along the axes, odd diagonal.
 _DOWN = np.array([0, 1, 1, 1, 0, -1, -1, -1])
@@ -52,55 +50,6 @@ class BandFront(NamedTuple):
     tentative: npt.NDArray[np.float32]  # negative where the front was or must not go
     queue: npt.NDArray[np.int64]
     reached: npt.NDArray[np.int32]
-
-
-def distances_on_grid(
-    points: npt.ArrayLike, y: int, x: int, limit: float = np.inf, *, flat: bool = False
-) -> npt.NDArray[np.float32]:
-    """Compute geodesic distances on a grid of points from one of them.
-
-    Parameters
-    ----------
-    points : (h, w, k) array of float
-        The coordinates, any number of them, in any unit.
-    y, x : int
-        Row and column of the point.
-    limit : float
-        How far to go.
-    flat : bool
-        Whether the grid's own rows and columns, a unit apart, are two further coordinates: then
-        `points` may be the values of an image.
-
-    Returns
-    -------
-    (h, w) float32
-        Infinite beyond `limit`.
-
-    Raises
-    ------
-    InvalidSignal
-        If the points are of another shape, not finite, or there is no such row and column.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from shock_filter.core.grid.geodesics import distances_on_grid
-    >>> distances_on_grid(np.zeros((4, 5, 1)), 0, 0, flat=True)[3, ::4].round(4).tolist()
-    [3.0, 5.0]
-    """
-    guide = as_array(points, "points")
-    if guide.ndim != 3 or guide.dtype.kind not in "fiub" or not np.isfinite(guide).all():
-        raise InvalidSignal("The points are no (h, w, coordinates) array of finite numbers.")
-    height, width = guide.shape[:2]
-    if not (0 <= y < height and 0 <= x < width):
-        raise InvalidSignal(
-            f"The source is in row {y}, column {x}, beyond the {height} rows and {width} columns."
-        )
-    guide = np.ascontiguousarray(guide, dtype=np.float32)
-    square = np.float32(limit**2)
-    band, front = open_band(guide, np.float32(flat), square, 0, height)
-    march((y + 1) * (width + 2) + x + 1, square, band, front)
-    return np.sqrt(front.final.reshape(height + 2, width + 2)[1:-1, 1:-1])
 
 
 @kernel
@@ -198,8 +147,8 @@ def _place_triangle(near, far, side, placed):
 
 
 @kernel
-def _count_splits(guide, spacing, limit, first, last, squares, obtuse, ends):
-    """Count the ways through splits of obtuse triangles; ``ends[cell + 1]`` gets their end.
+def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, targets, ways):
+    """List, for each cell, the ways that lead from it through splits of obtuse triangles.
 
     Parameters
     ----------
@@ -207,47 +156,17 @@ def _count_splits(guide, spacing, limit, first, last, squares, obtuse, ends):
         As in `_fill_stencils`.
     limit : float32
         Squared distance beyond which nothing matters.
-    ends : (cells + 1,) int64
-        Filled.
-    """
-    columns = guide.shape[1]
-    width = columns + 2
-    corners = np.empty((_MOST_SPLITS, 4), np.int64)
-    lengths = np.empty((_MOST_SPLITS, 3), np.float32)
-    ends[:] = 0
-    for y in range(first, last):
-        for x in range(columns):
-            cell = (y - first + 1) * width + x + 1
-            for j in range(8):
-                if (obtuse[cell] >> j) & 1 == 0:
-                    continue
-                count = _split(guide, spacing, limit, first, last, squares, y, x, j,
-                               corners, lengths)  # fmt: skip
-                for i in range(count):
-                    ends[cell + corners[i, 0] * width + corners[i, 1] + 1] += 1
-                    ends[cell + corners[i, 2] * width + corners[i, 3] + 1] += 1
-    for cell in range(ends.size - 1):
-        ends[cell + 1] += ends[cell]
-
-
-@kernel
-def _fill_splits(guide, spacing, limit, first, last, squares, obtuse, ends, targets, ways):
-    """List, for each cell, the ways that lead from it through split triangles.
-
-    Parameters
-    ----------
-    guide, spacing, limit, first, last, squares, obtuse, ends
-        As `_count_splits` leaves them.
-    targets : (ends[-1], 2) int32
-        The cell a way leads to, and the third cell of the triangle.
-    ways : (ends[-1], 5) float32
+    cursors : (cells,) int64
+        Where the next way from each cell goes; the number of its ways is added.
+    targets : (ways, 2) int32
+        The cell a way leads to, and the third cell of the triangle. Empty: ways are only counted.
+    ways : (ways, 5) float32
         The way's length, and the triangle as in `_fill_stencils`, this cell at x = 0.
     """
     columns = guide.shape[1]
     width = columns + 2
     corners = np.empty((_MOST_SPLITS, 4), np.int64)
     lengths = np.empty((_MOST_SPLITS, 3), np.float32)
-    filled = ends[:-1].copy()
     for y in range(first, last):
         for x in range(columns):
             cell = (y - first + 1) * width + x + 1
@@ -261,8 +180,10 @@ def _fill_splits(guide, spacing, limit, first, last, squares, obtuse, ends, targ
                     far = cell + corners[i, 2] * width + corners[i, 3]
                     for turned in range(2):
                         start, other = (far, near) if turned else (near, far)
-                        place = filled[start]
-                        filled[start] += 1
+                        place = cursors[start]
+                        cursors[start] += 1
+                        if targets.size == 0:
+                            continue
                         targets[place, 0] = cell
                         targets[place, 1] = other
                         way = ways[place]
@@ -350,11 +271,13 @@ def open_band(guide, spacing, limit, first, last):
     obtuse = np.empty(cells, np.uint8)
     stencils = np.empty((cells, _STENCIL), np.float32)
     _fill_stencils(guide, spacing, first, last, squares, obtuse, stencils)
-    ends = np.empty(cells + 1, np.int64)
-    _count_splits(guide, spacing, limit, first, last, squares, obtuse, ends)
-    targets = np.empty((ends[cells], 2), np.int32)
-    ways = np.empty((ends[cells], 5), np.float32)
-    _fill_splits(guide, spacing, limit, first, last, squares, obtuse, ends, targets, ways)
+    ends = np.zeros(cells + 1, np.int64)
+    for _ in range(2):  # count, then fill
+        targets = np.empty((ends[cells], 2), np.int32)
+        ways = np.empty((ends[cells], 5), np.float32)
+        cursors = ends[:-1].copy()
+        _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, targets, ways)
+        ends[1:] = np.cumsum(cursors - ends[:-1])
     final = np.full(cells, np.inf, np.float32)
     tentative = np.full(cells, -1.0, np.float32)
     for row in range(1, last - first + 1):

@@ -9,9 +9,10 @@ from ..base.parallel import kernel
 
 
 @kernel
-def add_value(image, channels, row, column, down, across, nearest, total):
-    """Add the values of some channels in a cell, times opacity, to `total`; return the opacity."""
+def add_value(image, channels, place, nearest, total):
+    """Add the values of some channels at a place, times opacity, to `total`; return the opacity."""
     first, last, alpha, _ = channels
+    row, column, down, across = place
     if nearest:
         row += down > 0.5
         column += across > 0.5

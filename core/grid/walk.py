@@ -8,7 +8,7 @@ are in steps between nodes.
 
 These take the parts of a `Field` one by one: numba compiles them for those that are not None, and
 counts references each time that an array is taken from a tuple, which would slow short walks by
-a third.
+a third. A place is (row, column, down, across): a cell's first node, and how far in it from 0 to 1.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import kernel, run
-from ..base.unfinished import MOST_STEPS, warn_of_unfinished
+from ..base.parallel import kernel
 
 ENDED, LEFT_DOWN, LEFT_ACROSS, UNFINISHED = range(4)
 """How a walk ended: by itself; at a closed cell along the first axis, or the second; not at all."""
@@ -49,33 +48,6 @@ class Field(NamedTuple):
     vectors: npt.NDArray | None = None
     faces: npt.NDArray[np.integer] | None = None
     metrics: npt.NDArray | None = None
-
-
-def follow(
-    vectors: npt.NDArray, time: float, points: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Follow given vectors for `time`, or up to the border.
-
-    Parameters
-    ----------
-    vectors : (h - 1, w - 1, 2) array of float
-        Velocity (down, across) in each cell of a grid of h x w nodes.
-    time : float
-        Finite.
-    points : (k, 2) float64
-        Where to start, (row, column) in 0 to h - 1 and w - 1.
-
-    Returns
-    -------
-    (k, 2) float64
-    """
-    if not np.isfinite(time):
-        raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
-    ends = np.empty_like(points)
-    unfinished = np.zeros(len(points), dtype=np.bool_)
-    run(_follow, len(points), vectors, float(time), MOST_STEPS, points, ends, unfinished)
-    warn_of_unfinished(unfinished)
-    return ends
 
 
 @kernel
@@ -120,13 +92,17 @@ def _is_open(potential, vectors, faces, i, j, turned):
     row, column = (j, i) if turned else (i, j)
     if faces is not None:
         return faces[row, column] >= 0
-    rows, columns = _size(potential, vectors)
+    rows = columns = 0
+    if vectors is not None:
+        rows, columns = vectors.shape[:2]
+    if potential is not None:
+        rows, columns = potential.shape[0] - 1, potential.shape[1] - 1
     return row >= 0 and column >= 0 and row < rows and column < columns
 
 
 @kernel
 def begin(y, x, corner):
-    """The start beside node (y, x) in one of its four cells: (row, column, down, across)."""
+    """The place beside node (y, x) in one of its four cells where its trace begins."""
     up = corner >> 1
     left = corner & 1
     down = 1.0 - 0.5 * OFFSET if up else 0.5 * OFFSET
@@ -145,7 +121,7 @@ def reach(place, speed):
 
 
 @kernel
-def walk_cells(potential, vectors, faces, metrics, time, most_steps, row, column, down, across):
+def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
     """Walk from cell to cell.
 
     Parameters
@@ -155,12 +131,12 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, row, column
     time : float
     most_steps : int
         How many cells may be crossed.
-    row, column, down, across
-        The cell's first node, and the place in it from 0 to 1.
+    place
+        Where the walk begins.
 
     Returns
     -------
-    row, column, down, across
+    place
         Where the walk ends.
     left : float
         The time that is left there.
@@ -169,12 +145,13 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, row, column
     ending : int
         `ENDED`, `LEFT_DOWN`, `LEFT_ACROSS` or `UNFINISHED`.
     """
+    row, column, down, across = place
     left = time
     v, w, _, _ = cell_velocity(potential, vectors, faces, metrics, row, column, False)
     y = down + v * left
     x = across + w * left
     if 0.0 < y < 1.0 and 0.0 < x < 1.0:
-        return row, column, y, x, 0.0, v, w, ENDED
+        return (row, column, y, x), 0.0, v, w, ENDED
     # The walk crosses the lines between cells along the first axis; i, a and v belong to it.
     # To cross along the other one, both are exchanged.
     i, j, a, b = row, column, down, across
@@ -267,75 +244,5 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, row, column
     if turned:
         if ending == LEFT_DOWN or ending == LEFT_ACROSS:
             ending = LEFT_DOWN + LEFT_ACROSS - ending
-        return j, i, b, a, left, w, v, ending
-    return i, j, a, b, left, v, w, ending
-
-
-@kernel
-def walk_literally(potential, vectors, time, step, most_steps, row, column, down, across):
-    """Walk in straight steps of a given length, as the paper does; on a plane of open cells.
-
-    Returns
-    -------
-    row, column, down, across
-        Where the walk ends.
-    ending : int
-        `ENDED` or `UNFINISHED`.
-    """
-    left = time
-    most_y, most_x = _size(potential, vectors)
-    v, w, _, _ = cell_velocity(potential, vectors, None, None, row, column, False)
-    for _ in range(most_steps):
-        speed = np.sqrt(v * v + w * w)
-        if left <= 0 or speed < 1e-30:
-            return row, column, down, across, ENDED
-        pace = min(left, step / speed)
-        left -= pace
-        y = row + down + v * pace
-        x = column + across + w * pace
-        if y < 0 or y > most_y or x < 0 or x > most_x:
-            left = 0.0  # the walk ends at the border
-            y = min(max(y, 0.0), float(most_y))
-            x = min(max(x, 0.0), float(most_x))
-        row = min(int(y), most_y - 1)
-        column = min(int(x), most_x - 1)
-        down = y - row
-        across = x - column
-        next_v, next_w, p, q = cell_velocity(potential, vectors, None, None, row, column, False)
-        if ends_at_turn(vectors, v, w, p, q):
-            return row, column, down, across, ENDED
-        v, w = next_v, next_w
-    return row, column, down, across, UNFINISHED
-
-
-@kernel
-def _size(potential, vectors):
-    # The number of rows and columns of cells.
-    if vectors is not None:
-        return vectors.shape[0], vectors.shape[1]
-    if potential is not None:
-        return potential.shape[0] - 1, potential.shape[1] - 1
-    return 0, 0
-
-
-@kernel
-def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
-    rows, columns = vectors.shape[:2]
-    for i in range(start, stop):
-        row = min(int(points[i, 0]), rows - 1)
-        column = min(int(points[i, 1]), columns - 1)
-        row, column, down, across, _, _, _, ending = walk_cells(
-            None,
-            vectors,
-            None,
-            None,
-            time,
-            most_steps,
-            row,
-            column,
-            points[i, 0] - row,
-            points[i, 1] - column,
-        )
-        ends[i, 0] = row + down
-        ends[i, 1] = column + across
-        unfinished[i] = ending == UNFINISHED
+        return (j, i, b, a), left, w, v, ending
+    return (i, j, a, b), left, v, w, ending

@@ -7,7 +7,7 @@ colors as sRGB values, float colors as linear ones. Only red, green and blue tak
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from ..base.checks import LARGEST
 from ..base.progress import ProgressCallback, aside, reporting
 from ..errors import InvalidSignal
 from ..mesh.calculus import group_means
+from .applying import applied
 from .inputs import ColoredSurface
 from .recolored import Colors, Recolored, recolored
 from .welding import welded
@@ -23,8 +24,8 @@ from .welding import welded
 
 def filter_colors(
     surface: ColoredSurface,
-    at_vertices: Callable[..., Colors],
-    at_corners: Callable[..., Colors],
+    name: str,
+    settings: Any,
     weld: bool,
     progress: ProgressCallback | None = None,
 ) -> Recolored:
@@ -33,9 +34,8 @@ def filter_colors(
     Parameters
     ----------
     surface : ColoredSurface
-    at_vertices, at_corners : callable
-        ``function(mesh, colors, mask)`` for colors of vertices, and of the corners of
-        triangles.
+    name, settings
+        Of the filter; see `applying.applied`.
     weld : bool
         Vertices at exactly the same place count as one where their colors agree; of their masks
         the lowest counts.
@@ -51,18 +51,19 @@ def filter_colors(
     Raises
     ------
     ShockError
-        See `TriangleMesh` and the functions.
+        See `TriangleMesh` and the filter.
     """
+    function = applied(name, settings, corners=surface.corners is not None)
     with reporting(progress):
         check_colors(surface)
         if surface.corners is None:
             part = welded(surface, weld, surface.colors)
             values = surface.colors[part.used][part.representatives]
             new = surface.colors.copy()
-            new[part.used] = at_vertices(part.mesh, values, part.mask)[part.index]
+            new[part.used] = function(part.mesh, values, mask=part.mask)[part.index]
             return _repainted(surface, new)
         part = welded(surface, weld)
-        result = at_corners(part.mesh, surface.colors[surface.corners], part.mask)
+        result = function(part.mesh, surface.colors[surface.corners], mask=part.mask)
         return repainted_corners(surface, surface.corners, result)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy.typing as npt
 
-from ..settings import BeltramiSettings
-from .inputs import HostImage
+from .inputs import Denoising, HostImage
 
 _MARGIN = 16
 """Most pixels around a patch that are filtered with it and not shown: they lack neighbors."""
@@ -60,7 +60,7 @@ class Crop:
         """Return what is shown of the filtered pixels."""
         return pixels[self.rows, self.columns]
 
-    def shrunk(self, place: tuple[float, float], size: int) -> Crop:
+    def shrunk(self, place: tuple[float, float], size: float) -> Crop:
         """Cut out less around the same place of the whole image, if `size` is less."""
         if self.image.size <= size:
             return self
@@ -69,7 +69,7 @@ class Crop:
             (place[0] * self.whole[0] - self.corner[0]) / width,
             (place[1] * self.whole[1] - self.corner[1]) / height,
         )
-        part = crop_around(self.image, inside, size)
+        part = crop_around(self.image, inside, int(size))
         corner = self.corner[0] + part.corner[0], self.corner[1] + part.corner[1]
         return replace(part, corner=corner, whole=self.whole)
 
@@ -102,13 +102,20 @@ def crop_around(image: HostImage, place: tuple[float, float], size: int) -> Crop
     )
 
 
-def smoothed_at_once(kernel: BeltramiSettings) -> int:
-    """Return how many pixels a kernel smooths in about a quarter of a second."""
-    reach = max(-4.0 * math.pi * kernel.time * math.log(kernel.threshold), 1.0)
-    if kernel.window:
-        reach = min(reach, kernel.window**2)
-    work = _REACHED / kernel.iterations
-    return max(int(work / reach), math.isqrt(int(work)))  # none reaches beyond the patch
+def filtered_at_once(settings: Any) -> float:
+    """Return how many pixels are filtered in about a quarter of a second, as far as that is known.
+
+    Parameters
+    ----------
+    settings : object
+        Of the filter. If each pixel costs more the farther the filter looks, they have `reach`, the
+        number of pixels that are read for each one, and `iterations` if that is done several times.
+    """
+    settings = settings.kernel if isinstance(settings, Denoising) else settings
+    if not hasattr(settings, "reach"):
+        return math.inf
+    work = _REACHED / getattr(settings, "iterations", 1)
+    return max(int(work / settings.reach), math.isqrt(int(work)))  # none reaches beyond the patch
 
 
 def _range(place: float, length: int, side: int) -> tuple[int, int]:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from ..base.progress import ProgressCallback, reporting
 from ..filters.beltrami.meshes import beltrami_joint_corners
+from ..filters.denoising import sharpen_both, then_sharpen
+from ..registry import find
 from .colors import check_colors, repainted_corners
-from .geometry import Sharpened, placed
+from .geometry import Reshaped, placed
 from .inputs import Denoising, PaintedSurface
 from .recolored import Recolored
 from .welding import welded
@@ -18,25 +20,31 @@ from .welding import welded
 class Both:
     """A new shape and new colors."""
 
-    shape: Sharpened
+    shape: Reshaped
     paint: Recolored
 
 
-def denoise_both(
-    surface: PaintedSurface, denoising: Denoising, weld: bool, progress: ProgressCallback | None
+def filter_both(
+    surface: PaintedSurface,
+    name: str,
+    settings: Denoising,
+    weld: bool,
+    progress: ProgressCallback | None = None,
 ) -> Both:
-    """Denoise a surface and its colors with the same weights.
+    """Denoise a surface and its colors with the same weights; `name` is that of the colors' filter.
 
     Colors of vertices are taken as those of the corners around them: so vertices at the same
     place move together, even where their colors differ.
     """
+    sharpening = find(name).sharpening(settings.sharpen_time)
+    function = then_sharpen(beltrami_joint_corners, sharpen_both, sharpening)
     shape, paint = surface.shape, surface.paint
     check_colors(paint)
     corners = shape.triangles if paint.corners is None else paint.corners
     with reporting(progress):
         part = welded(shape, weld)
-        positions, colors = denoising.by(beltrami_joint_corners)(
-            part.mesh, paint.colors[corners], part.mask
+        positions, colors = function(
+            part.mesh, paint.colors[corners], settings=settings.kernel, mask=part.mask
         )
         moved = placed(shape, part, positions)
         return Both(moved, repainted_corners(paint, corners, colors))

@@ -38,7 +38,7 @@ class Flow:
 def flow_of_shape(
     surface: Surface, settings: GeometrySettings, weld: bool, progress: ProgressCallback | None
 ) -> Flow:
-    """Compute where normals will be pulled; parameters are those of `registered.filter_shape`."""
+    """Compute where normals will be pulled; parameters are those of `geometry.filter_shape`."""
     with reporting(progress):
         part = welded(surface, weld)
         potential, flow = geometry_flow(part.mesh, settings)
@@ -48,7 +48,7 @@ def flow_of_shape(
 def flow_of_colors(
     surface: ColoredSurface, settings: ShockSettings, weld: bool, progress: ProgressCallback | None
 ) -> Flow:
-    """Compute where colors will be pulled; parameters are those of `registered.filter_colors`.
+    """Compute where colors will be pulled; parameters are those of `colors.filter_colors`.
 
     With independent channels, this is the flow of all of them together. Where corners at a
     vertex differ, the highest potential counts.

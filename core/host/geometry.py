@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
+from .applying import applied
 from .inputs import MirroredSurface
 from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
@@ -20,7 +21,7 @@ _VISIBLE = 0.02
 
 
 @dataclass(frozen=True)
-class Sharpened:
+class Reshaped:
     """New positions, how many vertices moved visibly, and the largest move in mean edge lengths."""
 
     positions: npt.NDArray[np.float32]
@@ -28,19 +29,20 @@ class Sharpened:
     largest_move: float
 
 
-def filter_geometry(
+def filter_shape(
     surface: MirroredSurface,
-    function: Callable[..., npt.NDArray],
+    name: str,
+    settings: Any,
     weld: bool,
     progress: ProgressCallback | None = None,
-) -> Sharpened:
+) -> Reshaped:
     """Filter the positions of a surface; vertices without faces stay in place.
 
     Parameters
     ----------
     surface : MirroredSurface
-    function : callable
-        ``function(mesh, mask)`` returns new positions.
+    name, settings
+        Of the filter; see `applying.applied`.
     weld : bool
         Vertices at exactly the same place move together, as the most protected of them.
     progress : callable, optional
@@ -48,20 +50,21 @@ def filter_geometry(
 
     Returns
     -------
-    Sharpened
+    Reshaped
         Vertices that do not move keep their coordinates bit for bit.
 
     Raises
     ------
     ShockError
-        See `TriangleMesh` and the function.
+        See `TriangleMesh` and the filter.
     """
+    function = applied(name, settings)
     with reporting(progress):
         part = welded(surface, weld)
-        return placed(surface, part, function(part.mesh, part.mask))
+        return placed(surface, part, function(part.mesh, mask=part.mask))
 
 
-def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Sharpened:
+def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Reshaped:
     """Bring a welded part's new positions, which may be mirrored, back to the surface."""
     with aside("Placing vertices"):
         mesh = part.mesh
@@ -80,7 +83,7 @@ def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Sh
         new[part.used] = np.where(stays[part.index], old, old + moves[part.index])
         ask()
         lengths = np.linalg.norm(surface.into_world(moves), axis=1) / mesh.mean_edge_length
-        return Sharpened(
+        return Reshaped(
             positions=new,
             moved=int(np.count_nonzero(lengths[part.index] > _VISIBLE)),
             largest_move=float(lengths.max()),

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
+from .applying import applied
 from .inputs import HostImage, Pixels
 from .recolored import Recolored, recolored
 
@@ -17,21 +19,16 @@ _ROWS = 256
 
 
 def filter_image(
-    image: HostImage,
-    alpha: str,
-    function: Callable[[Pixels, str], Pixels],
-    progress: ProgressCallback | None = None,
+    image: HostImage, name: str, settings: Any, progress: ProgressCallback | None = None
 ) -> Recolored:
-    """Filter an image, with colors that are not multiplied by opacity.
+    """Filter an image, with colors that are not multiplied by opacity; opacity stays.
 
     Parameters
     ----------
     image : HostImage
-    alpha : str
-        "none" to treat all four channels alike, whatever the fourth is, or "auto".
-    function : callable
-        ``function(pixels, alpha)`` returns new pixels; `alpha` says whether the fourth channel,
-        if there is one, is opacity.
+    name, settings
+        Of the filter; see `applying.applied`. With ``alpha="none"`` in the settings, all four
+        channels are filtered alike, whatever the fourth is.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -43,20 +40,31 @@ def filter_image(
     Raises
     ------
     ShockError
-        What `function` raises.
+        As the filter does.
     """
-    old = image.pixels
     with reporting(progress):
-        if alpha == "none" or image.opacity == "CHANNEL_PACKED":
-            new = function(old, "none")
-        elif image.opacity == "NONE":
-            new = old.copy()
-            new[..., :3] = function(old[..., :3], "none")
-        elif image.premultiplied:
-            new = _filter_multiplied(old, function)
-        else:
-            new = function(old, "auto")
-        return recolored(old, new, image.levels)
+        return filter_pixels(image, name, settings)
+
+
+def filter_pixels(
+    image: HostImage, name: str, settings: Any, *before: Any, **words: Any
+) -> Recolored:
+    """Filter an image, given what its filter wants before the pixels, and by name."""
+    old, kernel = image.pixels, getattr(settings, "kernel", settings)
+
+    def function(pixels: Pixels, alpha: str) -> Pixels:
+        return applied(name, settings, alpha=alpha)(*before, pixels, **words)
+
+    if getattr(kernel, "alpha", "auto") == "none" or image.opacity == "CHANNEL_PACKED":
+        new = function(old, "none")
+    elif image.opacity == "NONE":
+        new = old.copy()
+        new[..., :3] = function(old[..., :3], "none")
+    elif image.premultiplied:
+        new = _filter_multiplied(old, function)
+    else:
+        new = function(old, "auto")
+    return recolored(old, new, image.levels)
 
 
 def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]) -> Pixels:
@@ -66,14 +74,12 @@ def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]
             straight[band] = pixels[band]
             straight[band, :, :3] /= _factor(pixels[band])
     new = function(straight, "auto")
-    result = np.empty_like(pixels)
     with aside("Comparing colors"):
         for band in blocks(len(pixels), _ROWS):
             same = (new[band] == straight[band]).all(axis=-1, keepdims=True)
-            multiplied = new[band].copy()
-            multiplied[..., :3] *= _factor(multiplied)
-            result[band] = np.where(same, pixels[band], multiplied)
-    return result
+            new[band, :, :3] *= _factor(new[band])
+            np.copyto(new[band], pixels[band], where=same)
+    return new
 
 
 def _factor(pixels: Pixels) -> Pixels:

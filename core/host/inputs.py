@@ -6,7 +6,6 @@ Needs numpy only, so that a host can read its data before the compiled kernels a
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -209,10 +208,3 @@ class Denoising:
 
     kernel: Any
     sharpen_time: float | None
-
-    def by(self, denoise: Callable[..., Any]) -> Callable[..., Any]:
-        """Return ``function(*data, mask)``: the filter with these settings, then the sharpening."""
-        from ..filters.denoising import then_sharpen
-
-        function = then_sharpen(denoise, self.sharpen_time)
-        return lambda *data: function(*data[:-1], settings=self.kernel, mask=data[-1])

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InvalidMesh
+from ..settings import ShockSettings, describe
 from .inputs import ColoredSurface, Denoising, MirroredSurface, PaintedSurface, Surface
 
 _REACH = 12.0
@@ -48,19 +49,16 @@ class Patch:
             return settings
         if isinstance(settings, Denoising):
             time = settings.sharpen_time
-            return Denoising(
-                self._scaled(settings.kernel, time=2, beta=1),
-                None if time is None else time * self.lengths**4,
-            )
-        # P falls with the square of the lengths, and the flow is its gradient.
-        return self._scaled(settings, time=4)
+            if time is not None:
+                time *= self.lengths ** describe(ShockSettings)["time"][2].length_power
+            return Denoising(self._scaled(settings.kernel), time)
+        return self._scaled(settings)
 
-    def _scaled(self, settings: Any, **powers: int) -> Any:
-        powers |= {"screening_radius": 1, "max_displacement": 1}
+    def _scaled(self, settings: Any) -> Any:
         new = {
-            name: getattr(settings, name) * self.lengths**power
-            for name, power in powers.items()
-            if hasattr(settings, name)
+            name: getattr(settings, name) * self.lengths**about.length_power
+            for name, (_, _, about) in describe(type(settings)).items()
+            if about.length_power
         }
         if getattr(settings, "fidelity", 0.0) > 0:  # it counts per area of the whole
             new["fidelity"] = settings.fidelity * self.share / self.lengths**2

@@ -7,8 +7,8 @@ linear ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from ..atlas import TextureAtlas
 from ..base.progress import ProgressCallback, phase, reporting
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
-from .images import filter_image
-from .inputs import Floats, Pixels, TexturedFaces, TexturedSurface
+from .images import filter_pixels
+from .inputs import Floats, TexturedFaces, TexturedSurface
 from .recolored import Recolored
 
 _ANALYSIS = 0.3  # of the time that a run takes
@@ -32,37 +32,31 @@ class Retextured:
 
 
 def filter_texture(
-    surface: TexturedSurface,
-    alpha: str,
-    function: Callable[[TextureAtlas, Pixels, Floats | None, str], Pixels],
-    progress: ProgressCallback | None = None,
+    surface: TexturedSurface, name: str, settings: Any, progress: ProgressCallback | None = None
 ) -> Retextured:
     """Filter a texture; opacity stays inside the charts.
 
     Parameters
     ----------
     surface : TexturedSurface
-    alpha : str
+    name, settings
         As in `images.filter_image`.
-    function : callable
-        ``function(atlas, pixels, mask, alpha)`` returns new pixels.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Raises
     ------
     ShockError
-        See `TriangleMesh`, `TextureAtlas` and the function.
+        See `TriangleMesh`, `TextureAtlas` and the filter.
     """
     height, width = surface.picture.pixels.shape[:2]
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
             atlas = analyse(surface.faces, (height, width))
             mask = _mask(surface, atlas)
-        with phase(_ANALYSIS, 1.0, "Sharpening"):
-            changed = filter_image(
-                surface.picture, alpha, lambda pixels, kind: function(atlas, pixels, mask, kind)
-            )
+        with phase(_ANALYSIS, 1.0, "Filtering"):
+            where = atlas.mesh, surface.faces.uv
+            changed = filter_pixels(surface.picture, name, settings, *where, mask=mask, atlas=atlas)
     return Retextured(changed, tuple(atlas.report.sentences()))
 
 

@@ -24,6 +24,9 @@ from .system import LinearSystem
 PATIENCE = 400
 """Iterations with the diagonal after which multigrid takes over."""
 
+LIMIT = 1000
+"""Most iterations with multigrid."""
+
 
 class SolveReport(NamedTuple):
     """How a solve went.
@@ -49,9 +52,7 @@ def solve(
     rhs: Floats,
     tolerance: float,
     *,
-    x0: Floats | None = None,
     multigrid: bool = False,
-    limit: int = 1000,
     message: str = "Solving",
 ) -> tuple[Floats, SolveReport]:
     """Solve ``A x = rhs`` for all columns of the right-hand side at once.
@@ -60,75 +61,44 @@ def solve(
     ----------
     system : LinearSystem
     rhs : (n,) or (n, k) float64
-        Any number of columns. Rows of fixed unknowns are not read.
+        Any number of columns. Rows of fixed unknowns do not count.
     tolerance : float
         Wanted residual, relative as in `SolveReport`: columns of a much smaller size than others
         are to be scaled, or solved apart.
-    x0 : (n,) or (n, k) float64, optional
-        Where to start, which saves iterations if it is near; and the values of fixed unknowns. 0
-        if left out.
     multigrid : bool
         Use the multilevel preconditioner from the start instead of the diagonal.
-    limit : int
-        Most iterations with the multilevel preconditioner.
     message : str
         What is being solved, for people.
 
     Returns
     -------
     x : array like `rhs`
-        Of a connected part that neither a screen nor a fixed unknown holds, constants are free:
-        its mean is 0.
+        0 at fixed unknowns. Where constants are free, as neither a screen nor a fixed unknown
+        holds them, it is right up to one for each connected part.
     report : SolveReport
 
     Raises
     ------
     SolverError
         If the system is not positive definite or finite, has no solution, or the tolerance is not
-        reached within `limit` iterations.
+        reached within `PATIENCE` and then `LIMIT` iterations.
+
+    Notes
+    -----
+    With values `known` at fixed unknowns, or near the solution, solve for what is missing:
+    ``x = known + solve(system, system.residual(known, rhs), tolerance)[0]``.
     """
     given = np.ascontiguousarray(rhs, dtype=np.float64)
-    columns = given.reshape(len(given), -1)
-    _check_solvable(columns, system.floating)
     scale = system.inverse_root[:, None]
-    if x0 is None:
-        start, right = None, columns * scale
-        norm = _norm(right)
-    else:
-        # A correction to the start is solved for; how small the residual must be depends on the
-        # values of the fixed unknowns, but not on the start.
-        start = np.ascontiguousarray(x0, dtype=np.float64).reshape(columns.shape)
-        known = np.where(system.fixed[:, None], start, 0.0)
-        with aside(message):
-            norm = _norm(system.residual(known, columns) * scale)
-            right = system.residual(start, columns) * scale
-        if norm == 0:
-            start, right = known, np.zeros_like(right)
+    right = given.reshape(len(given), -1) * scale
     ask()
+    norm = _norm(right)
     if not np.isfinite(norm):
         raise SolverError("The right-hand side of the linear system is not finite.")
-    x, report = _correction(system, right, norm, tolerance, multigrid, limit, message)
-    x *= scale
-    if start is not None:
-        x += start
-    _center(x, system.floating)
-    return x.reshape(given.shape), report
-
-
-def _correction(
-    system: LinearSystem,
-    rhs: Floats,
-    norm: float,
-    tolerance: float,
-    multigrid: bool,
-    limit: int,
-    message: str,
-) -> tuple[Floats, SolveReport]:
-    # In scaled unknowns and equations, from zero, until the residual is below tolerance * norm.
-    y = np.zeros_like(rhs)
-    residual = rhs.copy()
-    relative = _norm(residual) / norm if norm > 0 else 0.0
-    iterations, patience = 0, limit if multigrid else PATIENCE
+    # In scaled unknowns and equations, until the residual is below tolerance * norm.
+    y, residual = np.zeros_like(right), right.copy()
+    relative = 1.0 if norm > 0 else 0.0
+    iterations, patience = 0, LIMIT if multigrid else PATIENCE
     hierarchy = None
     while relative > tolerance and patience > 0:
         with aside(message):
@@ -146,44 +116,24 @@ def _correction(
             if sound:
                 y += step
                 with aside(message):
-                    system.scaled_residual(y, rhs, residual)
+                    system.scaled_residual(y, right, residual)
         before, relative = relative, _norm(residual) / norm
         if relative <= tolerance:
             break
         if not multigrid and (patience <= 0 or relative > 0.5 * before):
-            multigrid, patience = True, limit  # the diagonal does not get there
-        elif multigrid and (not sound or not np.isfinite(relative)):
+            multigrid, patience = True, LIMIT  # the diagonal does not get there
+        elif multigrid and not sound:
             break
-    if relative <= tolerance:
-        return y, SolveReport(iterations, relative, multigrid)
-    raise SolverError(
-        "The linear solve stopped at a relative residual of {relative:.1e} after {iterations}"
-        " iterations ({tolerance:.1e} is needed).",
-        relative=relative,
-        iterations=iterations,
-        tolerance=tolerance,
-    )
-
-
-def _check_solvable(rhs: Floats, floating: npt.NDArray[np.int32] | None) -> None:
-    if floating is None:
-        return
-    for column in rhs.T:
-        total = np.bincount(floating, weights=column)[1:]
-        if (abs(total) > 1e-8 * np.bincount(floating, weights=abs(column))[1:]).any():
-            raise SolverError(
-                "The linear system has no solution: the matrix leaves constants alone, but the"
-                " right-hand side does not sum to 0. Fix an unknown of each connected part."
-            )
-
-
-def _center(x: Floats, floating: npt.NDArray[np.int32] | None) -> None:
-    if floating is not None:
-        sizes = np.bincount(floating)
-        for column in x.T:
-            means = np.bincount(floating, weights=column) / np.maximum(sizes, 1)
-            means[0] = 0.0
-            column -= means[floating]
+    if not relative <= tolerance:
+        raise SolverError(
+            "The linear solve stopped at a relative residual of {relative:.1e} after {iterations}"
+            " iterations ({tolerance:.1e} is needed).",
+            relative=relative,
+            iterations=iterations,
+            tolerance=tolerance,
+        )
+    y *= scale
+    return y.reshape(given.shape), SolveReport(iterations, relative, multigrid)
 
 
 def _norm(values: Floats) -> float:
@@ -205,8 +155,7 @@ def _conjugate_gradients(
     r = residual.astype(matrix[2].dtype)
     kind = r.dtype.type
     x, p, q = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
-    z = np.empty_like(r) if hierarchy else r
-    flat = [array.reshape(-1) for array in (x, p, q, r, z)]
+    flat = [array.reshape(-1) for array in (x, p, q, r)]
     size = chunk_size(n)
     wide = columns * size
     sums = np.zeros(-(-n // size))
@@ -221,13 +170,13 @@ def _conjugate_gradients(
                 scale = norm
             if not np.isfinite(norm):
                 return x, iteration, False
+            z = flat[3]
             if hierarchy is not None:
-                hierarchy.cycle(r, z)
+                z = hierarchy.cycle(r).reshape(-1)
                 product = float(np.vdot(r, z))
             beta = product / before if iteration else 0.0
             # Adds the last step to x, too, while p is at hand.
-            run(_direct, columns * n, kind(alpha), kind(beta), flat[4], flat[0], flat[1],
-                chunk=wide)  # fmt: skip
+            run(_direct, columns * n, kind(alpha), kind(beta), z, flat[0], flat[1], chunk=wide)
             if norm <= tolerance * scale or iteration == limit:
                 break
             run(apply, n, size, *matrix, p, q, sums, chunk=size)

@@ -6,7 +6,7 @@ Our own: pyamg takes one right-hand side at a time, and would be one more wheel 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -73,35 +73,31 @@ class Multigrid:
             self._inverse = np.linalg.pinv(a.toarray(), rcond=_NOTHING, hermitian=True)
         self._diagonal = _divisors(a.diagonal())[:, None]
 
-    def cycle(self, rhs: Floats, out: Floats) -> None:
-        """One V-cycle from zero: `out` becomes an approximate solution for `rhs`."""
-        out[:] = self._solve(0, rhs)
-
-    def _solve(self, depth: int, rhs: Floats) -> Floats:
+    def cycle(self, rhs: Floats, depth: int = 0) -> Floats:
+        """Solve approximately for `rhs` by one V-cycle from zero, from this level down."""
         if depth == len(self._levels):
             if self._inverse is None:
                 return rhs / self._diagonal
             return self._inverse @ rhs
-        level = self._levels[depth]
-        x = level.smoother[:, None] * rhs
+        matrix, prolongation, restriction, smoother = self._levels[depth]
+        n, size = len(rhs), len(restriction[0]) - 1
+        x = smoother[:, None] * rhs
         residual = np.empty_like(rhs)
-        run(_residual, len(rhs), *level.matrix, x, rhs, residual)
-        coarse = np.empty((level.size, rhs.shape[1]))
-        run(_multiply, level.size, *level.restriction, residual, coarse)
-        coarse = self._solve(depth + 1, coarse)
-        run(_multiply_add, len(rhs), *level.prolongation, coarse, x)
-        run(_residual, len(rhs), *level.matrix, x, rhs, residual)
-        x += level.smoother[:, None] * residual
+        run(_add_product, n, -1.0, *matrix, x, rhs, residual)
+        coarse = np.zeros((size, rhs.shape[1]))
+        run(_add_product, size, 1.0, *restriction, residual, coarse, coarse)
+        coarse = self.cycle(coarse, depth + 1)
+        run(_add_product, n, 1.0, *prolongation, coarse, x, x)
+        run(_add_product, n, -1.0, *matrix, x, rhs, residual)
+        x += smoother[:, None] * residual
         return x
 
 
-@dataclass(frozen=True)
-class _Level:
+class _Level(NamedTuple):
     matrix: Csr
     prolongation: Csr
     restriction: Csr
     smoother: Floats  # damped inverse of the diagonal
-    size: int  # of the next level
 
 
 def _divisors(diagonal: Floats) -> Floats:
@@ -132,7 +128,7 @@ def _coarsen(
     ask()
     restriction = prolongation.T.tocsr()
     coarse = _product(restriction, _product(a, prolongation))
-    level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction), damping, size)
+    level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction), damping)
     return level, coarse, norms
 
 
@@ -148,31 +144,15 @@ def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
 
 
 @kernel
-def _residual(start, stop, row_start, columns, values, x, rhs, out):
+def _add_product(start, stop, factor, row_start, columns, values, x, before, out):
+    # out = before + factor * matrix x; both may be the same array.
     for i in range(start, stop):
         for j in range(x.shape[1]):
-            out[i, j] = rhs[i, j]
+            out[i, j] = before[i, j]
         for e in range(row_start[i], row_start[i + 1]):
+            value = factor * values[e]
             for j in range(x.shape[1]):
-                out[i, j] -= values[e] * x[columns[e], j]
-
-
-@kernel
-def _multiply(start, stop, row_start, columns, values, x, out):
-    for i in range(start, stop):
-        for j in range(x.shape[1]):
-            out[i, j] = 0.0
-        for e in range(row_start[i], row_start[i + 1]):
-            for j in range(x.shape[1]):
-                out[i, j] += values[e] * x[columns[e], j]
-
-
-@kernel
-def _multiply_add(start, stop, row_start, columns, values, x, out):
-    for i in range(start, stop):
-        for e in range(row_start[i], row_start[i + 1]):
-            for j in range(x.shape[1]):
-                out[i, j] += values[e] * x[columns[e], j]
+                out[i, j] += value * x[columns[e], j]
 
 
 @kernel

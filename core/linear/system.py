@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse
-from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
@@ -36,7 +35,7 @@ class LinearSystem:
     diagonal : (n,) float64
         Screen plus sum of weights, above 0 where unknowns are free.
     fixed : (n,) bool, optional
-        Unknowns that are known; none if left out. `solve` says to what.
+        Unknowns that stay 0; none if left out. `solve` says how other values are kept.
 
     Raises
     ------
@@ -119,24 +118,6 @@ class LinearSystem:
     def hierarchy(self) -> Multigrid:
         """The multilevel preconditioner of the scaled matrix."""
         return Multigrid(self.double, self.inverse_root)
-
-    @cached_property
-    def floating(self) -> npt.NDArray[np.int32] | None:
-        """Connected parts that no screen and no fixed unknown holds: what adds a constant is free.
-
-        The number of each unknown's part, from 1; 0 for those that are held. None if all are.
-        """
-        held = self.fixed | (self.screen != 0)
-        if held.all():
-            return None
-        shape = len(held), len(held)
-        graph = scipy.sparse.csr_matrix((self.weights.copy(), self.columns, self.start), shape)
-        graph.eliminate_zeros()
-        count, part = connected_components(graph, directed=False)
-        loose = np.ones(count, dtype=bool)
-        loose[part[held]] = False
-        number = np.where(loose, np.cumsum(loose), 0).astype(np.int32)
-        return number[part] if loose.any() else None
 
     def residual(self, x: Floats, rhs: Floats) -> Floats:
         """Compute ``rhs - A x`` (n, k); the rows of fixed unknowns mean nothing."""

@@ -74,10 +74,13 @@ def _twins(faces: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, bool]:
 
 def rings(faces: Ints, twins: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
     """Neighbours of each vertex, as in `TriangleMesh.neighbours`: (start, vertices)."""
+    # One for each corner, and one for each half-edge that arrives along a border.
     count = len(corners[0]) - 1
-    start = np.zeros(count + 1, dtype=np.int32)
-    run(_count_ring, count, faces, twins, *corners, start)
-    np.cumsum(start, out=start)
+    face, side = np.divmod(np.flatnonzero(twins < 0), 3)
+    ask()
+    arriving = np.bincount(faces[face, (side + 1) % 3], minlength=count)
+    start = corners[0].copy()
+    start[1:] += np.cumsum(arriving, dtype=np.int32)
     ring = np.empty(start[-1], dtype=np.int32)
     run(_fill_ring, count, faces, twins, *corners, start, ring)
     return start, ring
@@ -191,19 +194,6 @@ def _turn_faces(faces, twins, flipped):
     for f in range(count):
         if flipped[f]:
             faces[f, 1], faces[f, 2] = faces[f, 2], faces[f, 1]
-
-
-@kernel
-def _count_ring(start, stop, faces, twins, corner_start, corners, ring_start):
-    for v in range(start, stop):
-        count = 0
-        for i in range(corner_start[v], corner_start[v + 1]):
-            f = corners[i] // 3
-            k = corners[i] - 3 * f
-            count += 1
-            if twins[f, after(after(k))] < 0:
-                count += 1
-        ring_start[v + 1] = count
 
 
 @kernel

@@ -356,6 +356,17 @@ def make_unit(vector):
 
 
 @kernel
+def make_unit_or(vector, old):
+    """Divide a vector by its length, in place; it becomes `old` if either has no length."""
+    length = np.sqrt(dot(vector, vector))
+    if not length > 1e-12 or (old[0] == 0 and old[1] == 0 and old[2] == 0):
+        vector[:] = old
+    else:
+        for x in range(3):
+            vector[x] /= length
+
+
+@kernel
 def _umbrella(start, stop, ring_start, ring, weights, values, out):
     channels = values.shape[1]
     for v in range(start, stop):

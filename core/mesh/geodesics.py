@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from ..base.checks import checked_signal
 from ..base.parallel import kernel, run, run_in_order
+from ..base.vectors import after
 from ..errors import InvalidSignal
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -328,7 +329,7 @@ def _split_corners(start, stop, faces, twins, embedding, splits, places):
     # or why it is not split.
     for f in range(start, stop):
         for k in range(3):
-            c, a, b = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            c, a, b = faces[f, k], faces[f, after(k)], faces[f, after(after(k))]
             corner = 3 * f + k
             splits[corner] = _ACUTE
             square_a = squared_distance(embedding, c, a)
@@ -342,15 +343,15 @@ def _split_corners(start, stop, faces, twins, embedding, splits, places):
             if ax == 0.0:
                 continue
             fx, fy, gx, gy = ax, ay, bx, by
-            edge = twins[f, (k + 1) % 3]
+            edge = twins[f, after(k)]
             for _ in range(UNFOLDED):
                 if edge < 0:
                     break
                 g = edge // 3
                 m = edge - 3 * g
                 # The half-edge runs from the end near b to the one near a.
-                d = faces[g, (m + 2) % 3]
-                near_b, near_a = faces[g, m], faces[g, (m + 1) % 3]
+                d = faces[g, after(after(m))]
+                near_b, near_a = faces[g, m], faces[g, after(m)]
                 dx, dy = _apex(fx, fy, gx, gy, squared_distance(embedding, near_a, d),
                                 squared_distance(embedding, near_b, d))  # fmt: skip
                 beyond_a = dx * ax + dy * ay < 0.0  # more than 90 degrees from a
@@ -362,10 +363,10 @@ def _split_corners(start, stop, faces, twins, embedding, splits, places):
                     break
                 if beyond_a:
                     gx, gy = dx, dy
-                    edge = twins[g, (m + 1) % 3]
+                    edge = twins[g, after(m)]
                 else:
                     fx, fy = dx, dy
-                    edge = twins[g, (m + 2) % 3]
+                    edge = twins[g, after(after(m))]
             else:
                 splits[corner] = _GIVEN_UP
 
@@ -374,7 +375,7 @@ def _split_corners(start, stop, faces, twins, embedding, splits, places):
 def _count_stencils(start, stop, faces, splits, row_start):
     for f in range(start, stop):
         for k in range(3):
-            a, b = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            a, b = faces[f, after(k)], faces[f, after(after(k))]
             d = splits[3 * f + k]
             row_start[a + 1] += 1 if d < 0 else 2
             row_start[b + 1] += 1 if d < 0 else 2
@@ -387,7 +388,7 @@ def _fill_stencils(start, stop, faces, embedding, splits, places, cursors, graph
     _, targets, others, shapes = graph
     for f in range(start, stop):
         for k in range(3):
-            c, a, b = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+            c, a, b = faces[f, k], faces[f, after(k)], faces[f, after(after(k))]
             d = splits[3 * f + k]
             square_a = squared_distance(embedding, c, a)
             square_b = squared_distance(embedding, c, b)

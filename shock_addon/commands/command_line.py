@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ...core import cli, host
+from ...core import cli
 from ...core.errors import Cancelled, InvalidUV, ShockError
 from ...core.files.output import Outcome, staged
 from ...core.registry import GEOMETRY, MASK
@@ -182,13 +182,13 @@ def _draw_mask(
     kernels.choose_folder()
     kernels.load()
     from ...core.files.textures import mask_outcome, mask_pixels
+    from ...core.host.textures import analyse
 
-    everywhere = data.textures.EVERYWHERE
     try:
-        faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, everywhere)
+        faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, None)
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
-    atlas = host.textures.analyse(faces, size, progress)
+    atlas = analyse(faces, size, progress)
     shown = mask_pixels(atlas, options.kind, ending)
     with staged(target, options.overwrite) as path:
         files.write_values(path, kind, shown)

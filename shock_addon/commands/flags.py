@@ -29,7 +29,7 @@ FORMATS = {
 
 def mode_of(command: Command) -> tuple[Mode, Target]:
     """Find the mode, and its target, that runs a command's filter."""
-    name = command.filter.name
+    name = command.name
     return next((mode, each) for mode in MODES for each in mode.targets if each.filter == name)
 
 

@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from . import (  # noqa: F401
-        active_object,
         arrays,
         chosen,
         colors,
-        custom_normals,
-        edge_marks,
         flow,
         geometry,
         images,
@@ -24,12 +21,12 @@ if TYPE_CHECKING:
         meshes,
         original,
         painted,
+        shading,
         shape_keys,
         shown,
         skipped,
         textures,
         tiles,
-        unchanged,
         vertex_groups,
     )
 

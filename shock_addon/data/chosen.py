@@ -32,10 +32,23 @@ def mesh_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
     return sorted(meshes, key=lambda obj: obj != context.object)
 
 
+def mesh_users(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """List these objects without those whose mesh another one before them has, too."""
+    users: dict[bpy.types.Mesh, bpy.types.Object] = {}
+    for obj in mesh_objects(context):
+        users.setdefault(obj.data, obj)
+    return list(users.values())
+
+
+def in_image_editor(context: bpy.types.Context) -> bool:
+    """Whether the context is an Image Editor."""
+    space = context.space_data
+    return space is not None and space.type == "IMAGE_EDITOR"
+
+
 def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
     """Return the image that the Image Editor shows, if the context is one."""
-    space = context.space_data
-    return space.image if space is not None and space.type == "IMAGE_EDITOR" else None
+    return context.space_data.image if in_image_editor(context) else None
 
 
 def subjects(context: bpy.types.Context) -> set[int]:
@@ -87,11 +100,10 @@ def shown_image(context: bpy.types.Context) -> bpy.types.Image:
     Skipped
         If there is none.
     """
-    space = context.space_data
-    if space is not None and space.type == "IMAGE_EDITOR":
-        if space.image is None:
+    if in_image_editor(context):
+        if edited_image(context) is None:
             raise Skipped("no image is open here; open one in the Image Editor")
-        return space.image
+        return edited_image(context)
     paint = context.tool_settings.image_paint
     if context.mode == "PAINT_TEXTURE" and paint.mode == "IMAGE":
         if paint.canvas is None:

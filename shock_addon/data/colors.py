@@ -13,18 +13,11 @@ import bpy
 
 from ...core.host.inputs import ColoredSurface
 from ...core.host.recolored import Recolored
-from .arrays import read_attribute, write_attribute
+from . import meshes
+from .arrays import check_same, read_attribute, write_attribute
 from .masks import color_mask
-from .meshes import (
-    Target,
-    find,
-    lengths_in_world,
-    read_corner_vertices,
-    read_positions,
-    read_triangle_corners,
-)
+from .meshes import Target
 from .skipped import Skipped
-from .unchanged import check_same
 
 
 def read_colors(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str, ColoredSurface]:
@@ -38,14 +31,13 @@ def read_colors(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str,
     mesh = obj.data
     attribute = _attribute(mesh, parameters.attribute)
     mask, free = color_mask(obj, mode, attribute.domain, parameters)
-    triangles = read_triangle_corners(mesh)
     surface = ColoredSurface(
-        positions=read_positions(mesh),
-        triangles=read_corner_vertices(mesh)[triangles],
+        positions=meshes.read_positions(mesh),
+        triangles=meshes.read_triangles(mesh),
         mask=mask,
-        to_world=lengths_in_world(obj),
+        to_world=meshes.lengths_in_world(obj),
         colors=read_attribute(attribute)[:, :3].copy(),
-        corners=triangles if attribute.domain == "CORNER" else None,
+        corners=meshes.read_triangle_corners(mesh) if attribute.domain == "CORNER" else None,
         free=free,
         levels=255 if attribute.data_type == "BYTE_COLOR" else 0,
     )
@@ -60,7 +52,7 @@ def write_colors(target: Target, result: Recolored) -> bpy.types.Object:
     Skipped
         If the object was removed or its colors have changed since they were read.
     """
-    obj = find(target)
+    obj = meshes.find(target)
     check_unchanged(obj, target)
     attribute = obj.data.color_attributes[target.place]
     values = read_attribute(attribute)

@@ -43,8 +43,8 @@ def write_flow(target: Target, result: Flow) -> bpy.types.Object:
         np.bincount(faces, column, minlength=len(mesh.polygons)) / counts
         for column in result.flow.T
     ]
-    _write(mesh, *_POTENTIAL, result.potential)
-    _write(mesh, *_FLOW, np.stack(means, axis=1))
+    for about, values in ((_POTENTIAL, result.potential), (_FLOW, np.stack(means, axis=1))):
+        arrays.write_attribute(arrays.find_or_add_attribute(mesh, *about), values)
     mesh.update()
     return obj
 
@@ -74,14 +74,3 @@ def read_faces(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray, npt.NDAr
         arrays.read(faces, "normal", 3),
         arrays.read(faces, "area"),
     )
-
-
-def _write(
-    mesh: bpy.types.Mesh, name: str, data_type: str, domain: str, values: npt.NDArray
-) -> None:
-    attribute = arrays.find_attribute(mesh, name, data_type, domain)
-    if attribute is None:
-        if name in mesh.attributes:
-            mesh.attributes.remove(mesh.attributes[name])
-        attribute = mesh.attributes.new(name, data_type, domain)
-    arrays.write_attribute(attribute, values)

@@ -11,23 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.host.inputs import MirroredSurface, MirrorPlane
-from . import custom_normals, shape_keys
-from .edge_marks import mark_sharp
+from . import meshes, shading, shape_keys
+from .arrays import check_same
 from .masks import vertex_mask
-from .meshes import (
-    Target,
-    find,
-    lengths_in_world,
-    read_corner_vertices,
-    read_positions,
-    read_triangle_corners,
-    write_positions,
-)
+from .meshes import Target
 from .skipped import Skipped
-from .unchanged import check_same
 
 if TYPE_CHECKING:
-    from ...core.host.geometry import Sharpened
+    from ...core.host.geometry import Reshaped
 
 
 @dataclass(frozen=True)
@@ -79,9 +70,9 @@ def read_geometry(
     )
     surface = MirroredSurface(
         positions=_source(obj, place),
-        triangles=read_corner_vertices(mesh)[read_triangle_corners(mesh)],
+        triangles=meshes.read_triangles(mesh),
         mask=vertex_mask(obj, mode, parameters),
-        to_world=lengths_in_world(obj),
+        to_world=meshes.lengths_in_world(obj),
         mirror=(mesh.use_mirror_x, mesh.use_mirror_y, mesh.use_mirror_z),
         planes=tuple(_mirror_planes(obj)),
     )
@@ -89,14 +80,14 @@ def read_geometry(
 
 
 def write_geometry(
-    target: Target, result: Sharpened, key_name: str = "Sharpened"
+    target: Target, result: Reshaped, key_name: str = "Sharpened"
 ) -> bpy.types.Object:
     """Write new positions, in Object Mode; returns the object.
 
     Parameters
     ----------
     target : Target
-    result : Sharpened
+    result : Reshaped
     key_name : str
         What a new shape key is called.
 
@@ -105,29 +96,29 @@ def write_geometry(
     Skipped
         If the object was removed or its shape has changed since it was read.
     """
-    obj = find(target)
+    obj = meshes.find(target)
     place, old, mask = target.place, target.surface.positions, target.surface.mask
     check_same(_source(obj, place), old)
     if place.output == "SHAPE_KEY":
         shape_keys.add(obj, key_name, old, result.positions, place.mode)
     elif obj.data.shape_keys is None:
-        write_positions(obj.data, result.positions)
+        meshes.write_positions(obj.data, result.positions)
     else:
         shape_keys.write_active(obj, result.positions)
-        write_positions(obj.data, shape_keys.read(obj.data.shape_keys.reference_key))
+        meshes.write_positions(obj.data, shape_keys.read(obj.data.shape_keys.reference_key))
     if place.sharp_angle is not None:
-        mark_sharp(obj.data, result.positions, mask, place.sharp_angle)
+        shading.mark_sharp(obj.data, result.positions, mask, place.sharp_angle)
     obj.data.update()
     if obj.data.has_custom_normals and place.custom_normals == "RECOMPUTE":
-        custom_normals.recompute(obj, mask)
+        shading.recompute_normals(obj, mask)
     elif obj.data.has_custom_normals and place.custom_normals == "CLEAR":
-        custom_normals.clear(obj)
+        shading.clear_normals(obj)
     return obj
 
 
 def _source(obj: bpy.types.Object, place: Place) -> npt.NDArray[np.float32]:
     if obj.data.shape_keys is None:
-        return read_positions(obj.data)
+        return meshes.read_positions(obj.data)
     if place.output == "SHAPE_KEY":
         return shape_keys.visible_shape(obj, place.mode)
     return shape_keys.read(shape_keys.active_key(obj))

@@ -11,6 +11,7 @@ import hashlib
 import os
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
@@ -19,11 +20,10 @@ import numpy.typing as npt
 from ...core.host import forgetting
 from ...core.host.inputs import HostImage
 from . import arrays
-from .arrays import read_pixels
+from .arrays import check_same, read_pixels
 from .chosen import refusal
-from .skipped import Skipped
+from .skipped import Skipped, skip_if
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
-from .unchanged import check_same
 
 UNTILED = 0
 """The number under which `read_parts` gives the pixels of an image without tiles."""
@@ -31,26 +31,24 @@ UNTILED = 0
 
 @dataclass(frozen=True)
 class ImageTarget:
-    """An image as it was read, to find it again when the result is there."""
+    """An image as it was read, to find it again when the result is there.
+
+    Attributes
+    ----------
+    surface : HostImage or TexturedSurface
+        What is handed to the filter.
+    parts : dict
+        The pixels, as `read_parts` gives them.
+    """
 
     name: str
     image_uid: int
-    surface: HostImage
-
-    @property
-    def parts(self) -> Tiles:
-        """The pixels as `read_parts` gives them."""
-        return {UNTILED: self.surface.pixels}
-
-
-@dataclass(frozen=True)
-class _Overwritten:
-    image_uid: int
+    surface: Any
     parts: Tiles
 
 
-_overwritten: _Overwritten | None = None
-"""The image that was replaced last, as it was before: Blender's undo does not bring it back."""
+_overwritten: dict[int, Tiles] = {}
+"""The image that was replaced last, as it was before, by its uid: undo does not bring it back."""
 
 _undone = False
 """Whether something was undone since; Adjust Last Operation does, Repeat Last does not."""
@@ -67,11 +65,9 @@ def read_image(image: bpy.types.Image) -> ImageTarget:
     Skipped
         If it is none that can be sharpened.
     """
-    reason = refusal(image)
-    if reason:
-        raise Skipped(reason)
+    skip_if(refusal(image))
     surface = host_image(image, read_pixels(image))
-    return ImageTarget(image.name, image.session_uid, surface)
+    return ImageTarget(image.name, image.session_uid, surface, {UNTILED: surface.pixels})
 
 
 def host_image(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> HostImage:
@@ -113,18 +109,13 @@ def read_parts(image: bpy.types.Image) -> Tiles:
 
 
 def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
-    """Write the pixels of all parts. Tiles are always packed into the blend file."""
+    """Write the pixels of all parts, and pack them into the blend file; tiles always are."""
     if image.source == "TILED":
         write_tiles(image, parts)
-    else:
-        write_pixels(image, parts[UNTILED], pack)
-
-
-def write_pixels(image: bpy.types.Image, pixels: npt.NDArray[np.float32], pack: bool) -> None:
-    """Write the pixels, and pack them into the blend file if asked to."""
+        return
     if pack:
         dress(image, image)
-    arrays.write_pixels(image, pixels)
+    arrays.write_pixels(image, parts[UNTILED])
     image.update()
     if pack:
         image.pack()
@@ -138,14 +129,14 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     pixels that are in neither the blend file nor a file.
     """
     image = bpy.data.images.get(used)
-    fits = image is not None and image != source and is_like(image, source)
+    fits = image is not None and image != source and _is_like(image, source)
     if fits and _is_as_written(image):
         write_parts(image, parts, pack=True)
     elif source.source == "TILED":
         image = new_tiled_like(source, _name(source.name, suffix), parts)
     else:
-        image = new_like(source, _name(source.name, suffix))
-        write_pixels(image, parts[UNTILED], pack=True)
+        image = _new_like(source, _name(source.name, suffix))
+        write_parts(image, parts, pack=True)
     _written[image.session_uid] = _digest(image)
     return image
 
@@ -169,7 +160,7 @@ def _name(old: str, suffix: str) -> str:
     return f"{stem if ending.lower() in bpy.path.extensions_image else old} {suffix}"
 
 
-def new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
+def _new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
     """Add an image of the same size and kind."""
     space = image.colorspace_settings
     new = bpy.data.images.new(
@@ -184,7 +175,7 @@ def new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
     return new
 
 
-def is_like(image: bpy.types.Image, other: bpy.types.Image) -> bool:
+def _is_like(image: bpy.types.Image, other: bpy.types.Image) -> bool:
     """Whether an image can take the pixels of another one."""
     fits = part_sizes(image) == part_sizes(other) and image.is_float == other.is_float
     return fits and not refusal(image, tiles=True)
@@ -198,14 +189,15 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
     Skipped
         If the image does not hold the old parts any more.
     """
-    global _overwritten, _undone
+    global _undone
     now = read_parts(image)
     if now.keys() != old.keys():
         raise Skipped("it was changed meanwhile; run again")
     for number, pixels in old.items():
         check_same(now[number], pixels)
-    _overwritten, _undone = _Overwritten(image.session_uid, old), False
-    _listen_to_undo(True)
+    _forget_overwritten()
+    _overwritten[image.session_uid], _undone = old, False
+    bpy.app.handlers.undo_post.append(_note_undo)
     write_parts(image, new, image.packed_file is not None)
     _written[image.session_uid] = _digest(image)
 
@@ -215,10 +207,10 @@ def restore(image: bpy.types.Image) -> None:
 
     Whatever was painted on the image since stays.
     """
-    known = _overwritten is not None and _overwritten.image_uid == image.session_uid
+    old = _overwritten.get(image.session_uid)
     painted = image.source == "TILED" and image.is_dirty  # its files are read, not its pixels
-    if known and _undone and not painted and _is_as_written(image):
-        write_parts(image, _overwritten.parts, image.packed_file is not None)
+    if old is not None and _undone and not painted and _is_as_written(image):
+        write_parts(image, old, image.packed_file is not None)
 
 
 def _is_as_written(image: bpy.types.Image) -> bool:
@@ -239,12 +231,10 @@ def _note_undo(*_: object) -> None:
     _undone = True
 
 
-def _listen_to_undo(listen: bool) -> None:
-    handlers = bpy.app.handlers.undo_post
-    if _note_undo in handlers:  # Blender drops it when it loads a file
-        handlers.remove(_note_undo)
-    if listen:
-        handlers.append(_note_undo)
+def _forget_overwritten() -> None:
+    _overwritten.clear()
+    if _note_undo in bpy.app.handlers.undo_post:  # Blender drops it when it loads a file
+        bpy.app.handlers.undo_post.remove(_note_undo)
 
 
 def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
@@ -255,7 +245,5 @@ def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
 @forgetting.with_file
 def forget() -> None:
     """Drop what is known about images that were written."""
-    global _overwritten
-    _overwritten = None
     _written.clear()
-    _listen_to_undo(False)
+    _forget_overwritten()

@@ -30,7 +30,7 @@ def vertex_mask(
     mode : str
         The mode that the person works in, as in ``bpy.context.mode``.
     parameters : object
-        Has `vertex_group`, `invert_mask` and `selected_only`.
+        Has `vertex_group`, `invert_mask` and `selected_only`, unless the filter takes no mask.
 
     Returns
     -------
@@ -42,13 +42,7 @@ def vertex_mask(
     Skipped
         If the vertex group is missing or no vertex may change.
     """
-    masks = _vertex_masks(obj, mode, parameters)
-    free = _free_corners(obj.data, mode, parameters)
-    if free is not None:
-        reached = np.zeros(len(obj.data.vertices), dtype=bool)
-        reached[read_corner_vertices(obj.data)[free]] = True
-        masks.append(reached)
-    return _product(masks)
+    return color_mask(obj, mode, "POINT", parameters)[0]
 
 
 def color_mask(
@@ -75,22 +69,25 @@ def color_mask(
     Skipped
         As in `vertex_mask`.
     """
-    whole = vertex_mask(obj, mode, parameters)  # also says if nothing is left
-    if domain == "POINT":
-        return whole, None
+    masks = _vertex_masks(obj, mode, parameters)
     free = _free_corners(obj.data, mode, parameters)
-    return (whole if free is None else _product(_vertex_masks(obj, mode, parameters))), free
+    if free is None:
+        return _product(masks), None
+    reached = np.zeros(len(obj.data.vertices), dtype=bool)
+    reached[read_corner_vertices(obj.data)[free]] = True
+    whole = _product([*masks, reached])  # also says if nothing is left
+    return (whole, None) if domain == "POINT" else (_product(masks), free)
 
 
 def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt.NDArray]:
     mesh = obj.data
     masks: list[npt.NDArray] = []
-    if parameters.vertex_group:
+    if getattr(parameters, "vertex_group", ""):
         weights = group_weights(obj, parameters.vertex_group)
         masks.append(1.0 - weights if parameters.invert_mask else weights)
     if mode in {"EDIT_MESH", "SCULPT"}:
         masks.append(~_flags(mesh.vertices, "hide"))
-    if mode == "EDIT_MESH" and parameters.selected_only:
+    if mode == "EDIT_MESH" and getattr(parameters, "selected_only", False):
         masks.append(_flags(mesh.vertices, "select"))
     if mode in {"PAINT_VERTEX", "PAINT_WEIGHT"} and mesh.use_paint_mask_vertex:
         masks.append(_flags(mesh.vertices, "select"))
@@ -100,23 +97,18 @@ def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt
 
 
 def _free_corners(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
-    faces = _free_faces(mesh, mode, parameters)
-    if faces is None:
-        return None
-    return np.repeat(faces, arrays.read(mesh.polygons, "loop_total", dtype=np.int32))
-
-
-def _free_faces(mesh: bpy.types.Mesh, mode: str, parameters: Any) -> npt.NDArray[np.bool_] | None:
+    """Say which face corners lie in free faces; None if all do."""
     flags = []
     if mode in {"EDIT_MESH", "SCULPT", *_PAINTING}:
         flags.append(~_flags(mesh.polygons, "hide"))
     by_face = tuple(bpy.context.tool_settings.mesh_select_mode) == (False, False, True)
-    if (mode == "EDIT_MESH" and parameters.selected_only and by_face) or (
-        mode in _PAINTING and mesh.use_paint_mask
-    ):
+    selected_only = mode == "EDIT_MESH" and getattr(parameters, "selected_only", False)
+    if (selected_only and by_face) or (mode in _PAINTING and mesh.use_paint_mask):
         flags.append(_flags(mesh.polygons, "select"))
     free = np.logical_and.reduce(flags) if flags else np.True_
-    return None if free.all() else free
+    if free.all():
+        return None
+    return np.repeat(free, arrays.read(mesh.polygons, "loop_total", dtype=np.int32))
 
 
 def _product(masks: list[npt.NDArray]) -> npt.NDArray[np.float64] | None:

@@ -15,8 +15,8 @@ from bpy.app.translations import pgettext_iface
 
 from ...core.host.inputs import Surface
 from . import arrays
-from .chosen import CONVERTIBLE, mesh_objects, mesh_refusal
-from .skipped import Skipped, sentences
+from .chosen import CONVERTIBLE, mesh_refusal, mesh_users
+from .skipped import Skipped, sentences, skip_if
 
 _SINGULAR = 1e-6
 _UNIFORM = 1e-5
@@ -85,25 +85,58 @@ def read_targets(
     skipped : list of str
         A sentence for each object that was left alone.
     """
-    mode = context.mode
-    left = _no_meshes(context)
-    users: dict[int, bpy.types.Object] = {}
-    for obj in mesh_objects(context):
-        users.setdefault(obj.data.session_uid, obj)
+
+    def read_target(obj: bpy.types.Object, mode: str) -> Target:
+        skip_if(mesh_refusal(obj.data))
+        check_readable(obj)
+        place, surface = read(obj, mode, parameters)
+        return Target(obj.name, obj.session_uid, obj.data.session_uid, place, surface)
+
+    no_meshes = _no_meshes(context)
     try:
-        check_sculpting(context)
+        targets, left = read_each(context, mesh_users(context), read_target)
     except Skipped as reason:
         return [], sentences([(context.object.name, str(reason))])
-    targets = []
+    return targets, sentences(no_meshes + left)
+
+
+def read_each(
+    context: bpy.types.Context, objects: list[bpy.types.Object], read: Callable[..., Any]
+) -> tuple[list[Any], list[tuple[str, str]]]:
+    """Read objects by ``read(obj, mode)``, in Object Mode; `mode` is the one that was left.
+
+    Returns
+    -------
+    found : list
+        What was read.
+    left : list of (str, str)
+        Name of each object that was left alone, and the reason.
+
+    Raises
+    ------
+    Skipped
+        If leaving Sculpt Mode would turn dynamic topology off.
+    """
+    mode = context.mode
+    if mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
+        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
+    found, left = [], []
     with object_mode(context):
-        for uid, obj in users.items():
+        for obj in objects:
             try:
-                _check_writable(obj.data)
-                check_readable(obj)
-                targets.append(Target(obj.name, obj.session_uid, uid, *read(obj, mode, parameters)))
+                found.append(read(obj, mode))
             except Skipped as reason:
                 left.append((obj.name, str(reason)))
-    return targets, sentences(left)
+    return found, left
+
+
+def read_active(
+    context: bpy.types.Context, read: Callable[..., tuple], parameters: Any
+) -> tuple[list[Target], list[str]]:
+    """Read the active object alone, whatever else is selected; see `read_targets`."""
+    only = [context.object]
+    with context.temp_override(selected_objects=only, objects_in_mode=only):
+        return read_targets(bpy.context, read, parameters)
 
 
 def _no_meshes(context: bpy.types.Context) -> list[tuple[str, str]]:
@@ -162,6 +195,11 @@ def read_triangle_corners(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     return arrays.read(mesh.loop_triangles, "loops", 3, np.int32)
 
 
+def read_triangles(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
+    """Read the triangles as vertices: (m, 3)."""
+    return read_corner_vertices(mesh)[read_triangle_corners(mesh)]
+
+
 def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     """Return the object's scale and shear, after which lengths are measured: (3, 3).
 
@@ -191,18 +229,6 @@ def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     if not stretches[-1] > _SINGULAR * stretches[0]:
         raise Skipped("its scale is zero along an axis; set a scale that is not zero")
     return matrix
-
-
-def _check_writable(mesh: bpy.types.Mesh) -> None:
-    reason = mesh_refusal(mesh)
-    if reason:
-        raise Skipped(reason)
-
-
-def check_sculpting(context: bpy.types.Context) -> None:
-    """Raise `Skipped` if leaving Sculpt Mode would turn dynamic topology off."""
-    if context.mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
-        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
 
 
 def check_readable(obj: bpy.types.Object) -> None:

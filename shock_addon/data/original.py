@@ -11,16 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core.host.inputs import ColoredSurface, PaintedSurface
-from . import shape_keys
-from .arrays import read_attribute, write_attribute
+from . import arrays, shape_keys
 from .colors import write_colors
 from .geometry import write_geometry
-from .meshes import Target, find, read_positions, write_positions
+from .meshes import Target, find
+from .painted import split
 from .skipped import Skipped
-from .unchanged import check_same
 
 if TYPE_CHECKING:
-    from ...core.host.geometry import Sharpened
+    from ...core.host.geometry import Reshaped
 
 _Part = tuple[str, str]
 """What a mesh holds: the kind and the name."""
@@ -64,20 +63,21 @@ class Original:
         if now.keys() != self._shown.keys():
             raise Skipped("it was changed meanwhile; run again")
         for part, values in now.items():
-            check_same(values, self._shown[part])
+            arrays.check_same(values, self._shown[part])
 
     def restore(self) -> None:
         """Bring all of it back, as far as it still fits; what something else has changed stays."""
         mesh = self._find()
         if mesh is None or len(mesh.vertices) != len(self._old[_POSITIONS]):
             return
-        for part, values in self._read(mesh).items():
+        for part, place in self._places(mesh).items():
+            values = arrays.read(*place)
             old, shown = self._old.get(part), self._shown.get(part)
             if old is None or old.shape != values.shape:
                 continue
             follows = part == _POSITIONS and mesh.shape_keys is not None  # Blender may set them
             stays = np.ascontiguousarray(values).view(np.int32) != shown.view(np.int32)
-            _write(mesh, part, old if follows else np.where(stays, values, old))
+            arrays.write(*place[:2], old if follows else np.where(stays, values, old))
         if mesh.shape_keys is not None:
             mesh.shape_keys.update_tag()
         mesh.update()
@@ -87,23 +87,17 @@ class Original:
         return next((mesh for mesh in bpy.data.meshes if mesh.session_uid == self._mesh), None)
 
     def _read(self, mesh: bpy.types.Mesh) -> dict[_Part, npt.NDArray[np.float32]]:
-        found = {_POSITIONS: read_positions(mesh)}
+        return {part: arrays.read(*place) for part, place in self._places(mesh).items()}
+
+    def _places(self, mesh: bpy.types.Mesh) -> dict[_Part, tuple[Any, str, int]]:
+        """Say where each part is stored: the collection, the property and its width."""
+        attributes = {_POSITIONS: mesh.attributes["position"]}
+        if self._attribute and self._attribute in mesh.color_attributes:
+            attributes[_COLORS, self._attribute] = mesh.color_attributes[self._attribute]
+        places = {part: arrays.stored(attribute)[:3] for part, attribute in attributes.items()}
         for key in mesh.shape_keys.key_blocks if mesh.shape_keys else []:
-            found[_KEY, key.name] = shape_keys.read(key)
-        attribute = None if self._attribute is None else mesh.color_attributes.get(self._attribute)
-        if attribute is not None:
-            found[_COLORS, attribute.name] = read_attribute(attribute)
-        return found
-
-
-def _write(mesh: bpy.types.Mesh, part: _Part, values: npt.NDArray[np.float32]) -> None:
-    kind, name = part
-    if kind == _KEY:
-        shape_keys.write(mesh.shape_keys.key_blocks[name], values)
-    elif kind == _COLORS:
-        write_attribute(mesh.color_attributes[name], values)
-    else:
-        write_positions(mesh, values)
+            places[_KEY, key.name] = key.points, "co", 3
+        return places
 
 
 def color_attribute(target: Target) -> str | None:
@@ -131,17 +125,16 @@ def show(target: Target, original: Original, result: Any) -> None:
 
 def _write_result(target: Target, original: Original, result: Any) -> None:
     if isinstance(target.surface, PaintedSurface):
-        place, attribute = target.place
-        shape = replace(target, place=place, surface=target.surface.shape)
+        shape, paint = split(target)
         _show_shape(shape, original, result.shape)
-        write_colors(replace(target, place=attribute, surface=target.surface.paint), result.paint)
+        write_colors(paint, result.paint)
     elif isinstance(target.surface, ColoredSurface):
         write_colors(target, result)
     else:
         _show_shape(target, original, result)
 
 
-def _show_shape(target: Target, original: Original, result: Sharpened) -> None:
+def _show_shape(target: Target, original: Original, result: Reshaped) -> None:
     keys = find(target).data.shape_keys
     if target.place.output == "MESH" or keys is None:
         place = replace(target.place, output="MESH", custom_normals="KEEP", sharp_angle=None)

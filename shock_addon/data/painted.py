@@ -23,11 +23,18 @@ def read_painted(
     return (place, attribute), PaintedSurface(shape, paint)
 
 
+def split(target: Target) -> tuple[Target, Target]:
+    """Return the targets of the shape and of the colors."""
+    place, attribute = target.place
+    return (
+        replace(target, place=place, surface=target.surface.shape),
+        replace(target, place=attribute, surface=target.surface.paint),
+    )
+
+
 def write_painted(target: Target, result: Any, key_name: str) -> bpy.types.Object:
     """Write shape and colors, or raise `Skipped` before either is written."""
-    place, attribute = target.place
-    paint = replace(target, place=attribute, surface=target.surface.paint)
+    shape, paint = split(target)
     check_unchanged(find(target), paint)
-    shape = replace(target, place=place, surface=target.surface.shape)
     write_geometry(shape, result.shape, key_name)
     return write_colors(paint, result.paint)

@@ -130,14 +130,9 @@ def add(obj: bpy.types.Object, name: str, old: Positions, new: Positions, mode: 
 
 
 def _dependents(keys: bpy.types.Key, active: bpy.types.ShapeKey) -> list[bpy.types.ShapeKey]:
-    found = {active.name}
-    grown = True
-    while grown:
-        new = {
-            key.name
-            for key in keys.key_blocks
-            if key.relative_key.name in found and key != keys.reference_key
-        } - found
-        found |= new
-        grown = bool(new)
-    return [keys.key_blocks[name] for name in found - {active.name}]
+    found = [active]
+    for base in found:
+        for key in keys.key_blocks:
+            if key.relative_key == base and key not in [keys.reference_key, *found]:
+                found.append(key)
+    return found[1:]

@@ -33,6 +33,12 @@ class Refused(Skipped):
     """Nothing can be done at all; as text it is a whole sentence in the interface's language."""
 
 
+def skip_if(reason: str) -> None:
+    """Raise `Skipped` if there is a reason to."""
+    if reason:
+        raise Skipped(reason)
+
+
 def explain(error: ShockError | Refused) -> str:
     """Say in the interface's language what could not be done."""
     if isinstance(error, Refused):

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -14,36 +14,24 @@ from bpy.app.translations import pgettext_rpt
 
 from ...core.host.inputs import TexturedFaces, TexturedSurface
 from ...core.host.mosaic import Mosaic
-from . import arrays
+from . import arrays, meshes
 from . import images as image_data
-from .chosen import mesh_objects, refusal
+from .chosen import mesh_users, refusal
+from .images import ImageTarget
 from .masks import color_mask
 from .materials import image_nodes
-from .meshes import (
-    check_readable,
-    check_sculpting,
-    matrix_in_world,
-    object_mode,
-    read_corner_vertices,
-    read_positions,
-    read_triangle_corners,
-)
-from .skipped import Skipped, as_reason, sentences
+from .skipped import Skipped, as_reason, sentences, skip_if
 from .tiles import Tiles
 
 Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class TextureTarget:
+class TextureTarget(ImageTarget):
     """A texture as it was read, to find it again when the result is there.
 
     Attributes
     ----------
-    name : str
-        Of the image.
-    parts : dict
-        Its pixels, as `images.read_parts` gives them.
     mosaic : Mosaic or None
         How UDIM tiles were put together.
     objects : list of str
@@ -52,21 +40,13 @@ class TextureTarget:
         What a person should know about them.
     """
 
-    name: str
-    image_uid: int
-    surface: TexturedSurface
-    parts: Tiles
     mosaic: Mosaic | None
     objects: list[str]
     notes: list[str]
 
 
-EVERYWHERE = SimpleNamespace(vertex_group="", invert_mask=False, selected_only=False, mask_image="")
-"""Parameters without any mask."""
-
-
 def read_texture(
-    context: bpy.types.Context, image: bpy.types.Image, parameters: Any, margin: int
+    context: bpy.types.Context, image: bpy.types.Image, parameters: Any
 ) -> tuple[TextureTarget, list[str]]:
     """Read an image and the faces that show it.
 
@@ -75,9 +55,8 @@ def read_texture(
     context : bpy.types.Context
     image : bpy.types.Image
     parameters : object
-        Has `vertex_group`, `invert_mask`, `selected_only` and `mask_image`.
-    margin : int
-        Texels to keep free around each UDIM tile.
+        Those of `color_mask`, and `mask_image` where the filter takes a mask; and `gutter` where it
+        fills one, so that tiles are laid out farther apart.
 
     Returns
     -------
@@ -90,15 +69,14 @@ def read_texture(
     Skipped
         If the image or its mask cannot be used, or no object shows it.
     """
-    reason = refusal(image, tiles=True)
-    if reason:
-        raise Skipped(reason)
-    objects = list({obj.data: obj for obj in reversed(mesh_objects(context))}.values())[::-1]
+    skip_if(refusal(image, tiles=True))
+    objects = mesh_users(context)
     named = any(_uses(obj, image) for obj in objects)
     faces, names, skipped = read_faces(context, objects, image if named else None, parameters)
     parts = image_data.read_parts(image)
     mosaic, notes = None, []
     if image.source == "TILED":
+        margin = getattr(parameters, "gutter", 0) + 1
         mosaic = Mosaic.of(image_data.sizes_of(parts), margin)
         faces, notes = _in_tiles(faces, mosaic)
     surface = TexturedSurface(
@@ -132,21 +110,16 @@ def read_faces(
     Skipped
         If none could be read.
     """
-    check_sculpting(context)
-    mode = context.mode
-    read: list[TexturedFaces] = []
-    names, left = [], []
-    with object_mode(context):
-        for obj in objects:
-            try:
-                read.append(_read_faces(obj, mode, image, parameters))
-                names.append(obj.name)
-            except Skipped as reason:
-                left.append((obj.name, str(reason)))
+
+    def read(obj: bpy.types.Object, mode: str) -> tuple[str, TexturedFaces]:
+        return obj.name, _read_faces(obj, mode, image, parameters)
+
+    found, left = meshes.read_each(context, objects, read)
     skipped = sentences(left)
-    if not read:
+    if not found:
         raise Skipped("no object could be read. {reasons}", reasons=as_reason(" ".join(skipped)))
-    return _joined(read), names, skipped
+    names, faces = zip(*found, strict=True)
+    return _joined(faces), list(names), skipped
 
 
 def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) -> list[str]:
@@ -158,7 +131,9 @@ def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) ->
         A sentence for each material that could not be changed.
     """
     notes = []
-    for material in _materials([obj for obj in bpy.data.objects if obj.name in target.objects]):
+    objects = [obj for obj in bpy.data.objects if obj.name in target.objects]
+    slots = [slot.material for obj in objects for slot in obj.material_slots]
+    for material in filter(None, dict.fromkeys(slots)):
         nodes = [node for node in image_nodes(material) if node.image == old]
         for node in nodes:
             if node.id_data.library is None and material.library is None:
@@ -181,11 +156,6 @@ def _whole(parts: Tiles, mosaic: Mosaic | None) -> npt.NDArray[np.float32]:
 # ---------------------------------------------------------------------------------------- materials
 
 
-def _materials(objects: list[bpy.types.Object]) -> list[bpy.types.Material]:
-    slots = [slot.material for obj in objects for slot in obj.material_slots]
-    return [material for material in dict.fromkeys(slots) if material is not None]
-
-
 def _shows(material: bpy.types.Material | None, image: bpy.types.Image) -> bool:
     return material is not None and any(n.image == image for n in image_nodes(material))
 
@@ -197,11 +167,11 @@ def _uses(obj: bpy.types.Object, image: bpy.types.Image) -> bool:
 def _other_users(
     context: bpy.types.Context, image: bpy.types.Image, objects: list[bpy.types.Object]
 ) -> list[str]:
-    meshes = {obj.data for obj in objects}
+    took_part = {obj.data for obj in objects}
     others = [
         obj.name
         for obj in context.scene.objects
-        if obj.type == "MESH" and obj.data not in meshes and _uses(obj, image)
+        if obj.type == "MESH" and obj.data not in took_part and _uses(obj, image)
     ]
     if not others:
         return []
@@ -219,12 +189,12 @@ def _read_faces(
     obj: bpy.types.Object, mode: str, image: bpy.types.Image | None, parameters: Any
 ) -> TexturedFaces:
     """Read the faces whose material shows the image, or all."""
-    check_readable(obj)
+    meshes.check_readable(obj)
     mesh = obj.data
     layer = mesh.uv_layers.active
     if layer is None:
         raise Skipped("it has no UV map; unwrap it in Edit Mode (UV > Unwrap)")
-    corners = read_triangle_corners(mesh)
+    corners = meshes.read_triangle_corners(mesh)
     if image is not None:
         corners = corners[_faces_with(obj, image)]
     if not len(corners):
@@ -232,11 +202,11 @@ def _read_faces(
             "no face of it has a material that shows {image}; assign one", image=image.name
         )
     uv = arrays.read(layer.uv, "vector", 2)
-    matrix = matrix_in_world(obj)
-    positions = read_positions(mesh).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-    vertices = read_corner_vertices(mesh)
+    matrix = meshes.matrix_in_world(obj)
+    positions = meshes.read_positions(mesh).astype(np.float64)
+    vertices = meshes.read_corner_vertices(mesh)
     return TexturedFaces(
-        positions,
+        positions @ matrix[:3, :3].T + matrix[:3, 3],
         vertices[corners].astype(np.int64),
         uv[corners].astype(np.float64),
         _weights(obj, mode, parameters, vertices, corners),
@@ -263,21 +233,21 @@ def _weights(
     return weights[corners]
 
 
-def _joined(read: list[TexturedFaces]) -> TexturedFaces:
-    firsts = np.cumsum([0, *(len(part.positions) for part in read)])
-    weights = None
-    if any(part.weights is not None for part in read):
-        weights = np.concatenate(
-            [np.ones(part.triangles.shape) if part.weights is None else part.weights
-             for part in read]
-        )  # fmt: skip
+def _joined(parts: Sequence[TexturedFaces]) -> TexturedFaces:
+    weights = [part.weights for part in parts]
+    masked = any(each is not None for each in weights)
+    triangles, first = [], 0
+    for number, part in enumerate(parts):
+        triangles.append(part.triangles + first)
+        first += len(part.positions)
+        if masked and part.weights is None:
+            weights[number] = np.ones(part.triangles.shape)
     return TexturedFaces(
-        np.concatenate([part.positions for part in read]),
-        np.concatenate([part.triangles + first for part, first in zip(read, firsts[:-1],
-                                                                      strict=True)]),
-        np.concatenate([part.uv for part in read]),
-        weights,
-    )  # fmt: skip
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate(triangles),
+        np.concatenate([part.uv for part in parts]),
+        np.concatenate(weights) if masked else None,
+    )
 
 
 def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list[str]]:
@@ -295,13 +265,12 @@ def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list
 
 
 def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -> Floats | None:
-    if not parameters.mask_image:
+    name = getattr(parameters, "mask_image", "")
+    if not name:
         return None
-    mask = bpy.data.images.get(parameters.mask_image)
+    mask = bpy.data.images.get(name)
     if mask is None:
-        raise Skipped(
-            "there is no mask image named {name!r}; name another", name=parameters.mask_image
-        )
+        raise Skipped("there is no mask image named {name!r}; name another", name=name)
     reason = refusal(mask, tiles=True)
     if reason:
         raise Skipped(

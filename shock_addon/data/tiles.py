@@ -17,9 +17,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import read_pixels, write_pixels
+from .arrays import check_same, read_pixels, write_pixels
 from .skipped import Skipped
-from .unchanged import check_same
 
 Tiles = dict[int, npt.NDArray[np.float32]]
 """The pixels of each tile, from the bottom up, under the tile's number."""

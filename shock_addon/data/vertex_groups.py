@@ -7,8 +7,8 @@ nodes read them at once: a copy of the mesh, in a scene of its own, hands them o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
+from typing import Any
 
 import bpy
 import numpy as np
@@ -33,45 +33,31 @@ def group_weights(obj: bpy.types.Object, name: str) -> npt.NDArray[np.float64]:
         raise Skipped(
             "it has no vertex group named {name!r}; add it, or leave the field empty", name=name
         )
-    with _copy(obj.data) as copy:
+    with ExitStack() as stack:
+
+        def temporary(collection: Any, added: Any) -> Any:
+            stack.callback(collection.remove, added)
+            return added
+
+        mesh = temporary(bpy.data.meshes, obj.data.copy())
+        copy = temporary(bpy.data.objects, bpy.data.objects.new(_NAME, mesh))
+        tree = temporary(bpy.data.node_groups, bpy.data.node_groups.new(_NAME, "GeometryNodeTree"))
+        scene = temporary(bpy.data.scenes, bpy.data.scenes.new(_NAME))
+        if mesh.shape_keys is not None:
+            mesh.shape_keys.animation_data_clear()  # drivers would bring other objects along
         group = copy.vertex_groups[name]
         group.name = "shock_filter group"  # an attribute's name would hide it
-        with _weights_as_attribute(copy, group.name) as mesh:
-            return arrays.read_attribute(mesh.attributes[_WEIGHTS]).astype(np.float64)
-
-
-@contextmanager
-def _copy(mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """Give an object with a copy of the mesh."""
-    copy = mesh.copy()
-    obj = bpy.data.objects.new(_NAME, copy)
-    try:
-        if copy.shape_keys is not None:
-            copy.shape_keys.animation_data_clear()  # drivers would bring other objects along
-        yield obj
-    finally:
-        bpy.data.objects.remove(obj)
-        bpy.data.meshes.remove(copy)  # takes the copied shape keys along
-
-
-@contextmanager
-def _weights_as_attribute(obj: bpy.types.Object, group: str) -> Iterator[bpy.types.Mesh]:
-    """Give the evaluated mesh of an object, with a vertex group as an attribute."""
-    scene = bpy.data.scenes.new(_NAME)
-    tree = bpy.data.node_groups.new(_NAME, "GeometryNodeTree")
-    try:
-        _build(tree, group)
-        obj.modifiers.new(_NAME, "NODES").node_group = tree
-        scene.collection.objects.link(obj)
+        _build(tree, group.name)
+        copy.modifiers.new(_NAME, "NODES").node_group = tree
+        scene.collection.objects.link(copy)
         layer = scene.view_layers[0]
         layer.update()
-        yield obj.evaluated_get(layer.depsgraph).data
-    finally:
-        bpy.data.scenes.remove(scene)
-        bpy.data.node_groups.remove(tree)
+        attributes = copy.evaluated_get(layer.depsgraph).data.attributes
+        return arrays.read_attribute(attributes[_WEIGHTS]).astype(np.float64)
 
 
 def _build(tree: bpy.types.NodeTree, name: str) -> None:
+    """Make nodes that store the group of this name as an attribute."""
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
     start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")

@@ -60,7 +60,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return data.active_object.read_active(context, self.reader(), self._parameters())
+        return data.meshes.read_active(context, self.reader(), self._parameters())
 
     def filter(self, settings: Any) -> Filter:
         """Compute one object's flow."""

@@ -7,9 +7,15 @@ shown, nothing is registered.
 
 from __future__ import annotations
 
+import blf
 import bpy
+import gpu
 from bpy.app.translations import pgettext_iface as iface_
+from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
+
+from ...core import host
+from .. import data
 
 _MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
 """Modes in which the mesh holds what is seen."""
@@ -61,7 +67,7 @@ def show(obj: bpy.types.Object) -> None:
     _redraw()
 
 
-def hide() -> None:
+def hide(*_: object) -> None:
     """Draw no flow any more."""
     global _shown
     if _shown is None:
@@ -81,7 +87,7 @@ def _handlers() -> list[tuple]:
         (handlers.depsgraph_update_post, _follow),
         (handlers.undo_post, _refresh),
         (handlers.redo_post, _refresh),
-        (handlers.load_pre, _end),
+        (handlers.load_pre, hide),
     ]
 
 
@@ -95,25 +101,18 @@ def _follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _refresh(*_: object) -> None:
-    from ..data.flow import read_flow
-
     obj = _shown.object()
     if obj is None or obj.type != "MESH":
         hide()
     elif _is_readable(obj):
-        if read_flow(obj.data) is None:
+        _shown.batches = None
+        if data.flow.read_flow(obj.data) is None:
             hide()
-        else:
-            _shown.batches = None
 
 
 def _is_readable(obj: bpy.types.Object) -> bool:
     # Another object with the same mesh may be the one that is in Edit Mode.
     return obj.type == "MESH" and obj.mode in _MODES and not obj.data.is_editmode
-
-
-def _end(*_: object) -> None:
-    hide()
 
 
 def _redraw() -> None:
@@ -124,8 +123,6 @@ def _redraw() -> None:
 
 
 def _draw_surface(overlay: _Overlay) -> None:
-    import gpu
-
     context, obj = bpy.context, overlay.object()
     if not _is_seen(obj, context.space_data):
         return
@@ -165,21 +162,17 @@ def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Ma
 
 
 def _batches(mesh: bpy.types.Mesh) -> list:
-    from gpu.shader import from_builtin
-    from gpu_extras.batch import batch_for_shader
-
-    from ...core.host.strokes import potential_colors, strokes
-    from ..data.flow import read_faces, read_flow
-    from ..data.meshes import read_corner_vertices, read_positions, read_triangle_corners
-
-    found = read_flow(mesh)
+    found = data.flow.read_flow(mesh)
     if found is None:
         return []
     potential, flow = found
-    shader = from_builtin("SMOOTH_COLOR")
-    triangles = read_corner_vertices(mesh)[read_triangle_corners(mesh)]
-    colored = {"pos": read_positions(mesh), "color": potential_colors(potential)}
-    corners, colors = strokes(*read_faces(mesh), flow)
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    triangles = data.meshes.read_triangles(mesh)
+    colored = {
+        "pos": data.meshes.read_positions(mesh),
+        "color": host.strokes.potential_colors(potential),
+    }
+    corners, colors = host.strokes.strokes(*data.flow.read_faces(mesh), flow)
     return [
         batch_for_shader(shader, "TRIS", colored, indices=triangles),
         batch_for_shader(shader, "TRIS", {"pos": corners, "color": colors}),
@@ -187,12 +180,6 @@ def _batches(mesh: bpy.types.Mesh) -> list:
 
 
 def _draw_legend(overlay: _Overlay) -> None:
-    import blf
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    from ...core.host.strokes import bar
-
     context = bpy.context
     if not _is_seen(overlay.object(), context.space_data):
         return
@@ -207,7 +194,7 @@ def _draw_legend(overlay: _Overlay) -> None:
     y = 24 * scale + _covered(context.area, "ASSET_SHELF", "ASSET_SHELF_HEADER")
     _write(font, x, y, weak)
     x += words[0] + 8 * scale
-    corners, colors = bar(x, y, 100 * scale, 10 * scale)
+    corners, colors = host.strokes.bar(x, y, 100 * scale, 10 * scale)
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
     batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "color": colors}).draw(shader)
     _write(font, x + 108 * scale, y, strong)
@@ -220,7 +207,5 @@ def _covered(area: bpy.types.Area, *kinds: str) -> int:
 
 
 def _write(font: int, x: float, y: float, text: str) -> None:
-    import blf
-
     blf.position(font, x, y, 0.0)
     blf.draw(font, text)

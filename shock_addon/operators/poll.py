@@ -50,8 +50,7 @@ def of_meshes(context: bpy.types.Context) -> str:
 
 def of_images(context: bpy.types.Context) -> str:
     """Say what to open."""
-    space = context.space_data
-    if space is not None and space.type == "IMAGE_EDITOR" and space.image is None:
+    if data.chosen.in_image_editor(context) and context.space_data.image is None:
         return "Open an image in the Image Editor."
     return "" if bpy.data.images else "Open an image."
 

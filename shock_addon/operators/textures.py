@@ -34,8 +34,7 @@ class TextureOperator(OneImageOperator):
 
     def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
         """Read the image, and the faces of all objects that show it."""
-        masks = self if self.row.target(self).row.takes_mask else data.textures.EVERYWHERE
-        return data.textures.read_texture(context, image, masks, getattr(self, "gutter", 0) + 1)
+        return data.textures.read_texture(context, image, self)
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
         """Compare each tile with what it was."""

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core.host.crop import Crop, crop_around, smoothed_at_once
+from ...core.host.crop import Crop, crop_around, filtered_at_once
 from ...core.host.inputs import HostImage
 from ...core.host.screen_colors import is_transparent, screen_colors
 from .. import data
@@ -38,11 +38,7 @@ class ImageStage:
         As in `Stage`; what is shown are pieces.
     """
 
-    def __init__(
-        self,
-        image: bpy.types.Image,
-        part: Callable[[Any], tuple[Any, Callable[[Any], list[Piece]]]],
-    ) -> None:
+    def __init__(self, image: bpy.types.Image, part: Callable[[Any], tuple]) -> None:
         self.part, self.note = part, ""
         self.chosen = {"image": image.name}
         self._uid, self._size = image.session_uid, tuple(image.size)
@@ -80,38 +76,33 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
         If it cannot be read.
     """
     parameters = parameters_of(context, mode)
-    read = _read_texture if mode.data.on_surface else _read_image
     try:
-        stage = read(context, event, mode, parameters)
+        if mode.data.on_surface:
+            stage = _read_texture(context, parameters)
+        else:
+            stage = _read_image(context, event, _SLOW if mode.is_slow else _QUICK)
     except Skipped as reason:
         raise Refused("There is nothing to preview: {reason}.", reason=reason) from None
     return Preview(mode, parameters, stage)
 
 
-def _read_image(
-    context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
-) -> ImageStage:
+def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -> ImageStage:
     image = data.chosen.shown_image(context)
-    most = _SLOW if mode.is_slow else _QUICK
     whole = data.images.read_image(image).surface
     place = _place(context, event)
-    crop = crop_around(whole, place, most)
+    crop = crop_around(whole, place, size)
     colors = _colors_of(image)
 
     def part(settings: Any) -> tuple[HostImage, Callable[[Any], list[Piece]]]:
-        smaller = crop
-        if hasattr(settings, "kernel"):
-            smaller = crop.shrunk(place, smoothed_at_once(settings.kernel))
+        smaller = crop.shrunk(place, filtered_at_once(settings))
         return smaller.image, partial(_pieces, smaller, colors)
 
     return ImageStage(image, part)
 
 
-def _read_texture(
-    context: bpy.types.Context, event: bpy.types.Event, mode: Mode, parameters: Any
-) -> ImageStage:
+def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
     image = data.chosen.chosen_image(context, parameters.image)
-    target, _ = data.textures.read_texture(context, image, parameters, parameters.gutter + 1)
+    target, _ = data.textures.read_texture(context, image, parameters)
     colors = _colors_of(image)
 
     def pieces(result: Any) -> list[Piece]:

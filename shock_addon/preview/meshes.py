@@ -37,9 +37,7 @@ class MeshStage:
         Say which patch it is, with a field for its size.
     """
 
-    def __init__(
-        self, target: data.meshes.Target, patch: Patch, words: str = "patch of {size:,} vertices"
-    ) -> None:
+    def __init__(self, target: data.meshes.Target, patch: Patch, words: str) -> None:
         self.settings = patch.settings
         self.chosen, self.note = {}, ""
         if patch.share < 1.0:
@@ -82,7 +80,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
     """
     parameters = parameters_of(context, mode)
     read = load(mode.target(parameters).data.read)
-    targets, skipped = data.active_object.read_active(context, read, parameters)
+    targets, skipped = data.meshes.read_active(context, read, parameters)
     if not targets:
         raise Refused(" ".join(skipped))
     patch = _patch(context, event, targets[0], _SLOW if mode.is_slow else _QUICK)

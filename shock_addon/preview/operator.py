@@ -14,7 +14,7 @@ from bpy.app.translations import pgettext_rpt
 from ...core.errors import ShockError
 from .. import data
 from ..data.skipped import Refused, Skipped, explain
-from ..modes import STEADY_STATE, Mode, find
+from ..modes import STEADY_STATE, Mode, find, load
 from ..operators import jobs
 from ..operators import poll as obstacles
 from ..operators.base import can_run
@@ -25,13 +25,7 @@ _INTERVAL = 0.03
 _FINE = 0.1
 _REST = 0.25
 """Seconds in which the mouse rests in the view, when it comes from the button, before it counts."""
-_PASSED_ON = {
-    "MIDDLEMOUSE",
-    "TRACKPADPAN",
-    "TRACKPADZOOM",
-    "NDOF_MOTION",
-    "WINDOW_DEACTIVATE",
-}
+_PASSED_ON = {"MIDDLEMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION", "WINDOW_DEACTIVATE"}
 _CANCELS = {"ESC", "RIGHTMOUSE"}
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
 
@@ -55,8 +49,9 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Want an active mesh object in Object Mode or an image, and no run."""
-        obstacle = obstacles.of_images(context) if _in_images(context) else _of_meshes(context)
-        if not obstacle and (jobs.is_settling() or jobs.is_scene_read()):
+        in_images = data.chosen.in_image_editor(context)
+        obstacle = obstacles.of_images(context) if in_images else _of_meshes(context)
+        if not obstacle and jobs.is_settling():
             obstacle = "Wait until the render, or the last run, has ended."
         if _running:
             obstacle = "A preview is under way; click to apply it, or press Esc."
@@ -71,12 +66,8 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         """Read the object or image that the tab here is about, and begin."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        from . import images as preview_images
-        from . import meshes as preview_meshes
-
         self._mode = _shown_mode(context)
-        on_images = self._mode.data.in_images
-        begin = preview_images.begin if on_images else preview_meshes.begin
+        begin = load(f".preview.{'images' if self._mode.data.in_images else 'meshes'}:begin")
         try:
             self._preview = begin(context, event, self._mode)
         except (ShockError, Refused) as error:
@@ -138,15 +129,13 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
     def _tick(self, context: bpy.types.Context) -> set[str]:
         self._arrived |= time.perf_counter() - self._last_move > _REST
-        sound = False
         try:
             self._preview.tick()
-            sound = True
         except Skipped as reason:
             return self._ended_by(str(reason))
-        finally:
-            if not sound:
-                self.end()
+        except Exception:
+            self.end()
+            raise
         self._show_text(context)
         return {"RUNNING_MODAL"}
 
@@ -180,29 +169,24 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
 def _shown_mode(context: bpy.types.Context) -> Mode:
     chosen = context.scene.shock_filter
-    return find((chosen.image_mode if _in_images(context) else chosen.mode).lower())
-
-
-def _in_images(context: bpy.types.Context) -> bool:
-    space = context.space_data
-    return space is not None and space.type == "IMAGE_EDITOR"
+    in_images = data.chosen.in_image_editor(context)
+    return find((chosen.image_mode if in_images else chosen.mode).lower())
 
 
 def _of_meshes(context: bpy.types.Context) -> str:
     obstacle = obstacles.of_meshes(context)
-    if not obstacle and context.mode != "OBJECT":
-        obstacle = "Switch to Object Mode to preview."
-    if not obstacle and context.object not in data.chosen.mesh_objects(context):
-        obstacle = "Make one of the selected mesh objects the active one."
+    if obstacle:
+        return obstacle
+    if context.mode != "OBJECT":
+        return "Switch to Object Mode to preview."
+    if context.object not in data.chosen.mesh_objects(context):
+        return "Make one of the selected mesh objects the active one."
     mode = _shown_mode(context)
-    if not obstacle and mode.data.in_images:
-        obstacle = _of_texture(context, getattr(context.scene.shock_filter, mode.key).image)
-    return obstacle
-
-
-def _of_texture(context: bpy.types.Context, name: str) -> str:
+    if not mode.data.in_images:
+        return ""
     try:
-        image = data.chosen.chosen_image(context, name)
+        settings = getattr(context.scene.shock_filter, mode.key)
+        image = data.chosen.chosen_image(context, settings.image)
     except Skipped:
         return "Add an Image Texture node with an image to the material."
     if any(editors_of(image.session_uid)):
@@ -211,35 +195,17 @@ def _of_texture(context: bpy.types.Context, name: str) -> str:
 
 
 @persistent
-def _stop(*_: object) -> None:
-    stop()
-
-
-def stop() -> None:
+def stop(*_: object) -> None:
     """End the preview, if one is under way, and bring everything back."""
     for operator in list(_running):
         operator.end()
 
 
-def register() -> None:
-    """End previews before anything reads or replaces what they show."""
-    for handlers in _handlers():
-        handlers.append(_stop)
-
-
 def unregister() -> None:
-    """End the preview, and do not listen any more."""
+    """End the preview, before its operator is unregistered."""
     if _running:
         jobs.settle(bpy.context.window_manager)
     stop()
-    for handlers in _handlers():
-        if _stop in handlers:  # other add-ons may clear such lists
-            handlers.remove(_stop)
-
-
-def _handlers() -> list[list]:
-    handlers = bpy.app.handlers
-    return [handlers.load_pre, handlers.save_pre, handlers.undo_pre, handlers.redo_pre]
 
 
 CLASSES = (SHOCK_FILTER_OT_preview,)

@@ -6,8 +6,10 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+import gpu
 import numpy as np
 import numpy.typing as npt
+from gpu_extras.batch import batch_for_shader
 
 _COLOR = (1.0, 1.0, 1.0, 0.6)
 
@@ -37,9 +39,6 @@ class Outline:
             self._drawing = None
 
     def _draw(self) -> None:
-        import gpu
-        from gpu_extras.batch import batch_for_shader
-
         obj = next((obj for obj in bpy.data.objects if obj.session_uid == self._uid), None)
         if obj is None or not obj.visible_get(viewport=bpy.context.space_data):
             return

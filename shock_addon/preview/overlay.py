@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+import gpu
 import numpy as np
 import numpy.typing as npt
+from gpu_extras.batch import batch_for_shader
 
 from ...core.host.screen_colors import decoded
 from .pointing import editors_of, is_shown_in
@@ -17,6 +19,8 @@ _FRAME = (1.0, 1.0, 1.0, 0.5)
 
 _CHANNELS = {"RED": 0, "GREEN": 1, "BLUE": 2, "ALPHA": 3}
 """Display channels of the Image Editor that show one of the four as gray."""
+
+_UNIFORMS = {"to_clip": "MAT4", "even": "VEC3", "odd": "VEC3", "channel": "INT", "cell_size": "INT"}
 
 _VERTICES = """
 void main()
@@ -104,16 +108,13 @@ class Overlay:
             self._draw_piece(piece, texture, space.display_channels)
 
     def _draw_piece(self, piece: Piece, texture: Any, channels: str) -> None:
-        import gpu
-        from gpu_extras.batch import batch_for_shader
-
         left, bottom, right, top = piece.box
         corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
         places = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
         theme = bpy.context.preferences.themes[0].user_interface
         checkered = piece.transparent and channels == "COLOR_ALPHA"
-        opaque = {"position": corners, "corner": places}
-        batch = batch_for_shader(self._shader, "TRI_FAN", opaque)
+        shape = {"position": corners, "corner": places}
+        batch = batch_for_shader(self._shader, "TRI_FAN", shape)
         to_clip = gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
         self._shader.bind()
         self._shader.uniform_sampler("pixels", texture)
@@ -137,16 +138,12 @@ def _linear(color: Any) -> tuple[float, ...]:
 
 
 def _texture(colors: npt.NDArray[np.float32]) -> Any:
-    import gpu
-
     height, width = colors.shape[:2]
     buffer = gpu.types.Buffer("FLOAT", colors.size, np.ascontiguousarray(colors).reshape(-1))
     return gpu.types.GPUTexture((width, height), format="RGBA32F", data=buffer)
 
 
 def _shader() -> Any:
-    import gpu
-
     between = gpu.types.GPUStageInterfaceInfo("shock_filter_pixels")
     between.smooth("VEC2", "place")
     info = gpu.types.GPUShaderCreateInfo()
@@ -155,13 +152,7 @@ def _shader() -> Any:
     info.vertex_out(between)
     info.fragment_out(0, "VEC4", "result")
     info.sampler(0, "FLOAT_2D", "pixels")
-    for kind, name in (
-        ("MAT4", "to_clip"),
-        ("VEC3", "even"),
-        ("VEC3", "odd"),
-        ("INT", "channel"),
-        ("INT", "cell_size"),
-    ):
+    for name, kind in _UNIFORMS.items():
         info.push_constant(kind, name)
     info.vertex_source(_VERTICES)
     info.fragment_source(_PIXELS)

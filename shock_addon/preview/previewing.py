@@ -90,12 +90,13 @@ class Preview:
         self.updates = 0
         target = mode.target(parameters)
         self.time, self.second = target.time, target.prefix + mode.second if mode.second else ""
-        self._prefix, self._about = target.prefix, describe(target.row.settings)
+        described = describe(target.row.settings).items()
+        self._about = {target.prefix + name: each for name, each in described}
         self._dial = None
         if self.time:
             endless = getattr(parameters, STEADY_STATE, False)
             start = math.inf if endless else getattr(parameters, self.time)
-            self._dial = TimeDial(start, self._about["time"][2])
+            self._dial = TimeDial(start, self._about[self.time][2])
         kernels.choose_folder()
         self._job: Job | None = None
         self._began = 0.0
@@ -118,7 +119,7 @@ class Preview:
         name = self.second
         if not name:
             return
-        kind, _, about = self._about[name.removeprefix(self._prefix)]
+        kind, _, about = self._about[name]
         setattr(self.parameters, name, turned(getattr(self.parameters, name), kind, about, clicks))
 
     def text(self) -> str:
@@ -132,7 +133,7 @@ class Preview:
             parts.append(iface_("Time {time} (move mouse)").format(time=time_))
         if self.second:
             value = getattr(self.parameters, self.second)
-            name = iface_(self.second_label())
+            name = iface_(self._about[self.second][2].label or label(self.mode.second))
             parts.append(iface_("{name} {value:.4g} (wheel)").format(name=name, value=value))
         if self.stage.note:
             parts.append(self.stage.note)
@@ -141,11 +142,6 @@ class Preview:
         elif self._trouble:
             parts.append(self._trouble)
         return " | ".join(parts)
-
-    def second_label(self) -> str:
-        """Return the words for what the wheel changes."""
-        name = self.second.removeprefix(self._prefix)
-        return self._about[name][2].label or label(name)
 
     def tick(self) -> None:
         """Show what is ready and see to it that the newest settings are computed.
@@ -180,14 +176,9 @@ class Preview:
         def work(progress: Progress) -> Any:
             settings = stage.settings(settings_of(mode, parameters))
             part, seen = stage.part(settings)
-
             function = filter_of(mode, settings, parameters)
-
-            def filter_part(surface: Any, phase: Progress) -> Any:
-                return seen(function(surface, phase))
-
             target = SimpleNamespace(surface=part)
-            (result,) = filter_targets([target], filter_part, progress)
+            (result,) = filter_targets([target], lambda *data: seen(function(*data)), progress)
             return result
 
         self._job = Job(work)

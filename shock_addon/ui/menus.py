@@ -27,17 +27,17 @@ class SHOCK_FILTER_MT_filters(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         in_images = context.space_data.type == "IMAGE_EDITOR"
-        for mode in choices():
-            target = mode.target_in(context.mode)
-            if not (mode.data.in_images if in_images else target):
-                continue
+        offered = [
+            mode
+            for mode in choices()
+            if (mode.data.in_images if in_images else mode.target_in(context.mode))
+        ]
+        for mode in offered:
             operator = draw_filter(layout, context, mode)
             if len(mode.targets) > 1 and context.mode != "OBJECT":
-                operator.target = target.key
-        for mode in choices():
-            for other in below(mode):
-                if mode.data.in_images if in_images else mode.target_in(context.mode):
-                    draw_filter(layout, context, other)
+                operator.target = mode.target_in(context.mode).key
+        for other in (each for mode in offered for each in below(mode)):
+            draw_filter(layout, context, other)
 
 
 def _draw_at_end(self: bpy.types.Menu, context: bpy.types.Context) -> None:

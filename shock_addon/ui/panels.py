@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
@@ -17,15 +19,16 @@ from ..operators.wrapping import draw_text, fit
 
 
 class _Panel:
-    """A panel of one mode, or of the one that is chosen in the 3D view."""
+    """A panel of the mode that is chosen in the 3D view."""
 
+    choice = "mode"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Shock Filter"
 
     @classmethod
     def mode(cls, context: bpy.types.Context) -> Mode:
-        return find(context.scene.shock_filter.mode.lower())
+        return find(getattr(context.scene.shock_filter, cls.choice).lower())
 
     @classmethod
     def settings(cls, context: bpy.types.Context) -> bpy.types.PropertyGroup:
@@ -33,11 +36,10 @@ class _Panel:
 
 
 class _ImagePanel(_Panel):
-    bl_space_type = "IMAGE_EDITOR"
+    """A panel of the mode that is chosen in the Image Editor."""
 
-    @classmethod
-    def mode(cls, context: bpy.types.Context) -> Mode:
-        return find(context.scene.shock_filter.image_mode.lower())
+    choice = "image_mode"
+    bl_space_type = "IMAGE_EDITOR"
 
 
 class _MainPanel(_Panel):
@@ -53,7 +55,9 @@ class _MainPanel(_Panel):
         layout = self.layout
         mode = self.mode(context)
         settings = self.settings(context)
-        self.draw_choice(context)
+        _draw_choices(layout, context, context.scene.shock_filter, self.choice)
+        if self.choice == "mode":  # the Image Editor shows its image
+            _draw_target(self, context)
         drawing.draw_main(layout, settings, mode)
         problem = kernels.problem()
         if problem:
@@ -74,38 +78,12 @@ class _MainPanel(_Panel):
 class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
     """Mode, main settings, the buttons, and what was last done."""
 
-    def draw_choice(self, context: bpy.types.Context) -> None:
-        """Draw the modes, and for colors the attribute, for textures the image."""
-        _draw_choices(self.layout, context, context.scene.shock_filter, "mode")
-        settings = self.settings(context)
-        names = self.mode(context).names_for(settings)
-        if "target" in names:
-            _draw_choices(self.layout, context, settings, "target")
-        column = drawing.split(self.layout)
-        if "attribute" in names:
-            drawing.draw_search(column, context, settings, "attribute", "color_attributes")
-        if "image" in names:
-            column.prop_search(settings, "image", bpy.data, "images")
-            if not settings.image:
-                _draw_shown_image(self.layout, context)
-
 
 class SHOCK_FILTER_PT_image_main(_MainPanel, _ImagePanel, bpy.types.Panel):
     """Mode, main settings, the buttons, and what was last done."""
 
-    def draw_choice(self, context: bpy.types.Context) -> None:
-        """Draw the modes."""
-        _draw_choices(self.layout, context, context.scene.shock_filter, "image_mode")
 
-
-class _SubPanel:
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        self.draw_settings(context, self.settings(context))
-
-
-class _MaskPanel(_SubPanel):
+class _MaskPanel:
     """What may change."""
 
     bl_label = "Mask"
@@ -115,12 +93,12 @@ class _MaskPanel(_SubPanel):
         """Want a mode that has masks."""
         return "vertex_group" in cls.mode(context).names
 
-    def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw what may change."""
-        drawing.draw_mask(self.layout, context, settings, self.mode(context))
+        drawing.draw_mask(self.layout, context, self.settings(context), self.mode(context))
 
 
-class _OutputPanel(_SubPanel):
+class _OutputPanel:
     """Where the new shape or the new image goes."""
 
     bl_label = "Output"
@@ -130,29 +108,29 @@ class _OutputPanel(_SubPanel):
         """Colors stay where they are."""
         return drawing.has_output(cls.settings(context), cls.mode(context))
 
-    def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the choice."""
-        drawing.draw_output(self.layout, settings, self.mode(context))
+        drawing.draw_output(self.layout, self.settings(context), self.mode(context))
 
 
-class _AdvancedPanel(_SubPanel):
+class _AdvancedPanel:
     """Settings that few need."""
 
     bl_label = "Advanced"
 
-    def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw what few need."""
-        drawing.draw_advanced(self.layout, settings, self.mode(context))
+        drawing.draw_advanced(self.layout, self.settings(context), self.mode(context))
 
 
-class _StatisticsPanel(_SubPanel):
+class _StatisticsPanel:
     """What a run would work on, and how fast the last one was."""
 
     bl_label = "Statistics"
 
-    def draw_settings(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw what a run would work on, and how fast the last one was."""
-        mode = self.mode(context)
+        mode, settings = self.mode(context), self.settings(context)
         column = self.layout.column(align=True)
         counts = statistics.count(context, mode, settings)
         for text, number in (
@@ -173,20 +151,13 @@ class _StatisticsPanel(_SubPanel):
             _draw_value(column, "Speed", speed)
 
 
-def _sub_panels() -> list[type]:
-    """Make each for the 3D view and for the Image Editor."""
-    return [
-        type(
-            f"{parent.__name__.removesuffix('main')}{panel.bl_label.lower()}",
-            (panel, editor, bpy.types.Panel),
-            {"__doc__": panel.__doc__, "__module__": __name__, "bl_parent_id": parent.__name__},
-        )
-        for editor, parent in (
-            (_Panel, SHOCK_FILTER_PT_main),
-            (_ImagePanel, SHOCK_FILTER_PT_image_main),
-        )
-        for panel in (_MaskPanel, _OutputPanel, _AdvancedPanel, _StatisticsPanel)
-    ]
+def _sub_panels(parent: type, editor: type) -> Iterator[type]:
+    """Make those that stand below a main panel."""
+    name = parent.__name__.removesuffix("main")
+    common = {"bl_parent_id": parent.__name__, "bl_options": {"DEFAULT_CLOSED"}}
+    for panel in (_MaskPanel, _OutputPanel, _AdvancedPanel, _StatisticsPanel):
+        parts = (panel, editor, bpy.types.Panel)
+        yield type(f"{name}{panel.bl_label.lower()}", parts, {"__doc__": panel.__doc__, **common})
 
 
 def draw_filter(
@@ -205,6 +176,21 @@ def draw_filter(
         # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
         operator.image = image.name
     return operator
+
+
+def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
+    """Draw what is worked on: for colors the attribute, for textures the image."""
+    layout, settings = panel.layout, panel.settings(context)
+    names = panel.mode(context).names_for(settings)
+    if "target" in names:
+        _draw_choices(layout, context, settings, "target")
+    column = drawing.split(layout)
+    if "attribute" in names:
+        drawing.draw_search(column, context, settings, "attribute", "color_attributes")
+    if "image" in names:
+        column.prop_search(settings, "image", bpy.data, "images")
+        if not settings.image:
+            _draw_shown_image(layout, context)
 
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -285,4 +271,9 @@ def _clock(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min"
 
 
-CLASSES = (SHOCK_FILTER_PT_main, SHOCK_FILTER_PT_image_main, *_sub_panels())
+CLASSES = (
+    SHOCK_FILTER_PT_main,
+    SHOCK_FILTER_PT_image_main,
+    *_sub_panels(SHOCK_FILTER_PT_main, _Panel),
+    *_sub_panels(SHOCK_FILTER_PT_image_main, _ImagePanel),
+)

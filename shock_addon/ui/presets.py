@@ -13,13 +13,18 @@ from ..operators.properties import label
 
 _OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
 
+_MODES = [(mode.key, label(mode.key), "") for mode in choices()]
 
-class _UsePreset:
+
+class SHOCK_FILTER_OT_use_preset(bpy.types.Operator):
     """Set all settings of the filter; masks and output stay"""
 
     bl_idname = "shock_filter.use_preset"
     bl_label = "Use Preset"
     bl_options = {"UNDO", "INTERNAL"}
+
+    mode: bpy.props.EnumProperty(items=_MODES)
+    name: bpy.props.StringProperty()
 
     @classmethod
     def description(
@@ -84,29 +89,12 @@ def _draw_new(layout: bpy.types.UILayout, context: bpy.types.Context, add_operat
     row.operator(add_operator, text="", icon="ADD").name = context.window_manager.preset_name
 
 
-def _use_operator() -> type:
-    modes = [(mode.key, label(mode.key), "") for mode in choices()]
-    return type(
-        "SHOCK_FILTER_OT_use_preset",
-        (_UsePreset, bpy.types.Operator),
-        {
-            "__doc__": _UsePreset.__doc__,
-            "__module__": __name__,
-            "__annotations__": {
-                "mode": bpy.props.EnumProperty(items=modes),
-                "name": bpy.props.StringProperty(),
-            },
-        },
-    )
-
-
 def _panel(mode: Mode) -> type:
     return type(
         f"SHOCK_FILTER_PT_{mode.key}_presets",
         (_ModePresets, bpy.types.Panel),
         {
             "__doc__": _ModePresets.__doc__,
-            "__module__": __name__,
             "mode": mode.key,
             "bl_label": f"{label(mode.key)} Presets",
             "preset_subdir": f"shock_filter/{mode.key}",
@@ -122,7 +110,6 @@ def _add_operator(mode: Mode) -> type:
         (AddPresetBase, bpy.types.Operator),
         {
             "__doc__": f"Add or remove a preset of the settings for {label(mode.key).lower()}",
-            "__module__": __name__,
             "bl_idname": f"shock_filter.{mode.key}_preset_add",
             "bl_label": f"Add {label(mode.key)} Preset",
             "preset_menu": f"SHOCK_FILTER_PT_{mode.key}_presets",
@@ -134,7 +121,7 @@ def _add_operator(mode: Mode) -> type:
 
 
 CLASSES = (
-    _use_operator(),
+    SHOCK_FILTER_OT_use_preset,
     *(_panel(mode) for mode in choices()),
     *(_add_operator(mode) for mode in choices()),
 )

@@ -524,7 +524,7 @@ def test_texture_masks_are_as_outside_blender(folder, kind):
     for out in ("out.npy", "out.exr", "out.png"):
         run = blender("texture-mask", "mesh.obj", out, "--kind", kind, "--like", "like.png")
         assert run.code == 0, run.err
-        texture_mask_file("mesh.obj", f"wanted-{out}", kind, size=(24, 30))
+        texture_mask_file("mesh.obj", f"wanted-{out}", kind, (24, 30))
         assert f"mesh.obj -> {out}: 1 charts, " in run.out
     np.testing.assert_array_equal(np.load("out.npy"), np.load("wanted-out.npy"))
     shown, wanted = pixels_of("out.png"), pixels_of("wanted-out.png")

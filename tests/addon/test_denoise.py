@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core.host.denoising import denoise_both
+from shock_filter.core.host.denoising import filter_both
 from shock_filter.core.host.inputs import Denoising
 from shock_filter.shock_addon.data import geometry, painted
 from shock_filter.shock_addon.data.meshes import (
@@ -449,7 +449,7 @@ def test_nothing_is_written_when_one_of_both_was_changed_meanwhile(noisy_cube):
     cube, _ = noisy_cube()
     (target,), _ = read_targets(bpy.context, painted.read_painted, parameters())
     settings = Denoising(properties_of("both"), None)
-    result = denoise_both(target.surface, settings, True, None)
+    result = filter_both(target.surface, "beltrami_vertex_signal", settings, True, None)
     data = cube.data.color_attributes["Paint"].data
     data[0].color = (0.0, 0.0, 0.0, 1.0)
     points = read_positions(cube.data)

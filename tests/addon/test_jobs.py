@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import Cancelled, GeometrySettings
-from shock_filter.core.host.registered import filter_shape
+from shock_filter.core.host.geometry import filter_shape
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions

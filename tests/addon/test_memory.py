@@ -6,14 +6,14 @@ import gc
 import bpy
 import pytest
 from memory import assert_flat
-from shock_filter.core.host.geometry import Sharpened
+from shock_filter.core.host.geometry import Reshaped
 from shock_filter.core.host.recolored import Recolored
 from shock_filter.core.host.textures import Retextured
 from shock_filter.shock_addon.data.images import ImageTarget
 from shock_filter.shock_addon.data.meshes import Target
 from shock_filter.shock_addon.data.textures import TextureTarget
 
-OF_A_RUN = Target, ImageTarget, TextureTarget, Sharpened, Recolored, Retextured
+OF_A_RUN = Target, ImageTarget, TextureTarget, Reshaped, Recolored, Retextured
 
 
 @pytest.mark.parametrize("undo", [False, True])

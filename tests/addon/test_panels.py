@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels and menu entries, drawn on a layout that checks each call against Blender's own."""
 
-from functools import partial
 from types import SimpleNamespace
 
 import bpy
@@ -88,10 +87,8 @@ def draw(panel, image=None, layout=None):
         region=SimpleNamespace(width=280),
     )
     registered = bpy.types.Panel.bl_rna_get_subclass_py(panel.__name__)
-    self = SimpleNamespace(layout=layout, mode=panel.mode, settings=panel.settings)
-    for name in ("draw_settings", "draw_choice"):
-        if hasattr(panel, name):
-            setattr(self, name, partial(getattr(panel, name), self))
+    chosen = {name: getattr(panel, name) for name in ("choice", "mode", "settings")}
+    self = SimpleNamespace(layout=layout, **chosen)
     assert registered.poll(context) if "poll" in dir(panel) else True
     registered.draw(self, context)
     return layout.drawn

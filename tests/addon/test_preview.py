@@ -3,6 +3,7 @@
 
 import math
 import time
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import bpy
@@ -10,13 +11,18 @@ import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
 from shock_filter.core.host.dials import TimeDial, turned
+from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
-from shock_filter.core.host.patch import patch_around, seen_vertex, whole_surface
-from shock_filter.core.host.registered import filter_shape
-from shock_filter.core.settings import BeltramiGeometrySettings, BeltramiSettings, describe
-from shock_filter.shock_addon.data.active_object import read_active
+from shock_filter.core.host.patch import Patch, patch_around, seen_vertex, whole_surface
+from shock_filter.core.settings import (
+    BeltramiGeometrySettings,
+    BeltramiSettings,
+    _setting,
+    _Settings,
+    describe,
+)
 from shock_filter.shock_addon.data.geometry import read_geometry
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.meshes import read_active, read_positions, write_positions
 from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.modes import find, load
 from shock_filter.shock_addon.preview import meshes as preview_meshes
@@ -35,7 +41,8 @@ def begun(mode, size=None):
     patch = whole_surface(target.surface)
     if size is not None:
         patch = patch_around(target.surface, 0, size)
-    return previewing.Preview(row, parameters, preview_meshes.MeshStage(target, patch))
+    stage = preview_meshes.MeshStage(target, patch, "patch of {size:,} vertices")
+    return previewing.Preview(row, parameters, stage)
 
 
 def settle(running):
@@ -370,6 +377,21 @@ def test_settings_mean_the_same_on_a_patch_with_shorter_edges(name, settings):
     assert error < 0.4 * careless
 
 
+@dataclass(kw_only=True, repr=False, eq=False)
+class OtherSettings(_Settings):
+    time: float = _setting(3.0, "How long it takes", unit="seconds", maximum=9.0)
+    width: float = _setting(2.0, "How wide", unit="mean edge lengths", length_power=1)
+
+
+def test_only_settings_in_edge_lengths_change_on_a_patch():
+    patch = Patch(None, None, lengths=2.0, share=0.5, outline=None)
+    assert patch.settings(OtherSettings()) == OtherSettings(time=3.0, width=4.0)
+    changed = patch.settings(Denoising(OtherSettings(), 1.0))
+    assert changed == Denoising(OtherSettings(width=4.0), 16.0)
+    beside = patch.settings(Denoising(BeltramiGeometrySettings(time=0.5, beta=1.0), None))
+    assert (beside.kernel.time, beside.kernel.beta) == (2.0, 2.0)
+
+
 def test_loose_vertices_make_no_patch(rounded_box):
     box = rounded_box()
     box.data.vertices.add(1)
@@ -661,8 +683,8 @@ def test_blenders_handlers_end_it_first(events):
     shown_by(events)
     handlers = bpy.app.handlers
     for before_it in (handlers.undo_pre, handlers.redo_pre, handlers.save_pre, handlers.load_pre):
-        assert preview_operator._stop in before_it
-    preview_operator._stop()
+        assert preview_operator.stop in before_it
+    preview_operator.stop()
     assert stored(box) == before
     assert preview_operator._running == []
     assert events.send("TIMER") == {"CANCELLED"}

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.core import BeltramiSettings
-from shock_filter.core.host.crop import crop_around, smoothed_at_once
-from shock_filter.core.host.inputs import HostImage
+from shock_filter.core import BeltramiSettings, ImageSettings
+from shock_filter.core.host.crop import crop_around, filtered_at_once
+from shock_filter.core.host.inputs import Denoising, HostImage
 from shock_filter.core.host.screen_colors import decoded, screen_colors
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data.skipped import Refused
@@ -201,15 +201,22 @@ def test_the_longer_a_kernel_works_the_smaller_is_the_patch_and_no_less_fast():
     def work(pixels, time, iterations):
         return pixels * min(58 * time, pixels) * iterations  # pixels that are reached
 
-    sizes = [smoothed_at_once(BeltramiSettings(time=time)) for time in (0.5, 1, 4, 16, 100)]
+    sizes = [filtered_at_once(BeltramiSettings(time=time)) for time in (0.5, 1, 4, 16, 100)]
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[0] > 16_000
     assert sizes[-1] > 36**2
     for long, size in zip((0.5, 1, 4, 16, 100), sizes, strict=True):
         assert work(size, long, 2) < 7e6
-    assert smoothed_at_once(BeltramiSettings(time=4, iterations=8)) < 0.3 * sizes[2]
-    assert smoothed_at_once(BeltramiSettings(time=100, window=7)) > 10_000
-    assert smoothed_at_once(BeltramiSettings(time=0)) > 1_000_000
+    assert filtered_at_once(BeltramiSettings(time=4, iterations=8)) < 0.3 * sizes[2]
+    assert filtered_at_once(BeltramiSettings(time=100, window=7)) > 10_000
+    assert filtered_at_once(BeltramiSettings(time=0)) > 1_000_000
+    assert filtered_at_once(Denoising(BeltramiSettings(time=4), None)) == sizes[2]
+
+
+def test_any_filter_may_say_how_far_it_reaches():
+    assert filtered_at_once(SimpleNamespace(reach=600)) == 10_000
+    assert filtered_at_once(SimpleNamespace(reach=600, iterations=2)) == 5_000
+    assert filtered_at_once(ImageSettings()) == np.inf
 
 
 def test_denoising_longer_draws_a_smaller_patch(begun):

@@ -175,7 +175,7 @@ from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.core.host import welding
 def kept():
-    return [len(operators.summaries), image_data._overwritten is not None, len(welding._recent)]
+    return [len(operators.summaries), len(image_data._overwritten), len(welding._recent)]
 bpy.ops.wm.read_homefile(use_empty=True)
 bpy.ops.mesh.primitive_monkey_add()
 bpy.ops.shock_filter.sharpen_geometry()
@@ -187,7 +187,7 @@ print(json.dumps([before, kept()]))
 shock_filter.unregister()
 """
     )
-    assert kept == [[1, True, 1], [0, False, 0]]
+    assert kept == [[1, 1, 1], [0, 0, 0]]
 
 
 def test_handlers_that_others_have_removed_do_not_matter(blender):

@@ -507,7 +507,7 @@ def test_an_image_that_was_painted_on_meanwhile_is_not_replaced():
     photo = add()
     target = image_data.read_image(photo)
     painted = np.zeros_like(target.surface.pixels)
-    image_data.write_pixels(photo, painted, pack=False)
+    image_data.write_parts(photo, {image_data.UNTILED: painted}, pack=False)
     new = {image_data.UNTILED: target.surface.pixels * 0.5}
     with pytest.raises(image_operator.Skipped, match="it was changed meanwhile"):
         image_data.overwrite(photo, target.parts, new)

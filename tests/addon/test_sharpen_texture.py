@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shock_filter.core import Cancelled, TextureSettings
 from shock_filter.core.host.mosaic import Mosaic
-from shock_filter.core.host.registered import filter_texture
+from shock_filter.core.host.textures import filter_texture
 from shock_filter.shock_addon.data import chosen, tiles
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data import textures as texture_data
@@ -620,9 +620,8 @@ def test_a_linked_material_keeps_its_image_and_says_so(tmp_path, capfd):
 
 
 def target_of(obj):
-    parameters = texture_data.EVERYWHERE
     image = chosen.shown_image(bpy.context)
-    return texture_data.read_texture(bpy.context, image, parameters, 17)[0]
+    return texture_data.read_texture(bpy.context, image, SimpleNamespace(gutter=16))[0]
 
 
 @pytest.mark.parametrize("after", [0, 3, 8])

@@ -7,7 +7,7 @@ import pytest
 import shapes
 from scipy.ndimage import gaussian_filter
 from shock_filter import core
-from shock_filter.core.filters.denoising import then_sharpen
+from shock_filter.core import registry
 from shock_filter.core.settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
@@ -66,7 +66,7 @@ def denoised(name, vertices, faces):
     settings = use("denoise", name)
     time = settings.sharpen_time if settings.then_sharpen else None
     kernel = settings_from(BeltramiGeometrySettings, settings)
-    denoise = then_sharpen(core.beltrami_mesh, time)
+    denoise = registry.find("beltrami_mesh").function(time)
     return denoise(core.TriangleMesh(vertices, faces), settings=kernel)
 
 
@@ -195,7 +195,7 @@ def denoised_image(name, image):
     settings = use("denoise_image", name)
     time = settings.sharpen_time if settings.then_sharpen else None
     kernel = settings_from(BeltramiSettings, settings)
-    return then_sharpen(core.beltrami_image, time)(image, settings=kernel)
+    return registry.find("beltrami_image").function(time)(image, settings=kernel)
 
 
 @pytest.mark.parametrize(("name", "noise"), [("Light Noise", 0.02), ("Strong Noise", 0.15)])

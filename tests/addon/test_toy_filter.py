@@ -24,6 +24,10 @@ class InvertSettings(_Settings):
     strength: float = _setting(1.0, "How much. 0 changes nothing", minimum=0.0, maximum=1.0,
                                soft_minimum=0.0, soft_maximum=1.0)
     alpha: str = _alpha()
+
+    @property
+    def reach(self):
+        return 24_000
 '''
 
 MODULE = """
@@ -48,6 +52,10 @@ def invert_image(image, settings=None, mask=None, progress=None):
     inverted = np.array(image)
     inverted[..., :3] = invert_vertex_signal(None, colors, settings, mask, progress)
     return inverted
+
+
+def invert_texture(mesh, uv, image, settings=None, progress=None, atlas=None):
+    return invert_image(image, settings)
 """
 
 FILTERS = """
@@ -56,6 +64,8 @@ FILTERS += (
            "invert-colors", "invert the vertex colors of meshes", corners="invert_corner_signal"),
     Filter("invert_image", "filters.inverting", _settings.InvertSettings, IMAGE,
            "invert-image", "invert images"),
+    Filter("invert_texture", "filters.inverting", _settings.InvertSettings, TEXTURE,
+           "invert-texture", "invert textures", takes_mask=False),
 )
 """
 
@@ -67,6 +77,8 @@ MODES += [
          second="strength", presets=_TWICE),
     Mode("invert_image", "Invert", "", "invert_image", "Turn an image around",
          (Target("invert_image"),), "Inverted", "inverting", second="strength", presets=_TWICE),
+    Mode("invert_texture", "Invert Texture", "", "invert_texture", "Invert Texture",
+         "Turn a texture around", (Target("invert_texture"),), "Inverted", "inverting"),
 ]
 """
 
@@ -113,8 +125,10 @@ bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 from shock_filter import core
 from shock_filter.shock_addon.ui import manual, menus
-from shock_filter.shock_addon.preview import previewing, operator as preview_operator
+from shock_filter.shock_addon.preview import images as preview_images, previewing
 from shock_filter.shock_addon.modes import find
+from shock_filter.shock_addon.operators.base import filter_of
+from shock_filter.shock_addon.operators.properties import settings_of
 
 bpy.ops.mesh.primitive_grid_add(x_subdivisions=3, y_subdivisions=3)
 mesh = bpy.context.object.data
@@ -127,6 +141,25 @@ image = bpy.data.images.new("Plain", 4, 4, float_buffer=True)
 image.pixels.foreach_set(np.tile(np.float32([0.25, 0.25, 0.25, 1]), 16))
 ran.append(list(bpy.ops.shock_filter.invert_image(image="Plain", output="REPLACE")))
 scene = bpy.context.scene.shock_filter
+material = bpy.data.materials.new("Plain")
+material.use_nodes = True
+node = material.node_tree.nodes.new("ShaderNodeTexImage")
+node.image = image
+mesh.materials.append(material)
+ran.append(list(bpy.ops.shock_filter.invert_texture(image="Plain", output="REPLACE")))
+
+def tried(name):
+    preview = preview_images.begin(bpy.context, None, find(name))
+    settings = settings_of(preview.mode, preview.parameters)
+    part, pieces = preview.stage.part(settings)
+    run = filter_of(preview.mode, settings, preview.parameters)
+    (piece,) = pieces(run(part, lambda *_: True))
+    preview.end()
+    return [part.size, float(piece.colors[0, 0, 0])]
+
+node.image = bpy.data.images.new("Large", 80, 80, float_buffer=True)
+preview_images._place = lambda *_: (0.5, 0.5)
+tries = [tried("invert_image"), tried("invert_texture")]
 scene.mode = "INVERT"
 preset = list(bpy.ops.shock_filter.use_preset(mode="invert", name="Half"))
 parameters = previewing.parameters_of(bpy.context, find("invert"))
@@ -145,10 +178,11 @@ print(json.dumps({
     "ran": ran,
     "color": list(paint.data[0].color),
     "pixel": list(image.pixels[:4]),
-    "choices": [scene.bl_rna.properties[name].enum_items[-1].name
+    "choices": [[item.name for item in scene.bl_rna.properties[name].enum_items]
                 for name in ("mode", "image_mode")],
     "strength": scene.invert.strength,
     "preset": preset,
+    "tries": tries,
     "labels": [getattr(bpy.ops.shock_filter, name).get_rna_type().name
                for name in ("invert_colors", "invert_image", "invert_preset_add")],
     "text": preview.text(),
@@ -171,19 +205,26 @@ def test_the_core_gives_its_names(found):
 
 def test_its_operators_are_found_by_their_labels_and_invert(found):
     assert found["labels"] == ["Invert Colors", "Invert Image", "Add Invert Preset"]
-    assert found["ran"] == [["FINISHED"], ["FINISHED"]]
+    assert found["ran"] == [["FINISHED"]] * 3
     assert found["color"] == pytest.approx([0.75, 0.5, 0.0, 0.5], abs=1e-6)
-    assert found["pixel"] == pytest.approx([0.75, 0.75, 0.75, 1.0], abs=1e-6)
+    assert found["pixel"] == pytest.approx([0.25, 0.25, 0.25, 1.0], abs=1e-6)  # inverted twice
 
 
 def test_the_panels_offer_it_with_settings_and_presets(found):
-    assert found["choices"] == ["Invert", "Invert"]
+    assert all("Invert" in names for names in found["choices"])
     assert found["preset"] == ["FINISHED"]
     assert found["strength"] == 0.5
 
 
 def test_the_preview_has_its_dials(found):
     assert found["text"] == "Time 0 (move mouse) | Strength 0.6 (wheel)"
+
+
+def test_previews_take_a_patch_that_fits_its_reach_and_need_neither_mask_nor_gutter(found):
+    (patch, color), (texture, painted) = found["tries"]
+    assert patch == 49**2  # of 80**2, since each reads all of the patch
+    assert texture == 80**2
+    assert color == painted == pytest.approx(1.0)  # of black
 
 
 def test_the_manual_has_its_place(found):

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Each filter on files, as its command runs it."""
 
+from functools import partial
+
 from shock_filter.core.files.images import filter_image_file
 from shock_filter.core.files.meshes import filter_colors_file, filter_mesh_file
+from shock_filter.core.files.output import Options
 from shock_filter.core.files.textures import filter_texture_file
 from shock_filter.core.registry import find
 
@@ -12,7 +15,8 @@ def _on_files(pipeline, name, places=2):
         files, given = files_and_settings[:places], files_and_settings[places:]
         row = find(name)
         settings = given[0] if given else row.settings()
-        return pipeline(row.applied(settings, sharpen_time), *files, **words)
+        function = partial(row.function(sharpen_time), settings=settings)
+        return pipeline(function, *files, Options(**words))
 
     return run
 

@@ -12,10 +12,11 @@ from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.base.progress import reporting
 from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import then_sharpen
+from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
 from shock_filter.core.linear import multigrid
 from shock_filter.core.mesh.order import sorted_along_curve
 from shock_filter.core.mesh.weld import weld_borders
+from shock_filter.core.registry import find
 
 CHUNK = 64
 MOST = 4 * CHUNK
@@ -77,6 +78,7 @@ def painted(mesh):
     return colors.astype(np.float32), np.full(mesh.vertex_count, 0.5)
 
 
+BOTH = then_sharpen(beltrami_joint_corners, sharpen_both, core.ShockSettings(time=16.0))
 RUNS = {
     "geometry": lambda mesh, colors, mask, ask: core.sharpen_geometry(
         mesh, core.GeometrySettings(mollify_passes=1), mask, ask
@@ -91,12 +93,10 @@ RUNS = {
     "colors of corners": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
         mesh, colors, None, mask, ask
     ),
-    "denoising": lambda mesh, colors, mask, ask: then_sharpen(core.beltrami_mesh, 16.0)(
+    "denoising": lambda mesh, colors, mask, ask: find("beltrami_mesh").function(16.0)(
         mesh, mask=mask, progress=ask
     ),
-    "denoising both": lambda mesh, colors, mask, ask: then_sharpen(beltrami_joint_corners, 16.0)(
-        mesh, colors, mask=mask, progress=ask
-    ),
+    "denoising both": lambda mesh, colors, mask, ask: BOTH(mesh, colors, mask=mask, progress=ask),
     "welding": lambda mesh, colors, mask, ask: core.weld(mesh.vertices, ask),
     "welding borders": lambda mesh, colors, mask, ask: weld_borders(mesh.vertices, mesh.faces, ask),
     "sorting": lambda mesh, colors, mask, ask: sort(mesh, ask),
@@ -158,7 +158,7 @@ def test_kernels_on_images_ask(silent, scheme):
 def test_kernels_that_denoise_images_ask(silent, measure):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
     settings = core.BeltramiSettings(measure=measure, time=0.2)
-    denoise = then_sharpen(core.beltrami_image, 2.0)
+    denoise = find("beltrami_image").function(2.0)
     assert not silent(lambda ask: denoise(image, settings=settings, progress=ask))
 
 

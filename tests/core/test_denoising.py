@@ -10,7 +10,8 @@ from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files.output import Outcome
 from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import then_sharpen
+from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
+from shock_filter.core.registry import find
 
 GEOMETRY = core.BeltramiGeometrySettings(repeat=1)
 SIGNAL = core.BeltramiMeshSettings()
@@ -43,21 +44,17 @@ def photo(noise=0.05):
 # ------------------------------------------------------------------------------------------ arrays
 
 
-FILTERS = [
-    core.beltrami_mesh,
-    core.beltrami_vertex_signal,
-    core.beltrami_corner_signal,
-    core.beltrami_image,
-    beltrami_joint_corners,
-]
+def joint(time):
+    sharpening = find("beltrami_vertex_signal").sharpening(time)
+    return then_sharpen(beltrami_joint_corners, sharpen_both, sharpening)
 
 
-@pytest.mark.parametrize("denoise", FILTERS)
-def test_a_time_is_checked_before_work_begins(denoise):
-    assert then_sharpen(denoise, None) is denoise
+@pytest.mark.parametrize("name", ["beltrami_mesh", "beltrami_vertex_signal", "beltrami_image"])
+def test_a_time_is_checked_before_work_begins(name):
+    assert find(name).function(None) is getattr(core, name)
     for time, reason in ((-1.0, "time is -1"), (float("nan"), "time is nan"), ("1", "a number")):
         with pytest.raises(core.InvalidSettings, match=reason):
-            then_sharpen(denoise, time)
+            find(name).function(time)
 
 
 @pytest.mark.parametrize("alpha", ["auto", "none"])
@@ -66,11 +63,11 @@ def test_opacity_of_an_image_stays_or_is_denoised_and_sharpened(alpha):
     settings = core.BeltramiSettings(iterations=1, alpha=alpha)
     smooth = core.beltrami_image(image, settings)
     sharp = core.sharpen_image(smooth, core.ImageSettings(time=64, alpha=alpha))
-    result = then_sharpen(core.beltrami_image, 64.0)(image, settings=settings)
+    result = find("beltrami_image").function(64.0)(image, settings=settings)
     np.testing.assert_array_equal(result, sharp)
     assert (result[..., 3] == image[..., 3]).all() == (alpha == "auto")
     mask = np.zeros(image.shape[:2])
-    result = then_sharpen(core.beltrami_image, 64.0)(image, settings=settings, mask=mask)
+    result = find("beltrami_image").function(64.0)(image, settings=settings, mask=mask)
     np.testing.assert_array_equal(result, image)
 
 
@@ -82,24 +79,24 @@ def test_sharpening_works_on_the_result():
     denoised = core.TriangleMesh(core.beltrami_mesh(mesh, GEOMETRY), faces)
     sharp = core.sharpen_geometry(denoised, core.GeometrySettings(time=16, sampling="linear"))
     assert abs(sharp - denoised.vertices).max() > 0.01
-    close(then_sharpen(core.beltrami_mesh, 16.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
+    close(find("beltrami_mesh").function(16.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
 
     smooth = core.beltrami_vertex_signal(mesh, colors, SIGNAL)
     sharp = core.sharpen_vertex_signal(mesh, smooth, core.ShockSettings(time=64))
     assert abs(sharp - smooth).max() > 0.01
-    function = then_sharpen(core.beltrami_vertex_signal, 64.0)
+    function = find("beltrami_vertex_signal").function(64.0)
     close(function(mesh, colors, settings=SIGNAL), sharp, atol=1e-12)
 
     smooth = core.beltrami_corner_signal(mesh, colors[faces], SIGNAL)
     sharp = core.sharpen_corner_signal(mesh, smooth, core.ShockSettings(time=64))
     assert abs(sharp - smooth).max() > 0.01
-    function = then_sharpen(core.beltrami_corner_signal, 64.0)
+    function = find("beltrami_vertex_signal").function(64.0, corners=True)
     close(function(mesh, colors[faces], settings=SIGNAL), sharp, atol=1e-12)
 
     smooth = core.beltrami_image(photo(0.1), IMAGE)
     sharp = core.sharpen_image(smooth, core.ImageSettings(time=64))
     assert abs(sharp - smooth).max() > 0.01
-    close(then_sharpen(core.beltrami_image, 64.0)(photo(0.1), settings=IMAGE), sharp, atol=1e-12)
+    close(find("beltrami_image").function(64.0)(photo(0.1), settings=IMAGE), sharp, atol=1e-12)
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -115,7 +112,7 @@ def test_both_are_those_of_the_vertices_where_corners_agree(turned):
     positions, corners = beltrami_joint_corners(mesh, colors[faces], SIGNAL)
     np.testing.assert_allclose(positions, points, atol=1e-9)
     np.testing.assert_allclose(corners, values[faces], atol=1e-9)
-    both = then_sharpen(beltrami_joint_corners, 64.0)
+    both = joint(64.0)
     positions, corners = both(mesh, colors[faces], settings=SIGNAL)
     moved = core.TriangleMesh(positions, faces)
     sharp = core.sharpen_corner_signal(moved, values[faces], core.ShockSettings(time=64))
@@ -141,11 +138,11 @@ def test_weight_zero_stays_bit_for_bit(sharpen_time):
     mesh = core.TriangleMesh(vertices, faces)
     colors, right = painted(vertices)
     mask = np.where(right, 1.0, 0.0)
-    denoise = then_sharpen(core.beltrami_mesh, sharpen_time)
+    denoise = find("beltrami_mesh").function(sharpen_time)
     positions = denoise(mesh, settings=GEOMETRY, mask=mask)
     np.testing.assert_array_equal(positions[~right], vertices[~right])
     assert (positions[right] != vertices[right]).any(axis=1).mean() > 0.9
-    both = then_sharpen(beltrami_joint_corners, sharpen_time)
+    both = joint(sharpen_time)
     positions, corners = both(mesh, colors[faces], settings=SIGNAL, mask=mask)
     np.testing.assert_array_equal(positions[~right], vertices[~right])
     np.testing.assert_array_equal(corners[~right[faces]], colors[faces][~right[faces]])
@@ -158,10 +155,10 @@ def test_weight_zero_keeps_the_sign_of_zero(sharpen_time):
     mesh = core.TriangleMesh(vertices, faces)
     nothing = np.zeros(len(vertices))
     colors = np.random.default_rng(0).random((len(faces), 3))
-    denoise = then_sharpen(core.beltrami_mesh, sharpen_time)
+    denoise = find("beltrami_mesh").function(sharpen_time)
     positions = denoise(mesh, settings=GEOMETRY, mask=nothing)
     assert positions.tobytes() == vertices.tobytes()
-    both = then_sharpen(beltrami_joint_corners, sharpen_time)
+    both = joint(sharpen_time)
     positions, _ = both(mesh, colors, settings=SIGNAL, mask=nothing)
     assert positions.tobytes() == vertices.tobytes()
 
@@ -171,9 +168,9 @@ def test_progress_rises_to_one_and_cancels(sharpen_time):
     _, vertices, faces = noisy_cube()
     mesh = core.TriangleMesh(vertices, faces)
     colors, _ = painted(vertices)
-    geometry = then_sharpen(core.beltrami_mesh, sharpen_time)
-    both = then_sharpen(beltrami_joint_corners, sharpen_time)
-    image = then_sharpen(core.beltrami_image, sharpen_time)
+    geometry = find("beltrami_mesh").function(sharpen_time)
+    both = joint(sharpen_time)
+    image = find("beltrami_image").function(sharpen_time)
     runs = [
         lambda progress: geometry(mesh, settings=GEOMETRY, progress=progress),
         lambda progress: both(mesh, colors[faces], settings=SIGNAL, progress=progress),

@@ -676,10 +676,9 @@ end_header
     [
         ("strips.ply", STRIPS, "strips.ply holds no faces .*strips"),
         ("lines.obj", b"v 0 0 0\nv 1 0 0\nl 1 2\n", "lines.obj holds no faces"),
-        ("empty.obj", b"", "empty.obj holds no faces"),
-        ("empty.ply", b"", "empty.ply is not a PLY file"),
-        ("empty.stl", b"", "empty.stl"),
-        ("empty.glb", b"", "empty.glb cannot be read"),
+        ("none.obj", b"# nothing\n", "none.obj holds no faces"),
+        ("none.ply", b"hello", "none.ply is not a PLY file"),
+        *[(f"empty.{e}", b"", f"empty.{e} is empty") for e in ("obj", "ply", "stl", "glb")],
         ("torn.glb", b"glTF\x02\0\0\0", "torn.glb cannot be read"),
         ("text.off", b"hello", "text.off"),
         ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "nan.obj holds NaN"),
@@ -688,7 +687,7 @@ end_header
         ("far.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "far.obj: a face names a vertex"),
         ("zero.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "zero.obj: a face names a vertex"),
         ("line.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "zero area"),
-        ("mesh.xyz", b"0 0 0", r"mesh.xyz: cannot handle this ending; use one of .glb"),
+        ("mesh.xyz", b"0 0 0", r"\.xyz: cannot handle this ending; use one of .glb"),
     ],
 )
 def test_bad_files_are_named(tmp_path, name, data, words):

@@ -143,10 +143,11 @@ def test_multigrid_needs_few_iterations_where_the_diagonal_needs_many():
     assert fast.iterations < slow.iterations / 4
 
 
-def test_a_solve_that_does_not_get_there_is_an_error():
+def test_a_solve_that_does_not_get_there_is_an_error(monkeypatch):
     equations, full, rhs = system(100.0)
-    with pytest.raises(core.SolverError, match="after 2 iterations"):
-        solve(equations, rhs, 1e-8, multigrid=True, limit=2)
+    with monkeypatch.context() as patch, pytest.raises(core.SolverError, match="after 2 iter"):
+        patch.setattr(cg, "LIMIT", 2)
+        solve(equations, rhs, 1e-8, multigrid=True)
     with pytest.raises(core.SolverError, match="finite"):
         solve(equations, np.full_like(rhs, np.nan), 1e-3, multigrid=False)
     diagonal = scipy.sparse.diags(full.diagonal())
@@ -270,10 +271,12 @@ def test_poisson_with_two_pinned_unknowns(multigrid):
     stiffness = calculus.stiffness_matrix(mesh)
     fixed = np.zeros(mesh.vertex_count, dtype=bool)
     fixed[[5, 300]] = True
-    known = np.zeros(mesh.vertex_count)
-    known[[5, 300]] = -1.0, 2.0
+    known = np.zeros((mesh.vertex_count, 1))
+    known[[5, 300], 0] = -1.0, 2.0
     equations = LinearSystem.from_csr(stiffness, fixed)
-    x, report = solve(equations, 0 * known, 1e-9, x0=known, multigrid=multigrid)
+    missing = equations.residual(known, 0 * known)
+    step, report = solve(equations, missing, 1e-9, multigrid=multigrid)
+    x = known + step
     inner = ~fixed
     expected = known.copy()
     part = stiffness.toarray()[inner]
@@ -293,8 +296,10 @@ def test_what_leaves_constants_alone_is_solved_up_to_them(multigrid):
     for part in range(3):
         expected[parts == part] -= expected[parts == part].mean(axis=0)
     x, _ = solve(equations, stiffness @ expected, 1e-9, multigrid=multigrid)
+    for part in range(3):
+        x[parts == part] -= x[parts == part].mean(axis=0)
     assert np.allclose(x, expected, atol=1e-6)
-    with pytest.raises(core.SolverError, match="no solution"):
+    with pytest.raises(core.SolverError, match="stopped at"):
         solve(equations, 1.0 + stiffness @ expected, 1e-9, multigrid=multigrid)
 
 
@@ -307,21 +312,6 @@ def test_a_matrix_that_cannot_be_solved_is_refused():
     ):
         with pytest.raises(core.SolverError, match=words):
             LinearSystem.from_csr(scipy.sparse.csr_matrix(matrix))
-
-
-def test_a_start_nearby_saves_iterations_and_changes_nothing_else():
-    equations, _, rhs = system(50.0)
-    cold, slow = solve(equations, rhs, 1e-6)
-    start = 1.00001 * cold
-    warm, fast = solve(equations, rhs, 1e-6, x0=start)
-    assert 0 < fast.iterations < 0.7 * slow.iterations
-    assert fast.residual <= 1e-6
-    assert np.allclose(warm, cold, atol=1e-4 * abs(cold).max())
-    same, none = solve(equations, rhs, 1e-6, x0=cold)
-    assert none.iterations == 0
-    assert np.array_equal(same, cold)
-    nothing, _ = solve(equations, 0 * rhs, 1e-6, x0=start)
-    assert not nothing.any()
 
 
 @pytest.mark.parametrize("shape", ["sphere", "plane"])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import math
 
+import literal_walk
 import numpy as np
 import pytest
 from shapes import cube, grid, icosphere
@@ -8,6 +9,13 @@ from shock_filter import core
 from shock_filter.core.flow import potential as flow
 from shock_filter.core.flow import trace
 from shock_filter.core.mesh import calculus
+
+
+def trace_faces(mesh, potential, time, step=None):
+    """Ends of the exact walk, or of the literal one in steps of some length."""
+    if step is None:
+        return trace.trace_faces(mesh, potential, time)
+    return literal_walk.trace_faces(mesh, potential, time, step)
 
 
 def points(mesh, faces, coordinates):
@@ -62,7 +70,7 @@ def test_traces_in_a_uniform_flow_are_straight(step):
     mesh = unit_grid(20, 20, jitter=0.3)
     slope = np.array([0.6, -0.4])
     potential = mesh.vertices[:, :2] @ slope
-    faces, coordinates = trace.trace_faces(mesh, potential, 7.0, step=step)
+    faces, coordinates = trace_faces(mesh, potential, 7.0, step)
     end = points(mesh, faces, coordinates)[:, :2]
     expected = centres(mesh)[:, :2] - 0.5 * slope * 7.0
     side = mesh.vertices.max()
@@ -84,8 +92,8 @@ def test_folding_the_surface_does_not_bend_traces(step):
     bent = np.stack([np.minimum(x, fold), y, np.maximum(x - fold, 0)], axis=1)
     folded = core.TriangleMesh(bent, straight.faces)
     potential = 0.7 * x + 0.2 * y + 0.05 * x * y
-    a = trace.trace_faces(straight, potential, 9.0, step=step)
-    b = trace.trace_faces(folded, potential, 9.0, step=step)
+    a = trace_faces(straight, potential, 9.0, step)
+    b = trace_faces(folded, potential, 9.0, step)
     assert np.array_equal(a[0], b[0])
     assert np.allclose(a[1], b[1])
 
@@ -93,7 +101,7 @@ def test_folding_the_surface_does_not_bend_traces(step):
 def test_zero_time_and_zero_flow_stay_at_the_centre():
     mesh = unit_grid(4, 4)
     for potential, time in ((mesh.vertices[:, 0], 0.0), (np.ones(mesh.vertex_count), math.inf)):
-        faces, coordinates = trace.trace_faces(mesh, potential, time)
+        faces, coordinates = trace_faces(mesh, potential, time)
         assert np.array_equal(faces, np.arange(mesh.face_count))
         assert np.array_equal(coordinates, np.full((mesh.face_count, 3), 1 / 3))
 
@@ -107,7 +115,7 @@ def test_the_exact_walk_slides_down_a_valley():
     potential = 0.2 * abs(y - middle) + 0.4 * x + 10
     seeds = centres(mesh)
     time = 30.0
-    faces, coordinates = trace.trace_faces(mesh, potential, time)
+    faces, coordinates = trace_faces(mesh, potential, time)
     end = points(mesh, faces, coordinates)
     near = (abs(seeds[:, 1] - middle) < 2.5) & (seeds[:, 0] > 0.2 * time + 1)
     assert near.sum() > 20
@@ -119,7 +127,7 @@ def test_a_flow_that_turns_back_stops_the_walk():
     mesh = unit_grid(20, 10)
     _, y, _ = mesh.vertices.T
     middle = np.unique(y)[5]
-    faces, coordinates = trace.trace_faces(mesh, abs(y - middle), math.inf)
+    faces, coordinates = trace_faces(mesh, abs(y - middle), math.inf)
     assert np.allclose(points(mesh, faces, coordinates)[:, 1], middle)
 
 
@@ -134,7 +142,7 @@ def test_walks_go_downhill_and_further_with_time():
     mesh, potential = random_landscape()
     last = potential[mesh.faces].mean(axis=1)
     for time in (0.01, 0.1, 1.0, 10.0, math.inf):
-        faces, coordinates = trace.trace_faces(mesh, potential, time)
+        faces, coordinates = trace_faces(mesh, potential, time)
         assert coordinates.min() >= 0
         assert np.allclose(coordinates.sum(axis=1), 1)
         height = (potential[mesh.faces[faces]] * coordinates).sum(axis=1)
@@ -144,10 +152,10 @@ def test_walks_go_downhill_and_further_with_time():
 
 def test_the_exact_walk_is_the_limit_of_small_steps():
     mesh, potential = random_landscape()
-    exact = points(mesh, *trace.trace_faces(mesh, potential, 3.0)) / mesh.mean_edge_length
+    exact = points(mesh, *trace_faces(mesh, potential, 3.0)) / mesh.mean_edge_length
     medians = []
     for step in (0.1, 0.02, 0.004):
-        literal = trace.trace_faces(mesh, potential, 3.0, step=step)
+        literal = trace_faces(mesh, potential, 3.0, step)
         distances = np.linalg.norm(points(mesh, *literal) / mesh.mean_edge_length - exact, axis=1)
         medians.append(np.median(distances))
     assert medians[0] < 0.05
@@ -165,7 +173,7 @@ def test_zero_area_faces_end_traces_without_nan():
     mesh = core.TriangleMesh(vertices, faces)
     potential = vertices[:, 0] ** 2 + vertices[:, 1]
     for step in (None, 0.1):
-        _, coordinates = trace.trace_faces(mesh, potential, math.inf, step=step)
+        _, coordinates = trace_faces(mesh, potential, math.inf, step)
         assert np.isfinite(coordinates).all()
 
 
@@ -190,8 +198,11 @@ def test_surroundings_silence_a_sphere_and_keep_a_crease():
 
 
 def followed(mesh, vectors, time, step=None):
-    faces, coordinates = trace.face_centres(mesh)
-    trace.follow(mesh, vectors, time, faces, coordinates, step=step)
+    if step is None:
+        faces, coordinates = trace.face_centres(mesh)
+        trace.follow(mesh, vectors, time, faces, coordinates)
+    else:
+        faces, coordinates = literal_walk.follow_from_faces(mesh, vectors, time, step)
     return points(mesh, faces, coordinates)
 
 
@@ -282,13 +293,12 @@ def test_endless_walks_of_given_fields_are_refused():
         trace.follow(mesh, np.zeros((mesh.face_count, 3)), math.inf, *trace.face_centres(mesh))
 
 
-@pytest.mark.parametrize("step", [None, 0.1])
-def test_walks_that_are_cut_off_are_counted(monkeypatch, caplog, step):
+def test_walks_that_are_cut_off_are_counted(monkeypatch, caplog):
     mesh, potential = random_landscape()
-    trace.trace_faces(mesh, potential, 10.0, step=step)
+    trace_faces(mesh, potential, 10.0)
     assert not caplog.records
     monkeypatch.setattr(trace, "MOST_STEPS", 2)
-    _, coordinates = trace.trace_faces(mesh, potential, 10.0, step=step)
+    _, coordinates = trace_faces(mesh, potential, 10.0)
     (record,) = caplog.records
     assert 100 < record.args[0] <= mesh.face_count
     assert np.isfinite(coordinates).all()

@@ -447,6 +447,7 @@ def test_damaged_files_are_refused(name, damage):
 def test_other_bad_inputs():
     Path("empty.png").touch()
     Path("folder.png").mkdir()
+    Path("in.gif").touch()
     np.save("words.npy", np.array(["a", "b"]))
     np.save("line.npy", np.zeros(5, dtype=np.uint8))
     np.save("objects.npy", np.array([{}]), allow_pickle=True)
@@ -536,6 +537,7 @@ MEASURE = """
 import sys, threading
 from shock_filter import core
 from shock_filter.core.files.images import filter_image_file
+from shock_filter.core.files.output import Options
 
 def anonymous():
     with open("/proc/self/status") as status:
@@ -549,7 +551,7 @@ def watch(fraction, message):
 
 filter_image_file(core.sharpen_image, "small.npy", "small_out.npy")  # compiles
 before = anonymous()
-filter_image_file(core.sharpen_image, "in.npy", "out.npy", progress=watch)
+filter_image_file(core.sharpen_image, "in.npy", "out.npy", Options(progress=watch))
 print(1024 * (peak - before))
 """
 

@@ -84,6 +84,7 @@ def test_reusing_a_mesh_changes_no_bit(box):
 
 def test_reusing_a_scattered_mesh_changes_no_bit(box, monkeypatch):
     monkeypatch.setattr(order, "_SMALL", 0)
+    monkeypatch.setattr(order, "_BLOCK", 1)
     random = np.random.default_rng(3)
     rank = random.permutation(len(box[0]))
     vertices = np.empty_like(box[0])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, shuffled
+from shapes import cube, grid, icosphere, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
@@ -185,6 +185,12 @@ def test_sorting_along_a_curve_keeps_the_surface_and_brings_neighbours_together(
     assert np.array_equal(ordered.vertices, vertices[vertex_order])
     assert np.array_equal(vertex_order[ordered.faces], faces[face_order])
     assert not is_scattered(core.TriangleMesh(*icosphere(3)))
+
+
+def test_a_scattered_mesh_stays_scattered_when_it_is_subdivided():
+    vertices, faces, _, _ = shuffled(*icosphere(6))
+    assert is_scattered(core.TriangleMesh(*subdivide(vertices, faces)))
+    assert not is_scattered(core.TriangleMesh(*icosphere(7)))
 
 
 def two_sheets(apart):

@@ -74,17 +74,17 @@ def test_what_follows_sharpens_the_same_kind_of_data():
     }
 
 
-def test_a_row_applies_its_settings_and_what_follows():
+def test_a_row_gives_its_function_and_what_follows():
     image = np.random.default_rng(0).random((9, 8))
     row = registry.find("beltrami_image")
     settings = core.BeltramiSettings(beta=2.0)
     denoised = core.beltrami_image(image, settings)
-    np.testing.assert_array_equal(row.applied(settings)(image), denoised)
+    np.testing.assert_array_equal(row.function()(image, settings=settings), denoised)
     both = core.sharpen_image(denoised, core.ImageSettings(time=4.0))
     assert (both != denoised).any()
-    np.testing.assert_array_equal(row.applied(settings, 4.0)(image), both)
+    np.testing.assert_array_equal(row.function(4.0)(image, settings=settings), both)
     with pytest.raises(core.InvalidSettings, match="time is -1"):
-        row.applied(settings, -1.0)
+        row.function(-1.0)
 
 
 def test_the_stub_is_as_the_table_says():

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from shapes import angles, cube, grid, icosphere, rotation, shuffled
 from shock_filter import core
+from shock_filter.core.filters import fit
 from shock_filter.core.filters import geometry as shock
-from shock_filter.core.mesh import calculus
+from shock_filter.core.mesh import calculus, order
 
 
 def softened(vertices, faces, passes=3):
@@ -170,7 +171,8 @@ def test_scattered_meshes_take_the_sorted_way_to_the_same_result(monkeypatch):
     mesh = core.TriangleMesh(vertices, faces)
     mask = (vertices[:, 0] > 0).astype(float)
     positions, normals = core.sharpen_geometry(mesh, mask=mask), core.sharpen_normals(mesh)
-    monkeypatch.setattr(shock, "is_scattered", lambda mesh: True)
+    for module in (shock, order):
+        monkeypatch.setattr(module, "is_scattered", lambda mesh: True)
     assert np.allclose(core.sharpen_geometry(mesh, mask=mask), positions, atol=1e-5)
     assert np.allclose(core.sharpen_normals(mesh), normals, atol=1e-9)
 
@@ -343,6 +345,6 @@ def test_default_settings_bring_shapes_nearer_to_what_they_were(name, most):
 
 def test_a_mesh_that_repeating_collapses_is_an_error(soft_cube, monkeypatch):
     shrink = lambda mesh, *rest: (-mesh.vertices, None)  # noqa: E731
-    monkeypatch.setattr(shock, "displacement", shrink)
+    monkeypatch.setattr(fit, "displacement", shrink)
     with pytest.raises(core.InvalidMesh, match="shrunk"):
         core.sharpen_geometry(soft_cube, core.GeometrySettings(repeat=2))

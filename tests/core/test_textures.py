@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +8,10 @@ from atlases import Blocks, apart, sample
 from scipy.ndimage import gaussian_filter
 from shapes import grid, icosphere, rotation
 from shock_filter import core
+from shock_filter.core import registry
+from shock_filter.core.host.inputs import Denoising, HostImage, TexturedFaces, TexturedSurface
+from shock_filter.core.host.textures import filter_texture
+from shock_filter.core.registry import FILTERS, TEXTURE
 
 
 def photo(size=128, seed=0, sigma=1.5):
@@ -435,15 +440,48 @@ def test_cancelling_and_progress():
             core.sharpen_texture(mesh, blocks.uv, texture, progress=lambda f, m, s=stop: f < s)
 
 
-def test_the_bar_of_a_hosts_texture_does_not_jump():
-    from shock_filter.core.host.inputs import HostImage, TexturedFaces, TexturedSurface
-    from shock_filter.core.host.registered import filter_texture
-
-    blocks = Blocks(photo(64))
+def on_host(blocks, opacity="STRAIGHT"):
+    """What a host program keeps of them."""
     pixels = np.ones((blocks.width, blocks.width, 4), dtype=np.float32)
     pixels[..., :3] = blocks.texture(0)
     faces = TexturedFaces(blocks.vertices, blocks.faces, blocks.uv, None)
-    surface = TexturedSurface(faces, HostImage(pixels, "STRAIGHT", False, 0), None)
+    return TexturedSurface(faces, HostImage(pixels, opacity, False, 0), None)
+
+
+@pytest.mark.parametrize("opacity", ["STRAIGHT", "NONE"])
+def test_any_filter_of_textures_may_be_followed_by_sharpening(monkeypatch, opacity):
+    rows = [row._replace(then="sharpen_texture" * (row.kind is TEXTURE)) for row in FILTERS]
+    monkeypatch.setattr(registry, "FILTERS", rows)
+    surface = on_host(Blocks(photo(32)), opacity)
+    settings = core.DilateSettings(gutter=2)
+    told = []
+    dilated = filter_texture(
+        surface, "dilate_texture", settings, lambda f, m: told.append(m) or True
+    )
+    assert "Filling the gutter" in told
+    assert not [message for message in told if "Sharpening" in message]
+    between = replace(surface, picture=replace(surface.picture, pixels=dilated.recolored.colors))
+    sharp = filter_texture(between, "sharpen_texture", core.TextureSettings(time=4.0))
+    assert (sharp.recolored.colors != dilated.recolored.colors).any()
+    both = filter_texture(surface, "dilate_texture", Denoising(settings, 4.0))
+    np.testing.assert_array_equal(both.recolored.colors, sharp.recolored.colors)
+    masked = replace(surface, mask=np.zeros(surface.picture.pixels.shape[:2]))
+    kept = filter_texture(masked, "sharpen_texture", Denoising(core.TextureSettings(time=1.0), 4.0))
+    inside = (
+        core.TextureAtlas(
+            core.TriangleMesh(surface.faces.positions, surface.faces.triangles),
+            surface.faces.uv,
+            *masked.mask.shape,
+        )
+        .masks()
+        .face
+        >= 0
+    )
+    np.testing.assert_array_equal(kept.recolored.colors[inside], surface.picture.pixels[inside])
+
+
+def test_the_bar_of_a_hosts_texture_does_not_jump():
+    surface = on_host(Blocks(photo(64)))
     told = []
     settings = core.TextureSettings()
     filter_texture(surface, "sharpen_texture", settings, lambda f, m: told.append((f, m)) or True)

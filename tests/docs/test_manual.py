@@ -175,4 +175,4 @@ def test_every_public_name_and_every_command_is_explained():
         assert any(entry in reference for entry in entries), f"core.{name} is not in docs/api.md"
     batch = (ROOT / "docs" / "batch.md").read_text(encoding="utf-8")
     for command in cli.COMMANDS:
-        assert f"`{command.name}`" in batch
+        assert f"`{command.command}`" in batch

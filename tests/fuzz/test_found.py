@@ -8,7 +8,8 @@ from shapes import grid
 from shock_filter import core
 from shock_filter.core.filters.beltrami import meshes
 from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import then_sharpen
+from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
+from shock_filter.core.registry import find
 
 
 @pytest.fixture
@@ -93,10 +94,10 @@ def test_a_mesh_that_denoising_draws_to_a_point_is_not_sharpened(wings):
     mesh, colors = wings
     long = {"time": 1e6, "iterations": 9}
     settings = core.BeltramiGeometrySettings(filtered="positions", **long)
-    positions = then_sharpen(core.beltrami_mesh, 16.0)(mesh, settings=settings)
+    positions = find("beltrami_mesh").function(16.0)(mesh, settings=settings)
     assert np.ptp(positions, axis=0).max() < 1e-6
     joint = core.BeltramiMeshSettings(beta=0.0, **long)
-    both = then_sharpen(beltrami_joint_corners, 16.0)
+    both = then_sharpen(beltrami_joint_corners, sharpen_both, core.ShockSettings(time=16.0))
     positions, result = both(mesh, np.full_like(colors, 0.5), settings=joint)
     assert np.ptp(positions, axis=0).max() < 1e-6
     assert (result == 0.5).all()
@@ -111,7 +112,8 @@ def test_a_mesh_that_denoising_draws_to_a_line_is_not_sharpened(wings, monkeypat
         "moved_vertices",
         lambda given, moved: line if given is mesh else original(given, moved),
     )
-    positions, _ = then_sharpen(beltrami_joint_corners, 16.0)(mesh, colors)
+    both = then_sharpen(beltrami_joint_corners, sharpen_both, core.ShockSettings(time=16.0))
+    positions, _ = both(mesh, colors)
     assert (positions == line).all()
 
 

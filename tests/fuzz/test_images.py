@@ -7,7 +7,7 @@ from checks import assert_alike, assert_same_bits, assert_sentence, assert_withi
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from shock_filter import core
-from shock_filter.core.filters.denoising import then_sharpen
+from shock_filter.core.registry import find
 from strategies import (
     broken,
     examples,
@@ -58,7 +58,7 @@ def test_denoise_image(data, image, settings, sharpen_time, stop_at):
     mask = data.draw(masks(*image.shape[:2]))
     given_arrays = [image] if mask is None else [image, mask]
     result = call(
-        lambda watch: then_sharpen(core.beltrami_image, sharpen_time)(
+        lambda watch: find("beltrami_image").function(sharpen_time)(
             image, settings=settings, mask=mask, progress=watch),
         *given_arrays, stop_at=stop_at)  # fmt: skip
     check_image(result, image, mask, settings.time == 0 and not sharpen_time, settings.alpha)

@@ -8,12 +8,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from shock_filter import core
 from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import then_sharpen
+from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
+from shock_filter.core.registry import find
 from strategies import broken, examples, masks, meshes, settings_of, signals, triangles
 
 pytestmark = pytest.mark.timeout(1800, method="thread")  # a thread can end compiled code, too
 
 STOPS = st.floats(0, 1)
+SIGNALS = find("beltrami_vertex_signal")
 SHARPEN_TIMES = st.sampled_from([None, 0.0, 16.0, 1e3, np.inf])
 
 
@@ -196,7 +198,7 @@ def test_flow_field(data, settings, stop_at):
 def test_denoise_geometry(data, settings, sharpen_time, stop_at):
     mesh = data.draw(meshes())
     mask = data.draw(masks(mesh.vertex_count))
-    function = then_sharpen(core.beltrami_mesh, sharpen_time)
+    function = find("beltrami_mesh").function(sharpen_time)
     positions = call_on(
         mesh, lambda m, watch: function(m, settings=settings, mask=mask, progress=watch), mask,
         stop_at=stop_at)  # fmt: skip
@@ -211,8 +213,7 @@ def test_denoise_signals(data, settings, sharpen_time, stop_at):
     keeps_all = settings.time == 0 and not sharpen_time
     corner = data.draw(st.booleans())
     signal = data.draw(signals(mesh.face_count, 3) if corner else signals(mesh.vertex_count))
-    denoise = core.beltrami_corner_signal if corner else core.beltrami_vertex_signal
-    function = then_sharpen(denoise, sharpen_time)
+    function = SIGNALS.function(sharpen_time, corners=corner)
     result = call_on(
         mesh, lambda m, watch: function(m, signal, settings=settings, mask=mask, progress=watch),
         signal, mask, stop_at=stop_at)  # fmt: skip
@@ -228,7 +229,9 @@ def test_denoise_both(data, settings, sharpen_time, stop_at):
     keeps_all = settings.time == 0 and not sharpen_time
     if data.draw(st.booleans()):
         signal = data.draw(signals(mesh.face_count, 3))
-        function = then_sharpen(beltrami_joint_corners, sharpen_time)
+        function = then_sharpen(
+            beltrami_joint_corners, sharpen_both, SIGNALS.sharpening(sharpen_time)
+        )
         positions, result = call_on(
             mesh,
             lambda m, watch: function(m, signal, settings=settings, mask=mask, progress=watch),

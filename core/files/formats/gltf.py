@@ -17,15 +17,13 @@ import numpy.typing as npt
 from ...errors import InvalidMesh, ShockError
 from ..document import (
     NEW_NORMALS,
-    NO_FACES,
-    NO_PARTS,
-    NO_VERTICES,
     Bools,
     Floats,
     Ints,
     Names,
     copy_beside,
     from_unit,
+    joined,
     renewed_vertex_normals,
     to_unit,
     transformed,
@@ -56,7 +54,10 @@ class GltfFile:
         ]
         to_world = _gltf_matrices(self._tree)
         self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
-        blocks, faces, parts, first = [NO_VERTICES], [NO_FACES], [NO_PARTS], 0
+        blocks: list[Floats] = []
+        faces: list[Ints] = []
+        parts: list[int] = []
+        first = 0
         for number, primitive in self._primitives():
             accessor = primitive["attributes"]["POSITION"]
             if accessor not in self._rows:
@@ -71,10 +72,9 @@ class GltfFile:
             if len(corners) and corners.max() >= rows.stop - rows.start:
                 raise InvalidMesh(f"{path}: a face names a vertex that is not there.")
             faces.append(corners[: len(corners) // 3 * 3].reshape(-1, 3) + rows.start)
-            parts.append(np.full(len(faces[-1]), number))
-        self._counts = [len(block) for block in faces[1:]]  # triangles of each primitive
-        self.vertices, self.faces = np.vstack(blocks), np.vstack(faces)
-        self.parts = np.concatenate(parts)
+            parts.append(number)
+        self._counts = [len(block) for block in faces]  # triangles of each primitive
+        self.vertices, self.faces, self.parts = joined(blocks, faces, parts)
 
     def _primitives(self) -> Iterator[tuple[int, dict[str, Any]]]:
         for number, mesh in enumerate(self._tree.get("meshes", [])):

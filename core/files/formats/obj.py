@@ -34,9 +34,7 @@ class ObjFile:
         corners: list[tuple[int, int]] = []  # vertex and normal of each corner, -1 for none
         sizes, parts, part = [], [], 0
         for number, line in enumerate(self.lines):
-            word, _, rest = line.strip().partition(b" ")
-            if b"\t" in word:
-                word, _, rest = line.strip().partition(b"\t")
+            word, rest = [*line.split(None, 1), b"", b""][:2]
             if word == b"v":
                 self._vertex_lines.append(number)
             elif word == b"vn":

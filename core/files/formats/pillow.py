@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import struct
 import threading
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,12 @@ from ..reading import needed
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}
+_KEPT = {
+    "PNG": {ICC, RESOLUTION, EXIF, XMP},
+    "JPEG": {ICC, RESOLUTION, EXIF, XMP},
+    "WEBP": {ICC, EXIF, XMP},
+    "BMP": {RESOLUTION},
+}
 _PLAIN_MODES = ("L", "LA", "RGB", "RGBA")
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # Parts of a PNG that say how values are meant, so that they stay true for other values.
@@ -42,7 +47,7 @@ def read_pillow(path: Path) -> ImageFile:
             if data[24] == 16:
                 if "transparency" in image.info:
                     image_file.notes.append(_CLEAR_COLOR)
-                image_file.pixels = _decode_deep_png(data, path)
+                image_file.pixels = needed("imagecodecs", path).png_decode(data)
                 return image_file
         if image.format in ("JPEG", "MPO"):
             image_file.own = _jpeg_options(image)
@@ -97,24 +102,26 @@ def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
         data = needed("imagecodecs", path).png_encode(pixels)
     else:
         data = _encoded_png(pixels)
-    chunks = image_file.own if image_file.format == "PNG" else _new_chunks(image_file.about)
+    chunks = image_file.own
+    if image_file.format != "PNG":
+        chunks = _lasting_chunks(_encoded_png(np.zeros((1, 1), np.uint8), image_file.about))
     start = len(_SIGNATURE) + 25  # after the header chunk
     path.write_bytes(b"".join([data[:start], *chunks, data[start:]]))
     return []
 
 
-def _encoded_png(pixels: npt.NDArray[Any]) -> bytes:
+def _encoded_png(pixels: npt.NDArray[Any], about: dict[str, Any] | None = None) -> bytes:
     import io
 
-    from PIL import Image
+    from PIL import Image, PngImagePlugin
 
+    options = _options(about or {}, "PNG")
+    if XMP in (about or {}):
+        options["pnginfo"] = PngImagePlugin.PngInfo()
+        options["pnginfo"].add_itxt("XML:com.adobe.xmp", options.pop("xmp"))
     stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG")
+    Image.fromarray(pixels).save(stream, "PNG", **options)
     return stream.getvalue()
-
-
-def _decode_deep_png(data: bytes, path: Path) -> npt.NDArray[Any]:
-    return needed("imagecodecs", path).png_decode(data)
 
 
 def _lasting_chunks(data: bytes) -> list[bytes]:
@@ -128,25 +135,6 @@ def _lasting_chunks(data: bytes) -> list[bytes]:
             found.append(data[place : place + 12 + length])
         place += 12 + length
     return found
-
-
-def _new_chunks(about: dict[str, Any]) -> list[bytes]:
-    chunks = []
-    if ICC in about:
-        chunks.append(_chunk(b"iCCP", b"ICC profile\0\0" + zlib.compress(about[ICC])))
-    if RESOLUTION in about:
-        x, y = (round(float(inch) / 0.0254) for inch in about[RESOLUTION])
-        chunks.append(_chunk(b"pHYs", struct.pack(">IIB", x, y, 1)))
-    if EXIF in about:
-        chunks.append(_chunk(b"eXIf", about[EXIF]))
-    if XMP in about:
-        chunks.append(_chunk(b"iTXt", b"XML:com.adobe.xmp\0\0\0\0\0" + about[XMP]))
-    return chunks
-
-
-def _chunk(kind: bytes, data: bytes) -> bytes:
-    body = kind + data
-    return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
 
 
 # ----------------------------------------------------------------------------- JPEG, WebP and BMP
@@ -170,36 +158,33 @@ def write_jpeg(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> l
     options = {"quality": 95, "subsampling": 0}
     if image_file.format in ("JPEG", "MPO"):
         options = image_file.own
-    kept = {ICC, RESOLUTION, EXIF, XMP}
-    _save(path, "JPEG", image_file, pixels, kept, **options)
-    return ["JPEG is lossy: all pixels were compressed anew", *lost(image_file, path, kept)]
+    notes = _save(path, "JPEG", image_file, pixels, **options)
+    return ["JPEG is lossy: all pixels were compressed anew", *notes]
 
 
 def write_webp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write without loss."""
-    kept = {ICC, EXIF, XMP}
-    _save(path, "WEBP", image_file, pixels, kept, lossless=True, exact=True)
-    return lost(image_file, path, kept)
+    return _save(path, "WEBP", image_file, pixels, lossless=True, exact=True)
 
 
 def write_bmp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write without compression."""
-    _save(path, "BMP", image_file, pixels, {RESOLUTION})
-    return lost(image_file, path, {RESOLUTION})
+    return _save(path, "BMP", image_file, pixels)
 
 
 def _save(
-    path: Path,
-    name: str,
-    image_file: ImageFile,
-    pixels: npt.NDArray[Any],
-    kept: set[str],
-    **options: Any,
-) -> None:
+    path: Path, name: str, image_file: ImageFile, pixels: npt.NDArray[Any], **options: Any
+) -> list[str]:
     needed("PIL", path)
     from PIL import Image
 
-    options |= {_INFO[key]: value for key, value in image_file.about.items() if key in kept}
+    Image.fromarray(pixels).save(path, name, **_options(image_file.about, name), **options)
+    return lost(image_file, path, _KEPT[name])
+
+
+def _options(about: dict[str, Any], name: str) -> dict[str, Any]:
+    """What Pillow has to be told of a picture, as far as a format keeps it."""
+    options = {_INFO[key]: value for key, value in about.items() if key in _KEPT[name]}
     if "exif" in options:
         options["exif"] = _EXIF_MARK + options["exif"]
-    Image.fromarray(pixels).save(path, name, **options)
+    return options

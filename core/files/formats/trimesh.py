@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...mesh.weld import weld
-from ..document import NO_FACES, NO_PARTS, NO_VERTICES, Bools, Floats, transformed
+from ..document import Bools, Floats, Ints, joined, transformed
 from ..reading import needed
 
 # What each format can hold besides triangles, as far as trimesh writes it.
@@ -45,7 +45,9 @@ class SceneFile:
         self._path = path
         self._scene = load_scene(path)
         self._meshes: list[tuple[Any, Floats, slice]] = []
-        blocks, faces, parts, first = [NO_VERTICES], [NO_FACES], [NO_PARTS], 0
+        blocks: list[Floats] = []
+        faces: list[Ints] = []
+        first = 0
         for name, mesh in self._scene.geometry.items():
             if not len(getattr(mesh, "faces", ())):
                 continue
@@ -56,11 +58,9 @@ class SceneFile:
             matrix = self._scene.graph[nodes[0]][0] if nodes else np.eye(4)
             blocks.append(transformed(np.asarray(mesh.vertices), matrix))
             faces.append(mesh.faces + first)
-            parts.append(np.full(len(mesh.faces), len(self._meshes)))
             self._meshes.append((mesh, matrix, slice(first, first + len(blocks[-1]))))
             first += len(blocks[-1])
-        self.vertices, self.faces = np.vstack(blocks), np.vstack(faces)
-        self.parts = np.concatenate(parts)
+        self.vertices, self.faces, self.parts = joined(blocks, faces, list(range(len(faces))))
 
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
         for mesh, matrix, rows in self._meshes:

@@ -12,18 +12,20 @@ of the area around it on the mesh, so that crowded vertices do not count more.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
 from ...base.checks import checked_mask, checked_signal, checked_type
 from ...base.progress import ProgressCallback, aside, phase, reporting
-from ...mesh.calculus import blended_normals, group_means, lumped_mass
+from ...mesh.calculus import group_means, lumped_mass
 from ...mesh.geodesics import stencils
-from ...mesh.order import is_scattered, sorted_along_curve
+from ...mesh.order import in_good_order
 from ...mesh.triangle_mesh import Floats, TriangleMesh
 from ...mesh.weld import split_at_jumps
 from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings
-from ..fit import displacement, moved_vertices
+from ..fit import moved_vertices, refitted
 from ..signals import from_own_corners, like, to_own_corners
 from .mesh_smoothing import smooth_graph
 from .normals import noise_of_normals, smoothed_normals
@@ -309,13 +311,7 @@ def beltrami_mesh(
     if settings.time == 0:
         return mesh.vertices.copy()
     with reporting(progress):
-        if is_scattered(mesh):
-            ordered, order, _ = sorted_along_curve(mesh)
-            moved = np.empty_like(mesh.vertices)
-            ordered_weights = None if weights is None else weights[order]
-            moved[order] = _displacement(ordered, settings, ordered_weights)
-        else:
-            moved = _displacement(mesh, settings, weights)
+        moved = in_good_order(mesh, partial(_displacement, settings), weights)
         with phase(1.0, 1.0, "Denoising"):
             return moved_vertices(mesh, moved)
 
@@ -344,38 +340,27 @@ def _smoothed(
             embedding = np.concatenate([points, beta * values], axis=1)
             with aside("Denoising"):
                 graph = stencils(mesh, embedding)
+            signal = np.concatenate([points, values], axis=1) if moves else values
+            means = smooth_graph(graph, embedding, mass, signal, settings)
             if moves:
-                both = np.concatenate([points, values], axis=1)
-                both = smooth_graph(graph, embedding, mass, both, settings)
-                points, means = np.split(both, [3], axis=1)
-            else:
-                means = smooth_graph(graph, embedding, mass, values, settings)
+                points, means = np.split(means, [3], axis=1)
             values = np.clip(means, low, high)
     return points, values
 
 
 def _displacement(
-    mesh: TriangleMesh, settings: BeltramiGeometrySettings, weights: Floats | None
+    settings: BeltramiGeometrySettings, mesh: TriangleMesh, weights: Floats | None
 ) -> Floats:
     if settings.filtered == "positions":
         points, _ = _smoothed(mesh, np.zeros((mesh.vertex_count, 0)), settings, moves=True)
         return _moves_to(points, mesh, weights)
     with aside("Denoising"):
         noise = noise_of_normals(mesh)
-    moved, current = np.zeros((0, 3)), mesh
-    for turn in range(settings.repeat):
-        with phase(turn / settings.repeat, (turn + 1) / settings.repeat, "Denoising"):
-            with phase(0.0, 0.7, "Denoising"):
-                normals = smoothed_normals(current, settings, noise)
-            if weights is not None:
-                with phase(0.7, 0.7, "Denoising"):
-                    normals = blended_normals(mesh, current.normals, normals, weights)
-            with phase(0.7, 1.0, "Fitting the surface"):
-                step, _ = displacement(current, normals, settings, weights)
-        moved = step if turn == 0 else moved + step
-        if turn + 1 < settings.repeat:
-            current = mesh.moved_to(mesh.vertices + moved)
-    return moved
+
+    def denoise(current: TriangleMesh) -> Floats:
+        return smoothed_normals(current, settings, noise)
+
+    return refitted(mesh, denoise, settings, weights, "Denoising")
 
 
 def _moves_to(points: Floats, mesh: TriangleMesh, weights: Floats | None) -> Floats:
