@@ -37,6 +37,10 @@ def test_editors_show_the_result_and_while_it_is_undone_its_source(report, opera
     }
 
 
+def test_old_and_new_images_are_there_when_the_file_is_opened_again(report):
+    assert {"Coat", "Coat sharpened", "Photo", "Photo sharpened"} <= set(report["saved"])
+
+
 def test_so_they_do_step_by_step_after_several_runs(report):
     first, second = "Photo sharpened", "Photo sharpened denoised"
     assert report["twice"] == {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Image Editors show after runs, after F9, undo and redo; two are open."""
+"""What Image Editors show after runs, after F9, undo and redo, and what is saved."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import bpy
 import scene
 from harness import (
     DRAWN,
+    PICTURES,
     Steps,
     area,
     click,
@@ -47,6 +48,7 @@ def scenario() -> Steps:
     ):
         yield from history(operator, name)
     yield from twice()
+    yield from saved()
 
 
 def history(operator: str, name: str) -> Steps:
@@ -95,6 +97,23 @@ def twice() -> Steps:
     ):
         yield from press(key)
         seen[step] = shown()
+
+
+def saved() -> Steps:
+    """Run on images that nothing else keeps, save the file, and open it again, twice."""
+    for image in bpy.data.images:
+        image.use_fake_user = False
+    show("Coat", "Photo")
+    for operator in ("sharpen_texture", "sharpen_image"):
+        run(operator, "IMAGE_EDITOR")
+        yield from finished()
+        show("Photo", "Photo")
+    path = str(PICTURES / "kept.blend")
+    for _ in range(2):
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+        bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+        yield DRAWN
+    report["saved"] = bpy.data.images.keys()
 
 
 def adjust() -> Steps:
