@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Show Flow and Hide Flow, and what the overlay draws."""
 
+import sys
 from types import SimpleNamespace
 
 import bpy
@@ -170,6 +171,19 @@ def registered():
         for function in group
         if function.__module__ == flow_overlay.__name__
     ]
+
+
+def test_what_is_drawn_is_loaded_when_it_is_first_drawn(rounded_box, monkeypatch):
+    box = rounded_box()
+    show_flow()
+    shader = SimpleNamespace(from_builtin=lambda name: name)
+    monkeypatch.setattr(flow_overlay, "gpu", SimpleNamespace(shader=shader))
+    monkeypatch.setattr(flow_overlay, "batch_for_shader", lambda *args, **more: (*args, more))
+    monkeypatch.delitem(sys.modules, "shock_filter.core.host.strokes", raising=False)
+    monkeypatch.delattr("shock_filter.core.host.strokes", raising=False)
+    surface, strokes = flow_overlay._batches(box.data)
+    assert len(surface[2]["color"]) == len(box.data.vertices)
+    assert len(strokes[2]["pos"]) == len(strokes[2]["color"]) > 0
 
 
 def test_hiding_the_flow_removes_the_attributes(rounded_box, window):
