@@ -28,6 +28,9 @@ from ..mesh.triangle_mesh import Floats, Ints
 
 _MOST_RESTS = 30
 
+_MOST_AROUND = 1000
+"""Faces around a vertex that a walk looks at; it ends at a vertex with more."""
+
 
 class Triangles(NamedTuple):
     """What walks read of a mesh; see `TriangleMesh`."""
@@ -161,7 +164,7 @@ def _leave_vertex(triangles, field, f, k, came):
     best_angle = 0.0
     best_face, best_corner, kind = -1, -1, 0
     g, c = f, k
-    while True:  # twins pair up, so the round ends at its begin or at a border
+    for _ in range(_MOST_AROUND):  # twins pair up, so the round ends at its begin or at a border
         if areas[g] == 0:
             return -1, -1, 0
         u, w = _sides(vertices, faces, g, c)
@@ -192,6 +195,8 @@ def _leave_vertex(triangles, field, f, k, came):
         c = t - 3 * g
         if g == f and c == k:
             break
+    else:
+        return -1, -1, 0
     if kind == 0:
         return -1, -1, 0
     # Straight on is half the vertex's total angle away from where the walk came from.
@@ -218,7 +223,7 @@ def _angle_around(triangles, f, k):
     # The sum of the angles at the vertex of corner k, up to a border if it lies on one.
     total = 0.0
     g, c = f, k
-    while True:
+    for _ in range(_MOST_AROUND):
         total += _corner_angle(triangles, g, c)
         t = triangles.twins[g, after(after(c))]
         if t < 0:
@@ -226,7 +231,8 @@ def _angle_around(triangles, f, k):
         g = t // 3
         c = t - 3 * g
         if g == f and c == k:
-            return total
+            break
+    return total
 
 
 @kernel

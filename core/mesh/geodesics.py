@@ -29,6 +29,9 @@ log = logging.getLogger(__name__)
 UNFOLDED = 30
 """Most faces that are unfolded to split one obtuse corner."""
 
+ALL = np.iinfo(np.int64).max
+"""No limit to how many vertices a march reaches."""
+
 _ACUTE, _AT_BORDER, _GIVEN_UP = -1, -2, -3  # why a corner is not split
 
 
@@ -106,7 +109,7 @@ def distances_from(
     if embedding is not None:
         points = checked_signal(embedding, mesh.vertex_count, "embedding", np.inf)
     front = new_front(mesh.vertex_count)
-    count = march(source, 1, limit, stencils(mesh, points), front)
+    count = march(source, 1, limit, ALL, stencils(mesh, points), front)
     found = np.full(mesh.vertex_count, np.inf)
     vertices = front.reached[:count]
     found[vertices] = np.sqrt(front.squares[vertices])
@@ -166,7 +169,7 @@ def new_front(count):
 
 
 @kernel
-def march(source, turn, limit, graph, front):
+def march(source, turn, limit, most, graph, front):
     """March from `source` up to the distance `limit`; return how many vertices were reached.
 
     Parameters
@@ -176,6 +179,9 @@ def march(source, turn, limit, graph, front):
         Another number above zero for each march with the same front, so that nothing need be
         cleared.
     limit : float
+    most : int
+        How many vertices to reach, the nearest ones; of those with more triangles than this, some
+        are left out, evenly. `ALL` for all.
     graph : Stencils
     front : Front
         Gets the vertices and their distances.
@@ -189,14 +195,16 @@ def march(source, turn, limit, graph, front):
     squares[source] = 0.0
     stamps[source] = close
     size = _push(source, size, heap, slots, squares)
-    while size > 0:
+    while size > 0 and count < most:
         v = heap[0]
         size = _pop(size, heap, slots, squares)
         stamps[v] = accepted
         reached[count] = v
         count += 1
         square = squares[v]
-        for i in range(start[v], start[v + 1]):
+        row = start[v + 1] - start[v]
+        stride = 1 if row <= most else 1 + row // most
+        for i in range(start[v], start[v + 1], stride):
             target, other = targets[i], others[i]
             if stamps[target] == accepted:
                 continue

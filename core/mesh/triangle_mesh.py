@@ -18,6 +18,9 @@ from ..base.vectors import after, cross, dot, edge
 from ..errors import InvalidMesh
 from .adjacency import Ints, rings, wound_twins
 
+HUB = 100
+"""Most faces at a vertex of ordinary meshes, on which nothing is left out."""
+
 
 class TriangleMesh:
     """A triangle mesh with its connectivity.
@@ -101,6 +104,15 @@ class TriangleMesh:
     def face_count(self) -> int:
         """Number of triangles."""
         return len(self.faces)
+
+    @cached_property
+    def has_hubs(self) -> bool:
+        """Whether more than `HUB` faces meet at some vertex.
+
+        Around a hub, all lie near all: what visits everything near each face or vertex has to
+        leave some out, or its work grows with the square of the hub's faces.
+        """
+        return bool(np.diff(self.corners[0]).max() > HUB)
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints]:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ProgressCallback, aside, ask, reporting
 from .adjacency import Ints
-from .triangle_mesh import Floats, TriangleMesh, checked_vertices
+from .triangle_mesh import HUB, Floats, TriangleMesh, checked_vertices
 
 
 def weld(
@@ -171,12 +171,21 @@ def _number_places(start, stop, bits, table, places, first, index):
 @kernel
 def _lead_corners(start, stop, corner_start, corners, signal, leaders):
     # The first corner at the same vertex with the same values leads.
+    keys = np.empty(0)
     for v in range(start, stop):
-        for i in range(corner_start[v], corner_start[v + 1]):
-            corner = corners[i]
+        around = corners[corner_start[v] : corner_start[v + 1]]
+        is_hub = len(around) > HUB
+        if is_hub:  # have those of the same values lie together, still in order
+            keys = _keys(signal, around)
+            order = np.argsort(keys, kind="mergesort")
+            around, keys = around[order], keys[order]
+        for i in range(len(around)):
+            corner = around[i]
             leaders[corner] = corner
-            for k in range(corner_start[v], i):
-                other = corners[k]
+            for k in range(i - 1, -1, -1):
+                if is_hub and keys[k] != keys[i]:
+                    break
+                other = around[k]
                 same = True
                 for j in range(signal.shape[1]):
                     if signal[other, j] != signal[corner, j]:
@@ -185,3 +194,13 @@ def _lead_corners(start, stop, corner_start, corners, signal, leaders):
                 if same:
                     leaders[corner] = leaders[other]
                     break
+
+
+@kernel
+def _keys(signal, rows):
+    # A number for each of the rows: the same one for the same values.
+    keys = np.zeros(len(rows))
+    for i in range(len(rows)):
+        for j in range(signal.shape[1]):
+            keys[i] = 0.6180339887 * keys[i] + signal[rows[i], j]
+    return keys

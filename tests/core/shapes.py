@@ -88,3 +88,13 @@ def shuffled(vertices, faces, seed=0):
 def angles(a, b):
     """Angles between rows, in degrees."""
     return np.degrees(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)))
+
+
+def fan(n, roughness=0.0):
+    """A disc of n triangles around vertex 0, with random heights."""
+    angle = 2 * np.pi * np.arange(n) / n
+    height = roughness * np.random.default_rng(0).normal(size=n)
+    rim = np.stack([np.cos(angle), np.sin(angle), height], axis=1)
+    near = np.arange(1, n + 1)
+    faces = np.stack([np.zeros(n, dtype=int), near, np.roll(near, -1)], axis=1)
+    return np.concatenate([np.zeros((1, 3)), rim]), faces

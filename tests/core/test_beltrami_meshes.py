@@ -3,11 +3,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from shapes import angles, cube, grid, icosphere, rotation, shuffled, subdivide
+from shapes import angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.filters.beltrami.normals import noise_of_normals
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
 from shock_filter.core.mesh.geodesics import (
+    ALL,
     distances_from,
     face_stencils,
     march,
@@ -152,7 +153,7 @@ def test_a_front_is_used_again_from_march_to_march():
     whole = csr_matrix((lengths, (a, b)), shape=(mesh.face_count, mesh.face_count))
     front = new_front(mesh.face_count)
     for turn, source in enumerate((7, 1000, 7, 300), start=1):
-        count = march(source, turn, 5.0, graph, front)
+        count = march(source, turn, 5.0, ALL, graph, front)
         reached, squares = front.reached[:count], front.squares
         exact = dijkstra(whole, indices=source)
         assert set(reached) == set(np.flatnonzero(exact <= 5.0))
@@ -236,6 +237,47 @@ def test_noise_goes_and_a_step_stays():
         assert out[side].var() < noise[side].var() / 4
     clean = core.beltrami_vertex_signal(mesh, right.astype(float), settings)
     assert abs(clean - right).max() < 1e-3
+
+
+def test_work_at_a_hub_grows_with_its_faces_and_not_with_their_square():
+    # What one vertex adds to others shows how many means it takes part in.
+    mesh = core.TriangleMesh(*fan(20_000))
+    one = np.zeros(mesh.vertex_count)
+    one[7] = 1.0
+    asked = []
+    settings = core.BeltramiMeshSettings(beta=0.0)
+    out = core.beltrami_vertex_signal(
+        mesh, one, settings, progress=lambda *_: asked.append(1) or True
+    )
+    assert 100 < np.count_nonzero(out) < 1000
+    assert len(asked) > 30
+
+
+@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
+def test_faces_at_a_hub_are_filtered(distance):
+    mesh = core.TriangleMesh(*fan(2000, 0.02))
+    values = np.random.default_rng(1).random((mesh.vertex_count, 2))
+    places, signals = all_filters(mesh, values, distance=distance)
+    for out in (*places, *signals):
+        assert np.isfinite(out).all()
+    assert signals[1].std(axis=0).max() < 0.5 * values.std()
+
+
+def test_a_mean_at_a_hub_is_close_to_that_over_all():
+    mesh, whole = (core.TriangleMesh(*fan(1000, 0.02)) for _ in range(2))
+    assert mesh.has_hubs
+    whole.has_hubs = False
+    noise = np.random.default_rng(1).normal(size=mesh.vertex_count)
+    signal = 0.5 + 0.3 * mesh.vertices[:, 0] + 0.05 * noise
+    near, far = (core.beltrami_vertex_signal(m, signal) for m in (mesh, whole))
+    assert (near != far).any()
+    assert abs(near - far).max() < 0.02
+    assert abs(signal - far).mean() > 0.1
+
+
+def test_ordinary_vertices_are_no_hubs():
+    assert not core.TriangleMesh(*fan(100)).has_hubs
+    assert core.TriangleMesh(*fan(101)).has_hubs
 
 
 def test_constants_stay_bit_for_bit():

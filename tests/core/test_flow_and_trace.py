@@ -4,7 +4,7 @@ import math
 import literal_walk
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere
+from shapes import cube, fan, grid, icosphere
 from shock_filter import core
 from shock_filter.core.flow import potential as flow
 from shock_filter.core.flow import trace
@@ -302,3 +302,15 @@ def test_walks_that_are_cut_off_are_counted(monkeypatch, caplog):
     (record,) = caplog.records
     assert 100 < record.args[0] <= mesh.face_count
     assert np.isfinite(coordinates).all()
+
+
+@pytest.mark.parametrize("count, ends", [(600, False), (1400, True)])
+def test_a_walk_ends_at_a_vertex_with_more_than_a_thousand_faces(count, ends):
+    # Down a valley along the x axis, whose middle is the hub.
+    mesh = core.TriangleMesh(*fan(count))
+    x, y, _ = mesh.vertices.T
+    faces, coordinates = trace.trace_faces(mesh, x + 0.3 * abs(y), math.inf)
+    beside = (centres(mesh)[:, 0] > 0.6) & (abs(centres(mesh)[:, 1]) < 0.1)
+    end = points(mesh, faces, coordinates)[beside]
+    assert len(end) > 10
+    np.testing.assert_allclose(end[:, 0], 0.0 if ends else -1.0, atol=1e-6)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import numpy as np
 import pytest
-from shapes import cube, grid, icosphere, shuffled, subdivide
+from shapes import cube, fan, grid, icosphere, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
@@ -289,3 +289,14 @@ def test_a_moved_mesh_is_checked():
     ):
         with pytest.raises(core.InvalidMesh, match=words):
             mesh.moved_to(positions)
+
+
+def test_corners_at_a_hub_are_split_by_their_values():
+    mesh = core.TriangleMesh(*fan(300))
+    signal = np.random.default_rng(0).integers(-1, 2, size=(900, 2)) * 0.5
+    signal[::7] *= -1  # 0.0 and -0.0 are equal
+    signal[5::11] += np.random.default_rng(1).random((82, 2))
+    cut, values = split_at_jumps(mesh, signal)
+    assert np.array_equal(values[cut.faces].reshape(-1, 2), signal)
+    different = np.column_stack([mesh.faces.reshape(-1), signal + 0.0])
+    assert cut.vertex_count == len(np.unique(different, axis=0))

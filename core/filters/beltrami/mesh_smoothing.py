@@ -8,9 +8,12 @@ import math
 import numpy as np
 
 from ...base.parallel import chunk_size, kernel, run
-from ...mesh.geodesics import Stencils, march, new_front, squared_distance
-from ...mesh.triangle_mesh import Floats
+from ...mesh.geodesics import ALL, Stencils, march, new_front, squared_distance
+from ...mesh.triangle_mesh import HUB, Floats
 from ...settings import BeltramiMeshSettings
+
+_MOST_AROUND = 4.0
+"""Near hubs, most vertices that count, by those that count where the mesh is regular."""
 
 _REACHED = 500_000
 """About how many vertices a chunk's marches reach: tenths of a second between cancel points."""
@@ -22,6 +25,7 @@ def smooth_graph(
     mass: Floats,
     values: Floats,
     settings: BeltramiMeshSettings,
+    has_hubs: bool,
 ) -> Floats:
     """Apply the kernel once.
 
@@ -38,6 +42,9 @@ def smooth_graph(
         What is averaged.
     settings : BeltramiMeshSettings
         `time` greater than 0.
+    has_hubs : bool
+        Whether the mesh has hubs (see `TriangleMesh`). Then a mean is over the nearest few
+        hundred (or, with straight distances, over some of those near), not over all.
 
     Returns
     -------
@@ -46,25 +53,30 @@ def smooth_graph(
     count = len(mass)
     limit = math.sqrt(-4.0 * settings.time * math.log(settings.threshold))
     around = min(2.0 * math.pi * limit**2 + 1.0, count)
+    most = ALL
+    if has_hubs:
+        most = int(max(_MOST_AROUND * around, HUB))
+        around = 2 * most  # at a hub, as many are looked at
     chunk = min(max(int(_REACHED / around), 1), chunk_size(count))
     out = np.empty_like(values)
     if settings.distance == "geodesic":
-        run(_geodesic_means, count, settings.time, limit, graph, mass, values, out, chunk=chunk)
-    else:
-        run(_euclidean_means, count, settings.time, limit, graph, embedding, mass, values, out,
+        run(_geodesic_means, count, settings.time, limit, most, graph, mass, values, out,
             chunk=chunk)  # fmt: skip
+    else:
+        run(_euclidean_means, count, settings.time, limit, most, graph, embedding, mass, values,
+            out, chunk=chunk)  # fmt: skip
     return out
 
 
 @kernel
-def _geodesic_means(start, stop, time, limit, graph, mass, values, out):
+def _geodesic_means(start, stop, time, limit, most, graph, mass, values, out):
     front = new_front(mass.shape[0])
     reached, squares = front.reached, front.squares
     for v in range(start, stop):
         if mass[v] == 0:
             out[v] = values[v]
             continue
-        count = march(v, v - start + 1, limit, graph, front)
+        count = march(v, v - start + 1, limit, most, graph, front)
         out[v] = 0.0
         total = 0.0
         for i in range(count):
@@ -78,7 +90,7 @@ def _geodesic_means(start, stop, time, limit, graph, mass, values, out):
 
 
 @kernel
-def _euclidean_means(start, stop, time, limit, graph, embedding, mass, values, out):
+def _euclidean_means(start, stop, time, limit, most, graph, embedding, mass, values, out):
     # All that is connected within the limit in space counts; a bilateral filter.
     row_start, ring = graph.start, graph.targets
     count = mass.shape[0]
@@ -93,7 +105,7 @@ def _euclidean_means(start, stop, time, limit, graph, embedding, mass, values, o
         found[0] = v
         stamps[v] = v
         seen, size = 0, 1
-        while seen < size:
+        while seen < min(size, most):
             w = found[seen]
             seen += 1
             square = squared_distance(embedding, w, v)
@@ -102,7 +114,9 @@ def _euclidean_means(start, stop, time, limit, graph, embedding, mass, values, o
                 total += weight
                 for j in range(values.shape[1]):
                     out[v, j] += weight * values[w, j]
-            for i in range(row_start[w], row_start[w + 1]):
+            row = row_start[w + 1] - row_start[w]
+            stride = 1 if row <= most else 1 + row // most
+            for i in range(row_start[w], row_start[w + 1], stride):
                 u = ring[i]
                 if stamps[u] == v:
                     continue

@@ -9,7 +9,7 @@ from ...base.parallel import kernel, run
 from ...base.progress import aside, ask, phase
 from ...mesh.calculus import average_to_faces, make_unit
 from ...mesh.geodesics import face_stencils
-from ...mesh.triangle_mesh import Floats, TriangleMesh
+from ...mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ...settings import BeltramiGeometrySettings
 from .mesh_smoothing import smooth_graph
 
@@ -50,7 +50,7 @@ def smoothed_normals(
                 np.multiply(guide, settings.beta / noise, out=embedding[:, 3:])
                 ask()
                 graph = face_stencils(mesh, embedding)
-            normals = smooth_graph(graph, embedding, mesh.areas, normals, settings)
+            normals = smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
             with phase(1.0, 1.0, "Denoising"):
                 run(_make_unit, mesh.face_count, normals)
     return normals
@@ -88,16 +88,19 @@ def _make_unit(start, stop, vectors):
 @kernel
 def _mollify(start, stop, faces, corner_start, corners, areas, normals, spread, out):
     # Means over the faces that share a vertex, those of similar normals; all for zero-area faces.
+    # At a hub some stand for all.
     for f in range(start, stop):
         out[f] = 0.0
         for k in range(3):
             v = faces[f, k]
-            for i in range(corner_start[v], corner_start[v + 1]):
+            count = corner_start[v + 1] - corner_start[v]
+            stride = 1 if count <= HUB else 1 + count // HUB
+            for i in range(corner_start[v], corner_start[v + 1], stride):
                 g = corners[i] // 3
                 square = 0.0
                 for x in range(3):
                     square += (normals[f, x] - normals[g, x]) ** 2
-                weight = areas[g]
+                weight = stride * areas[g]
                 if areas[f] > 0:
                     weight *= np.exp(-0.5 * square / (spread * spread))
                 for x in range(3):
