@@ -116,7 +116,9 @@ def mesh_error(shape: Callable, level: int) -> tuple[Measurement, float]:
     mesh = core.TriangleMesh(vertices, faces)
     source = int(exact.argmin())
     front = geodesics.new_front(mesh.vertex_count)
-    geodesics.march(source, 1, np.inf, geodesics.stencils(mesh, mesh.scaled_vertices), front)
+    geodesics.march(
+        source, 1, np.inf, geodesics.ALL, geodesics.stencils(mesh, mesh.scaled_vertices), front
+    )
     errors = abs(np.sqrt(front.squares) * mesh.mean_edge_length - exact)
     found = (mesh.mean_edge_length, float(errors.max()), float(errors.mean()))
     return found, obtuse_share(vertices, faces)

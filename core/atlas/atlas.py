@@ -34,7 +34,7 @@ class UVReport:
     mirrored : (k,) int
         Faces that run the other way round in the texture than most.
     outside : (k,) int
-        Faces with corners outside the image; there it repeats.
+        Faces with corners outside the image, where it repeats; whole tiles do not count.
     degenerate : (k,) int
         Faces without area in the texture; flow-lines cross them, they show one line of texels.
 

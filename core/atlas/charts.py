@@ -45,7 +45,7 @@ class Charts(NamedTuple):
     areas : (m,) float64
         Signed areas in squared texels; negative for mirrored faces.
     outside : (m,) bool
-        Faces with corners outside the image, before charts were moved.
+        Faces with corners outside the image, wherever whole tiles have moved their charts.
     """
 
     points: Floats
@@ -70,7 +70,6 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     """
     coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
     points = coordinates[..., ::-1] * (height, width) - 0.5
-    outside = ((coordinates < -_SLACK) | (coordinates > 1.0 + _SLACK)).any(axis=(1, 2))
     ask()
     (ay, ax), (by, bx) = np.moveaxis(points[:, 1:] - points[:, :1], 0, 2)
     # (row, column) is left-handed: columns go along u, rows along v.
@@ -95,6 +94,8 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
     boxes -= tiles[:, None]
     points -= tiles[labels][:, None]
+    least, most = np.array([[-_SLACK], [1.0 + _SLACK]]) * (height, width) - 0.5
+    outside = ((points < least) | (points > most)).any(axis=(1, 2))
     return Charts(points, labels, boxes, np.flatnonzero(seams).astype(np.int32), areas, outside)
 
 
