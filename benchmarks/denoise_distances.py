@@ -12,7 +12,7 @@ import trimesh
 from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.grid.geodesics import march, open_band
-from shock_filter.core.mesh.geodesics import distances_from
+from shock_filter.core.mesh import geodesics
 
 ORDER = 0.9
 ROUNDING = 1e-5
@@ -115,7 +115,11 @@ def mesh_error(shape: Callable, level: int) -> tuple[Measurement, float]:
     vertices, faces, exact = shape(level)
     mesh = core.TriangleMesh(vertices, faces)
     source = int(exact.argmin())
-    errors = abs(distances_from(mesh, source) * mesh.mean_edge_length - exact)
+    front = geodesics.new_front(mesh.vertex_count)
+    geodesics.march(
+        source, 1, np.inf, geodesics.ALL, geodesics.stencils(mesh, mesh.scaled_vertices), front
+    )
+    errors = abs(np.sqrt(front.squares) * mesh.mean_edge_length - exact)
     found = (mesh.mean_edge_length, float(errors.max()), float(errors.mean()))
     return found, obtuse_share(vertices, faces)
 

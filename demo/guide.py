@@ -80,7 +80,7 @@ def show_flow() -> None:
     shown = copied(obj)
     run("show_flow", {"mode": "geometry"})
     potential = np.empty(len(shown.data.vertices), dtype=np.float32)
-    shown.data.attributes["shock_potential"].data.foreach_get("value", potential)
+    shown.data.attributes[".shock_potential"].data.foreach_get("value", potential)
     paint = shown.data.color_attributes.new(PAINT, "FLOAT_COLOR", "POINT")
     colors = potential_colors(potential)
     colors[:, :3] **= 2.2  # attributes are linear

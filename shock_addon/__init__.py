@@ -11,6 +11,7 @@ from bpy.app.handlers import persistent
 
 from ..core.host import forgetting
 from .commands import registration as command
+from .data import shown
 from .flow import operator as flow_operator
 from .flow import overlay as flow_overlay
 from .operators import base as operators
@@ -51,6 +52,10 @@ def _handlers() -> list[tuple]:
         *((each, preview_operator.stop) for each in changes),
         (handlers.load_pre, _forget_file),
         (handlers.undo_post, _forget_summaries),
+        (handlers.undo_pre, shown.note),
+        (handlers.undo_post, shown.restore),
+        (handlers.redo_pre, shown.note),
+        (handlers.redo_post, shown.restore),
     ]
 
 

@@ -422,7 +422,8 @@ MODES: list[Mode] = [
         "Sharpened",
         "geometry",
         second="feature_threshold",
-        advice="For wide or gentle creases raise Time or lower Threshold.",
+        advice="Sharp creases stay as they are; for wide or gentle ones raise Time or lower"
+        " Threshold.",
         nothing="Found nothing to sharpen in {meshes}: {changes}, {seconds:.1f} s.",
         flow="Where normals are pulled: to the creases",
         presets=(

@@ -42,7 +42,7 @@ def advect_texels(
     channels : Channels
         The others are left as they are in `out`.
     flow : Field
-        See `shock_flow`; or a given one on the sheet's cells, in texels.
+        See `shock_flow` and `given_flow`.
     time : float
         How long flow-lines are followed; finite for a given flow, which may go round and round.
     out : (rows, columns, c) float32

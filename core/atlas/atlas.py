@@ -34,7 +34,7 @@ class UVReport:
     mirrored : (k,) int
         Faces that run the other way round in the texture than most.
     outside : (k,) int
-        Faces with corners outside the image; there it repeats.
+        Faces with corners outside the image, where it repeats; whole tiles do not count.
     degenerate : (k,) int
         Faces without area in the texture; flow-lines cross them, they show one line of texels.
 
@@ -184,16 +184,16 @@ class TextureAtlas:
             self.metric = measure_metric(self.mesh, self.charts, self.sheet.points)
         with phase(0.85, 0.95, "Finding texels"):
             self.sources = find_sources(self.sheet, self.metric)
-        self.owners = np.empty((self.height, self.width), dtype=np.int32)
         overlapping = self.sheet.overlapping.copy()
         with phase(0.95, 1.0, "Finding texels"):
-            run(_own_within, self.height, self.sheet.nodes, self.owners, chunk=ROWS)
+            self.owners = _owned_within(self.sheet.nodes, self.height, self.width)
             self.copies = _own_elsewhere(self.charts, self.sheet, self.owners, overlapping)
             _own_ghosts(self.charts, self.sheet, self.sources, self.owners)
+        areas = self.charts.areas
         self.report = UVReport(
             len(self.charts.boxes),
             np.flatnonzero(overlapping),
-            np.flatnonzero(_mirrored(self.charts.areas)),
+            np.flatnonzero(areas < 0 if areas.sum() >= 0 else areas > 0),
             np.flatnonzero(self.charts.outside),
             np.flatnonzero(degenerate_faces(self.charts)),
         )
@@ -266,10 +266,6 @@ class TextureAtlas:
 _LARGEST = 1 << 15
 
 
-def _mirrored(areas: Floats) -> npt.NDArray[np.bool_]:
-    return areas < 0 if areas.sum() >= 0 else areas > 0
-
-
 @kernel
 def _texel(charts, sheet, y, x, height, width):
     # The texel (row, column) of a node, or (-1, -1) for a ghost of no edge.
@@ -281,13 +277,11 @@ def _texel(charts, sheet, y, x, height, width):
     return (y - sheet.shifts[label, 0]) % height, (x - sheet.shifts[label, 1]) % width
 
 
-@kernel
-def _own_within(start, stop, nodes, owners):
-    # Charts that lie in the sheet as in the image.
-    for y in range(start, stop):
-        for x in range(owners.shape[1]):
-            inside = nodes[y + 1, x + 1] >= 0
-            owners[y, x] = (y + 1) * nodes.shape[1] + x + 1 if inside else NOTHING
+def _owned_within(nodes: Ints, height: int, width: int) -> Ints:
+    # The owners in charts that lie in the sheet as in the image.
+    numbers = np.arange(nodes.size, dtype=np.int32).reshape(nodes.shape)
+    within = slice(1, height + 1), slice(1, width + 1)
+    return np.where(nodes[within] >= 0, numbers[within], np.int32(NOTHING))
 
 
 @kernel
@@ -297,7 +291,7 @@ def _own_elsewhere(charts, sheet, owners, overlapping):
     nodes, points = sheet.nodes, sheet.points
     height, width = owners.shape
     rows, columns = nodes.shape
-    copies = np.empty((1024, 2), np.int32)
+    copies = np.empty((np.count_nonzero(nodes >= 0) - np.count_nonzero(owners >= 0), 2), np.int32)
     count = 0
     for y in range(rows):
         for x in range(columns):
@@ -308,10 +302,6 @@ def _own_elsewhere(charts, sheet, owners, overlapping):
             if owner == NOTHING:
                 owners[row, column] = y * columns + x
                 continue
-            if count == len(copies):
-                longer = np.empty((2 * count, 2), np.int32)
-                longer[:count] = copies
-                copies = longer
             copies[count, 0] = y * columns + x
             copies[count, 1] = owner
             count += 1

@@ -45,7 +45,7 @@ class Charts(NamedTuple):
     areas : (m,) float64
         Signed areas in squared texels; negative for mirrored faces.
     outside : (m,) bool
-        Faces with corners outside the image, before charts were moved.
+        Faces with corners outside the image, wherever whole tiles have moved their charts.
     """
 
     points: Floats
@@ -70,7 +70,6 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     """
     coordinates = mesh.own_corners(_checked_uv(uv, mesh.face_count))
     points = coordinates[..., ::-1] * (height, width) - 0.5
-    outside = ((coordinates < -_SLACK) | (coordinates > 1.0 + _SLACK)).any(axis=(1, 2))
     ask()
     (ay, ax), (by, bx) = np.moveaxis(points[:, 1:] - points[:, :1], 0, 2)
     # (row, column) is left-handed: columns go along u, rows along v.
@@ -79,7 +78,12 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     seams = np.empty(3 * mesh.face_count, dtype=np.bool_)
     with phase(0.5, 0.8, "Finding charts"):
         run(_mark_seams, mesh.face_count, mesh.twins, points, areas, seams)
-    count, labels = _hang_together(mesh.twins, seams)
+    ask()
+    joints = np.flatnonzero(~seams)
+    links = joints // 3, mesh.twins.reshape(-1)[joints] // 3
+    shape = mesh.face_count, mesh.face_count
+    graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=shape)
+    count, labels = connected_components(graph, directed=False)  # in the order of first faces
     ask()
     order = np.argsort(labels, kind="stable")
     first = np.searchsorted(labels[order], np.arange(count))
@@ -90,16 +94,9 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     tiles = np.floor((boxes.mean(axis=1) + 0.5) / (height, width)) * (height, width)
     boxes -= tiles[:, None]
     points -= tiles[labels][:, None]
+    least, most = np.array([[-_SLACK], [1.0 + _SLACK]]) * (height, width) - 0.5
+    outside = ((points < least) | (points > most)).any(axis=(1, 2))
     return Charts(points, labels, boxes, np.flatnonzero(seams).astype(np.int32), areas, outside)
-
-
-def _hang_together(twins: Ints, seams: npt.NDArray[np.bool_]) -> tuple[int, Ints]:
-    # The number of charts, and that of each face, in the order of the charts' first faces.
-    faces = len(twins)
-    joints = np.flatnonzero(~seams)
-    links = joints // 3, twins.reshape(-1)[joints] // 3
-    graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=(faces, faces))
-    return connected_components(graph, directed=False)
 
 
 def _check_areas(areas: Floats, texels: int) -> None:

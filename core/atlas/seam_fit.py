@@ -15,7 +15,6 @@ from scipy.sparse import csr_matrix, identity
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask
-from ..base.vectors import after
 from ..linear.cg import solve
 from ..linear.system import LinearSystem
 from .atlas import TextureAtlas
@@ -71,20 +70,13 @@ def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) ->
     high = low.copy()
     _widen(reads, columns, flat, low, high)
     slack = np.maximum(_SLACK * (high - low), np.float32(step))
-    least, most = _range_on_charts(atlas, flat)
-    low = np.maximum(low - slack, least)
-    high = np.minimum(high + slack, most)
-    flat[free] = np.clip(adjusted, low, high)
-
-
-def _range_on_charts(
-    atlas: TextureAtlas, values: npt.NDArray[np.float32]
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    shape = -(-atlas.height // ROWS), values.shape[1]
-    lows, highs = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
+    shape = -(-atlas.height // ROWS), flat.shape[1]
+    least, most = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
     with aside("Filling the gutter"):
-        run(_bound, atlas.height, atlas.owners, atlas.inside, values, lows, highs, chunk=ROWS)
-    return lows.min(axis=0), highs.max(axis=0)
+        run(_bound, atlas.height, atlas.owners, atlas.inside, flat, least, most, chunk=ROWS)
+    low = np.maximum(low - slack, least.min(axis=0))
+    high = np.minimum(high + slack, most.max(axis=0))
+    flat[free] = np.clip(adjusted, low, high)
 
 
 def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
@@ -99,15 +91,29 @@ def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
 
 def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
     # Nodes that linear sampling of the image reads on both sides, and their weights, those of
-    # the second side negative: (samples, 8).
-    borders, twins, points = atlas.charts.borders, atlas.mesh.twins, atlas.charts.points
-    counts = np.zeros(len(borders), dtype=np.int64)
-    _count_samples(borders, twins, points, counts)
-    ends = np.cumsum(counts)
-    reads = np.empty((counts.sum(), 8), dtype=np.int32)
-    weights = np.empty((counts.sum(), 8), dtype=np.float32)
-    _place_samples(borders, twins, points, atlas.owners, ends - counts, counts, reads, weights)
-    return reads, weights
+    # the second side negative: (samples, 8). Next to borders of the mesh there are none.
+    borders, twins, points = atlas.charts.borders, atlas.mesh.twins.reshape(-1), atlas.charts.points
+    seams = borders[twins[borders] > borders]  # each once
+    face, k = np.divmod(np.stack([seams, twins[seams]]), 3)
+    begin = points[face, k]
+    along = points[face, (k + 1) % 3] - begin
+    longest = np.sqrt(along[..., 0] ** 2 + along[..., 1] ** 2).max(axis=0)
+    counts = np.ceil(longest / _SPACING).astype(np.int64)
+    seam = np.repeat(np.arange(len(seams)), counts)
+    number = np.arange(len(seam)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (number + 0.5) / counts[seam]
+    places = begin[:, seam] + np.stack([share, 1.0 - share])[..., None] * along[:, seam]
+    ask()
+    first = np.floor(places).astype(np.int64)
+    rows = (first[..., 0, None, None] + [[0], [1]]) % atlas.height
+    columns = (first[..., 1, None, None] + [[0, 1]]) % atlas.width
+    nodes = np.moveaxis(atlas.owners[rows, columns], 1, 0).reshape(-1, 8)
+    parts = np.stack([1.0 - (places - first), places - first], axis=-1)
+    weights = parts[:, :, 0, :, None] * parts[:, :, 1, None, :]
+    weights[1] *= -1.0
+    weights = np.moveaxis(weights, 1, 0).reshape(-1, 8)
+    complete = (nodes != NOTHING).all(axis=1)
+    return nodes[complete], weights[complete].astype(np.float32)
 
 
 @kernel
@@ -135,53 +141,3 @@ def _widen(reads, columns, values, low, high):
                     value = values[reads[sample, other], c]
                     low[number, c] = min(low[number, c], value)
                     high[number, c] = max(high[number, c], value)
-
-
-@kernel
-def _length(points, edge):
-    f = edge // 3
-    k = edge - 3 * f
-    y = points[f, after(k), 0] - points[f, k, 0]
-    x = points[f, after(k), 1] - points[f, k, 1]
-    return np.sqrt(y**2 + x**2)
-
-
-@kernel
-def _count_samples(borders, twins, points, counts):
-    for i in range(borders.shape[0]):
-        edge = borders[i]
-        twin = twins[edge // 3, edge % 3]
-        if twin > edge:  # each seam once
-            longest = max(_length(points, edge), _length(points, twin))
-            counts[i] = int(np.ceil(longest / _SPACING))
-
-
-@kernel
-def _place_samples(borders, twins, points, owners, starts, counts, reads, weights):
-    height, width = owners.shape
-    for i in range(borders.shape[0]):
-        for n in range(counts[i]):
-            sample = starts[i] + n
-            share = (n + 0.5) / counts[i]
-            complete = True
-            for side in range(2):
-                edge = borders[i] if side == 0 else twins[borders[i] // 3, borders[i] % 3]
-                f = edge // 3
-                k = edge - 3 * f
-                end = after(k)
-                t = share if side == 0 else 1.0 - share
-                y = points[f, k, 0] + t * (points[f, end, 0] - points[f, k, 0])
-                x = points[f, k, 1] + t * (points[f, end, 1] - points[f, k, 1])
-                row = int(np.floor(y))
-                column = int(np.floor(x))
-                for corner in range(4):
-                    down = y - row if corner >> 1 else 1.0 - (y - row)
-                    across = x - column if corner & 1 else 1.0 - (x - column)
-                    slot = 4 * side + corner
-                    node = owners[(row + (corner >> 1)) % height, (column + (corner & 1)) % width]
-                    reads[sample, slot] = max(node, 0)
-                    weights[sample, slot] = down * across if side == 0 else -down * across
-                    complete = complete and node != NOTHING
-            if not complete:  # next to a border of the mesh
-                reads[sample] = 0
-                weights[sample] = 0.0

@@ -112,7 +112,7 @@ def _places(
     high = np.floor(charts.boxes[:, 1] + _SLACK).astype(np.int64) + 1
     away = (low < -1).any(axis=1) | (high > (height, width)).any(axis=1)
     with phase(0.0, 0.3, "Finding texels"):
-        away |= _clashing(charts, away, height, width)
+        away |= _clashing(charts, away, (height + 2, width + 2))
     shifts, (rows, columns) = _shelve(low, high, away, height, width)
     if rows * columns >= min(_MOST_NODES, 64 * height * width + 1024 * len(charts.boxes)):
         largest = int(np.argmax((high - low).max(axis=1)))
@@ -129,18 +129,16 @@ def _places(
     return shifts, (rows, columns)
 
 
-def _clashing(
-    charts: Charts, away: npt.NDArray[np.bool_], height: int, width: int
-) -> npt.NDArray[np.bool_]:
+def _clashing(charts: Charts, away: npt.NDArray, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
     # Charts that share a node with one of a lower number.
-    claims = np.empty((height + 2, width + 2), dtype=np.int32)
+    claims = np.empty(shape, dtype=np.int32)
     points = charts.points + 1.0  # nodes begin one row and one column before the image
     with aside("Finding texels"):
-        faces = _faces_by_rows(points, height + 2)
+        faces = _faces_by_rows(points, shape[0])
     clashes = np.zeros(len(charts.boxes), dtype=np.bool_)
     for check in (False, True):
         with phase(0.5 * check, 0.5 + 0.5 * check, "Finding texels"):
-            run(_claim, height + 2, points, faces, charts.labels, away, check, claims,
+            run(_claim, shape[0], points, faces, charts.labels, away, check, claims,
                 clashes, chunk=ROWS)  # fmt: skip
     return clashes
 

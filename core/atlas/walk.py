@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel
+from ..errors import InvalidSignal
 from ..grid.walk import ENDED, UNFINISHED, Field, cell_velocity, ends_at_turn, walk_cells
 from .atlas import TextureAtlas
 from .ghosts import place_beyond
@@ -33,6 +34,35 @@ def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> Field
         P at the nodes; see `texel_potential`.
     """
     return Field(potential, faces=atlas.sheet.cells, metrics=atlas.metric.inverse_metrics)
+
+
+def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
+    """Return a flow that is given on the surface, constant in each face; walks follow it.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    vectors : (m, 3) array of float
+        Velocity in space at each face of the mesh, in mean texel sizes; what points out of the
+        face is left out.
+
+    Raises
+    ------
+    InvalidSignal
+        If the vectors do not fit the mesh or are not finite.
+    """
+    mesh, cells = atlas.mesh, atlas.sheet.cells
+    given = np.asarray(vectors, dtype=np.float64)
+    if given.shape != (mesh.face_count, 3) or not np.isfinite(given).all():
+        raise InvalidSignal(
+            f"The vectors have the shape {given.shape} or are not all finite; give"
+            f" ({mesh.face_count}, 3) numbers."
+        )
+    along = mesh.scaled_vertices[mesh.faces[:, 1]] - mesh.scaled_vertices[mesh.faces[:, 0]]
+    axes = np.stack([along, np.cross(mesh.normals, along)], axis=1)  # of the faces' frames
+    axes /= np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-300)
+    steps = np.einsum("mij,mjk,mk->mi", atlas.metric.inverse_jacobians, axes, given)
+    return Field(vectors=np.where(cells[..., None] >= 0, steps[cells], 0.0), faces=cells)
 
 
 @kernel

@@ -1,34 +1,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compiled code on disk that may be damaged, full, shared or old: it can only cost time.
+"""Compiled code on disk that may be damaged, old, foreign or shared: it can only cost time.
 
-numba keeps compiled kernels in files. A file that was cut short (a full disk, a lost power
-supply) would stop every later run, and so would a disk without room; two processes that fill an
-empty folder at once can leave one's code under the other's types. Then kernels are compiled again.
-So they are where a source file has changed that a kernel's file imports: numba itself looks at the
-kernel's own file only, and its date.
+numba's own files are believed: bits that a disk turned, a file cut short, or the code of one of two
+processes under the other's types end a later run, or the whole process. Here each file begins with
+a digest of all that its code depends on and a checksum of the code; what does not fit is compiled
+again. Part of that are the source files that a kernel's file imports: numba looks at the kernel's
+own file only, and its date.
 """
 
 from __future__ import annotations
 
 import hashlib
 import logging
-import os
 import pickle
 import re
 from functools import cache
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from numba.core import config
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    InTreeCacheLocator,
+    UserProvidedCacheLocator,
+    UserWideCacheLocator,
+)
 
 from . import cache_folder
 
 log = logging.getLogger(__name__)
 
-_UNREADABLE = (OSError, EOFError, pickle.UnpicklingError, ValueError, TypeError, LookupError,
-               AttributeError, ImportError, RuntimeError)  # fmt: skip
-
+_HEAD_SIZE = 16 + 4
 _IMPORT = re.compile(r"^from (\.+)([\w.]*) import ([^(\n]+|\([^)]*\))", re.MULTILINE)
 
 
@@ -37,8 +42,7 @@ class _ChosenFolder(UserProvidedCacheLocator):
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
-        below = self.get_suitable_cache_subpath(py_file)
-        self._cache_path = os.path.join(cache_folder.chosen or "", below)
+        self._cache_path = cache_folder.chosen  # for all kernels alike: it may move, or be copied
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
@@ -49,51 +53,78 @@ class _ChosenFolder(UserProvidedCacheLocator):
         )
 
 
-class _Files(CompileResultCacheImpl):
-    _locator_classes = [_ChosenFolder, *CompileResultCacheImpl._locator_classes]
+class _Places(CompileResultCacheImpl):
+    _locator_classes = [
+        _ChosenFolder,
+        UserProvidedCacheLocator,
+        InTreeCacheLocator,
+        UserWideCacheLocator,
+    ]
+
+
+class _Files(IndexDataCacheFile):
+    """A kernel's files: one for each combination of types and each kind of processor, no index."""
+
+    def load(self, key: Any) -> Any:
+        """Return what was saved under a key; None where nothing was."""
+        try:
+            content = Path(self._path(key)).read_bytes()
+        except FileNotFoundError:
+            return None
+        code = content[_HEAD_SIZE:]
+        if content[:_HEAD_SIZE] != self._head(key, code):
+            raise ValueError("it is damaged or old")
+        return pickle.loads(code)
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save what belongs to a key: whole, or not at all."""
+        code = self._dump(data)
+        with self._open_for_write(self._path(key)) as file:
+            file.write(self._head(key, code) + code)
+
+    def _path(self, key: Any) -> str:
+        types, processor, _ = key  # an edited kernel takes the place of the old one
+        module, _ = self._source_stamp
+        name = hashlib.blake2b(repr((module, types, processor)).encode(), digest_size=6)
+        return self._data_path(self._data_name(int.from_bytes(name.digest(), "big")))
+
+    def _head(self, key: Any, code: bytes) -> bytes:
+        needs = repr((self._version, self._source_stamp, key)).encode()
+        return hashlib.blake2b(needs, digest_size=16).digest() + crc32(code).to_bytes(4)
 
 
 class KernelCache(FunctionCache):
     """numba's cache of one kernel, except that no file in it can make a run fail."""
 
-    _impl_class = _Files
+    _impl_class = _Places
 
     def __init__(self, py_func: Any) -> None:
         super().__init__(py_func)
-        self._cache_file._source_stamp = _stamp(Path(py_func.__code__.co_filename))
+        # Compiled code names its kernel's module, and imports it.
+        stamp = py_func.__module__, _stamp(Path(py_func.__code__.co_filename))
+        self._cache_file = _Files(self.cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled code for some types, or None where there is none to be used."""
         try:
-            found = super().load_overload(sig, target_context)
-        except _UNREADABLE as error:
-            log.warning("Compiled code in %s is damaged (%s); compiling again.",
-                        self.cache_path, error)  # fmt: skip
-            self._forget()
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # other versions of libraries can fail in any way
+            log.info("Code in %s is compiled again: %s", self.cache_path, error)
             return None
-        if found is not None and tuple(found.signature.args) != tuple(sig):
-            return None
-        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep compiled code, if the disk lets us."""
         try:
             super().save_overload(sig, data)
-        except _UNREADABLE as error:
+        except Exception as error:
             log.warning("Compiled code cannot be kept in %s (%s).", self.cache_path, error)
-
-    def _forget(self) -> None:
-        try:
-            self.flush()
-        except OSError as error:
-            log.warning("%s cannot be written to (%s).", self.cache_path, error)
 
 
 def keep_on_disk(kernel: Any) -> Any:
     """Give a kernel, as ``njit`` returns it, its cache; without any where none can be written."""
     try:
         kernel._cache = KernelCache(kernel.py_func)
-    except RuntimeError as error:  # numba finds no folder to write to
+    except (RuntimeError, OSError) as error:  # no folder to write to, or no source to read
         log.warning("Compiled code is not kept: %s", error)
     return kernel
 
@@ -101,12 +132,9 @@ def keep_on_disk(kernel: Any) -> Any:
 @cache
 def _stamp(path: Path) -> str:
     """Digest a source file and all that it imports from this package."""
-    found = {path}
-    left = [path]
-    while left:
-        imported = _imported(left.pop()) - found
-        found |= imported
-        left += imported
+    found = [path]
+    for file in found:  # which grows meanwhile
+        found += _imported(file).difference(found)
     digest = hashlib.sha256()
     for file in sorted(found):
         digest.update(_text(file))

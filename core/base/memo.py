@@ -33,7 +33,9 @@ def kept(owner: Any, name: str, key: tuple[Any, ...], make: Callable[[], Result]
     if old is not None and equal(old[0], key):
         return old[1]
     result = make()
-    results[name] = tuple(_own(part) for part in key), result
+    # Arrays of others may change later.
+    own = tuple(part.copy() if isinstance(part, np.ndarray) else part for part in key)
+    results[name] = own, result
     return result
 
 
@@ -54,8 +56,3 @@ def _same(first: Any, second: Any) -> bool:
 def _bits(array: npt.NDArray) -> npt.NDArray[np.uint8]:
     # 0.0 and -0.0 are equal numbers, but results keep the sign.
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
-
-
-def _own(part: Any) -> Any:
-    # Arrays of others may change later.
-    return part.copy() if isinstance(part, np.ndarray) else part

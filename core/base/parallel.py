@@ -103,10 +103,6 @@ def run(
     chunk = chunk or chunk_size(count)
     chunks = -(-count // chunk)
     helpers = min(thread_count(), chunks) - 1
-    if helpers <= 0:
-        run_in_order(function, count, *arguments, chunk=chunk)
-        return
-
     numbers = itertools.count()
     stopped = False
 

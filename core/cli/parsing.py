@@ -75,13 +75,9 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
         _add_then_sharpen(parser, find(row.then).settings)
     _add_settings(parser, row.settings)
     if row.kind is MASK:
-        _add_size(parser)
-
-
-def _add_size(parser: argparse.ArgumentParser) -> None:
-    size = parser.add_mutually_exclusive_group(required=True)
-    size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
-    size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
+        size = parser.add_mutually_exclusive_group(required=True)
+        size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
+        size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
 
 
 def _add_then_sharpen(parser: argparse.ArgumentParser, settings: type) -> None:

@@ -12,14 +12,11 @@ import time
 import traceback
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import ShockError
 from .commands import Backend
 from .inputs import check_target
-
-if TYPE_CHECKING:
-    from ..files.output import Outcome
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
 
@@ -73,19 +70,16 @@ def _run_one(
         return False
     bar.clear()
     if not options.quiet:
-        _report(source, target, outcome, time.perf_counter() - start)
+        seconds = time.perf_counter() - start
+        print(f"{source} -> {target}: {outcome} in {seconds:.1f} s", flush=True)
+        for note in outcome.notes:
+            print(f"  {note}", flush=True)
     return True
 
 
 def _sentence(source: str, error: BaseException) -> str:
     text = str(error)
     return text if source in text else f"{source}: {text}"
-
-
-def _report(source: str, target: Path, outcome: Outcome, seconds: float) -> None:
-    print(f"{source} -> {target}: {outcome} in {seconds:.1f} s", flush=True)
-    for note in outcome.notes:
-        print(f"  {note}", flush=True)
 
 
 class _Interrupt:

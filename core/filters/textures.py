@@ -27,9 +27,11 @@ from ..settings import DilateSettings, TextureSettings
 from .signals import mix_rows
 
 
-class _Content(NamedTuple):
-    # What a texture's channels hold: the channel of opacity, -1 if none is; and whether the first
-    # ones are tangent-space normals, as colors.
+class _Texture(NamedTuple):
+    # The texels (h, w, c) of an atlas, and what their channels hold: the one of opacity, -1 if none
+    # is; and whether the first ones are tangent-space normals, as colors.
+    atlas: TextureAtlas
+    pixels: npt.NDArray
     alpha: int = -1
     normals: bool = False
 
@@ -107,17 +109,17 @@ def sharpen_texture(
     settings = settings or TextureSettings()
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
-    content = _checked_content(settings, pixels)
+    alpha, normals = _checked_content(settings, pixels)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
-            atlas = _checked_atlas(atlas, mesh, uv, pixels)
+            texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
         if settings.time == 0:
             return given.copy()
         with phase(0.3, 0.9, "Sharpening"):
-            values = _sharpened(atlas, pixels, content, settings, weights)
+            values = _sharpened(texture, settings, weights)
         with phase(0.9, 1.0, "Filling the gutter"):
             keep = None if weights is None else weights == 0
-            return _written(atlas, values, content, settings, keep, pixels).reshape(given.shape)
+            return _written(texture, values, settings, keep).reshape(given.shape)
 
 
 def dilate_texture(
@@ -172,43 +174,39 @@ def dilate_texture(
     pixels = given.reshape(*given.shape[:2], -1)
     with reporting(progress):
         with phase(0.0, 0.7, "Finding texels"):
-            atlas = _checked_atlas(atlas, mesh, uv, pixels)
+            texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels)
         with phase(0.7, 1.0, "Filling the gutter"):
             with aside("Filling the gutter"):
-                values = atlas.gather(pixels)
-            return _written(atlas, values, _Content(), settings, atlas.inside, pixels).reshape(
-                given.shape
-            )
+                values = texture.atlas.gather(pixels)
+            inside = texture.atlas.inside
+            return _written(texture, values, settings, inside).reshape(given.shape)
 
 
 def _sharpened(
-    atlas: TextureAtlas,
-    pixels: npt.NDArray,
-    content: _Content,
-    settings: TextureSettings,
-    weights: npt.NDArray[np.float64] | None,
+    texture: _Texture, settings: TextureSettings, weights: npt.NDArray[np.float64] | None
 ) -> npt.NDArray[np.float32]:
     # The new values of the nodes inside charts.
+    atlas, pixels, alpha, normals = texture
     with aside("Computing the flow"):
         values = atlas.gather(pixels)
-        if content.alpha >= 0:
-            opacity = values[..., content.alpha]
+        if alpha >= 0:
+            opacity = values[..., alpha]
             for rows in blocks(len(values), BAND):
                 np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
-        _fill_ghosts(atlas, values, content)
+        _fill_ghosts(texture, values)
         result = copied(values)
     groups = channel_groups(values.shape[2], settings)
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
             with phase(0.0, 0.4, "Computing the flow"):
                 potential = texel_potential(
-                    atlas, values, channels, settings.smoothing_passes, normals=content.normals
+                    atlas, values, channels, settings.smoothing_passes, normals=normals
                 )
             with phase(0.4, 1.0, "Tracing flow-lines"):
                 flow = shock_flow(atlas, potential)
                 advect_texels(atlas, values, channels, flow, settings.time, result,
                               nearest=settings.sampling == "nearest",
-                              normals=content.normals)  # fmt: skip
+                              normals=normals)  # fmt: skip
     if weights is not None:
         with phase(1.0, 1.0, "Filling the gutter"):
             shares = atlas.gather(weights[..., None]).reshape(-1)
@@ -218,29 +216,27 @@ def _sharpened(
 
 
 def _written(
-    atlas: TextureAtlas,
+    texture: _Texture,
     values: npt.NDArray[np.float32],
-    content: _Content,
     settings: DilateSettings,
     keep: npt.NDArray[np.bool_] | None,
-    pixels: npt.NDArray,
 ) -> npt.NDArray:
     # The image with the values of the nodes inside charts, and what follows from them beside.
+    atlas, pixels, alpha, normals = texture
     with aside("Filling the gutter"):
-        _fill_ghosts(atlas, values, content)
-        if content.normals:
+        _fill_ghosts(texture, values)
+        if normals:
             run(unit_normals, len(values), values, chunk=ROWS)
         else:
             stitch(atlas, values, SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0)
         out = copied(pixels)
-    write_texels(atlas, values, settings, keep, out,
-                 opacity=content.alpha, normals=content.normals)  # fmt: skip
+    write_texels(atlas, values, settings, keep, out, opacity=alpha, normals=normals)
     return out
 
 
-def _fill_ghosts(atlas: TextureAtlas, values: npt.NDArray[np.float32], content: _Content) -> None:
-    directions = 0.5 if content.normals else None
-    fill_ghosts(atlas.sheet, atlas.sources, values, content.alpha, directions)
+def _fill_ghosts(texture: _Texture, values: npt.NDArray[np.float32]) -> None:
+    atlas, _, alpha, normals = texture
+    fill_ghosts(atlas.sheet, atlas.sources, values, alpha, 0.5 if normals else None)
 
 
 def _checked_texture(image: npt.ArrayLike) -> npt.NDArray:
@@ -266,7 +262,7 @@ def _checked_atlas(
     return atlas
 
 
-def _checked_content(settings: TextureSettings, pixels: npt.NDArray) -> _Content:
+def _checked_content(settings: TextureSettings, pixels: npt.NDArray) -> tuple[int, bool]:
     channels = pixels.shape[2]
     normals = settings.content == "normals"
     if normals and (channels not in (3, 4) or settings.channels != "coupled"):
@@ -274,4 +270,4 @@ def _checked_content(settings: TextureSettings, pixels: npt.NDArray) -> _Content
             f"A texture of normals needs three channels, or four with opacity, and channels"
             f" 'coupled'; this one has {channels}, and channels {settings.channels!r}."
         )
-    return _Content(opacity_channel(channels, settings.alpha), normals)
+    return opacity_channel(channels, settings.alpha), normals

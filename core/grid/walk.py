@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import kernel
+from ..base.parallel import kernel, run
+from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 
 ENDED, LEFT_DOWN, LEFT_ACROSS, UNFINISHED = range(4)
 """How a walk ended: by itself; at a closed cell along the first axis, or the second; not at all."""
@@ -48,6 +49,33 @@ class Field(NamedTuple):
     vectors: npt.NDArray | None = None
     faces: npt.NDArray[np.integer] | None = None
     metrics: npt.NDArray | None = None
+
+
+def follow(
+    vectors: npt.NDArray, time: float, points: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Follow given vectors from points on, or up to the border.
+
+    Parameters
+    ----------
+    vectors : (h - 1, w - 1, 2) array of float
+        Velocity (down, across) in each cell of a grid of h x w nodes.
+    time : float
+        Finite.
+    points : (k, 2) float64
+        Where to start: (row, column) in 0 to h - 1 and w - 1.
+
+    Returns
+    -------
+    (k, 2) float64
+    """
+    if not np.isfinite(time):
+        raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
+    ends = np.empty_like(points)
+    unfinished = np.zeros(len(points), dtype=np.bool_)
+    run(_follow, len(points), vectors, float(time), MOST_STEPS, points, ends, unfinished)
+    warn_of_unfinished(unfinished)
+    return ends
 
 
 @kernel
@@ -246,3 +274,15 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
             ending = LEFT_DOWN + LEFT_ACROSS - ending
         return (j, i, b, a), left, w, v, ending
     return (i, j, a, b), left, v, w, ending
+
+
+@kernel
+def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
+    for i in range(start, stop):
+        row = min(int(points[i, 0]), vectors.shape[0] - 1)
+        column = min(int(points[i, 1]), vectors.shape[1] - 1)
+        place = row, column, points[i, 0] - row, points[i, 1] - column
+        place, _, _, _, ending = walk_cells(None, vectors, None, None, time, most_steps, place)
+        ends[i, 0] = place[0] + place[2]
+        ends[i, 1] = place[1] + place[3]
+        unfinished[i] = ending == UNFINISHED

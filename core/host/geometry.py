@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,9 @@ def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Re
         points = old[part.representatives].astype(np.float64)
         for axis in (axis for axis in range(3) if surface.mirror[axis]):
             ask()
-            moves = symmetrise(moves, _pairs(part, points, axis), axis)
+            find = partial(mirror_pairs, points, mesh.faces, part.mask, axis)
+            pairs = kept(mesh, f"mirror {axis}", (points, part.mask), find)
+            moves = symmetrise(moves, pairs, axis)
         for plane in surface.planes:
             ask()
             moves = plane.hold(moves, points)
@@ -88,10 +91,3 @@ def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Re
             moved=int(np.count_nonzero(lengths[part.index] > _VISIBLE)),
             largest_move=float(lengths.max()),
         )
-
-
-def _pairs(part: Welded, points: npt.NDArray, axis: int) -> npt.NDArray[np.intp]:
-    def find() -> npt.NDArray[np.intp]:
-        return mirror_pairs(points, part.mesh.faces, part.mask, axis)
-
-    return kept(part.mesh, f"mirror {axis}", (points, part.mask), find)

@@ -112,19 +112,13 @@ def _welded(
                 representatives, index = weld(pairs)
         mask = None
         if surface.mask is not None:
-            mask = _lowest(surface.mask[used], representatives, index)
+            masks = surface.mask[used]
+            mask = masks[representatives]
+            copies = np.flatnonzero(representatives[index] != np.arange(len(masks)))
+            np.minimum.at(mask, index[copies], masks[copies])
         vertices = surface.into_world(points[representatives])
         ask()
         places = np.zeros(len(used), dtype=np.int32)
         places[used] = index
         mesh = TriangleMesh(vertices, places[surface.triangles])
         return Welded(mesh, mask, used, representatives, index)
-
-
-def _lowest(
-    mask: npt.NDArray[np.float64], representatives: npt.NDArray, index: npt.NDArray
-) -> npt.NDArray[np.float64]:
-    lowest = mask[representatives]
-    copies = np.flatnonzero(representatives[index] != np.arange(len(mask)))
-    np.minimum.at(lowest, index[copies], mask[copies])
-    return lowest

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import scipy.sparse
 
 from ..base.checks import checked_signal
-from ..base.parallel import kernel, run, run_in_order
-from ..base.progress import aside, phase
+from ..base.parallel import kernel, run
+from ..base.progress import aside, ask, phase
 from ..base.vectors import after, cross, dot, edge
 from ..errors import InvalidSignal
 from .triangle_mesh import Floats, Ints, TriangleMesh
@@ -65,10 +65,8 @@ def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
         raise InvalidSignal(
             f"The field has the shape {vectors.shape}; give ({mesh.face_count}, channels, 3)."
         )
-    out = np.zeros((mesh.vertex_count, vectors.shape[1]))
-    run(_divergence, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
-        mesh.normals, vectors, out)  # fmt: skip
-    return out
+    weighted = mesh.areas[:, None, None] * vectors.transpose(0, 2, 1)
+    return -(gradient_matrix(mesh).T @ weighted.reshape(3 * mesh.face_count, -1))
 
 
 def cotangents(mesh: TriangleMesh) -> Floats:
@@ -84,9 +82,8 @@ def cotangents(mesh: TriangleMesh) -> Floats:
 
 def lumped_mass(mesh: TriangleMesh) -> Floats:
     """A third of the area around each vertex, in squared mean edge lengths: (n,)."""
-    out = np.empty(mesh.vertex_count)
-    run(_lumped_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out)
-    return out
+    corner_areas = np.repeat(mesh.areas, 3)
+    return np.bincount(mesh.faces.reshape(-1), corner_areas, mesh.vertex_count) / 3
 
 
 def stiffness_weights(
@@ -183,10 +180,12 @@ def group_means(groups: npt.NDArray[np.integer], rows: npt.NDArray, out: npt.NDA
     rows : (k, d) array of float
     out : (n, d) array of float
     """
-    sums = np.zeros(out.shape)
-    sizes = np.zeros(len(out), dtype=np.int64)
-    run_in_order(_add_rows, len(rows), groups, rows, sums, sizes)
-    run(_divide_rows, len(out), sums, sizes, out)
+    sizes = np.bincount(groups, minlength=len(out))
+    some = sizes > 0
+    for column in range(out.shape[1]):
+        ask()
+        sums = np.bincount(groups, rows[:, column], len(out))
+        out[some, column] = sums[some] / sizes[some]
 
 
 def smooth_vertices(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
@@ -228,19 +227,6 @@ def _gradient(start, stop, vertices, faces, normals, areas, values, out):
                 out[f, j, 0] += values[v, j] * x
                 out[f, j, 1] += values[v, j] * y
                 out[f, j, 2] += values[v, j] * z
-
-
-@kernel
-def _divergence(start, stop, vertices, faces, corner_start, corners, normals, field, out):
-    for v in range(start, stop):
-        for i in range(corner_start[v], corner_start[v + 1]):
-            f = corners[i] // 3
-            k = corners[i] - 3 * f
-            a, b = faces[f, after(k)], faces[f, after(after(k))]
-            x, y, z = cross(normals[f], edge(vertices, a, b))  # zero without area
-            hat = 0.5 * x, 0.5 * y, 0.5 * z
-            for j in range(field.shape[1]):
-                out[v, j] -= dot(hat, field[f, j])
 
 
 @kernel
@@ -287,15 +273,6 @@ def _assemble(
 
 
 @kernel
-def _lumped_mass(start, stop, corner_start, corners, areas, out):
-    for v in range(start, stop):
-        total = 0.0
-        for i in range(corner_start[v], corner_start[v + 1]):
-            total += areas[corners[i] // 3]
-        out[v] = total / 3
-
-
-@kernel
 def _average(start, stop, corner_start, corners, areas, values, out):
     for v in range(start, stop):
         total = 0.0
@@ -309,23 +286,6 @@ def _average(start, stop, corner_start, corners, areas, values, out):
         if total > 0:
             for j in range(values.shape[1]):
                 out[v, j] /= total
-
-
-@kernel
-def _add_rows(start, stop, groups, rows, sums, sizes):
-    for i in range(start, stop):
-        g = groups[i]
-        sizes[g] += 1
-        for j in range(rows.shape[1]):
-            sums[g, j] += rows[i, j]
-
-
-@kernel
-def _divide_rows(start, stop, sums, sizes, out):
-    for g in range(start, stop):
-        if sizes[g] > 0:
-            for j in range(out.shape[1]):
-                out[g, j] = sums[g, j] / sizes[g]
 
 
 @kernel

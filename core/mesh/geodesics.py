@@ -18,10 +18,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_signal
 from ..base.parallel import kernel, run, run_in_order
 from ..base.vectors import after
-from ..errors import InvalidSignal
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
 log = logging.getLogger(__name__)
@@ -62,60 +60,6 @@ class Front(NamedTuple):
     slots: Ints  # where in the heap each vertex is
 
 
-def distances_from(
-    mesh: TriangleMesh, source: int, embedding: npt.ArrayLike | None = None, limit: float = np.inf
-) -> Floats:
-    """Compute geodesic distances from one vertex.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    source : int
-        The vertex.
-    embedding : (n, any number) array of float, optional
-        Where the vertices lie, in any unit; ``mesh.scaled_vertices`` if left out, so that
-        distances are in mean edge lengths.
-    limit : float
-        How far to go.
-
-    Returns
-    -------
-    (n,) float64
-        Infinite beyond `limit`, and where no faces lead to.
-
-    Raises
-    ------
-    InvalidSignal
-        If there is no such vertex, or the embedding does not fit the mesh or is not finite.
-
-    Notes
-    -----
-    First order in the edge length, on planes exact up to what obtuse corners at borders leave out.
-
-    Examples
-    --------
-    >>> from shock_filter.core import TriangleMesh
-    >>> from shock_filter.core.mesh.geodesics import distances_from
-    >>> corners = [[0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]]
-    >>> mesh = TriangleMesh(corners, [[0, 1, 3], [1, 2, 3]])
-    >>> distances_from(mesh, 0, mesh.vertices).round(6).tolist()
-    [0.0, 3.0, 5.0, 4.0]
-    """
-    if not 0 <= source < mesh.vertex_count:
-        raise InvalidSignal(
-            f"The source is vertex {source}; give one from 0 to {mesh.vertex_count - 1}."
-        )
-    points = mesh.scaled_vertices
-    if embedding is not None:
-        points = checked_signal(embedding, mesh.vertex_count, "embedding", np.inf)
-    front = new_front(mesh.vertex_count)
-    count = march(source, 1, limit, ALL, stencils(mesh, points), front)
-    found = np.full(mesh.vertex_count, np.inf)
-    vertices = front.reached[:count]
-    found[vertices] = np.sqrt(front.squares[vertices])
-    return found
-
-
 def stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     """Prepare marching on a mesh whose vertices lie at `embedding` (n, any number).
 
@@ -145,7 +89,7 @@ def face_stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     through.
     """
     start = np.zeros(mesh.face_count + 1, dtype=np.int64)
-    run(_count_links, mesh.face_count, mesh.twins, start)
+    start[1:] = (mesh.twins >= 0).sum(axis=1)
     graph = _empty_stencils(start)
     run(_link_faces, mesh.face_count, mesh.twins, embedding, graph)
     return graph
@@ -308,13 +252,6 @@ def _apex(ax, ay, bx, by, square_ac, square_bc):
     along = 0.5 * (square_ac - square_bc + square) / square
     beside = np.sqrt(max(square_ac / square - along * along, 0.0))
     return ax + along * ux + beside * uy, ay + along * uy - beside * ux
-
-
-@kernel
-def _count_links(start, stop, twins, row_start):
-    for f in range(start, stop):
-        for k in range(3):
-            row_start[f + 1] += twins[f, k] >= 0
 
 
 @kernel

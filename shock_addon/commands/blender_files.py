@@ -15,7 +15,7 @@ from ...core.errors import ShockError
 from ...core.files.output import staged
 from ...core.files.reading import check_file, reading_back
 
-_OPEN_FILE = "-"
+OPEN_FILE = "-"
 _BLEND = ".blend"
 _USD = (".usd", ".usda", ".usdc", ".usdz")
 _GLTF = ("import_scene.gltf",), "export_scene.gltf"
@@ -66,7 +66,7 @@ def check_ending(target: Path) -> None:
 
 def open_scene(source: str) -> None:
     """Open or import a file, into an empty scene; - is the file that is open already."""
-    if source == _OPEN_FILE:
+    if source == OPEN_FILE:
         return
     check_file(Path(source))
     path = str(Path(source).absolute())

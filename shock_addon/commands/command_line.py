@@ -98,8 +98,7 @@ class _Run:
 
 def _filter_meshes(run: _Run, source: str, target: Path, options: argparse.Namespace) -> Outcome:
     files.check_ending(target)
-    files.open_scene(source)
-    objects, notes = _chosen(options.objects)
+    objects, notes = _opened(source, options)
     moves = run.command.kind is GEOMETRY
     with _selected(objects), _mirrored(objects, options.mirror if moves else []):
         changed, total = run.start()
@@ -160,8 +159,7 @@ def _filter_image(run: _Run, source: str, target: Path, options: argparse.Namesp
 
 def _filter_texture(run: _Run, source: str, target: Path, options: argparse.Namespace) -> Outcome:
     files.image_format(target)
-    files.open_scene(options.mesh)
-    objects, notes = _chosen(options.objects)
+    objects, notes = _opened(options.mesh, options)
     with ExitStack() as stack:
         stack.enter_context(_selected(objects))
         if run.command.takes_mask and options.mask:
@@ -176,8 +174,7 @@ def _draw_mask(
 ) -> Outcome:
     ending = target.suffix.lower()
     kind = None if ending == _ARRAY else files.image_format(target)
-    files.open_scene(source)
-    objects, notes = _chosen(options.objects)
+    objects, notes = _opened(source, options)
     size = options.size
     if size is None:
         with files.loaded_image(options.like) as image:
@@ -198,8 +195,10 @@ def _draw_mask(
     return mask_outcome(atlas, (*notes, *skipped))
 
 
-def _chosen(names: list[str] | None) -> tuple[list[bpy.types.Object], list[str]]:
-    """Objects to sharpen, each mesh once, and notes on those that are not."""
+def _opened(source: str, options: argparse.Namespace) -> tuple[list[bpy.types.Object], list[str]]:
+    """Open a file; return objects to filter, each mesh once, and notes on those that are not."""
+    files.open_scene(source)
+    names = options.objects
     meshes = {obj.name: obj for obj in bpy.context.scene.objects if obj.type == "MESH"}
     missing = sorted(set(names or ()) - set(meshes))
     if missing:
@@ -211,5 +210,8 @@ def _chosen(names: list[str] | None) -> tuple[list[bpy.types.Object], list[str]]
     chosen = [meshes[name] for name in (names or meshes) if name not in hidden]
     if not chosen:
         raise ShockError("The scene has no visible mesh; show one or name it with --object.")
+    if not any(obj.data.polygons for obj in chosen):
+        name = "The open file" if source == files.OPEN_FILE else source
+        raise ShockError(f"{name} has no faces; is it a mesh, and not cut short?")
     notes = [f"hidden, so left as they are: {', '.join(hidden)}"] if hidden else []
     return list({obj.data: obj for obj in chosen}.values()), notes

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         painted,
         shading,
         shape_keys,
+        shown,
         skipped,
         textures,
         tiles,

@@ -51,6 +51,12 @@ def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
     return context.space_data.image if in_image_editor(context) else None
 
 
+def subjects(context: bpy.types.Context) -> set[int]:
+    """Return uids of what a panel is about: the Image Editor's image, elsewhere mesh objects."""
+    image = edited_image(context)
+    return {each.session_uid for each in (mesh_objects(context) if image is None else [image])}
+
+
 def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
     """Say why an image cannot be sharpened; empty if it can. UDIM tiles can be allowed."""
     if image.library is not None or image.override_library is not None:

@@ -16,8 +16,8 @@ from .skipped import Skipped
 if TYPE_CHECKING:
     from ...core.host.flow import Flow
 
-POTENTIAL = "shock_potential"
-FLOW = "shock_flow"
+POTENTIAL = ".shock_potential"  # Blender exports no attributes that begin with a dot
+FLOW = ".shock_flow"
 
 _POTENTIAL = POTENTIAL, "FLOAT", "POINT"
 _FLOW = FLOW, "FLOAT_VECTOR", "FACE"
@@ -56,6 +56,14 @@ def read_flow(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray] | None:
     if potential is None or flow is None:
         return None
     return arrays.read_attribute(potential), arrays.read_attribute(flow)
+
+
+def remove_flow(mesh: bpy.types.Mesh) -> None:
+    """Remove both attributes, in any mode."""
+    for name in (POTENTIAL, FLOW):
+        if name in mesh.attributes:
+            mesh.attributes.remove(mesh.attributes[name])
+    mesh.update()
 
 
 def read_faces(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:

@@ -141,6 +141,16 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     return image
 
 
+def keep(image: bpy.types.Image) -> None:
+    """Have the blend file keep an image, even if nothing in it uses it: Blender saves no others.
+
+    Editors that show it do not count, nor what is painted on.
+    """
+    users = bpy.data.user_map(subset={image})[image]
+    if all(isinstance(user, bpy.types.Screen | bpy.types.Scene) for user in users):
+        image.use_fake_user = True
+
+
 def _name(old: str, suffix: str) -> str:
     """Put the suffix after a name without file ending, unless it is there."""
     unnumbered = re.sub(r"\.\d{3}$", "", old)  # Blender adds such numbers

@@ -91,8 +91,10 @@ def _vertex_masks(obj: bpy.types.Object, mode: str, parameters: Any) -> list[npt
         masks.append(_flags(mesh.vertices, "select"))
     if mode in {"PAINT_VERTEX", "PAINT_WEIGHT"} and mesh.use_paint_mask_vertex:
         masks.append(_flags(mesh.vertices, "select"))
-    if mode == "SCULPT":
-        masks += _sculpt_masks(mesh)
+    # One of another kind may have come from a file; Blender does not sculpt with it.
+    sculpted = arrays.find_attribute(mesh, ".sculpt_mask", "FLOAT", "POINT")
+    if mode == "SCULPT" and sculpted is not None:
+        masks.append(1.0 - arrays.read_attribute(sculpted))
     return masks
 
 
@@ -122,9 +124,3 @@ def _product(masks: list[npt.NDArray]) -> npt.NDArray[np.float64] | None:
 
 def _flags(elements: Any, name: str) -> npt.NDArray[np.bool_]:
     return arrays.read(elements, name, dtype=bool)
-
-
-def _sculpt_masks(mesh: bpy.types.Mesh) -> list[npt.NDArray[np.float32]]:
-    # One of another kind may have come from a file; Blender does not sculpt with it.
-    attribute = arrays.find_attribute(mesh, ".sculpt_mask", "FLOAT", "POINT")
-    return [] if attribute is None else [1.0 - arrays.read_attribute(attribute)]

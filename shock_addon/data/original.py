@@ -118,20 +118,16 @@ def show(target: Target, original: Original, result: Any) -> None:
     original.check_shown()
     original.restore()
     try:
-        _write_result(target, original, result)
+        if isinstance(target.surface, PaintedSurface):
+            shape, paint = split(target)
+            _show_shape(shape, original, result.shape)
+            write_colors(paint, result.paint)
+        elif isinstance(target.surface, ColoredSurface):
+            write_colors(target, result)
+        else:
+            _show_shape(target, original, result)
     finally:
         original.note_shown()
-
-
-def _write_result(target: Target, original: Original, result: Any) -> None:
-    if isinstance(target.surface, PaintedSurface):
-        shape, paint = split(target)
-        _show_shape(shape, original, result.shape)
-        write_colors(paint, result.paint)
-    elif isinstance(target.surface, ColoredSurface):
-        write_colors(target, result)
-    else:
-        _show_shape(target, original, result)
 
 
 def _show_shape(target: Target, original: Original, result: Reshaped) -> None:

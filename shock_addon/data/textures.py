@@ -276,11 +276,11 @@ def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -
         raise Skipped(
             "its mask {name} cannot be used: {reason}", name=mask.name, reason=pgettext_rpt(reason)
         )
-    if image_data.part_sizes(mask) != image_data.part_sizes(image):
+    sizes = image_data.part_sizes(image)
+    if image_data.part_sizes(mask) != sizes:
+        wanted = ", ".join(f"{width} x {height}" for height, width in sizes.values())
         raise Skipped(
-            "its mask {name} has another size; scale it to {size}",
-            name=mask.name,
-            size=_sizes(image),
+            "its mask {name} has another size; scale it to {size}", name=mask.name, size=wanted
         )
     pixels = _whole(image_data.read_parts(mask), mosaic)[..., :3]
     weights = np.clip(pixels.mean(axis=-1, dtype=np.float64), 0.0, 1.0)
@@ -292,8 +292,3 @@ def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -
             "its mask {name} leaves nothing to sharpen; paint some of it white", name=mask.name
         )
     return weights
-
-
-def _sizes(image: bpy.types.Image) -> str:
-    sizes = image_data.part_sizes(image).values()
-    return ", ".join(f"{width} x {height}" for height, width in sizes)

@@ -25,7 +25,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
     bl_description = (
         "Show where the filter will pull, with the panel's settings: the potential in colors over"
         " the active object, and strokes that point where values go. Both are kept in the mesh's"
-        " attributes shock_potential and shock_flow"
+        " hidden attributes .shock_potential and .shock_flow, until Hide Flow removes them"
     )
     bl_options = {"UNDO"}
 
@@ -71,6 +71,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         """Write the attributes, and draw them from now on."""
         written, skipped = super().write(context, results)
         for _, obj, _ in written:
+            _end_showing(but=obj)
             flow_overlay.show(obj)
         return written, skipped
 
@@ -90,10 +91,11 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
 
 class SHOCK_FILTER_OT_hide_flow(bpy.types.Operator):
-    """Hide the flow; the mesh keeps it in its attributes shock_potential and shock_flow"""
+    """Hide the flow, and remove the attributes that hold it"""
 
     bl_idname = "shock_filter.hide_flow"
     bl_label = "Hide Flow"
+    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -102,8 +104,16 @@ class SHOCK_FILTER_OT_hide_flow(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Draw it no more."""
-        flow_overlay.hide()
+        _end_showing()
         return {"FINISHED"}
+
+
+def _end_showing(but: bpy.types.Object | None = None) -> None:
+    """Hide what is shown, and remove it from its mesh, unless it is that of the given object."""
+    shown = bpy.data.objects.get(flow_overlay.shown_object() or "")
+    flow_overlay.hide()
+    if shown is not None and shown.type == "MESH" and (but is None or shown.data != but.data):
+        data.flow.remove_flow(shown.data)
 
 
 CLASSES = (SHOCK_FILTER_OT_show_flow, SHOCK_FILTER_OT_hide_flow)

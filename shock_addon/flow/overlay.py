@@ -14,7 +14,6 @@ from bpy.app.translations import pgettext_iface as iface_
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from ...core import host
 from .. import data
 
 _MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
@@ -162,6 +161,8 @@ def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Ma
 
 
 def _batches(mesh: bpy.types.Mesh) -> list:
+    from ...core.host.strokes import potential_colors, strokes
+
     found = data.flow.read_flow(mesh)
     if found is None:
         return []
@@ -170,9 +171,9 @@ def _batches(mesh: bpy.types.Mesh) -> list:
     triangles = data.meshes.read_triangles(mesh)
     colored = {
         "pos": data.meshes.read_positions(mesh),
-        "color": host.strokes.potential_colors(potential),
+        "color": potential_colors(potential),
     }
-    corners, colors = host.strokes.strokes(*data.flow.read_faces(mesh), flow)
+    corners, colors = strokes(*data.flow.read_faces(mesh), flow)
     return [
         batch_for_shader(shader, "TRIS", colored, indices=triangles),
         batch_for_shader(shader, "TRIS", {"pos": corners, "color": colors}),
@@ -180,6 +181,8 @@ def _batches(mesh: bpy.types.Mesh) -> list:
 
 
 def _draw_legend(overlay: _Overlay) -> None:
+    from ...core.host.strokes import bar
+
     context = bpy.context
     if not _is_seen(overlay.object(), context.space_data):
         return
@@ -194,7 +197,7 @@ def _draw_legend(overlay: _Overlay) -> None:
     y = 24 * scale + _covered(context.area, "ASSET_SHELF", "ASSET_SHELF_HEADER")
     _write(font, x, y, weak)
     x += words[0] + 8 * scale
-    corners, colors = host.strokes.bar(x, y, 100 * scale, 10 * scale)
+    corners, colors = bar(x, y, 100 * scale, 10 * scale)
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
     batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "color": colors}).draw(shader)
     _write(font, x + 108 * scale, y, strong)

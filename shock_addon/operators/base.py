@@ -12,6 +12,7 @@ import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
+from .. import data
 from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
 from ..modes import Mode, load
 from . import drawing, kernels, statistics
@@ -24,8 +25,14 @@ Filter = Callable[[Any, Progress], Any]
 _HARDLY_SEEN = 0.01
 """A change of colors that people hardly see."""
 
+_NOTICED = 0.5
+"""Seconds of compiling that people notice."""
+
 summaries: dict[str, str] = {}
 """What each mode has done last, or why it has not."""
+
+_subjects: dict[str, set[int]] = {}
+"""The uids of the objects and images that it was done with."""
 
 listener: Any = None
 """Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C.
@@ -135,7 +142,9 @@ class FilterOperator(ModalJob):
 
     def _prepare(self, context: bpy.types.Context) -> Work | None:
         self._began = time.perf_counter()
+        self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
+            _subjects[self.key] = data.chosen.subjects(context)
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)
             if self.targets:
@@ -194,14 +203,29 @@ class FilterOperator(ModalJob):
         if not written:
             self.tell("ERROR", " ".join(skipped))
             return {"CANCELLED"}
+        _subjects[self.key] |= {each.data.session_uid for each in written}
         seconds = time.perf_counter() - self._began
-        statistics.learn(self, seconds)
+        compiling = kernels.seconds_compiling() - self._compiled
+        statistics.learn(self, seconds - compiling)
         if listener is not None:
             listener.counts = self.counts(written)
         # In one line: Blender's status bar shows only the last report.
-        parts = [self.summary(written, seconds), self.notes(written), *skipped]
+        parts = [self.summary(written, seconds), _said_of(compiling), self.notes(written), *skipped]
         self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
         return {"FINISHED"}
+
+
+def _said_of(compiling: float) -> str:
+    if compiling < _NOTICED:
+        return ""
+    text = pgettext_rpt("Compiling took {seconds:.1f} s of it, which only first runs do.")
+    return text.format(seconds=compiling)
+
+
+def summary_of(context: bpy.types.Context, key: str) -> str:
+    """Return what a mode has done last with what is chosen now; empty if it was something else."""
+    same = data.chosen.subjects(context) & _subjects.get(key, set())
+    return summaries.get(key, "") if same else ""
 
 
 def filter_of(mode: Mode, settings: Any, parameters: Any) -> Filter:
@@ -238,7 +262,7 @@ def can_run(operator: type, obstacle: str) -> bool:
 
 def filter_targets(targets: Sequence[Any], function: Filter, progress: Progress) -> list[Any]:
     """Filter all targets, on any thread; one that fails gives its error as its result."""
-    progress(0.0, "Preparing (compiles on first use)")
+    progress(0.0, "Preparing")
     kernels.load()
     total = sum(target.surface.size for target in targets)
     done = 0

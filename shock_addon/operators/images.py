@@ -50,10 +50,10 @@ class OneImageOperator(FilterOperator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the image and show it in the Image Editor."""
         written, skipped = write_results(self.targets, results, self._write_one)
-        for _, image, _ in written:
+        for target, image, _ in written:
+            source = data.images.find_image(target)
+            data.shown.show(context.space_data, source, image, again=bool(self.result))
             self.result = image.name
-            if data.chosen.edited_image(context) is not None:
-                context.space_data.image = image
         return written, skipped
 
     def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
@@ -63,6 +63,8 @@ class OneImageOperator(FilterOperator):
         if self.output == "NEW":
             image = data.images.add_or_reuse(source, self.row.done.lower(), self.result, new)
             self.show(target, source, image)
+            for each in (source, image):
+                data.images.keep(each)
             return image
         if any(part.changed for part in self._parts.values()):
             data.images.overwrite(source, target.parts, new)

@@ -13,6 +13,7 @@ from typing import Any
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
+from . import kernels
 from .status import StatusText
 
 Work = Callable[[Callable[[float, str], bool]], Any]
@@ -39,15 +40,13 @@ class Job:
     ----------
     fraction : float
         How much is done, 0 to 1.
-    message : str
-        What is being done.
     """
 
     def __init__(self, work: Work) -> None:
         from concurrent.futures import ThreadPoolExecutor
 
         self.fraction = 0.0
-        self.message = "Preparing"
+        self._message = "Preparing"
         self._cancelled = threading.Event()
         executor = ThreadPoolExecutor(1, thread_name_prefix="shock-filter-job")
         self._future = executor.submit(work, self._progress)
@@ -57,8 +56,13 @@ class Job:
 
     def _progress(self, fraction: float, message: str) -> bool:
         self.fraction = max(self.fraction, fraction)  # a bar that goes back worries people
-        self.message = message or self.message
+        self._message = message or self._message
         return not self._cancelled.is_set()
+
+    @property
+    def message(self) -> str:
+        """What is being done."""
+        return "Preparing (compiles on first use)" if kernels.is_compiling() else self._message
 
     @property
     def done(self) -> bool:

@@ -7,7 +7,9 @@ import importlib
 import importlib.util
 import os
 import threading
+import time
 from functools import cache
+from typing import Any
 
 import bpy
 
@@ -31,6 +33,8 @@ _UNUSABLE = (
 
 _loading = threading.Lock()
 _import_error = ""
+_compiler: Any = None
+"""Hears of all that numba compiles, as soon as that is loaded."""
 
 
 class KernelsUnavailable(ShockError):
@@ -98,6 +102,7 @@ def load() -> None:
         if problem():
             raise KernelsUnavailable(problem())
         try:
+            _watch_compiler()
             for name in registry.kernel_modules():
                 importlib.import_module(name)
         except _UNUSABLE as error:
@@ -111,10 +116,46 @@ def load() -> None:
             raise KernelsUnavailable(_import_error) from error
 
 
+def _watch_compiler() -> None:
+    global _compiler
+    from numba.core import event
+
+    class Compiler(event.Listener):
+        depth, seconds = 0, 0.0  # a kernel that calls others has them compiled meanwhile
+
+        def on_start(self, event: Any) -> None:
+            if not self.depth:
+                self.began = time.perf_counter()
+            self.depth += 1
+
+        def on_end(self, event: Any) -> None:
+            self.depth -= 1
+            if not self.depth:
+                self.seconds += time.perf_counter() - self.began
+
+    if _compiler is None:
+        _compiler = Compiler()
+        event.register("numba:compile", _compiler)
+
+
+def is_compiling() -> bool:
+    """Whether a kernel is being compiled, on whatever thread."""
+    return _compiler is not None and _compiler.depth > 0
+
+
+def seconds_compiling() -> float:
+    """Return how long kernels were compiled in this session; loading those on disk is not."""
+    return 0.0 if _compiler is None else _compiler.seconds
+
+
 def unregister() -> None:
     """Look again for numba and scipy when they are next asked for."""
-    global _import_error
-    _import_error = ""
+    global _compiler, _import_error
+    if _compiler is not None:
+        from numba.core import event
+
+        event.unregister("numba:compile", _compiler)
+    _compiler, _import_error = None, ""
     cache_folder.chosen = None
     _missing.cache_clear()
     choose_folder.cache_clear()

@@ -29,13 +29,13 @@ _FIRST_TILE = 1001
 
 
 class ImageStage:
-    """An image over which the result is drawn; see `Stage`.
+    """An image over which the result is drawn; a stage of a `Preview`.
 
     Parameters
     ----------
     image : bpy.types.Image
     part : callable
-        As in `Stage`; what is shown are pieces.
+        As in `Preview`; what is shown are pieces.
     """
 
     def __init__(self, image: bpy.types.Image, part: Callable[[Any], tuple]) -> None:
@@ -50,7 +50,9 @@ class ImageStage:
 
     def show(self, seen: list[Piece]) -> None:
         """Draw it."""
-        self.note = _note(seen[0])
+        height, width = seen[0].colors.shape[:2]
+        words = iface_("patch of {width:,} x {height:,} pixels")
+        self.note = words.format(width=width, height=height) if seen[0].framed else ""
         self._overlay.show(seen)
 
     def lost(self) -> str:
@@ -125,13 +127,6 @@ def _tile_box(number: int) -> tuple[float, float, float, float]:
 def _place(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, float]:
     view, mouse = pointed_at(context, event)
     return view.view2d.region_to_view(*mouse)
-
-
-def _note(piece: Piece) -> str:
-    if not piece.framed:
-        return ""
-    height, width = piece.colors.shape[:2]
-    return iface_("patch of {width:,} x {height:,} pixels").format(width=width, height=height)
 
 
 def _pieces(crop: Crop, colors: Callable[[HostImage], Any], result: Any) -> list[Piece]:

@@ -25,7 +25,7 @@ _QUICK, _SLOW = 50_000, 8_000
 
 
 class MeshStage:
-    """An object whose mesh shows the result; see `Stage`.
+    """An object whose mesh shows the result; a stage of a `Preview`.
 
     Parameters
     ----------

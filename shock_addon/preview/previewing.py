@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
@@ -26,39 +25,6 @@ _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""
 
 
-class Stage(Protocol):
-    """What settings are tried on, and where the result is seen.
-
-    Attributes
-    ----------
-    chosen : dict
-        Parameters of the operator that say what it works on.
-    note : str
-        Says which patch is computed; empty if it is all.
-    """
-
-    chosen: dict[str, Any]
-    note: str
-
-    def settings(self, settings: Any) -> Any:
-        """Turn settings that are meant for all into those for the patch."""
-
-    def part(self, settings: Any) -> tuple[Any, Callable[[Any], Any]]:
-        """Return what is filtered with these settings, all or a patch; on any thread.
-
-        Beside it stands what makes of the filter's result what `show` wants.
-        """
-
-    def show(self, seen: Any) -> None:
-        """Show it instead of what was shown before; raises `Skipped` if that is not possible."""
-
-    def lost(self) -> str:
-        """Say what has happened to what is worked on; empty if it is still there."""
-
-    def end(self) -> None:
-        """Bring everything back bit for bit."""
-
-
 def parameters_of(context: bpy.types.Context, mode: Mode) -> SimpleNamespace:
     """Copy the panel's settings."""
     settings = getattr(context.scene.shock_filter, mode.key)
@@ -73,7 +39,14 @@ class Preview:
     mode : Mode
     parameters : SimpleNamespace
         The panel's settings to begin with.
-    stage : Stage
+    stage : MeshStage or ImageStage
+        What settings are tried on, and where the result is seen: `chosen` are parameters of the
+        operator that say what it works on, `note` says which patch is computed, empty if it is
+        all. ``settings(settings)`` turns those that are meant for all into those for the patch.
+        ``part(settings)`` returns, on any thread, what is filtered with these, and what makes of
+        the filter's result what ``show(seen)`` shows instead of what was shown before, or raises
+        `Skipped`. ``lost()`` says what has happened to what is worked on, empty if it is still
+        there; ``end()`` brings everything back bit for bit.
 
     Attributes
     ----------
@@ -85,7 +58,7 @@ class Preview:
         How many results were shown.
     """
 
-    def __init__(self, mode: Mode, parameters: SimpleNamespace, stage: Stage) -> None:
+    def __init__(self, mode: Mode, parameters: SimpleNamespace, stage: Any) -> None:
         self.mode, self.parameters, self.stage = mode, parameters, stage
         self.updates = 0
         target = mode.target(parameters)

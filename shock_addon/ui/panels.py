@@ -71,8 +71,8 @@ class _MainPanel(_Panel):
         layout.separator(factor=0.01)
         if obstacle:
             draw_text(layout, context, obstacle, icon="INFO")
-        elif mode.key in operators.summaries:
-            draw_text(layout, context, operators.summaries[mode.key])
+        elif summary := operators.summary_of(context, mode.key):
+            draw_text(layout, context, summary)
 
 
 class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
@@ -201,7 +201,7 @@ def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) ->
         name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why
         return
-    layout.label(text=iface_("Shown: {}").format(name), icon="IMAGE_DATA", translate=False)
+    layout.label(text=iface_("Will sharpen: {}").format(name), icon="IMAGE_DATA", translate=False)
 
 
 def _draw_choices(

@@ -822,6 +822,19 @@ print(bpy.data.images["wood.png"].filepath)
     assert [path.name for path in Path("deep").iterdir()] == ["out.blend"]
 
 
+def test_a_file_that_is_cut_before_its_faces_is_named(folder):
+    Path("cut.obj").write_text("o Cut\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n")
+    Image.fromarray(soft_edge()).save("in.png")
+    for words in (
+        ("sharpen-geometry", "cut.obj", "out.obj"),
+        ("sharpen-texture", "cut.obj", "in.png", "out.png"),
+    ):
+        run = blender(*words)
+        assert run.code == 1
+        assert "cut.obj has no faces; is it a mesh, and not cut short?" in run.err
+    assert sorted(path.name for path in folder.iterdir()) == ["cut.obj", "in.png"]
+
+
 def test_usage_errors_and_refusals(scene, old, folder):
     bad = blender("sharpen-geometry", scene, "out.blend", "--smoothing-passes", "-3")
     assert bad.code == 2

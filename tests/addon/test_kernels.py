@@ -35,6 +35,7 @@ elif sys.argv[1:] == ["console"]:
 else:
     bpy.ops.mesh.primitive_uv_sphere_add()
     result = bpy.ops.shock_filter.sharpen_geometry(feature_threshold=0.0)
+base = importlib.import_module(NAME + ".shock_addon.operators.base")
 mesh = importlib.import_module(NAME + ".core.mesh.adjacency")
 import numba
 state = {
@@ -44,6 +45,8 @@ state = {
     "misses": sum(mesh._pair.stats.cache_misses.values()),
     "setting": numba.config.CACHE_DIR,
     "temporary": bpy.app.tempdir,
+    "said": base.summaries.get("geometry", ""),
+    "seconds": kernels.seconds_compiling(),
 }
 addon_utils.disable(NAME)
 state["after"] = cache.chosen
@@ -96,15 +99,18 @@ def test_compiled_code_goes_to_the_user_folder_and_is_used_again(resources):
     assert folder.name == f"kernels-{shock_filter.__version__}"
     assert resources in folder.parents
     assert extension not in folder.parents
-    assert folder in Path(first["kept"]).parents
+    assert folder == Path(first["kept"])
     assert first["misses"] == 1
+    assert f"Compiling took {first['seconds']:.1f} s of it" in first["said"]
     assert first["setting"] == ""
     assert first["after"] is None
-    assert any(name.endswith(".nbi") for name in written(folder))
+    assert any(name.endswith(".nbc") for name in written(folder))
     assert written(extension) == before
 
     second = run(resources)
     assert second["misses"] == 0
+    assert second["seconds"] == 0
+    assert "Compiling" not in second["said"]
     assert written(extension) == before
 
 

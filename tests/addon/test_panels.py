@@ -366,6 +366,27 @@ def test_the_panel_says_what_was_done(rounded_box):
     assert text == operators.summaries["geometry"]
 
 
+def test_the_panel_says_nothing_of_other_objects(rounded_box, select):
+    first = rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    second = rounded_box()
+    assert words(draw(panels.SHOCK_FILTER_PT_main), "label") == []
+    select(first, second)
+    assert words(draw(panels.SHOCK_FILTER_PT_main), "label") != []
+
+
+def test_the_image_editor_says_nothing_of_other_images(rounded_box):
+    rounded_box()
+    bpy.context.scene.shock_filter.image_mode = "IMAGE"
+    for name in ("Photo", "Other"):
+        bpy.data.images.new(name, 8, 8)
+    bpy.ops.shock_filter.sharpen_image(image="Photo")
+    main = panels.SHOCK_FILTER_PT_image_main
+    text = " ".join(words(draw(main, bpy.data.images["Photo sharpened"]), "label"))
+    assert text == operators.summaries["image"]
+    assert words(draw(main, bpy.data.images["Other"]), "label") == []
+
+
 def test_the_panel_shows_the_progress(monkeypatch):
     job = SimpleNamespace(fraction=0.5, message="Tracing flow-lines")
     monkeypatch.setattr(jobs, "current", lambda: job)
@@ -590,9 +611,9 @@ def test_the_texture_panel_says_which_image_or_why_none(rounded_box):
     node = material.node_tree.nodes.new("ShaderNodeTexImage")
     node.image = bpy.data.images.new("Wood", 4, 4)
     box.data.materials.append(material)
-    assert "Shown: Wood" in words(draw(main), "label")
+    assert "Will sharpen: Wood" in words(draw(main), "label")
     bpy.context.scene.shock_filter.texture.image = "Wood"
-    assert "Shown: Wood" not in words(draw(main), "label")
+    assert "Will sharpen: Wood" not in words(draw(main), "label")
     bpy.data.images.remove(bpy.data.images["Wood"])
     text = " ".join(map(str, words(draw(main), "label")))
     assert "there is no image named 'Wood'; choose one of the file's images." in text

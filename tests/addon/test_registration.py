@@ -24,7 +24,14 @@ def inventory():
         "operators": sorted(dir(bpy.ops.shock_filter)),
         "handlers": [
             [function.__module__ for function in handlers]
-            for handlers in (bpy.app.handlers.load_pre, bpy.app.handlers.translation_update_post)
+            for handlers in (
+                bpy.app.handlers.load_pre,
+                bpy.app.handlers.undo_pre,
+                bpy.app.handlers.undo_post,
+                bpy.app.handlers.redo_pre,
+                bpy.app.handlers.redo_post,
+                bpy.app.handlers.translation_update_post,
+            )
         ],
         "entries": [
             [function.__module__ for function in getattr(bpy.types, name)._dyn_ui_initialize()]
@@ -76,7 +83,8 @@ print(json.dumps(states))
         "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
-    ours = "shock_filter.shock_addon", "shock_filter.shock_addon.ui.translations"
+    names = "", *4 * [".data.shown"], ".ui.translations"
+    ours = [f"shock_filter.shock_addon{name}" for name in names]
     assert all(name in found for name, found in zip(ours, enabled["handlers"], strict=True))
     assert set(enabled["scene"]) - set(before["scene"]) == {"shock_filter"}
     assert [len(now) - len(old) for now, old in zip(enabled["entries"], before["entries"],
@@ -112,6 +120,7 @@ shock_filter.unregister()
         "core.host.forgetting",
         "core.registry",
         "core.settings",
+        "shock_addon.data.shown",
         "shock_addon.data.skipped",
     ]
     # With nothing selected, menus and panels ask what could be run.

@@ -170,12 +170,12 @@ def test_a_packed_image_comes_back_from_the_file(output, float_buffer, tmp_path)
     photo.colorspace_settings.name = "sRGB"
     photo.pixels.foreach_set(blend().reshape(-1))
     photo.pack()
+    photo.use_fake_user = True
     sharpen(image="Photo", time=256.0, output=output)
     result = bpy.data.images["Photo" if output == "REPLACE" else "Photo sharpened"]
     assert result.packed_file is not None
     assert not result.is_dirty
     result.name = "Kept"
-    result.use_fake_user = True
     sharp = read(result)
     assert steepness(sharp) < steepness(blend())
     path = str(tmp_path / "kept.blend")
@@ -191,7 +191,6 @@ def test_a_new_image_comes_back_from_the_file(kind, tmp_path):
     add(pixels=pixels, **kind)
     sharpen(image="Photo", time=256.0)
     result = bpy.data.images["Photo sharpened"]
-    result.use_fake_user = True
     sharp = read(result)
     path = str(tmp_path / "kept.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -531,16 +530,57 @@ def test_only_the_image_editor_has_an_edited_image():
     assert chosen.edited_image(SimpleNamespace(space_data=None)) is None
 
 
-def test_the_image_editor_shows_the_result():
+@pytest.fixture
+def editors():
+    """Show an image in the first two Image Editors of Blender's workspaces."""
     bpy.ops.wm.read_homefile(use_factory_startup=True)
-    photo = add()
-    screen, area = next(
-        (screen, area)
-        for screen in bpy.data.screens
-        for area in screen.areas
-        if area.type == "IMAGE_EDITOR"
-    )
-    area.spaces.active.image = photo
+    add().use_fake_user = True
+    add("Other").use_fake_user = True
+    areas = [(area, screen) for screen in bpy.data.screens for area in screen.areas]
+    found = [(area, screen) for area, screen in areas if area.type == "IMAGE_EDITOR"][:2]
+    for area, _ in found:
+        area.spaces.active.image = bpy.data.images["Photo"]
+    return found
+
+
+def sharpen_in(editors):
+    (area, screen), _ = editors
     with bpy.context.temp_override(screen=screen, area=area):
         assert sharpen() == {"FINISHED"}
-    assert area.spaces.active.image == bpy.data.images["Photo sharpened"]
+    bpy.ops.ed.undo_push(message="Sharpen")
+
+
+def shown(editors):
+    return [area.spaces.active.image.name for area, _ in editors]
+
+
+def test_the_image_editor_shows_the_result(editors):
+    sharpen_in(editors)
+    assert shown(editors) == ["Photo sharpened", "Photo"]
+
+
+def test_image_editors_follow_undo_and_redo(editors):
+    bpy.ops.ed.undo_push(message="Before")
+    sharpen_in(editors)
+    sharpen_in(editors)
+    assert shown(editors) == ["Photo sharpened.001", "Photo"]
+    bpy.ops.ed.undo()
+    assert shown(editors) == ["Photo sharpened", "Photo"]
+    bpy.ops.ed.undo()
+    assert shown(editors) == ["Photo", "Photo"]
+    bpy.ops.ed.redo()
+    bpy.ops.ed.redo()
+    assert shown(editors) == ["Photo sharpened.001", "Photo"]
+
+
+def test_an_image_editor_in_which_another_image_was_opened_keeps_it(editors):
+    bpy.ops.ed.undo_push(message="Before")
+    sharpen_in(editors)
+    bpy.ops.ed.undo()
+    editors[0][0].spaces.active.image = bpy.data.images["Other"]
+    bpy.ops.ed.redo()
+    assert shown(editors) == ["Other", "Photo"]
+    editors[0][0].spaces.active.image = bpy.data.images["Photo"]
+    bpy.ops.ed.undo_push(message="Later")
+    bpy.ops.ed.undo()
+    assert shown(editors) == ["Photo", "Photo"]

@@ -788,12 +788,26 @@ def test_redo_of_replaced_tiles_starts_from_the_old_pixels(tmp_path, adjust, flo
         np.testing.assert_array_equal(pixels, before[number])
 
 
+@pytest.mark.parametrize("assign", [True, False])
+@pytest.mark.parametrize("operator", [sharpen, dilate])
+def test_both_images_come_back_from_the_file(operator, assign, sheet, tmp_path):
+    sheet.image.pack()
+    pixels = read(sheet.image)
+    operator(assign=assign)
+    (new,) = set(bpy.data.images.keys()) - {"Wood"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
+    np.testing.assert_array_equal(read(bpy.data.images["Wood"]), pixels)
+    unused, used = ("Wood", new) if assign else (new, "Wood")
+    assert bpy.data.images[unused].use_fake_user
+    assert not bpy.data.images[used].use_fake_user  # the material keeps it
+
+
 def test_sharpened_tiles_come_back_from_the_file(tmp_path):
     image = add_tiled(tmp_path, {1001: blend(), 1002: blend()})
     add_sheet(material=add_material(image), right=2.0)
     sharpen(time=256.0)
     result = bpy.data.images["Wood sharpened"]
-    result.use_fake_user = True
     sharp = tiles.read_tiles(result)
     path = str(tmp_path / "kept.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Show Flow and Hide Flow, and what the overlay draws."""
 
+import sys
 from types import SimpleNamespace
 
 import bpy
@@ -45,7 +46,7 @@ def test_the_flow_of_a_rounded_box_points_to_its_edges(rounded_box):
     second = np.sort(np.abs(place[strong]), axis=1)[:, 1]
     assert (np.sort(np.abs(ahead), axis=1)[:, 1] > second).mean() > 0.9
     np.testing.assert_array_equal(read_positions(box.data), before)
-    assert operators.summaries["geometry"].startswith("Wrote shock_potential and shock_flow to")
+    assert operators.summaries["geometry"].startswith("Wrote .shock_potential and .shock_flow to")
 
 
 def test_the_flow_is_that_of_the_core_with_the_panels_settings(rounded_box):
@@ -120,13 +121,13 @@ def test_only_the_active_object_and_any_mode(rounded_box, select):
 
 def test_an_attribute_of_another_kind_gives_way(rounded_box):
     box = rounded_box()
-    box.data.attributes.new("shock_potential", "INT", "FACE")
+    box.data.attributes.new(".shock_potential", "INT", "FACE")
     show_flow()
-    assert box.data.attributes["shock_potential"].data_type == "FLOAT"
+    assert box.data.attributes[".shock_potential"].data_type == "FLOAT"
     first = read_flow(box.data)
     show_flow()
     np.testing.assert_array_equal(read_flow(box.data)[0], first[0])
-    assert "shock_potential.001" not in box.data.attributes
+    assert ".shock_potential.001" not in box.data.attributes
 
 
 def test_without_a_window_nothing_is_drawn(rounded_box):
@@ -172,7 +173,20 @@ def registered():
     ]
 
 
-def test_hiding_the_flow_keeps_the_attributes(rounded_box, window):
+def test_what_is_drawn_is_loaded_when_it_is_first_drawn(rounded_box, monkeypatch):
+    box = rounded_box()
+    show_flow()
+    shader = SimpleNamespace(from_builtin=lambda name: name)
+    monkeypatch.setattr(flow_overlay, "gpu", SimpleNamespace(shader=shader))
+    monkeypatch.setattr(flow_overlay, "batch_for_shader", lambda *args, **more: (*args, more))
+    monkeypatch.delitem(sys.modules, "shock_filter.core.host.strokes", raising=False)
+    monkeypatch.delattr("shock_filter.core.host.strokes", raising=False)
+    surface, strokes = flow_overlay._batches(box.data)
+    assert len(surface[2]["color"]) == len(box.data.vertices)
+    assert len(strokes[2]["pos"]) == len(strokes[2]["color"]) > 0
+
+
+def test_hiding_the_flow_removes_the_attributes(rounded_box, window):
     box = rounded_box()
     assert show_flow() == {"FINISHED"}
     assert flow_overlay.shown_object() == box.name
@@ -185,7 +199,8 @@ def test_hiding_the_flow_keeps_the_attributes(rounded_box, window):
     assert flow_overlay.shown_object() is None
     assert window.handlers == []
     assert registered() == []
-    assert read_flow(box.data) is not None
+    assert ".shock_potential" not in box.data.attributes
+    assert ".shock_flow" not in box.data.attributes
 
 
 def test_another_object_takes_over(rounded_box, select, window):
@@ -196,6 +211,19 @@ def test_another_object_takes_over(rounded_box, select, window):
     assert show_flow() == {"FINISHED"}
     assert flow_overlay.shown_object() == second.name
     assert len(window.handlers) == 2
+    assert read_flow(first.data) is None
+    assert read_flow(second.data) is not None
+    assert show_flow() == {"FINISHED"}
+    assert read_flow(second.data) is not None
+
+
+def test_the_flow_is_not_exported(rounded_box, tmp_path):
+    rounded_box(cuts=1)
+    show_flow()
+    path = tmp_path / "box.ply"
+    bpy.ops.wm.ply_export(filepath=str(path))
+    assert b"element vertex" in path.read_bytes()
+    assert b"shock" not in path.read_bytes()
 
 
 def test_the_overlay_follows_a_new_name_and_ends_with_the_object(rounded_box, window):
@@ -214,7 +242,7 @@ def test_the_overlay_follows_a_new_name_and_ends_with_the_object(rounded_box, wi
 def test_the_overlay_ends_when_its_attributes_or_the_file_go(rounded_box, window):
     box = rounded_box()
     show_flow()
-    box.data.attributes.remove(box.data.attributes["shock_flow"])
+    box.data.attributes.remove(box.data.attributes[".shock_flow"])
     box.data.update()
     bpy.context.view_layer.update()
     assert flow_overlay.shown_object() is None

@@ -93,6 +93,8 @@ ELSEWHERE = {
     ),
     "image-linked": "test_sharpen_image.py::test_linked_images_are_refused",
     "image-packed": "test_sharpen_image.py::test_a_packed_image_comes_back_from_the_file",
+    "image-editors": "test_sharpen_image.py::test_image_editors_follow_undo_and_redo",
+    "image-kept": "test_sharpen_texture.py::test_both_images_come_back_from_the_file",
     "image-new": "test_sharpen_image.py::test_a_new_image_comes_back_from_the_file",
     "image-name": "test_sharpen_image.py::test_new_names_have_no_file_ending_and_one_suffix",
     "texture-paint-new": "test_sharpen_texture.py::"

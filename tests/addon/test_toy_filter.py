@@ -77,7 +77,7 @@ MODES += [
          second="strength", presets=_TWICE),
     Mode("invert_image", "Invert", "", "invert_image", "Turn an image around",
          (Target("invert_image"),), "Inverted", "inverting", second="strength", presets=_TWICE),
-    Mode("invert_texture", "Invert Texture", "", "invert_texture", "Invert Texture",
+    Mode("invert_texture", "Invert Texture", "", "invert_texture",
          "Turn a texture around", (Target("invert_texture"),), "Inverted", "inverting"),
 ]
 """

@@ -7,8 +7,8 @@ from shock_filter import core
 from shock_filter.core.atlas import advect, charts, potential
 from shock_filter.core.atlas.ghosts import fill_ghosts
 from shock_filter.core.atlas.metric import exponential_map, measure_metric
+from shock_filter.core.atlas.walk import given_flow
 from shock_filter.core.grid.channels import Channels
-from shock_filter.core.grid.walk import Field
 
 
 def square(cells=4):
@@ -175,17 +175,6 @@ def test_straight_walks_follow_the_unfolded_surface():
 BOTH = Channels(0, 2, -1, np.empty(0, dtype=np.float32))
 
 
-def given_flow(atlas, vectors):
-    """The flow along vectors in space at the faces, in mean texel sizes."""
-    mesh, sheet = atlas.mesh, atlas.sheet
-    a, b, c = np.moveaxis(mesh.scaled_vertices[mesh.faces], 1, 0)
-    axes = np.stack([b - a, np.cross(np.cross(b - a, c - a), b - a)], axis=1)
-    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
-    steps = np.einsum("mij,mjk,mk->mi", atlas.metric.inverse_jacobians, axes, vectors)
-    cells = np.where(sheet.cells[..., None] >= 0, steps[sheet.cells], 0.0)
-    return Field(vectors=cells, faces=sheet.cells)
-
-
 def places_after(mesh, uv, size, vectors, time):
     """Follow vectors in space from each texel: where it lies, and where one comes, in the plane."""
     atlas = core.TextureAtlas(mesh, uv, size, size)
@@ -244,6 +233,14 @@ def test_a_given_flow_into_a_seam_from_both_sides_stays_there(caplog):
     starts, ends = places_after(mesh, blocks.uv, blocks.width, vectors, 40.0)
     assert abs(ends[within(starts), 0] - 32).max() < 1.5
     assert not caplog.records
+
+
+@pytest.mark.parametrize("bad", [np.ones((3, 3)), np.full((32, 3), np.nan)])
+def test_given_flows_that_cannot_be_used_are_named(bad):
+    mesh, uv = square()
+    atlas = core.TextureAtlas(mesh, uv, 16, 16)
+    with pytest.raises(core.InvalidSignal, match="vectors"):
+        given_flow(atlas, bad)
 
 
 def test_endless_walks_of_given_flows_are_refused():

@@ -382,6 +382,9 @@ def test_a_texture_that_leaves_the_image_repeats():
     out = core.sharpen_texture(mesh, uv, image, settings)
     moved = core.sharpen_texture(mesh, uv + (3.0, -2.0), image, settings)
     assert np.allclose(out, moved, atol=1e-5)
+    report = core.TextureAtlas(mesh, uv + (3.0, -2.0), 64, 64).report
+    assert len(report.outside) == 0
+    assert report.sentences() == []
     half = core.sharpen_texture(mesh, uv + (0.5, 0.0), np.roll(image, 32, axis=1), settings)
     assert np.allclose(out, np.roll(half, -32, axis=1), atol=1e-4)
     assert len(core.TextureAtlas(mesh, uv + (0.5, 0.0), 64, 64).report.outside) > 0

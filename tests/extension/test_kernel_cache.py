@@ -43,19 +43,18 @@ def test_two_processes_share_an_empty_folder(resources, together):
     assert one["folder"] == other["folder"]
     folder = Path(one["folder"])
     assert resources in folder.parents
-    assert list(folder.rglob("*.nbi"))
     assert list(folder.rglob("*.nbc"))
     assert not list(folder.rglob("*.tmp.*"))
 
 
 def test_damaged_files_are_replaced(resources, together, run):
     folder = Path(together[0]["folder"])
-    indexes, codes = sorted(folder.rglob("*.nbi")), sorted(folder.rglob("*.nbc"))
-    for path in indexes[::3] + codes[::3]:
+    codes = sorted(folder.rglob("*.nbc"))
+    for path in codes[::3]:
         path.write_bytes(path.read_bytes()[:-7])
-    for path in indexes[1::3] + codes[1::3]:
+    for path in codes[1::3]:
         path.write_bytes(b"")
-    damaged = {path: path.stat().st_mtime_ns for path in indexes[::3]}
+    damaged = {path: path.stat().st_mtime_ns for path in codes[::3]}
     run(SCRIPT, resources, resources / "again.json")
     report = read(resources / "again.json")
     assert report["result"] == ["FINISHED"], report["said"]

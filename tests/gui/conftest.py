@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -52,18 +54,32 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         item.add_marker(pytest.mark.timeout(window_blender.MAKING_LIMIT + LIMIT))
 
 
-@pytest.fixture(scope="session")
-def blender(request: pytest.FixtureRequest, work: Path):
-    """Return the Blender to test in, or end the run with the reason why there is none."""
-    suite = request.config.getoption("--debian", None)
-    folder = request.config.getoption("--folder", None) or ROOT / ".nox" / f"blender-{suite}"
+def find_blender(config: pytest.Config) -> window_blender.WindowBlender:
+    """Return the Blender to test in, made if it is asked for; raises `Unavailable`."""
+    suite = config.getoption("--debian", None)
+    if suite is None:
+        return window_blender.installed()
+    folder = config.getoption("--folder", None) or ROOT / ".nox" / f"blender-{suite}"
+    return window_blender.provide(suite, folder)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """End the run with the reason why there is no Blender, before any worker starts."""
+    if hasattr(session.config, "workerinput") or session.config.option.collectonly:
+        return
     try:
-        found = window_blender.provide(suite, folder) if suite else window_blender.installed()
-        found.check(work)
-        return found
+        with tempfile.TemporaryDirectory() as folder:
+            find_blender(session.config).check(Path(folder))
     except window_blender.Unavailable as reason:
+        suite = session.config.getoption("--debian", None)
         what = f"Debian {suite}'s Blender" if suite else "the Blender on the PATH"
         pytest.exit(f"The window tests were not run with {what}: {reason}.", returncode=0)
+
+
+@pytest.fixture(scope="session")
+def blender(request: pytest.FixtureRequest):
+    """Return the Blender to test in."""
+    return find_blender(request.config)
 
 
 @pytest.fixture(scope="session")
@@ -71,6 +87,9 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder for all that Blender reads and writes, with the scenarios in it."""
     folder = tmp_path_factory.mktemp("blender")
     (folder / "resources").mkdir()
+    if kernels := os.environ.get("SHOCK_FILTER_KERNELS"):  # see tests/extension/test_installed.py
+        extensions = folder / "resources" / "extensions"
+        shutil.copytree(kernels, extensions / ".user" / "user_default" / "shock_filter")
     shutil.copytree(Path(__file__).parent / "inside", folder / "inside")
     return folder
 
@@ -91,10 +110,9 @@ def installed(blender, work: Path, versions: dict[str, str]) -> subprocess.Compl
     python = versions["python"]
     known = {*REQUIREMENTS, *(series.python for series in build_extension.SERIES.values())}
     if python not in known:
-        pytest.exit(
+        pytest.skip(
             f"The window tests were not run with Blender {versions['blender']}: its Python"
-            f" {python} has no entry in tests/gui/conftest.py's REQUIREMENTS.",
-            returncode=0,
+            f" {python} has no entry in tests/gui/conftest.py's REQUIREMENTS."
         )
     build_extension.build(
         "linux-x64",

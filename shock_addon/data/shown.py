@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Image Editors show when undo takes away the image that they show, and redo brings it back.
+
+Blender leaves them empty then, since what editors show is no part of its undo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...core.host import forgetting
+
+_sources: dict[int, int] = {}
+"""Of each image that a run has added, the image that it was made from; by their uids."""
+
+_undone: dict[int, list[int]] = {}
+"""The images that undo has taken from each editor, the last one last."""
+
+_robbed: set[int] = set()
+"""The editors from which the last undo has taken some."""
+
+_before: dict[int, int] = {}
+"""What each editor showed before the undo or redo that is under way."""
+
+_there_before: set[int] = set()
+"""All images before it."""
+
+
+def show(
+    space: bpy.types.Space | None, source: bpy.types.Image, image: bpy.types.Image, again: bool
+) -> None:
+    """Show an image that was made from `source` in an Image Editor, if there is one.
+
+    Parameters
+    ----------
+    space : bpy.types.Space or None
+        Which editor, of any kind.
+    source, image : bpy.types.Image
+        The same one if it was replaced.
+    again : bool
+        Whether a run is repeated with other settings: then other editors, from which undo has just
+        taken what the first run had added, show its new result.
+    """
+    if image != source:
+        _sources[image.session_uid] = source.session_uid
+    for editor in _editors():
+        is_robbed = again and editor.as_pointer() in _robbed
+        if editor == space or (is_robbed and editor.image == source):
+            editor.image = image
+    _robbed.clear()
+
+
+@persistent
+def note(*_: object) -> None:
+    """Note what is shown, before anything is undone or redone."""
+    _before.clear()
+    _before.update(
+        (editor.as_pointer(), editor.image.session_uid) for editor in _editors() if editor.image
+    )
+    _there_before.clear()
+    _there_before.update(_images())
+
+
+@persistent
+def restore(*_: object) -> None:
+    """Show the source of each image that is gone, and what has come back in its place."""
+    there = _images()
+    _robbed.clear()
+    for editor in _editors():
+        uid = _before.get(editor.as_pointer())
+        taken = _undone.setdefault(editor.as_pointer(), [])
+        while uid not in there and uid in _sources:
+            _robbed.add(editor.as_pointer())
+            taken.append(uid)
+            uid = _sources[uid]
+        while taken and taken[-1] in there and _sources[taken[-1]] == uid:
+            back = taken.pop()
+            uid = uid if back in _there_before else back
+        if uid in there and editor.image != there[uid]:
+            editor.image = there[uid]
+
+
+@forgetting.with_file
+def forget() -> None:
+    """Drop what is known about images of a file that is left."""
+    _sources.clear()
+    _undone.clear()
+
+
+def _images() -> dict[int, bpy.types.Image]:
+    return {image.session_uid: image for image in bpy.data.images}
+
+
+def _editors() -> Iterator[bpy.types.SpaceImageEditor]:
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            yield from (space for space in area.spaces if space.type == "IMAGE_EDITOR")
