@@ -55,9 +55,12 @@ def read_pillow(path: Path) -> ImageFile:
         if image.format == "PNG":
             data = path.read_bytes()
             image_file.own, damaged, stale = _lasting_chunks(data)
-            for what, kinds in (("damaged parts", damaged), ("parts that tell of pixels", stale)):
+            for what, kinds in (
+                ("damaged parts of the file", damaged),
+                ("parts that hold for the old pixels only", stale),
+            ):
                 if kinds:
-                    image_file.notes.append(f"{what} of the file ({_kinds(kinds)}): left behind")
+                    image_file.notes.append(f"{what} ({_kinds(kinds)}): left behind")
             image_file.only_own = _only_png(image_file.own)
             if data[24] == 16:
                 if "transparency" in image.info:
