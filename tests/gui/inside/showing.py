@@ -103,17 +103,18 @@ def saved() -> Steps:
     """Run on images that nothing else keeps, save the file, and open it again, twice."""
     for image in bpy.data.images:
         image.use_fake_user = False
-    show("Coat", "Photo")
-    for operator in ("sharpen_texture", "sharpen_image"):
+    seen = report["saved"] = {"made": []}
+    for operator, name in (("sharpen_texture", "Coat"), ("sharpen_image", "Photo")):
+        show(name, "Photo")
         run(operator, "IMAGE_EDITOR")
         yield from finished()
-        show("Photo", "Photo")
+        seen["made"] += [name, shown()[0]]
     path = str(PICTURES / "kept.blend")
     for _ in range(2):
         bpy.ops.wm.save_as_mainfile(filepath=path)
         bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
         yield DRAWN
-    report["saved"] = bpy.data.images.keys()
+    seen["there"] = bpy.data.images.keys()
 
 
 def adjust() -> Steps:
