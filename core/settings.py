@@ -48,7 +48,7 @@ class Setting(NamedTuple):
 
     description: str
     unit: str = ""
-    minimum: float = 0.0
+    minimum: float = 0
     maximum: float = INF
     soft_minimum: float = -INF
     soft_maximum: float = INF
