@@ -392,6 +392,46 @@ class GeometrySettings(FitSettings, _FlowSettings):
         length_power=1,
         label="Move Limit",
     )
+    where: str = _setting(
+        "everywhere",
+        "Which parts are sharpened",
+        choices={
+            "everywhere": "All that bends more than the threshold allows",
+            "creases": "Creases: what is sharp or smooth stays as it is, statues change half as"
+            " much, and wide roundings flow 16 times longer",
+        },
+        advanced=True,
+    )
+    align_passes: int = _setting(
+        0,
+        "Passes in which the slanted faces along a crease take sides, such as a remesh leaves"
+        " there. 0 lets each face follow its own flow-line; 2 straightens saw-teeth",
+        unit="passes",
+        maximum=100,
+        soft_maximum=4,
+        advanced=True,
+        label="Align Creases",
+    )
+    fit_steps: int = _setting(
+        1,
+        "Steps towards the best fit of the positions. 1 turns faces part of the way; 12 lets"
+        " vertices slide along flat sides onto the creases, and takes longer",
+        unit="steps",
+        minimum=1,
+        maximum=1000,
+        soft_maximum=20,
+        advanced=True,
+    )
+    crease_freedom: float = _setting(
+        0.0,
+        "How much more freely vertices move where faces turn. 0 holds all alike; 0.95 holds those"
+        " at creases up to twenty times less",
+        unit="share of the hold",
+        maximum=0.999,
+        soft_maximum=0.95,
+        advanced=True,
+        label="Crease Freedom",
+    )
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

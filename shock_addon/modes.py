@@ -434,6 +434,17 @@ MODES: list[Mode] = [
                 {"time": 16.0, "feature_threshold": 1.3},
             ),
             Preset(
+                "Remeshed Hard Surface",
+                "For machine parts out of a voxel remesh or a boolean: saw-teeth and chamfers"
+                " become straight creases; round surfaces, and what is sharp already, stay",
+                {
+                    "where": "creases",
+                    "align_passes": 2,
+                    "fit_steps": 12,
+                    "crease_freedom": 0.95,
+                },
+            ),
+            Preset(
                 "Crisp CAD Edges",
                 "For machine parts with rounded or smoothed edges: flows longer, and sharpens"
                 " gentle bends, too. Coarse round surfaces get facets",

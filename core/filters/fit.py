@@ -17,9 +17,16 @@ from ..base.vectors import after, edge
 from ..errors import InvalidSignal, SolverError
 from ..linear.cg import SolveReport, solve
 from ..linear.system import LinearSystem
-from ..mesh.calculus import blended_normals, cotangents, lumped_mass, stiffness_weights
+from ..mesh.calculus import (
+    average_to_vertices,
+    blended_normals,
+    cotangents,
+    lumped_mass,
+    stiffness_weights,
+)
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import BeltramiGeometrySettings, FitSettings, GeometrySettings
+from .slide import further_steps
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +47,9 @@ ADVICE = (
     " fit."
 )
 """What helps where the linear system cannot be solved."""
+
+_TURN = np.radians(5.0)
+"""Turn of the faces around a vertex at which half of its freedom counts."""
 
 MULTIGRID_RADIUS = 80.0
 """Screening radius, in mean edge lengths, beyond which multigrid is used from the start."""
@@ -126,12 +136,20 @@ def displacement(
     normals: Floats,
     settings: FitSettings,
     mask: Floats | None,
+    steps: int = 1,
+    freedom: float = 0.0,
 ) -> tuple[Floats, SolveReport]:
-    """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went."""
+    """Solve for the displacement (n, 3), in the unit of `mesh.vertices`, and say how it went.
+
+    With further `steps` vertices slide onto creases; with `freedom` they are held less there.
+    """
     eps = screening(mesh, settings)
     try:
         with phase(0.0, 0.2, "Preparing the refit"):
-            system = kept(mesh, "refit", (eps, mask), lambda: _refit_system(mesh, eps, mask))
+            hold = _hold(mesh, normals, freedom)
+            system = kept(
+                mesh, "refit", (eps, mask, hold), lambda: _refit_system(mesh, eps, mask, hold)
+            )
         rhs = np.zeros((mesh.vertex_count, 3))
         with phase(0.2, 0.3, "Preparing the refit"):
             run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
@@ -141,6 +159,8 @@ def displacement(
             moved, report = solve(
                 system, rhs, TOLERANCE, multigrid=multigrid, message="Fitting the surface"
             )
+            if steps > 1:
+                moved = further_steps(mesh, system, normals, moved, steps, multigrid)
     except SolverError as error:
         raise SolverError(f"{error.sentence} {ADVICE}", **error.values) from error
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
@@ -157,6 +177,8 @@ def refitted(
     weights: Floats | None,
     message: str,
     limit: float = 0.0,
+    steps: int = 1,
+    freedom: float = 0.0,
 ) -> Floats:
     """Filter the normals of a mesh and fit its positions to them, `settings.repeat` times.
 
@@ -172,6 +194,8 @@ def refitted(
         What is done to the normals, for people.
     limit : float
         The farthest that a vertex may move in all, in mean edge lengths; 0 sets no limit.
+    steps, freedom : int, float
+        As `fit_steps` and `crease_freedom` in `GeometrySettings`.
 
     Returns
     -------
@@ -187,7 +211,7 @@ def refitted(
                 with aside(message):
                     normals = blended_normals(mesh, current.normals, normals, weights)
             with phase(0.6, 1.0, "Fitting the surface"):
-                step, _ = displacement(current, normals, settings, weights)
+                step, _ = displacement(current, normals, settings, weights, steps, freedom)
         moved = step if turn == 0 else moved + step
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)
@@ -202,10 +226,14 @@ def _limit(moved: Floats, most: float) -> None:
     moved[far] *= (most / lengths[far])[:, None]
 
 
-def _refit_system(mesh: TriangleMesh, eps: float, mask: Floats | None) -> LinearSystem:
+def _refit_system(
+    mesh: TriangleMesh, eps: float, mask: Floats | None, hold: Floats | None
+) -> LinearSystem:
     # A vertex without area stays put, and one whose mask is 0.
     with phase(0.0, 0.2, "Preparing the refit"):
         screen = eps * lumped_mass(mesh)
+        if hold is not None:
+            screen *= hold
     fixed = screen == 0
     if mask is not None:
         fixed |= mask <= LEAST_WEIGHT
@@ -216,6 +244,17 @@ def _refit_system(mesh: TriangleMesh, eps: float, mask: Floats | None) -> Linear
     with phase(0.6, 1.0, "Preparing the refit"):
         start, columns, weights, diagonal = stiffness_weights(mesh, halves, screen)
     return LinearSystem(start, columns, weights, screen, diagonal, fixed)
+
+
+def _hold(mesh: TriangleMesh, normals: Floats, freedom: float) -> Floats | None:
+    # How much of the screening stays: less where faces are to turn by more than _TURN.
+    if freedom == 0:
+        return None
+    cosines = np.einsum("ij,ij->i", mesh.normals, normals)
+    angles = np.arccos(np.clip(cosines, -1.0, 1.0))
+    angles[cosines == 0] = 0.0
+    turn = average_to_vertices(mesh, angles.reshape(-1, 1)).reshape(-1) / _TURN
+    return 1.0 - freedom * turn**2 / (1.0 + turn**2)
 
 
 def screening(mesh: TriangleMesh, settings: FitSettings) -> float:

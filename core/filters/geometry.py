@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +20,15 @@ from ..mesh.calculus import average_to_faces, average_to_vertices, smooth_vertic
 from ..mesh.order import in_good_order, is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import GeometrySettings
+from .creases import (
+    LONGER,
+    PULL,
+    PULL_WIDE,
+    consistent_normals,
+    find_regions,
+    mixed_normals,
+    turned_zone,
+)
 from .fit import moved_vertices, refitted
 
 
@@ -194,10 +204,49 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
     def sharpen(current: TriangleMesh) -> Floats:
         return _sharpened(current, settings)
 
-    return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement)
+    steps = settings.fit_steps
+    if settings.where == "creases" and steps > 1:
+        with phase(0.0, 0.2, "Finding creases"):
+            if not find_regions(mesh).creased.any():
+                steps = 1  # without creases to slide onto, more gain nothing
+    return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
+                    steps, settings.crease_freedom)  # fmt: skip
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
+    if settings.where == "everywhere":
+        return _aligned(mesh, settings, None, PULL)
+    with phase(0.0, 0.3, "Finding creases"):
+        regions = find_regions(mesh)
+    if not regions.use.any():
+        return mesh.normals.copy()
+    with phase(0.3, 0.7, "Sharpening"):
+        normals = _aligned(mesh, settings, regions.creased > 0, PULL)
+    if regions.wide.any():
+        with phase(0.7, 1.0, "Sharpening"):
+            longer = replace(settings, time=LONGER * settings.time)
+            wide = _aligned(mesh, longer, regions.wide > 0, PULL_WIDE)
+        normals = mixed_normals(normals, wide, regions.wide)
+    return mixed_normals(mesh.normals, normals, regions.use)
+
+
+def _aligned(
+    mesh: TriangleMesh,
+    settings: GeometrySettings,
+    creased: npt.NDArray[np.bool_] | None,
+    pull: float,
+) -> Floats:
+    # Advected normals, which take sides where they have turned; only in `creased` faces, if given.
+    normals = _advected(mesh, settings)
+    if settings.align_passes == 0:
+        return normals
+    zone = turned_zone(mesh, mesh.normals, normals)
+    if creased is not None:
+        zone &= creased
+    return consistent_normals(mesh, normals, zone, settings.align_passes, pull)
+
+
+def _advected(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
     with phase(0.0, 0.5, "Computing the flow"):
         normals, signal, potential = _signal_and_potential(mesh, settings)
     with phase(0.5, 1.0, "Tracing flow-lines"):

@@ -134,29 +134,39 @@ def above_surroundings(
     if threshold == 0:
         return potential
     rings = round(min(max(time**0.25 / 2, 2.0), 8.0))
-    with aside("Finding features"):
-        neighbours = mesh.neighbours
     strength = np.sqrt(potential)
-    level = strength
-    for step in range(2 * rings):
-        out = np.empty_like(level)
-        with phase(step / (2 * rings), (step + 1) / (2 * rings), "Finding features"):
-            run(_ring_minimum, mesh.vertex_count, *neighbours, 1.0 if step < rings else -1.0,
-                level, out)  # fmt: skip
-        level = out
+    level = opening(mesh, strength, rings)
     with phase(1.0, 1.0, "Finding features"):
         level = smooth_vertices(mesh, level.reshape(-1, 1), 2).reshape(-1)
     return np.maximum(strength - threshold * level, 0.0) ** 2
 
 
+def opening(mesh: TriangleMesh, values: Floats, rings: int) -> Floats:
+    """Morphological opening of values at the vertices: ridges narrower than 2 * rings go."""
+    return dilation(mesh, -dilation(mesh, -values, rings), rings)
+
+
+def dilation(mesh: TriangleMesh, values: Floats, rings: int) -> Floats:
+    """The greatest value within so many edges of each vertex: (n,) -> (n,)."""
+    message = "Finding features"
+    with aside(message):
+        neighbours = mesh.neighbours
+    for step in range(rings):
+        out = np.empty_like(values)
+        with phase(step / rings, (step + 1) / rings, message):
+            run(_ring_maximum, mesh.vertex_count, *neighbours, values, out)
+        values = out
+    return values
+
+
 @kernel
-def _ring_minimum(start, stop, ring_start, ring, sign, values, out):
-    # The least value of a vertex and its neighbours; the greatest with sign -1.
+def _ring_maximum(start, stop, ring_start, ring, values, out):
+    # The greatest value of a vertex and its neighbours.
     for v in range(start, stop):
-        least = sign * values[v]
+        greatest = values[v]
         for i in range(ring_start[v], ring_start[v + 1]):
-            least = min(least, sign * values[ring[i]])
-        out[v] = sign * least
+            greatest = max(greatest, values[ring[i]])
+        out[v] = greatest
 
 
 @kernel

@@ -114,7 +114,7 @@ def test_the_first_preset_is_the_defaults(mode):
 
 
 def test_a_preset_that_is_not_there_is_named():
-    with pytest.raises(RuntimeError, match=r"'Nine'; choose one of: Defaults, Subtle, Crisp"):
+    with pytest.raises(RuntimeError, match=r"'Nine'; choose one of: Defaults, Subtle, Remeshed"):
         bpy.ops.shock_filter.use_preset(mode="geometry", name="Nine")
 
 

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a mesh is made of creases, and normals that agree along them. Not in the papers.
+
+Voxel remeshing, marching cubes and smoothing turn a crease into a strip of slanted faces. To which
+side each of them belongs is decided here, and where a surface has no creases it is left alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import scipy.ndimage
+import scipy.sparse
+from scipy.sparse.csgraph import connected_components
+
+from ..base.memo import kept
+from ..base.parallel import kernel, run
+from ..base.progress import aside, phase
+from ..base.vectors import dot
+from ..flow.potential import dilation, flow_potential, opening
+from ..linear.cg import solve
+from ..linear.system import LinearSystem
+from ..mesh.calculus import average_to_vertices, lumped_mass, make_unit, smooth_vertices
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+
+PULL, PULL_WIDE = 0.3, 0.1
+"""How much a face's own normal counts against the evenness of a patch, in `consistent_normals`."""
+
+LONGER = 16.0
+"""How many times longer wide roundings flow."""
+
+# Where a measure of a crease begins to count, and where it counts in full: chosen on a few softened
+# machine parts, statues and remeshed shapes.
+_STANDS_OUT = 1.8, 2.2  # D_2 over that of the surroundings: a ridge
+_TURNS = 6.0, 10.0  # D_2 in degrees: a ridge
+_SHARE_AROUND = 0.5, 0.65  # share of the bending that lies in ridges, around a vertex
+_SHARE = 0.6, 0.7  # the same in a connected part
+_COARSE = 0.25, 0.36  # median bending of a part in radians an edge: creases cannot be told
+_SURE = (0.94, 0.98), 0.15  # such a share makes sure, and lets a part be so much coarser
+_CLEARLY_OUT, _CLEARLY_TURNS = (1.3, 3.5), (4.0, 16.0)  # a crease where parts are not of creases
+_WIDE, _WIDE_PART = (1.18, 1.26), (1.19, 1.24)  # D_8 / D_2 around a vertex, median of a part
+_JAGGED, _JAGGED_PART = (0.13, 0.19), (0.05, 0.12)  # how far normals are from taking sides
+_RELIEF = 0.5
+"""How far what clearly stands out is sharpened where a part is not made of creases."""
+
+_RINGS = 5
+"""How far around a vertex its surroundings reach, in edges."""
+
+_REACH = 30.0
+"""Time of the heat equation on edges that adds up the bending: about eight edges around."""
+
+_SPREAD_TOLERANCE = 3e-3
+
+_MOST_FAN = 32
+"""Most faces around a vertex that are looked at; of more, evenly spread ones."""
+
+
+class Regions(NamedTuple):
+    """How a mesh's faces are to be treated; all from 0 to 1.
+
+    Attributes
+    ----------
+    use : (m,) float64
+        How far normals are to turn at all.
+    creased : (m,) float64
+        Whether the part is made of creases and smooth faces between them, as machine parts are.
+    wide : (m,) float64
+        Whether roundings are wider than an edge or two.
+    """
+
+    use: Floats
+    creased: Floats
+    wide: Floats
+
+
+def find_regions(mesh: TriangleMesh) -> Regions:
+    """Tell from the turning of normals where there are creases, and how they are rounded.
+
+    With D_p the RMS turn of the normals around a vertex over p smoothing passes: a ridge is where
+    D_2 stands out from its surroundings. Where most of the bending lies in ridges, a part is one of
+    creases, as machine parts are; elsewhere, as on a statue, only what stands out by far is a
+    crease, and is sharpened half. D_8 / D_2 is 1 at a sharp crease and grows with the width of a
+    rounding. Where the normals have taken sides already, it is sharp and stays.
+    """
+    return kept(mesh, "regions", (), lambda: _find_regions(mesh))
+
+
+def _find_regions(mesh: TriangleMesh) -> Regions:
+    message = "Finding creases"
+    with phase(0.0, 0.3, message):
+        signal = average_to_vertices(mesh, mesh.normals)
+        near = smooth_vertices(mesh, signal, 2)
+        turn, far = _turn(near), _turn(smooth_vertices(mesh, near, 6))
+    with phase(0.3, 0.4, message):
+        level = smooth_vertices(mesh, opening(mesh, turn, _RINGS).reshape(-1, 1), 2).reshape(-1)
+        crest = turn >= 0.999 * dilation(mesh, turn, 2)
+    with phase(0.4, 0.5, message):
+        bend = np.sqrt(flow_potential(mesh, signal, 1))
+    with phase(0.5, 0.6, message):
+        everywhere = np.ones(mesh.face_count, dtype=bool)
+        sides = consistent_normals(mesh, mesh.normals, everywhere, 1, PULL)
+        apart = np.maximum(2.0 * (1.0 - np.einsum("ij,ij->i", sides, mesh.normals)), 0.0)
+        apart[mesh.areas == 0] = 0.0
+        apart = smooth_vertices(mesh, average_to_vertices(mesh, apart.reshape(-1, 1)), 2)[:, 0]
+    over = turn / np.maximum(level, 1e-12)
+    out = ramp(over, _STANDS_OUT)
+    energy = lumped_mass(mesh) * turn**2
+    weight = crest * out * ramp(np.degrees(turn), _TURNS)
+    ridge = weight * turn**2
+    width = far / np.maximum(turn, 1e-12)
+    jagged = np.sqrt(apart) / np.maximum(turn, 1e-12)
+    columns = energy * out, energy, ridge * width, ridge, weight * apart
+    with phase(0.6, 1.0, message):
+        out_around, energy_around, width_around, ridge_around, apart_around = _spread(mesh, columns)
+
+    part, count = _parts(mesh)
+    on_crest = weight > 0.5
+    typical_bend = _medians(part, bend, count)
+    typical_width = _medians(part[on_crest], width[on_crest], count)
+    typical_jag = _medians(part[on_crest], jagged[on_crest], count)
+    share = _ratio(np.bincount(part, energy * out, count), np.bincount(part, energy, count))
+    finer = typical_bend - _SURE[1] * ramp(share, _SURE[0])
+    of_creases = ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE))
+    creased = ramp(_ratio(out_around, energy_around), _SHARE_AROUND) * of_creases[part]
+    clearly = ramp(over, _CLEARLY_OUT) * ramp(np.degrees(turn), _CLEARLY_TURNS)
+    blunt = ramp(np.sqrt(_ratio(apart_around, ridge_around)), _JAGGED)
+    blunt *= ramp(typical_jag, _JAGGED_PART)[part]
+    wide = creased * ramp(_ratio(width_around, ridge_around), _WIDE)
+    wide *= ramp(typical_width, _WIDE_PART)[part]
+    use = np.maximum(creased, _RELIEF * clearly) * blunt
+    return Regions(*(values[mesh.faces].max(axis=1) for values in (use, creased, wide)))
+
+
+def ramp(values: Floats, ends: tuple[float, float]) -> Floats:
+    """Rise smoothly from 0 at the first end to 1 at the second."""
+    t = np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _turn(means: Floats) -> Floats:
+    # The means of unit normals are the shorter the more these differ.
+    lengths = np.sqrt(np.einsum("ij,ij->i", means, means))
+    return np.sqrt(np.maximum(2.0 * (1.0 - lengths), 0.0))
+
+
+def _ratio(above: npt.NDArray, below: npt.NDArray) -> Floats:
+    # 0 where there is nothing.
+    return np.divide(above, below, out=np.zeros(len(above)), where=below > 0)
+
+
+def _spread(mesh: TriangleMesh, columns: tuple[Floats, ...]) -> Floats:
+    # An implicit step of heat on the graph of edges, which keeps signs whatever the triangles are.
+    values = np.stack(columns, axis=1)
+    start, ring = mesh.neighbours
+    weights = _REACH * mesh.neighbour_weights.astype(np.float64)
+    ones = np.ones(mesh.vertex_count)
+    rows = np.repeat(np.arange(mesh.vertex_count), np.diff(start))
+    diagonal = ones + np.bincount(rows, weights, mesh.vertex_count)
+    scale = np.maximum(values.max(axis=0), 1e-300)
+    system = LinearSystem(start, ring, weights, ones, diagonal)
+    spread, _ = solve(system, values / scale, _SPREAD_TOLERANCE, message="Finding creases")
+    # What the tolerance leaves uncertain is nothing.
+    spread[spread < 1e-3 * spread.max(axis=0)] = 0.0
+    return (spread * scale).T
+
+
+def _parts(mesh: TriangleMesh) -> tuple[npt.NDArray[np.int32], int]:
+    # Of each vertex, the number of its connected part; and how many there are.
+    start, ring = mesh.neighbours
+    shape = mesh.vertex_count, mesh.vertex_count
+    graph = scipy.sparse.csr_matrix((np.ones(len(ring), dtype=np.int8), ring, start), shape)
+    count, part = connected_components(graph, directed=False)
+    return part, count
+
+
+def _medians(part: npt.NDArray[np.int32], values: Floats, count: int) -> Floats:
+    # Of each part; 0 for parts without values.
+    if len(values) == 0:
+        return np.zeros(count)
+    return np.nan_to_num(np.asarray(scipy.ndimage.median(values, part, np.arange(count))))
+
+
+def consistent_normals(
+    mesh: TriangleMesh,
+    normals: Floats,
+    zone: npt.NDArray[np.bool_],
+    passes: int,
+    pull: float,
+) -> Floats:
+    """Give each face of a zone the mean normal of the most even patch of faces around it.
+
+    Kuwahara's idea for images, as guidance of normals by Zhang et al. (2015): a patch is a face and
+    all that share a vertex with it. Its cost is 1 - |sum A n| / sum A, plus `pull` times
+    1 - (its mean normal . the face's own). A strip of slanted faces takes a side, face by face.
+    """
+    around = _grown(mesh, zone)
+    means, uneven = np.empty_like(normals), np.empty(len(normals))
+    for turn in range(passes):
+        out = normals.copy()
+        with phase(turn / passes, (turn + 0.5) / passes, "Aligning creases"):
+            run(_patches, mesh.face_count, mesh.faces, *mesh.corners, around, normals, mesh.areas,
+                means, uneven)  # fmt: skip
+        with phase((turn + 0.5) / passes, (turn + 1) / passes, "Aligning creases"):
+            run(_choose, mesh.face_count, mesh.faces, *mesh.corners, zone, normals, means, uneven,
+                pull, out)  # fmt: skip
+        normals = out
+    return normals
+
+
+def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.bool_]:
+    """Faces whose normals differ by 3 degrees and more, and those that share a vertex with them."""
+    return _grown(mesh, np.einsum("ij,ij->i", old, new) < np.cos(np.radians(3.0)))
+
+
+def mixed_normals(old: Floats, new: Floats, shares: Floats) -> Floats:
+    """Mix unit normals by shares (m,) of the new ones; a share of 0 keeps every bit."""
+    mixed = old + shares[:, None] * (new - old)
+    lengths = np.linalg.norm(mixed, axis=1)
+    keep = (shares == 0) | (lengths < 1e-12)
+    mixed /= np.where(keep, 1.0, lengths)[:, None]
+    mixed[keep] = old[keep]
+    return mixed
+
+
+def _grown(mesh: TriangleMesh, zone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    touched = np.zeros(mesh.vertex_count, dtype=bool)
+    touched[mesh.faces[zone]] = True
+    with aside("Aligning creases"):
+        return touched[mesh.faces].any(axis=1)
+
+
+@kernel
+def _contains(faces, f, v):
+    return faces[f, 0] == v or faces[f, 1] == v or faces[f, 2] == v
+
+
+@kernel
+def _patches(start, stop, faces, corner_start, corners, around, normals, areas, means, uneven):
+    for f in range(start, stop):
+        if not around[f]:
+            continue
+        x = y = z = total = 0.0
+        for k in range(3):
+            v = faces[f, k]
+            first, last = corner_start[v], corner_start[v + 1]
+            stride = 1 + (last - first - 1) // _MOST_FAN
+            for i in range(first, last, stride):
+                g = corners[i] // 3
+                # Each face once: where it shares an earlier corner it has been counted.
+                if k > 0 and _contains(faces, g, faces[f, 0]):
+                    continue
+                if k > 1 and _contains(faces, g, faces[f, 1]):
+                    continue
+                a = areas[g]
+                x += a * normals[g, 0]
+                y += a * normals[g, 1]
+                z += a * normals[g, 2]
+                total += a
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-12 * total:
+            means[f, 0], means[f, 1], means[f, 2] = x / length, y / length, z / length
+        else:
+            means[f] = normals[f]
+        uneven[f] = 1.0 - length / total if total > 0 else 1.0
+
+
+@kernel
+def _choose(start, stop, faces, corner_start, corners, zone, normals, means, uneven, pull, out):
+    for f in range(start, stop):
+        if not zone[f]:
+            continue
+        own = normals[f]
+        if own[0] == 0 and own[1] == 0 and own[2] == 0:
+            continue
+        best, choice = uneven[f] + pull * (1.0 - dot(own, means[f])), f
+        for k in range(3):
+            v = faces[f, k]
+            first, last = corner_start[v], corner_start[v + 1]
+            stride = 1 + (last - first - 1) // _MOST_FAN
+            for i in range(first, last, stride):
+                g = corners[i] // 3
+                cost = uneven[g] + pull * (1.0 - dot(own, means[g]))
+                if cost < best:
+                    best, choice = cost, g
+        out[f] = means[choice]
+        make_unit(out[f])

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sharpening of creases only: parts out of a remesh, and what must stay as it is."""
+
+import numpy as np
+import pytest
+from remeshed import turned_box
+from shapes import cube, fan, icosphere
+from shock_filter import core
+from shock_filter.core.filters.creases import (
+    PULL,
+    consistent_normals,
+    find_regions,
+    mixed_normals,
+)
+from shock_filter.core.mesh.calculus import gradient
+
+CREASES = core.GeometrySettings(where="creases", align_passes=2, fit_steps=12, crease_freedom=0.95)
+
+
+def angles_to(normals, areas, axes):
+    """Mean angle in degrees to the nearest of the axes, either way, weighted by areas."""
+    cosines = np.abs(normals @ axes.T).max(axis=1)
+    return float(np.average(np.degrees(np.arccos(np.clip(cosines, -1, 1))), weights=areas))
+
+
+@pytest.fixture(scope="module")
+def box():
+    vertices, faces, axes = turned_box()
+    return core.TriangleMesh(vertices, faces), axes
+
+
+def test_a_remeshed_box_gets_its_sides_back(box):
+    mesh, axes = box
+    sharp = mesh.moved_to(core.sharpen_geometry(mesh, CREASES))
+    today = mesh.moved_to(core.sharpen_geometry(mesh))
+    found = angles_to(sharp.normals, sharp.areas, axes)
+    assert angles_to(mesh.normals, mesh.areas, axes) > 4.0
+    assert found < 0.8
+    assert found < 0.3 * angles_to(today.normals, today.areas, axes)
+
+
+def test_its_corners_come_back(box):
+    mesh, axes = box
+    sharp = core.sharpen_geometry(mesh, CREASES)
+    corners = (np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+               * (1.0, 0.7, 0.5)) @ axes  # fmt: skip
+    away = np.linalg.norm(corners[:, None] - sharp, axis=-1).min(axis=1) / mesh.mean_edge_length
+    before = np.linalg.norm(corners[:, None] - mesh.vertices, axis=-1).min(axis=1)
+    assert away.mean() < 0.5 * before.mean() / mesh.mean_edge_length
+
+
+def test_no_face_turns_over(box):
+    mesh, _ = box
+    sharp = mesh.moved_to(core.sharpen_geometry(mesh, CREASES))
+    targets = core.sharpen_normals(mesh, CREASES)
+    assert (np.einsum("ij,ij->i", sharp.normals, targets) > 0).all()
+
+
+@pytest.mark.parametrize("shape", [icosphere(4), cube(12)], ids=["sphere", "cube"])
+def test_what_is_smooth_or_sharp_stays_bit_for_bit(shape):
+    mesh = core.TriangleMesh(*shape)
+    assert not find_regions(mesh).use.any()
+    assert (core.sharpen_geometry(mesh, CREASES) == mesh.vertices).all()
+
+
+def test_each_part_counts_by_itself(box):
+    mesh, _ = box
+    ball, faces = icosphere(4)
+    both = core.TriangleMesh(
+        np.concatenate([mesh.vertices, ball + 5.0]),
+        np.concatenate([mesh.faces, faces + mesh.vertex_count]),
+    )
+    moved = core.sharpen_geometry(both, CREASES) - both.vertices
+    assert abs(moved[: mesh.vertex_count]).max() > 0.1 * mesh.mean_edge_length
+    assert not moved[mesh.vertex_count :].any()
+
+
+def test_turning_and_scaling_the_part_changes_nothing(box):
+    mesh, axes = box
+    sharp = core.sharpen_geometry(mesh, CREASES)
+    turned = core.TriangleMesh(10.0 * mesh.vertices @ axes + 3.0, mesh.faces)
+    found = core.sharpen_geometry(turned, CREASES)
+    assert abs(found - (10.0 * sharp @ axes + 3.0)).max() < 0.1 * mesh.mean_edge_length
+
+
+def test_neutral_values_give_the_result_without_them(box):
+    mesh, _ = box
+    neutral = core.GeometrySettings(
+        where="everywhere", align_passes=0, fit_steps=1, crease_freedom=0.0
+    )
+    expected = core.sharpen_geometry(mesh, core.GeometrySettings())
+    assert (core.sharpen_geometry(mesh, neutral) == expected).all()
+
+
+def test_each_step_comes_nearer_to_the_normals(box):
+    mesh, _ = box
+    normals = core.sharpen_normals(mesh, CREASES)
+
+    def energy(steps):
+        settings = core.GeometrySettings(
+            where="creases", align_passes=2, fit_steps=steps, screening_radius=1e3
+        )
+        moved = core.sharpen_geometry(mesh, settings)
+        along = np.einsum("mdx,md->mx", gradient(mesh, moved / mesh.mean_edge_length), normals)
+        return float((mesh.areas * (along**2).sum(axis=1)).sum())
+
+    found = [energy(steps) for steps in (1, 2, 4, 12)]
+    assert found == sorted(found, reverse=True)
+    assert found[-1] < 0.3 * found[0]
+
+
+def test_masked_vertices_stay_bit_for_bit(box):
+    mesh, _ = box
+    mask = (mesh.vertices[:, 0] > 0).astype(float)
+    sharp = core.sharpen_geometry(mesh, CREASES, mask)
+    assert (sharp[mask == 0] == mesh.vertices[mask == 0]).all()
+    assert (sharp[mask == 1] != mesh.vertices[mask == 1]).any()
+
+
+def naive_sides(mesh, normals, zone, pull):
+    touching = [set() for _ in range(mesh.vertex_count)]
+    for f, face in enumerate(mesh.faces):
+        for v in face:
+            touching[v].add(f)
+    around = [set().union(*(touching[v] for v in face)) for face in mesh.faces]
+    means, uneven = [], []
+    for patch in around:
+        total = sum(mesh.areas[g] * normals[g] for g in patch)
+        length = np.linalg.norm(total)
+        means.append(total / length)
+        uneven.append(1 - length / sum(mesh.areas[g] for g in patch))
+    out = normals.copy()
+    for f in np.flatnonzero(zone):
+        costs = {g: uneven[g] + pull * (1 - normals[f] @ means[g]) for g in around[f]}
+        out[f] = means[min(costs, key=costs.get)]
+    return out
+
+
+def test_faces_take_the_side_that_a_plain_search_finds(box):
+    mesh, _ = box
+    zone = mesh.vertices[mesh.faces[:, 0], 2] > 0
+    found = consistent_normals(mesh, mesh.normals, zone, 1, PULL)
+    expected = naive_sides(mesh, mesh.normals, zone, PULL)
+    assert (found[~zone] == mesh.normals[~zone]).all()
+    same = abs(found - expected).max(axis=1) < 1e-9
+    assert same.mean() > 0.995  # equal costs may be broken otherwise
+    assert (abs(found - mesh.normals).max(axis=1) > 0.1).any()
+
+
+def test_mixing_keeps_what_has_no_share():
+    old = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    new = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    mixed = mixed_normals(old, new, np.array([0.0, 0.5, 0.5]))
+    assert (mixed[0] == old[0]).all()
+    assert mixed[1] == pytest.approx([np.sqrt(0.5), np.sqrt(0.5), 0])
+    assert (mixed[2] == old[2]).all()  # opposite ones have no mean
+
+
+@pytest.mark.parametrize("count", [6, 2000])
+def test_hubs_and_flat_parts_are_finite(count):
+    mesh = core.TriangleMesh(*fan(count))
+    assert np.isfinite(core.sharpen_geometry(mesh, CREASES)).all()
