@@ -154,12 +154,13 @@ def displacement(
         with phase(0.2, 0.3, "Preparing the refit"):
             run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
                 mesh.normals, normals, system.fixed, rhs)  # fmt: skip
-        with phase(0.3, 1.0, "Fitting the surface"):
-            multigrid = eps < 0.999 * MULTIGRID_RADIUS**-2
+        multigrid = eps < 0.999 * MULTIGRID_RADIUS**-2
+        with phase(0.3, 0.3 + 0.7 / steps, "Fitting the surface"):
             moved, report = solve(
                 system, rhs, TOLERANCE, multigrid=multigrid, message="Fitting the surface"
             )
-            if steps > 1:
+        if steps > 1:
+            with phase(0.3 + 0.7 / steps, 1.0, "Fitting the surface"):
                 moved = further_steps(mesh, system, normals, moved, steps, multigrid)
     except SolverError as error:
         raise SolverError(f"{error.sentence} {ADVICE}", **error.values) from error

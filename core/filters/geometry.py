@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..base.checks import checked_mask
 from ..base.memo import kept
 from ..base.parallel import kernel, run
-from ..base.progress import ProgressCallback, phase, reporting
+from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..base.vectors import dot
 from ..flow.advect import advect_faces
 from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
@@ -206,7 +206,7 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
 
     steps = settings.fit_steps
     if settings.where == "creases" and steps > 1:
-        with phase(0.0, 0.2, "Finding creases"):
+        with aside("Finding creases"):
             if not find_regions(mesh).creased.any():
                 steps = 1  # without creases to slide onto, more gain nothing
     return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run
+from ..base.progress import phase
 from ..base.vectors import after, cross, dot
 from ..linear.cg import solve
 from ..linear.system import LinearSystem
@@ -82,19 +83,21 @@ def further_steps(
     run(_shapes, mesh.face_count, mesh.scaled_vertices, np.zeros_like(moved), mesh.faces,
         mesh.normals, before)  # fmt: skip
     old, momentum = np.zeros_like(moved), 1.0
-    for _ in range(1, steps):
-        following = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum**2))
-        ahead = moved + (momentum - 1.0) / following * (moved - old)
-        run(_flux, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, halves, normals, flux)
-        run(_pull, mesh.vertex_count, *mesh.corners, system.fixed, system.screen, ahead, normals,
-            flux, rhs)  # fmt: skip
-        step, _ = solve(system, rhs, _LOOSE, multigrid=multigrid, message=message)
-        old, momentum = moved, following
-        ahead += step
-        run(_shapes, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, normals, now)
-        moved = ahead.copy()
-        run(_even_out, mesh.vertex_count, mesh.scaled_vertices, ahead, mesh.faces, *mesh.corners,
-            mesh.areas, normals, before, now, system.fixed, moved)  # fmt: skip
+    for turn in range(1, steps):
+        with phase((turn - 1) / (steps - 1), turn / (steps - 1), message):
+            following = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum**2))
+            ahead = moved + (momentum - 1.0) / following * (moved - old)
+            run(_flux, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, halves, normals,
+                flux)  # fmt: skip
+            run(_pull, mesh.vertex_count, *mesh.corners, system.fixed, system.screen, ahead,
+                normals, flux, rhs)  # fmt: skip
+            step, _ = solve(system, rhs, _LOOSE, multigrid=multigrid, message=message)
+            old, momentum = moved, following
+            ahead += step
+            run(_shapes, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, normals, now)
+            moved = ahead.copy()
+            run(_even_out, mesh.vertex_count, mesh.scaled_vertices, ahead, mesh.faces,
+                *mesh.corners, mesh.areas, normals, before, now, system.fixed, moved)  # fmt: skip
         if abs(step).max() < _SETTLED:
             break
     return _without_turned(mesh, normals, before, system.fixed, moved)
