@@ -142,7 +142,8 @@ def test_blender(session: nox.Session, blender: str) -> None:
     provide_system_libraries(session)
     manual = [] if "SHOCK_FILTER_ZIPS" in os.environ else DOCS
     install_blender(session, blender, *manual, "pytest>=8", "pytest-timeout>=2.3")
-    session.run("pytest", "tests/extension", *session.posargs)
+    # The first to run compiles all kernels, which takes long beside other tests.
+    session.run("pytest", "tests/extension", "--timeout=1800", *session.posargs)
 
 
 @nox.session(python=PYTHON)
