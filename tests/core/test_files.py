@@ -923,7 +923,10 @@ from pathlib import Path
 from shock_filter.core.files.output import staged
 with staged(Path("out.obj"), True) as path:
     path.write_text("half")
-    os.kill(os.getpid(), int(sys.argv[1]))
+    number = int(sys.argv[1])
+    if number != signal.SIGKILL:
+        signal.signal(number, signal.SIG_DFL)  # `nohup` has programs ignore some
+    os.kill(os.getpid(), number)
 """
 
 
