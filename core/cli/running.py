@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
 import sys
@@ -12,7 +13,7 @@ import time
 import traceback
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TextIO
 
 from ..errors import ShockError
 from .commands import Backend
@@ -32,7 +33,7 @@ def run_all(
     with _Interrupt() as interrupt:
         for source, target in pairs:
             if interrupt.asked:  # too late for the file before
-                print(f"Interrupted; {target} was not written.", file=sys.stderr)
+                say(f"Interrupted; {target} was not written.", sys.stderr)
                 return INTERRUPTED
             done = _run_one(backend, source, target, settings, options, interrupt)
             if interrupt.asked and not done:
@@ -59,22 +60,38 @@ def _run_one(
     except (ShockError, OSError, KeyboardInterrupt) as error:
         bar.clear()
         if interrupt.asked:
-            print(f"Interrupted; {target} was not written.", file=sys.stderr)
+            say(f"Interrupted; {target} was not written.", sys.stderr)
         else:
-            print(f"Failed: {_sentence(source, error)}", file=sys.stderr)
+            say(f"Failed: {_sentence(source, error)}", sys.stderr)
         return False
     except Exception as error:  # unforeseen; the other files are done all the same
         bar.clear()
-        traceback.print_exception(error)
-        print(f"Failed: {source}: {type(error).__name__}: {error}", file=sys.stderr)
+        say("".join(traceback.format_exception(error)), sys.stderr)
+        say(f"Failed: {source}: {type(error).__name__}: {error}", sys.stderr)
         return False
     bar.clear()
     if not options.quiet:
         seconds = time.perf_counter() - start
-        print(f"{source} -> {target}: {outcome} in {seconds:.1f} s", flush=True)
+        say(f"{source} -> {target}: {outcome} in {seconds:.1f} s", sys.stdout)
         for note in outcome.notes:
-            print(f"  {note}", flush=True)
+            say(f"  {note}", sys.stdout)
     return True
+
+
+def say(text: str, stream: TextIO | None, end: str = "\n") -> None:
+    """Print, and never stop a run: not where nobody reads, on a full disk, or for a letter."""
+    if stream is None:  # programs without a console
+        return
+    encoding = stream.encoding or "utf-8"
+    try:
+        known = text.encode(encoding, "backslashreplace").decode(encoding)
+        print(known, file=stream, end=end, flush=True)
+    except OSError:
+        # What is left in the buffer would raise again at the end of the program.
+        with contextlib.suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
 
 
 def _sentence(source: str, error: BaseException) -> str:
@@ -102,7 +119,7 @@ class _Interrupt:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
-        print("\nStopping; press Ctrl-C again if this takes too long.", file=sys.stderr)
+        say("\nStopping; press Ctrl-C again if this takes too long.", sys.stderr)
 
 
 class _Bar:
@@ -126,5 +143,4 @@ class _Bar:
             self._draw("")
 
     def _draw(self, text: str) -> None:
-        sys.stderr.write(f"\r\x1b[K{text}")
-        sys.stderr.flush()
+        say(f"\r\x1b[K{text}", sys.stderr, end="")

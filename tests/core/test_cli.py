@@ -333,6 +333,37 @@ def test_one_line_a_file_and_its_notes(folder, capsys):
     assert err == ""
 
 
+def unread():
+    reading, writing = os.pipe()
+    os.close(reading)
+    return os.fdopen(writing, "w")
+
+
+def on_a_full_disk():
+    return open("/dev/full", "w")
+
+
+def in_another_encoding():
+    return open("log.txt", "w", encoding="cp1252")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /dev/full")
+@pytest.mark.parametrize("make_stream", [unread, on_a_full_disk, in_another_encoding])
+def test_output_that_cannot_be_printed_stops_no_batch(folder, monkeypatch, make_stream):
+    names = [f"日本 {number}.obj" for number in range(3)]
+    for name in [*names, "bad.obj"]:
+        Path(name).write_text("nothing" if name == "bad.obj" else ROOF)
+    stream = make_stream()
+    monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setattr(sys, "stderr", stream)
+    code = sharpen(*names[:1], "bad.obj", *names[1:], "out", *STILL)
+    stream.close()  # writes what is left
+    assert code == 1  # for the one that is bad
+    assert sorted(path.name for path in Path("out").iterdir()) == names
+    if make_stream is in_another_encoding:
+        assert "\\u65e5\\u672c 2.obj" in Path("log.txt").read_text(encoding="cp1252")
+
+
 def test_quiet_prints_errors_only(folder, capsys):
     make("a.obj")
     assert sharpen("a.obj", "gone.obj", "out", "--quiet", *STILL) == 1
