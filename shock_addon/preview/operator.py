@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import bpy
 from bpy.app.handlers import persistent
@@ -22,11 +23,8 @@ from .pointing import editors_of, is_over_view
 
 _INTERVAL = 0.03
 _FINE = 0.1
-_REST = 8
-"""Ticks in which the mouse rests in the view, when it comes from the button, before it counts.
-
-Seconds would count, too, while Blender is too busy to tell of moves.
-"""
+_REST = 0.25
+"""Seconds in which the mouse rests in the view, when it comes from the button, before it counts."""
 _PASSED_ON = {"MIDDLEMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION", "WINDOW_DEACTIVATE"}
 _CANCELS = {"ESC", "RIGHTMOUSE"}
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
@@ -76,7 +74,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
         self._ended, self._status = False, StatusText()
-        self._arrived, self._rested = is_over_view(context.area, event), -math.inf
+        self._arrived, self._last_move = is_over_view(context.area, event), math.inf
         manager = context.window_manager
         self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
         manager.modal_handler_add(self)
@@ -119,7 +117,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         pace = _FINE if event.shift else 1.0
         if event.type == "MOUSEMOVE" and not self._arrived:  # on its way from the button
             over_view = is_over_view(context.area, event)
-            self._rested = 0 if over_view else -math.inf
+            self._last_move = time.perf_counter() if over_view else math.inf
         elif event.type == "MOUSEMOVE":
             self._preview.drag(pace * (event.mouse_x - event.mouse_prev_x))
         elif event.type in {"WHEELUPMOUSE", "WHEELDOWNMOUSE"}:
@@ -130,8 +128,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _tick(self, context: bpy.types.Context) -> set[str]:
-        self._rested += 1
-        self._arrived |= self._rested > _REST
+        self._arrived |= time.perf_counter() - self._last_move > _REST
         try:
             self._preview.tick()
         except Skipped as reason:

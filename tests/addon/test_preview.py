@@ -543,7 +543,7 @@ class _Events:
         self.reports, self.status, self.ran = [], [], []
         self._mode = find("geometry")
         self._preview, self._ended, self._timer = running, False, "timer"
-        self._arrived, self._rested = True, -math.inf
+        self._arrived, self._last_move = True, math.inf
         self._status = SimpleNamespace(
             show=lambda context, text, area: self.status.append(text),
             clear=lambda context: self.status.append(None),
