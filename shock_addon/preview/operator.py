@@ -25,6 +25,8 @@ _INTERVAL = 0.03
 _FINE = 0.1
 _REST = 0.25
 """Seconds in which the mouse rests in the view, when it comes from the button, before it counts."""
+_REST_TICKS = 4
+"""Ticks that must lie in between, too: a busy Blender tells late of moves."""
 _PASSED_ON = {"MIDDLEMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION", "WINDOW_DEACTIVATE"}
 _CANCELS = {"ESC", "RIGHTMOUSE"}
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
@@ -75,6 +77,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             return {"CANCELLED"}
         self._ended, self._status = False, StatusText()
         self._arrived, self._last_move = is_over_view(context.area, event), math.inf
+        self._ticks = 0
         manager = context.window_manager
         self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
         manager.modal_handler_add(self)
@@ -117,7 +120,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         pace = _FINE if event.shift else 1.0
         if event.type == "MOUSEMOVE" and not self._arrived:  # on its way from the button
             over_view = is_over_view(context.area, event)
-            self._last_move = time.perf_counter() if over_view else math.inf
+            self._last_move, self._ticks = time.perf_counter() if over_view else math.inf, 0
         elif event.type == "MOUSEMOVE":
             self._preview.drag(pace * (event.mouse_x - event.mouse_prev_x))
         elif event.type in {"WHEELUPMOUSE", "WHEELDOWNMOUSE"}:
@@ -128,7 +131,9 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _tick(self, context: bpy.types.Context) -> set[str]:
-        self._arrived |= time.perf_counter() - self._last_move > _REST
+        self._ticks += 1
+        rested = time.perf_counter() - self._last_move > _REST
+        self._arrived |= rested and self._ticks >= _REST_TICKS
         try:
             self._preview.tick()
         except Skipped as reason:

@@ -543,7 +543,7 @@ class _Events:
         self.reports, self.status, self.ran = [], [], []
         self._mode = find("geometry")
         self._preview, self._ended, self._timer = running, False, "timer"
-        self._arrived, self._last_move = True, math.inf
+        self._arrived, self._last_move, self._ticks = True, math.inf, 0
         self._status = SimpleNamespace(
             show=lambda context, text, area: self.status.append(text),
             clear=lambda context: self.status.append(None),
@@ -615,6 +615,7 @@ def test_the_way_from_the_button_to_the_view_changes_nothing(events, monkeypatch
     assert "Time 256 (move mouse)" in events.status[-1]
     assert events._preview.parameters.feature_threshold == pytest.approx(1.2)
     monkeypatch.setattr(preview_operator, "_REST", -1.0)  # it has rested in the view
+    monkeypatch.setattr(preview_operator, "_REST_TICKS", 1)
     events.send("TIMER")
     events.send("MOUSEMOVE", x=50)
     assert events._preview.parameters.time == 512.0
@@ -625,6 +626,7 @@ def test_a_mouse_that_rests_on_the_button_has_not_come_to_the_view(events, monke
     events.context.area = SimpleNamespace(x=100, width=800, regions=[sidebar])
     events._arrived = False
     monkeypatch.setattr(preview_operator, "_REST", -1.0)
+    monkeypatch.setattr(preview_operator, "_REST_TICKS", 1)
     for x in (850, 810):
         events.send("TIMER")
         events.send("MOUSEMOVE", x=x)
