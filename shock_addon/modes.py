@@ -435,7 +435,7 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "Remeshed Hard Surface",
-                "For machine parts out of a voxel remesh or a boolean: saw-teeth and chamfers"
+                "For machine parts out of a voxel remesh or a boolean: most saw-teeth and chamfers"
                 " become straight creases; round surfaces, and what is sharp already, stay",
                 {
                     "where": "creases",

@@ -123,7 +123,9 @@ def sharpen_geometry(
     -----
     Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature
     threshold (see `flow.potential.above_surroundings`), masks, repeating, the displacement limit,
-    and the screening radius in place of a fixed epsilon (see `fit_to_normals`).
+    the screening radius in place of a fixed epsilon (see `fit_to_normals`), and, if asked for,
+    creases only and aligned (see `filters.creases`) and further steps of the refit (see
+    `filters.slide`).
 
     Examples
     --------

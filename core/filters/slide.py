@@ -72,7 +72,12 @@ def further_steps(
     Returns
     -------
     (n, 3) float64
-        The displacement.
+        The displacement, in mean edge lengths.
+
+    Raises
+    ------
+    SolverError
+        If a step's linear system cannot be solved.
     """
     if not moved.any():
         return moved
