@@ -163,10 +163,15 @@ def running_preview() -> object:
 def drag(x: float, y: float) -> Steps:
     """Move the mouse to the right, and wait for what the preview shows then."""
     before = state()
+    for _ in range(60):  # seconds: a busy Blender is told late that the mouse has come, and rests
+        move(x, y)
+        yield DRAWN
+        if addon("preview.operator")._running[0]._arrived:
+            break
     for step in range(11):
         move(x + 12 * step, y)
         yield 0.2
-    for _ in range(240):  # seconds: the first result may need kernels to be compiled
+    for _ in range(60):  # seconds: the first result may need kernels to be compiled
         if state() != before:
             break
         yield DRAWN
