@@ -224,6 +224,29 @@ def _read_ghosts(
 
 
 @kernel
+def _add_nodes(nodes, known, values, cell, down, across, alpha, out):
+    # Adds up what `interpolate` divides, and returns the weight.
+    flat_nodes = nodes.reshape(-1)
+    total = 0.0
+    for corner in range(4):
+        node = cell + (corner >> 1) * nodes.shape[1] + (corner & 1)
+        ghost = -2 - flat_nodes[node]
+        if ghost == -1 or (ghost >= 0 and not known[ghost]):
+            continue
+        weight = down if corner >> 1 else 1.0 - down
+        weight *= across if corner & 1 else 1.0 - across
+        total += weight
+        share = weight
+        if alpha >= 0:
+            share *= values[node, alpha]
+            out[alpha] += share
+        for c in range(values.shape[1]):
+            if c != alpha:
+                out[c] += share * values[node, c]
+    return total
+
+
+@kernel
 def interpolate(nodes, known, values, cell, down, across, alpha, out):
     """Interpolate the values of a cell's nodes, of its ghosts those that are `known`.
 
@@ -246,31 +269,21 @@ def interpolate(nodes, known, values, cell, down, across, alpha, out):
     float
         The weight of the nodes that are known; `out` stays zero where it is zero.
     """
-    flat_nodes = nodes.reshape(-1)
-    total = 0.0
-    opacity = 0.0
-    for corner in range(4):
-        node = cell + (corner >> 1) * nodes.shape[1] + (corner & 1)
-        ghost = -2 - flat_nodes[node]
-        if ghost == -1 or (ghost >= 0 and not known[ghost]):
-            continue
-        weight = down if corner >> 1 else 1.0 - down
-        weight *= across if corner & 1 else 1.0 - across
-        total += weight
-        share = weight
-        if alpha >= 0:
-            share *= values[node, alpha]
-            out[alpha] += share
-        opacity += share
-        for c in range(values.shape[1]):
-            if c != alpha:
-                out[c] += share * values[node, c]
+    total = _add_nodes(nodes, known, values, cell, down, across, alpha, out)
+    if total > 0 and alpha >= 0:
+        opacity = out[alpha]
+        if opacity > 0:
+            for c in range(values.shape[1]):
+                if c != alpha:
+                    out[c] /= opacity
+            out[alpha] /= total
+            return total
+        # Nothing is opaque: the colors count alike.
+        out[:] = 0.0
+        _add_nodes(nodes, known, values, cell, down, across, -1, out)
     if total > 0:
         for c in range(values.shape[1]):
-            if c == alpha:
-                out[c] /= total
-            elif opacity > 0:
-                out[c] /= opacity
+            out[c] /= total
     return total
 
 

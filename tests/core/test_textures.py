@@ -239,6 +239,17 @@ def test_opacity_stays_and_transparent_texels_lend_no_color():
     assert out[inside & (alpha == 1)][:, :3].max() <= color.max() + 1e-5
 
 
+def test_colors_of_a_clear_texture_reach_the_gutter():
+    blocks = Blocks(photo(64))
+    image = np.full((*blocks.texture(0.0).shape[:2], 4), 0.5, dtype=np.float32)
+    image[..., 3] = 0.0
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    settings = core.TextureSettings(time=16.0, background="nearest")
+    out = core.sharpen_texture(mesh, blocks.uv, image, settings)
+    assert np.allclose(out[..., :3], 0.5, atol=1e-6)
+    assert (out[..., 3] == 0).all()
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
 def test_values_stay_in_range(dtype):
     scale = 1 if dtype == np.float32 else 255
