@@ -189,10 +189,11 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
     rests = 0  # steps in a row that took no time
     ending = ENDED
     for _ in range(most_steps):
-        rests = rests + 1 if left == last else 0
-        last = left
-        if rests > _MOST_RESTS and vectors is not None:
-            break  # around a node to which all cells flow
+        if vectors is not None:
+            rests = rests + 1 if left == last else 0
+            last = left
+            if rests > _MOST_RESTS:
+                break  # around a node to which all cells flow
         if not sliding:
             reach_a = reach(a, v)
             reach_b = reach(b, w)
