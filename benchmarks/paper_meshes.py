@@ -88,7 +88,9 @@ def table3(job: common.Job) -> None:
     path, count = job.stored("armadillo.obj", 2)
     columns = []
     for passes in PASSES:
-        settings = core.GeometrySettings(time=2048.0, smoothing_passes=passes, **PAPER_LIKE)
+        settings = core.GeometrySettings.of_paper(
+            time=2048.0, smoothing_passes=passes, **PAPER_LIKE
+        )
         phases, _, _ = common.in_own_process(timed_run, path, settings, RUNS)
         sums = [0.0] * len(PAPER_PHASES)
         for phase, seconds in phases.items():
@@ -136,7 +138,7 @@ PIXELS = 260
 def _drawn(name: str, mesh: core.TriangleMesh, settings: list[dict], flow_time: float) -> list:
     shown = [draw(mesh, mesh, VIEWS[name], PIXELS)]
     for chosen in settings:
-        options = core.GeometrySettings(**({"time": flow_time} | PAPER_LIKE | chosen))
+        options = core.GeometrySettings.of_paper(**({"time": flow_time} | PAPER_LIKE | chosen))
         moved = core.TriangleMesh(core.sharpen_geometry(mesh, options), mesh.faces)
         shown.append(draw(moved, mesh, VIEWS[name], PIXELS))
     return shown

@@ -336,9 +336,17 @@ class FitSettings(_Settings):
             )
 
 
+OF_PAPER = {"where": "everywhere", "align_passes": 0, "fit_steps": 1, "crease_freedom": 0.0}
+"""The neutral values of what `GeometrySettings` has beyond the paper: flow and one-step refit."""
+
+
 @dataclass(kw_only=True, repr=False, eq=False)
 class GeometrySettings(FitSettings, _FlowSettings):
-    """Settings of :func:`shock_filter.core.sharpen_geometry` (paper 4.1)."""
+    """Settings of :func:`shock_filter.core.sharpen_geometry` (paper 4.1).
+
+    Where, Align Creases, Fit Steps and Crease Freedom go beyond the paper; `of_paper` leaves them
+    out.
+    """
 
     mollify_passes: int = _setting(
         0,
@@ -393,7 +401,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         label="Move Limit",
     )
     where: str = _setting(
-        "everywhere",
+        "creases",
         "Which parts are sharpened",
         choices={
             "everywhere": "All that bends more than the threshold allows",
@@ -403,7 +411,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         advanced=True,
     )
     align_passes: int = _setting(
-        0,
+        2,
         "Passes in which the slanted faces along a crease take sides, such as a remesh leaves"
         " there. 0 lets each face follow its own flow-line; 2 straightens saw-teeth",
         unit="passes",
@@ -413,8 +421,8 @@ class GeometrySettings(FitSettings, _FlowSettings):
         label="Align Creases",
     )
     fit_steps: int = _setting(
-        1,
-        "Steps towards the best fit of the positions. 1 turns faces part of the way; 12 lets"
+        13,
+        "Steps towards the best fit of the positions. 1 turns faces part of the way; 13 lets"
         " vertices slide along flat sides onto the creases, and takes longer",
         unit="steps",
         minimum=1,
@@ -423,7 +431,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         advanced=True,
     )
     crease_freedom: float = _setting(
-        0.0,
+        0.95,
         "How much more freely vertices move where faces turn. 0 holds all alike; 0.95 holds those"
         " at creases up to twenty times less",
         unit="share of the hold",
@@ -432,6 +440,18 @@ class GeometrySettings(FitSettings, _FlowSettings):
         advanced=True,
         label="Crease Freedom",
     )
+
+    @classmethod
+    def of_paper(cls, **settings: Any) -> "GeometrySettings":
+        """Give settings of the paper's filter alone, beside those that are named.
+
+        Examples
+        --------
+        >>> from shock_filter import core
+        >>> core.GeometrySettings.of_paper(time=64.0).fit_steps
+        1
+        """
+        return cls(**{**OF_PAPER, **settings})
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

@@ -18,7 +18,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from ..core import registry
-from ..core.settings import Setting, describe
+from ..core.settings import OF_PAPER, Setting, describe
 
 STEADY_STATE = "steady_state"
 
@@ -437,30 +437,26 @@ MODES: list[Mode] = [
                 "Remeshed Hard Surface",
                 "For machine parts out of a voxel remesh or a boolean: most saw-teeth and chamfers"
                 " become straight creases; round surfaces, and what is sharp already, stay",
-                {
-                    "where": "creases",
-                    "align_passes": 2,
-                    "fit_steps": 12,
-                    "crease_freedom": 0.95,
-                },
+                {"align_passes": 3, "fit_steps": 25},
             ),
             Preset(
                 "Crisp CAD Edges",
                 "For machine parts with rounded or smoothed edges: flows longer, and sharpens"
                 " gentle bends, too. Coarse round surfaces get facets",
-                {"time": 1024.0, "feature_threshold": 0.8},
+                {"time": 1024.0, "fit_steps": 25},
             ),
             Preset(
                 "Scan Cleanup",
                 "For scans with light noise: smooths the normals first, so that creases are found"
                 " in it, then sharpens a little. Faster than Denoise",
-                {"time": 64.0, "mollify_passes": 2},
+                {**OF_PAPER, "time": 64.0, "mollify_passes": 2},
             ),
             Preset(
                 "Carved Facets",
                 "For style: everything flows as far as it can, as if the surface were carved with a"
                 " knife",
                 {
+                    **OF_PAPER,
                     "steady_state": True,
                     "smoothing_passes": 8,
                     "feature_threshold": 0.0,

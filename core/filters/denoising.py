@@ -94,7 +94,7 @@ def sharpen_both(
     if moved is None:
         return both
     with phase(0.0, 0.5, "Sharpening"):
-        shape = GeometrySettings(time=settings.time, sampling="linear")
+        shape = GeometrySettings.of_paper(time=settings.time, sampling="linear")
         positions = sharpen_geometry(moved, shape, mask)
     with phase(0.5, 1.0, "Sharpening"):
         sharp = mesh.moved_to(positions)

@@ -26,7 +26,7 @@ from ..mesh.calculus import (
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import BeltramiGeometrySettings, FitSettings, GeometrySettings
-from .slide import further_steps
+from .slide import LOOSE, further_steps
 
 log = logging.getLogger(__name__)
 
@@ -157,11 +157,11 @@ def displacement(
         multigrid = eps < 0.999 * MULTIGRID_RADIUS**-2
         with phase(0.3, 0.3 + 0.7 / steps, "Fitting the surface"):
             moved, report = solve(
-                system, rhs, TOLERANCE, multigrid=multigrid, message="Fitting the surface"
+                system, rhs, TOLERANCE if steps == 1 else LOOSE, multigrid=multigrid, message="Fitting the surface"
             )
         if steps > 1:
             with phase(0.3 + 0.7 / steps, 1.0, "Fitting the surface"):
-                moved = further_steps(mesh, system, normals, moved, steps, multigrid)
+                moved = further_steps(mesh, system, normals, moved, steps)
     except SolverError as error:
         raise SolverError(f"{error.sentence} {ADVICE}", **error.values) from error
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,

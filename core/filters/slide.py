@@ -15,16 +15,22 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run
 from ..base.progress import phase
 from ..base.vectors import after, cross, dot
-from ..linear.cg import solve
+from ..linear.cg import roughly
 from ..linear.system import LinearSystem
 from ..mesh.calculus import cotangents
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
-_LOOSE = 0.05
-"""Residual of a step's solve: the next step has the rest in its right-hand side."""
+LOOSE = 0.05
+"""Residual of the first step's solve where others follow: they make up for it."""
 
-_SETTLED = 1e-3
-"""Steps that move no vertex by more than this, in mean edge lengths, are the last."""
+_INNER = 8
+"""Iterations of a further step's solve."""
+
+_EVENED = 6
+"""After so many steps faces are evened out, and at the end."""
+
+_SETTLED = 1e-2
+"""A step that moves no vertex by more than this, in mean edge lengths, is the last."""
 
 _STIFF = 1000.0
 """How much less vertices slide across the planes of their faces than along."""
@@ -48,12 +54,13 @@ def further_steps(
     normals: Floats,
     moved: Floats,
     steps: int,
-    multigrid: bool,
 ) -> Floats:
-    """Go on from the first step of a refit, with Nesterov's momentum.
+    """Go on from the first step of a refit, by preconditioned conjugate gradients.
 
-    Faces that become thin or turn over are evened out on the way: their vertices slide along the
-    planes of their faces, so along the crease at a crease, and stay at corners.
+    The matrix of the first step is the preconditioner, solved roughly (so the flexible variant, of
+    Polak and Ribiere). Now and then faces that become thin or turn over are evened out: their
+    vertices slide along the planes of their faces, so along the crease at a crease, and stay at
+    corners.
 
     Parameters
     ----------
@@ -83,29 +90,54 @@ def further_steps(
         return moved
     message = "Fitting the surface"
     halves = cotangents(mesh)
-    flux, rhs = np.empty((mesh.face_count, 3)), np.empty_like(moved)
-    before, now = np.empty(mesh.face_count), np.empty(mesh.face_count)
-    run(_shapes, mesh.face_count, mesh.scaled_vertices, np.zeros_like(moved), mesh.faces,
-        mesh.normals, before)  # fmt: skip
-    old, momentum = np.zeros_like(moved), 1.0
+    flux, now = np.empty((mesh.face_count, 3)), np.empty(mesh.face_count)
+    still = np.zeros_like(moved)
+    before = np.empty(mesh.face_count)
+    run(_shapes, mesh.face_count, mesh.scaled_vertices, still, mesh.faces, mesh.normals, before)
+
+    def downhill(positions: Floats, ahead: Floats) -> Floats:
+        # Minus half the energy's gradient, where positions move ahead.
+        out = np.empty_like(ahead)
+        run(_flux, mesh.face_count, positions, ahead, mesh.faces, halves, normals, flux)
+        run(_pull, mesh.vertex_count, *mesh.corners, system.fixed, system.screen, ahead, normals,
+            flux, out)  # fmt: skip
+        return out
+
+    def evened(ahead: Floats) -> Floats:
+        out = ahead.copy()
+        run(_shapes, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, normals, now)
+        run(_even_out, mesh.vertex_count, mesh.scaled_vertices, ahead, mesh.faces, *mesh.corners,
+            mesh.areas, normals, before, now, system.fixed, out)  # fmt: skip
+        return out
+
+    residual = change = downhill(mesh.scaled_vertices, moved)
+    way, product = still.copy(), np.inf
     for turn in range(1, steps):
         with phase((turn - 1) / (steps - 1), turn / (steps - 1), message):
-            following = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * momentum**2))
-            ahead = moved + (momentum - 1.0) / following * (moved - old)
-            run(_flux, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, halves, normals,
-                flux)  # fmt: skip
-            run(_pull, mesh.vertex_count, *mesh.corners, system.fixed, system.screen, ahead,
-                normals, flux, rhs)  # fmt: skip
-            step, _ = solve(system, rhs, _LOOSE, multigrid=multigrid, message=message)
-            old, momentum = moved, following
-            ahead += step
-            run(_shapes, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, normals, now)
-            moved = ahead.copy()
-            run(_even_out, mesh.vertex_count, mesh.scaled_vertices, ahead, mesh.faces,
-                *mesh.corners, mesh.areas, normals, before, now, system.fixed, moved)  # fmt: skip
-        if abs(step).max() < _SETTLED:
-            break
-    return _without_turned(mesh, normals, before, system.fixed, moved)
+            step = roughly(system, residual, _INNER, message)
+            way *= max(_dot(step, change) / product, 0.0)
+            way += step
+            product = _dot(step, residual)
+            change = downhill(still, way)
+            curvature = -_dot(change, way)
+            if not (product > 0 and curvature > 0):
+                break
+            length = _dot(residual, way) / curvature
+            change *= length
+            residual += change
+            moved = moved + length * way
+            if length * abs(way).max() < _SETTLED:
+                break
+            if turn % _EVENED == 0:
+                moved = evened(moved)
+                residual = downhill(mesh.scaled_vertices, moved)
+                product = np.inf
+    return _without_turned(mesh, normals, before, system.fixed, evened(moved))
+
+
+def _dot(a: Floats, b: Floats) -> float:
+    # Not numpy's dot, whose threads get into the way of ours.
+    return float(np.einsum("ij,ij->", a, b))
 
 
 def _without_turned(
@@ -114,10 +146,10 @@ def _without_turned(
     # Vertices around faces that have turned over slide on; those that stay so go back, half of
     # their way each time, until there are none.
     now = np.empty(mesh.face_count)
+    run(_shapes, mesh.face_count, mesh.scaled_vertices, moved, mesh.faces, normals, now)
+    turned = np.flatnonzero((now <= 0) & (before > 0))
     for turn in range(_SLIDES + _RETREATS):
-        run(_shapes, mesh.face_count, mesh.scaled_vertices, moved, mesh.faces, normals, now)
-        turned = (now <= 0) & (before > 0)
-        if not turned.any():
+        if len(turned) == 0:
             break
         faces, n = mesh.faces[turned], normals[turned]
         if turn < _SLIDES:
@@ -133,7 +165,17 @@ def _without_turned(
             moved[faces[rows]] += way[:, None] * inward
         else:
             moved[np.unique(faces)] *= 0.5
+        near = _around(mesh, np.unique(faces))
+        shapes = np.empty(len(near))
+        _shapes(0, len(near), mesh.scaled_vertices, moved, mesh.faces[near], normals[near], shapes)
+        turned = near[(shapes <= 0) & (before[near] > 0)]
     return moved
+
+
+def _around(mesh: TriangleMesh, vertices: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
+    # The faces around some vertices.
+    start, corners = mesh.corners
+    return np.unique(np.concatenate([corners[start[v] : start[v + 1]] // 3 for v in vertices]))
 
 
 @kernel

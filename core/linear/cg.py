@@ -136,6 +136,16 @@ def solve(
     return y.reshape(given.shape), SolveReport(iterations, relative, multigrid)
 
 
+def roughly(system: LinearSystem, rhs: Floats, iterations: int, message: str) -> Floats:
+    """Solve ``A x = rhs`` by some iterations in single precision, however far they come.
+
+    Parameters and result are as in `solve`; a preconditioner for what is near to `system`.
+    """
+    scale = system.inverse_root[:, None]
+    step, _, _ = _conjugate_gradients(system.single, rhs * scale, 0.0, None, iterations, message)
+    return step * scale
+
+
 def _norm(values: Floats) -> float:
     # Not numpy's, whose threads get into the way of ours.
     return float(np.sqrt(np.square(values).sum()))
@@ -185,7 +195,9 @@ def _conjugate_gradients(
             return x, iteration, False
         alpha, before = product / curvature, product
         # The residual falls roughly geometrically: progress is its logarithm.
-        done = min(max(float(np.log(norm / scale) / np.log(tolerance)), 0.0), 1.0)
+        done = iteration / limit
+        if tolerance > 0:
+            done = max(done, min(float(np.log(norm / scale) / np.log(tolerance)), 1.0))
     return x, iteration, True
 
 
@@ -238,14 +250,21 @@ def _apply_three(start, stop, chunk, row_start, columns, values, p, q, sums):
 
 @kernel
 def _apply(start, stop, chunk, row_start, columns, values, p, q, sums):
-    # The same for any number of columns.
+    # The same for any number of columns, two by two, which takes half of the time.
     curvature = 0.0
+    last = row_start[start]
     for i in range(start, stop):
-        for j in range(p.shape[1]):
-            x = p[i, j]
-            a = x
-            for e in range(row_start[i], row_start[i + 1]):
-                a += values[e] * p[columns[e], j]
-            q[i, j] = a
-            curvature += a * x
+        first = last
+        last = row_start[i + 1]
+        for j in range(0, p.shape[1], 2):
+            k = min(j + 1, p.shape[1] - 1)
+            x, y = p[i, j], p[i, k]
+            a, b = x, y
+            for e in range(first, last):
+                column = columns[e]
+                value = values[e]
+                a += value * p[column, j]
+                b += value * p[column, k]
+            q[i, j], q[i, k] = a, b
+            curvature += a * x if k == j else a * x + b * y
     sums[start // chunk] = curvature
