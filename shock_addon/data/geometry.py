@@ -68,11 +68,10 @@ def read_geometry(
         custom_normals=parameters.custom_normals,
         sharp_angle=parameters.sharp_angle if parameters.mark_sharp else None,
     )
-    mask, _ = color_mask(obj, mode, "POINT", parameters)
     surface = MirroredSurface(
         positions=_source(obj, place),
         triangles=meshes.read_triangles(mesh),
-        mask=mask,
+        mask=color_mask(obj, mode, "POINT", parameters)[0],
         to_world=meshes.lengths_in_world(obj),
         mirror=(mesh.use_mirror_x, mesh.use_mirror_y, mesh.use_mirror_z),
         planes=tuple(_mirror_planes(obj)),
