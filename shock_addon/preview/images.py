@@ -91,8 +91,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
 def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -> ImageStage:
     image = data.chosen.shown_image(context)
     whole = data.images.read_image(image).surface
-    view, mouse = pointed_at(context, event)
-    place = view.view2d.region_to_view(*mouse)
+    place = _place(context, event)
     crop = crop_around(whole, place, size)
     colors = _colors_of(image)
 
@@ -123,6 +122,11 @@ def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
 def _tile_box(number: int) -> tuple[float, float, float, float]:
     row, column = divmod(number - _FIRST_TILE, 10)
     return column, row, column + 1, row + 1
+
+
+def _place(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, float]:
+    view, mouse = pointed_at(context, event)
+    return view.view2d.region_to_view(*mouse)
 
 
 def _pieces(crop: Crop, colors: Callable[[HostImage], Any], result: Any) -> list[Piece]:
