@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import blocks
-from ..base.progress import aside
+from ..base.progress import aside, ask
 
 Colors = npt.NDArray[np.float32]
 
@@ -44,7 +43,9 @@ def recolored(old: Colors, new: Colors, levels: int) -> Recolored:
     changed, largest = 0, 0.0
     band = max(_BAND * len(old) // old.size, 1)
     with aside("Comparing colors"):
-        for rows in blocks(len(old), band):
+        for start in range(0, len(old), band):
+            ask()
+            rows = slice(start, start + band)
             same = _choose(old[rows], new[rows], levels, colors[rows])
             changed += int(np.count_nonzero(~same.all(axis=-1)))
             largest = max(largest, float(np.abs(colors[rows] - old[rows]).max()))
