@@ -18,7 +18,10 @@ from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
-_MOST_FACES = 4000  # that a geodesic crosses; needed only where texels are larger than the surface
+MOST_FACES = 4000
+"""Faces that a geodesic crosses. More lie on its way only where texels are far larger than faces:
+around a hub. It ends short then, within the few texels that it was to go.
+"""
 
 
 class AtlasMetric(NamedTuple):
@@ -182,7 +185,8 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
     Returns
     -------
     face : int
-        Where the walk ends, or -1 if it cannot begin.
+        Where the walk ends, or -1 if it cannot begin. At a border, and after `MOST_FACES`, it
+        ends before the far side, though on the way there.
     cosine, sine : float
         Parallel transport along the walk: the turn that takes components in the frame of the
         half-edge's face to components in the frame of `face`.
@@ -195,7 +199,7 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
     cosine, sine = 1.0, 0.0
     share = min(max(share, 1e-6), 1.0 - 1e-6)
     left = 1.0
-    for _ in range(_MOST_FACES):
+    for _ in range(MOST_FACES):
         t = twins[f, k]
         g = t // 3
         if t < 0 or shapes[g, 2] == 0:
