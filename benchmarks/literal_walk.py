@@ -76,7 +76,7 @@ def _walk(start, stop, triangles, rates, time, step, may_turn, point_faces, coor
 def _go_straight(triangles, pace, f, b, direction):
     # Go along a geodesic for some time, face by face, and turn `direction` with it. Returns the
     # face, and whether it ended at a border.
-    vertices, faces, twins, areas, normals = triangles
+    vertices, faces, twins, areas, normals, _ = triangles
     rates = np.empty(3)
     while True:
         exit_corner = -1

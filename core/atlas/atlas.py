@@ -268,8 +268,10 @@ _LARGEST = 1 << 15
 
 @kernel
 def _texel(charts, sheet, y, x, height, width):
-    # The texel (row, column) of a node, or (-1, -1) for a ghost of no edge.
+    # The texel (row, column) of a node; (-1, -1) where there is none, or a ghost of no edge.
     node = sheet.nodes[y, x]
+    if node == NOTHING:
+        return -1, -1
     face = node if node >= 0 else sheet.ghost_edges[-2 - node] // 3
     if face < 0:
         return -1, -1
@@ -305,8 +307,7 @@ def _own_elsewhere(charts, sheet, owners, overlapping):
             copies[count, 0] = y * columns + x
             copies[count, 1] = owner
             count += 1
-            b = owner // columns
-            a = owner - b * columns
+            b, a = divmod(owner, columns)
             face = nodes[b, a]
             if clearly_within(points[nodes[y, x]], y, x) and clearly_within(points[face], b, a):
                 overlapping[nodes[y, x]] = True
@@ -323,13 +324,11 @@ def _own_ghosts(charts, sheet, sources, owners):
     for ghost in range(ghosts.shape[0]):
         if sources.cells[ghost] < 0:
             continue
-        y = ghosts[ghost] // columns
-        x = ghosts[ghost] - y * columns
+        y, x = divmod(ghosts[ghost], columns)
         row, column = _texel(charts, sheet, y, x, height, width)
         owner = owners[row, column]
         if owner != NOTHING:
-            b = owner // columns
-            a = owner - b * columns
+            b, a = divmod(owner, columns)
             if nodes[b, a] >= 0:
                 continue
             _, other = nearest_on_edge(points, edges[-2 - nodes[b, a]], b, a)
@@ -341,12 +340,9 @@ def _own_ghosts(charts, sheet, sources, owners):
 
 @kernel
 def _gather(start, stop, charts, sheet, pixels, scale, values):
-    nodes = sheet.nodes
     height, width = pixels.shape[:2]
     for y in range(start, stop):
-        for x in range(nodes.shape[1]):
-            if nodes[y, x] == NOTHING:
-                continue
+        for x in range(sheet.nodes.shape[1]):
             row, column = _texel(charts, sheet, y, x, height, width)
             if row < 0:
                 continue
@@ -362,8 +358,7 @@ def _bake(start, stop, owners, nodes, points, corners, out):
             owner = owners[row, column]
             if owner == NOTHING:
                 continue
-            y = owner // columns
-            x = owner - y * columns
+            y, x = divmod(owner, columns)
             f = nodes[y, x]
             if f < 0:
                 continue
@@ -406,8 +401,6 @@ def _count_charts(charts, sheet, cut, boundary, count):
     height, width = count.shape
     for y in range(nodes.shape[0]):
         for x in range(nodes.shape[1]):
-            if nodes[y, x] == NOTHING:
-                continue
             row, column = _texel(charts, sheet, y, x, height, width)
             if row < 0:
                 continue

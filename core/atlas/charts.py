@@ -161,8 +161,7 @@ def _mark_seams(start, stop, twins, points, areas, seams):
             t = twins[f, k]
             joined = False
             if t >= 0:
-                g = t // 3
-                j = t - 3 * g
+                g, j = divmod(t, 3)
                 joined = _near(points, f, k, g, after(j)) and _near(points, f, after(k), g, j)
                 if min(abs(areas[f]), abs(areas[g])) > _FLAT:
                     joined = joined and areas[f] * areas[g] > 0  # not folded over

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..mesh.triangle_mesh import Ints
-from .metric import AtlasMetric, apply, exponential_map
+from .metric import AtlasMetric, apply, exponential_map, store
 from .sheet import NOTHING, Sheet, ends, nearest_on_edge
 
 _ROUNDS = 3
@@ -184,8 +184,7 @@ def _turn_normals(jacobians, f, g, cosine, sine, turn):
     sx, sy = jacobians[g, 0, 1], jacobians[g, 1, 1]
     length = np.sqrt((tx * tx + ty * ty) * (sx * sx + sy * sy))
     if length == 0:
-        turn[0, 0] = turn[1, 1] = 1.0
-        turn[0, 1] = turn[1, 0] = 0.0
+        store(turn, 1.0, 0.0, 0.0, 1.0)
         return
     tx, ty = cosine * tx - sine * ty, sine * tx + cosine * ty
     c = (tx * sx + ty * sy) / length
@@ -194,10 +193,7 @@ def _turn_normals(jacobians, f, g, cosine, sine, turn):
     one = 1.0 if _left(jacobians, f) else -1.0
     two = 1.0 if _left(jacobians, g) else -1.0
     # To g: [[c, -s one], [two s, two c one]]; back is its transpose.
-    turn[0, 0] = c
-    turn[0, 1] = two * s
-    turn[1, 0] = -s * one
-    turn[1, 1] = two * c * one
+    store(turn, c, two * s, -s * one, two * c * one)
 
 
 @kernel

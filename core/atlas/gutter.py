@@ -160,8 +160,7 @@ def _spread_borders(start, stop, backwards, points, filled, most, found):
         for x in range(1, width):
             if not filled[y, x] and squares[y, x - 1] < most:
                 _offer(points, found, edges[y, x - 1], y, x)
-        for j in range(1, width):
-            x = width - 1 - j
+        for x in range(width - 2, -1, -1):
             if not filled[y, x] and squares[y, x + 1] < most:
                 _offer(points, found, edges[y, x + 1], y, x)
 

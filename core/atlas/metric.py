@@ -18,7 +18,10 @@ from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
-_MOST_FACES = 4000  # that a geodesic crosses; needed only where texels are larger than the surface
+MOST_FACES = 4000
+"""Faces that a geodesic crosses. More lie on its way only where texels are far larger than faces:
+around a hub. It ends short then, within the few texels that it was to go.
+"""
 
 
 class AtlasMetric(NamedTuple):
@@ -111,9 +114,9 @@ def _measure(start, stop, vertices, faces, areas, seen, points, scale, metric):
         by = -px * shapes[f, 2] / det
         ax = (py * shapes[f, 1] - qy * shapes[f, 0]) / det
         bx = py * shapes[f, 2] / det
-        _store(metric.jacobians[f], ay, ax, by, bx)
+        store(metric.jacobians[f], ay, ax, by, bx)
         det_j = ay * bx - ax * by
-        _store(metric.inverse_jacobians[f], bx / det_j, -ax / det_j, -by / det_j, ay / det_j)
+        store(metric.inverse_jacobians[f], bx / det_j, -ax / det_j, -by / det_j, ay / det_j)
         rr = ay * ay + by * by
         rc = ay * ax + by * bx
         cc = ax * ax + bx * bx
@@ -127,7 +130,8 @@ def _measure(start, stop, vertices, faces, areas, seen, points, scale, metric):
 
 
 @kernel
-def _store(matrix, a, b, c, d):
+def store(matrix, a, b, c, d):
+    """Set a matrix of two rows to (a, b) and (c, d)."""
     matrix[0, 0] = a
     matrix[0, 1] = b
     matrix[1, 0] = c
@@ -182,27 +186,26 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
     Returns
     -------
     face : int
-        Where the walk ends, or -1 if it cannot begin.
+        Where the walk ends, or -1 if it cannot begin. At a border, and after `MOST_FACES`, it
+        ends before the far side, though on the way there.
     cosine, sine : float
         Parallel transport along the walk: the turn that takes components in the frame of the
         half-edge's face to components in the frame of `face`.
     """
-    f = edge // 3
-    k = edge - 3 * f
+    f, k = divmod(edge, 3)
     if shapes[f, 2] == 0:
         return -1, 1.0, 0.0
     u, v = apply(jacobians, f, dy, dx)
     cosine, sine = 1.0, 0.0
     share = min(max(share, 1e-6), 1.0 - 1e-6)
     left = 1.0
-    for _ in range(_MOST_FACES):
+    for _ in range(MOST_FACES):
         t = twins[f, k]
-        g = t // 3
+        g, j = divmod(t, 3)
         if t < 0 or shapes[g, 2] == 0:
             if left == 1.0:
                 return -1, cosine, sine
             break
-        j = t - 3 * g
         # Unfold: the twin's half-edge runs the other way.
         px, py = _axis(shapes, f, k)
         qx, qy = _axis(shapes, g, j)
@@ -218,17 +221,15 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
         # Straight on to the side that is reached first.
         rate2 = v / shapes[f, 2]
         rate1 = (u - shapes[f, 1] * rate2) / shapes[f, 0]
-        rate0 = -rate1 - rate2
+        rates = -rate1 - rate2, rate1, rate2
         leaving = -1
         first = left
         for side in range(3):
-            rate = rate0 if side == 0 else (rate1 if side == 1 else rate2)
-            if side != far and rate < 0 and b[side] / -rate < first:
-                first = b[side] / -rate
+            if side != far and rates[side] < 0 and b[side] / -rates[side] < first:
+                first = b[side] / -rates[side]
                 leaving = side
-        b[0] = max(b[0] + rate0 * first, 0.0)
-        b[1] = max(b[1] + rate1 * first, 0.0)
-        b[2] = max(b[2] + rate2 * first, 0.0)
+        for side in range(3):
+            b[side] = max(b[side] + rates[side] * first, 0.0)
         total = b[0] + b[1] + b[2]
         for side in range(3):
             b[side] /= total

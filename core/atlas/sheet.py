@@ -301,8 +301,7 @@ def _mark_ghosts(start, stop, cells, nodes):
 @kernel
 def ends(points, edge):
     """The row and column where a half-edge begins, and those where it ends."""
-    f = edge // 3
-    k = edge - 3 * f
+    f, k = divmod(edge, 3)
     return points[f, k, 0], points[f, k, 1], points[f, after(k), 0], points[f, after(k), 1]
 
 

@@ -16,7 +16,7 @@ from ..errors import InvalidSignal
 from ..grid.walk import ENDED, UNFINISHED, Field, cell_velocity, ends_at_turn, walk_cells
 from .atlas import TextureAtlas
 from .ghosts import place_beyond
-from .metric import apply
+from .metric import apply, store
 
 MOST_SEAMS = 10_000
 """Seams that a walk may cross; handed to the kernels, as compiled code does not look it up."""
@@ -111,8 +111,7 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
     """
     potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
     place, left, vy, vx, ending = walked
-    turn[0, 0] = turn[1, 1] = 1.0
-    turn[0, 1] = turn[1, 0] = 0.0
+    store(turn, 1.0, 0.0, 0.0, 1.0)
     for _ in range(most_seams):
         edge = _seam(sheet.nodes, sheet.ghost_edges, place, ending)
         if edge < 0 or metric.twins[edge // 3, edge % 3] < 0:

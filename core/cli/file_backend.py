@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
 from .commands import Command
+from .parsing import add_mask
 
 if TYPE_CHECKING:
     from ..files.output import Outcome
@@ -57,18 +58,12 @@ class FileBackend:
                 metavar="NAME",
                 help="only the faces with this material show the texture; all do if left out",
             )
-        if not command.takes_mask:
-            return
-        metavar = "NAME"
-        about = (
-            "vertex property of PLY files that says how much is done to each vertex: 0 keeps"
-            " it, 1 (or the largest whole number of its type) changes it fully"
-        )
-        if command.kind.is_image:
-            metavar = "FILE"
-            about = "gray image of the same size: black stays, white changes fully"
-        parser.add_argument("--mask", metavar=metavar, help=about)
-        parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
+        if command.takes_mask:
+            of_meshes = (
+                "vertex property of PLY files that says how much is done to each vertex: 0 keeps"
+                " it, 1 (or the largest whole number of its type) changes it fully"
+            )
+            add_mask(parser, command, of_meshes)
 
     def filter(
         self,

@@ -80,6 +80,15 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
         size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
 
 
+def add_mask(parser: argparse.ArgumentParser, command: Command, of_meshes: str) -> None:
+    """Add the flags of a mask; `of_meshes` says what it is where no image is filtered."""
+    metavar, about = "NAME", of_meshes
+    if command.kind.is_image:
+        metavar, about = "FILE", "gray image of the same size: black stays, white changes fully"
+    parser.add_argument("--mask", metavar=metavar, help=about)
+    parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
+
+
 def _add_then_sharpen(parser: argparse.ArgumentParser, settings: type) -> None:
     _, default, about = describe(settings)["time"]
     parser.add_argument(

@@ -29,7 +29,8 @@ class Document(Protocol):
     parts: Ints
 
     def own_files(self, target: Path) -> Collection[str]:
-        """Names of files beside it that it may replace, if written there."""
+        """Names of files beside it that it may replace, if written there: none by default."""
+        return ()
 
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
         """Write it with other positions; returns notes on what changed or got lost."""

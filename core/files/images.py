@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import blocks
 from ..base.progress import reporting
 from ..errors import ShockError
 from .formats.exr import read_exr, write_exr
@@ -223,8 +224,7 @@ def _check_format(source: Path, ending: str, pixels: Pixels) -> None:
 def _count_changed(old: Pixels, new: Pixels) -> int:
     # In bands of rows, so that nothing as large as the image is made.
     changed = 0
-    for start in range(0, len(old), _ROWS):
-        band = slice(start, start + _ROWS)
+    for band in blocks(len(old), _ROWS):
         differs = old[band] != new[band]
         changed += int(np.count_nonzero(differs.any(axis=2) if differs.ndim == 3 else differs))
     return changed

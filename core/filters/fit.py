@@ -22,6 +22,7 @@ from ..mesh.calculus import (
     blended_normals,
     cotangents,
     lumped_mass,
+    needle_share,
     stiffness_weights,
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh
@@ -153,7 +154,7 @@ def displacement(
         rhs = np.zeros((mesh.vertex_count, 3))
         with phase(0.2, 0.3, "Preparing the refit"):
             run(_turning, mesh.vertex_count, mesh.scaled_vertices, mesh.faces, *mesh.corners,
-                mesh.normals, normals, system.fixed, rhs)  # fmt: skip
+                mesh.normals, mesh.areas, normals, system.fixed, rhs)  # fmt: skip
         multigrid = eps < 0.999 * MULTIGRID_RADIUS**-2
         with phase(0.3, 0.3 + 0.7 / steps, "Fitting the surface"):
             moved, report = solve(
@@ -285,9 +286,12 @@ def _move(start, stop, vertices, moved, positions):
 
 
 @kernel
-def _turning(start, stop, vertices, faces, corner_start, corners, normals, targets, fixed, rhs):
+def _turning(
+    start, stop, vertices, faces, corner_start, corners, normals, areas, targets, fixed, rhs
+):
     # Minus the integral of <grad(hat function), grad(N . x)> N over each face; the gradient of
-    # a hat function times the area is half of normal x opposite edge.
+    # a hat function times the area is half of normal x opposite edge. Needle-like faces are
+    # weakened here as they are in the matrix.
     for v in range(start, stop):
         if fixed[v]:
             continue
@@ -303,6 +307,11 @@ def _turning(start, stop, vertices, faces, corner_start, corners, normals, targe
             terms += abs(tz) * (abs(z1) + abs(z2))
             if abs(along) <= ROUNDING * terms:
                 continue  # the face's own normal, up to rounding
+            u, w = (
+                edge(vertices, faces[f, k], faces[f, after(k)]),
+                edge(vertices, faces[f, after(after(k))], faces[f, k]),
+            )
+            along *= needle_share(u, (ex, ey, ez), w, areas[f])
             rhs[v, 0] -= along * tx
             rhs[v, 1] -= along * ty
             rhs[v, 2] -= along * tz

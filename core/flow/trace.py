@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 import numpy as np
@@ -11,14 +12,25 @@ from ..base.parallel import kernel, run
 from ..base.progress import aside, phase
 from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
-from .walk import Field, Triangles, find_given_rates, find_shock_rates, walk_exactly
+from .walk import (
+    AROUND_HUB,
+    CUT_OFF,
+    MOST_AROUND,
+    Field,
+    Triangles,
+    find_given_rates,
+    find_shock_rates,
+    walk_exactly,
+)
+
+log = logging.getLogger(__name__)
 
 OFFSET = 0.001
 """The paper's epsilon: how far towards the face's centre the trace of a vertex begins."""
 
 
 _FEW = 128
-"""Walks in a row where each may cross all faces around a hub: tenths of a second."""
+"""Walks in a row where each may cross many faces around a hub: hundredths of a second."""
 
 
 def face_centres(mesh: TriangleMesh) -> tuple[Ints, Floats]:
@@ -88,7 +100,9 @@ def trace_faces(mesh: TriangleMesh, potential: Floats, time: float) -> tuple[Int
 
 
 def _triangles(mesh: TriangleMesh) -> Triangles:
-    return Triangles(mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas, mesh.normals)
+    triangles = Triangles(mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas, mesh.normals)
+    crowded = np.diff(mesh.corners[0]) > MOST_AROUND
+    return triangles._replace(crowded=crowded) if crowded.any() else triangles
 
 
 def _rates(mesh: TriangleMesh, find_rates: Callable[..., None], values: Floats) -> Floats:
@@ -99,11 +113,14 @@ def _rates(mesh: TriangleMesh, find_rates: Callable[..., None], values: Floats) 
 
 
 def _walk(mesh: TriangleMesh, field: Field, time: float, faces: Ints, coordinates: Floats) -> None:
-    unfinished = np.zeros(len(faces), dtype=np.bool_)
+    endings = np.zeros(len(faces), dtype=np.uint8)
     with phase(0.1, 1.0, "Tracing flow-lines"):
         run(walk_exactly, len(faces), _triangles(mesh), field, float(time), MOST_STEPS, faces,
-            coordinates, unfinished, chunk=_FEW if mesh.has_hubs else None)  # fmt: skip
-    warn_of_unfinished(unfinished)
+            coordinates, endings, chunk=_FEW if mesh.has_hubs else None)  # fmt: skip
+    warn_of_unfinished(endings == CUT_OFF)
+    around = np.count_nonzero(endings == AROUND_HUB)
+    if around:
+        log.info("%d walks ended around vertices of over %d faces.", around, MOST_AROUND)
 
 
 @kernel

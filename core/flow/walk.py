@@ -28,8 +28,11 @@ from ..mesh.triangle_mesh import Floats, Ints
 
 _MOST_RESTS = 30
 
-_MOST_AROUND = 1000
-"""Faces around a vertex that a walk looks at; it ends at a vertex with more."""
+MOST_AROUND = 1000
+"""Faces around a vertex that a walk looks at or crosses; it ends at, or around, one with more."""
+
+CUT_OFF, AROUND_HUB = 1, 2
+"""How walks end that did not get to their end: after `most_steps`, or by `MOST_AROUND`."""
 
 
 class Triangles(NamedTuple):
@@ -40,6 +43,8 @@ class Triangles(NamedTuple):
     twins: Ints
     areas: Floats
     normals: Floats
+    crowded: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
+    """The vertices of more than `MOST_AROUND` faces; empty if there are none."""
 
 
 class Field(NamedTuple):
@@ -64,7 +69,7 @@ def find_shock_rates(start, stop, triangles, potential, rates):
     They are minus half the inner products of grad(P) with the gradients of the coordinates, all
     from edge vectors.
     """
-    vertices, faces, _, areas, _ = triangles
+    vertices, faces, _, areas, _, _ = triangles
     for f in range(start, stop):
         if areas[f] == 0:
             rates[f] = 0.0
@@ -84,7 +89,7 @@ def find_shock_rates(start, stop, triangles, potential, rates):
 @kernel
 def find_given_rates(start, stop, triangles, vectors, rates):
     """Compute d(barycentric coordinates)/dt under the tangential part of given vectors."""
-    vertices, faces, _, areas, normals = triangles
+    vertices, faces, _, areas, normals, _ = triangles
     for f in range(start, stop):
         rates[f] = 0.0
         if areas[f] > 0:
@@ -154,7 +159,9 @@ def _leave_vertex(triangles, field, f, k, came):
     # which half-edge of the first face the walk arrived: 0 along the one leaving the corner, 1
     # along the one that ends there. Returns (face, corner, kind): kind 0 nothing, 1 into the face,
     # 2 along the half-edge that leaves the corner.
-    vertices, faces, twins, areas, _ = triangles
+    vertices, faces, twins, areas, _, crowded = triangles
+    if crowded.size and crowded[faces[f, k]]:
+        return -1, -1, 0
     rates = field.rates
     given = field.potential is None
     arrival = _corner_angle(triangles, f, k) if came == 1 else 0.0
@@ -164,7 +171,7 @@ def _leave_vertex(triangles, field, f, k, came):
     best_angle = 0.0
     best_face, best_corner, kind = -1, -1, 0
     g, c = f, k
-    for _ in range(_MOST_AROUND):  # twins pair up, so the round ends at its begin or at a border
+    for _ in range(MOST_AROUND):  # twins pair up, so the round ends at its begin or at a border
         if areas[g] == 0:
             return -1, -1, 0
         u, w = _sides(vertices, faces, g, c)
@@ -223,7 +230,7 @@ def _angle_around(triangles, f, k):
     # The sum of the angles at the vertex of corner k, up to a border if it lies on one.
     total = 0.0
     g, c = f, k
-    for _ in range(_MOST_AROUND):
+    for _ in range(MOST_AROUND):
         total += _corner_angle(triangles, g, c)
         t = triangles.twins[g, after(after(c))]
         if t < 0:
@@ -237,10 +244,10 @@ def _angle_around(triangles, f, k):
 
 @kernel
 def walk_exactly(
-    start, stop, triangles, field, time, most_steps, point_faces, coordinates, unfinished
+    start, stop, triangles, field, time, most_steps, point_faces, coordinates, endings
 ):
-    """Walk from edge to edge; parameters as in `flow.trace`."""
-    vertices, faces, twins, areas, _ = triangles
+    """Walk from edge to edge; parameters as in `flow.trace`, and `endings` is 0 at first."""
+    vertices, faces, twins, areas, _, crowded = triangles
     rates, potential = field
     b = np.empty(3)
     for point in range(start, stop):
@@ -253,9 +260,10 @@ def walk_exactly(
         last = np.inf
         rests = 0  # steps in a row that took no time
         steps = 0
+        around = 0  # edges in a row that were crossed at crowded vertices
         while left > 0:
             if steps == most_steps:
-                unfinished[point] = True
+                endings[point] = CUT_OFF
                 break
             steps += 1
             rests = rests + 1 if left == last else 0
@@ -290,6 +298,14 @@ def walk_exactly(
                 inward = rates[g, apex]
                 along = b[after(k)] / (b[k] + b[after(k)])
                 if inward > 0:
+                    if crowded.size:
+                        at_hub = crowded[faces[f, k]] or crowded[faces[f, after(k)]]
+                        around = around + 1 if at_hub else 0
+                        if around == MOST_AROUND:
+                            endings[point] = AROUND_HUB
+                            b[k] = 1.0 - along
+                            b[after(k)] = along
+                            break
                     f = g
                     b[h] = along
                     b[after(h)] = 1.0 - along
@@ -330,6 +346,8 @@ def walk_exactly(
             b[corner] = 1.0
             g, c, kind = _leave_vertex(triangles, field, f, corner, came)
             if kind == 0:
+                if crowded.size and crowded[faces[f, corner]]:
+                    endings[point] = AROUND_HUB
                 break
             f = g
             b[0] = b[1] = b[2] = 0.0

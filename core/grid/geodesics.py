@@ -29,7 +29,9 @@ _DOWN = np.array([0, 1, 1, 1, 0, -1, -1, -1])
 _RIGHT = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 
 _STENCIL = 40  # numbers per cell: eight lengths to neighbours, four for each of eight triangles
-_MOST_SPLITS = 16  # most triangles that an obtuse one is split into
+MOST_SPLITS = 16
+"""Most triangles that an obtuse one is split into; beyond, distances through it are too long."""
+
 _CELL = 0xFFFFFFFF  # masking shows the compiler that an index is not negative
 
 
@@ -41,6 +43,7 @@ class Band(NamedTuple):
     ends: npt.NDArray[np.int64]  # where the ways end that lead from a cell through split triangles
     targets: npt.NDArray[np.int32]  # per way: see `_fill_splits`
     ways: npt.NDArray[np.float32]
+    unsplit: int  # obtuse triangles that were not split to the end, for want of `MOST_SPLITS`
 
 
 class BandFront(NamedTuple):
@@ -162,19 +165,26 @@ def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, t
         The cell a way leads to, and the third cell of the triangle. Empty: ways are only counted.
     ways : (ways, 5) float32
         The way's length, and the triangle as in `_fill_stencils`, this cell at x = 0.
+
+    Returns
+    -------
+    int
+        Triangles that were not split to the end.
     """
+    unsplit = 0
     columns = guide.shape[1]
     width = columns + 2
-    corners = np.empty((_MOST_SPLITS, 4), np.int64)
-    lengths = np.empty((_MOST_SPLITS, 3), np.float32)
+    corners = np.empty((MOST_SPLITS, 4), np.int64)
+    lengths = np.empty((MOST_SPLITS, 3), np.float32)
     for y in range(first, last):
         for x in range(columns):
             cell = (y - first + 1) * width + x + 1
             for j in range(8):
                 if (obtuse[cell] >> j) & 1 == 0:
                     continue
-                count = _split(guide, spacing, limit, first, last, squares, y, x, j,
-                               corners, lengths)  # fmt: skip
+                count, full = _split(guide, spacing, limit, first, last, squares, y, x, j,
+                                     corners, lengths)  # fmt: skip
+                unsplit += full
                 for i in range(count):
                     near = cell + corners[i, 0] * width + corners[i, 1]
                     far = cell + corners[i, 2] * width + corners[i, 3]
@@ -191,6 +201,7 @@ def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, t
                         _place_triangle(
                             lengths[i, turned], lengths[i, 1 - turned], lengths[i, 2], way[1:]
                         )
+    return unsplit
 
 
 @kernel
@@ -198,7 +209,8 @@ def _split(guide, spacing, limit, first, last, squares, y, x, j, corners, length
     # Splits triangle j, which is obtuse at the pixel, by unfolding those beyond it (Kimmel and
     # Sethian): the sum of two corners' offsets is the next point between them. Returns the
     # number of parts, whose corners are at offsets `corners` and whose squared `lengths` are to
-    # the first corner, to the second, and between them; 0 if it cannot be split.
+    # the first corner, to the second, and between them; 0 if it cannot be split. And whether more
+    # parts would have been needed.
     width = guide.shape[1] + 2
     cell = (y - first + 1) * width + x + 1
     axis, diagonal = _sides(j)
@@ -210,6 +222,7 @@ def _split(guide, spacing, limit, first, last, squares, y, x, j, corners, length
     lengths[0, 0], lengths[0, 1], lengths[0, 2] = near, far, side
     half = np.float32(0.5)
     count = 1
+    full = False
     i = 0
     while i < count:
         near, far, side = lengths[i]
@@ -217,7 +230,7 @@ def _split(guide, spacing, limit, first, last, squares, y, x, j, corners, length
         right = x + corners[i, 1] + corners[i, 3]
         acute = near + far >= side
         outside = down < first or down >= last or right < 0 or right >= guide.shape[1]
-        if acute or outside or count == _MOST_SPLITS:
+        if acute or outside:
             i += 1
             continue
         # The side lies along x; the pixel is above it, the new corner below.
@@ -234,13 +247,16 @@ def _split(guide, spacing, limit, first, last, squares, y, x, j, corners, length
         if not 0 < cross < length * (height + depth) or height * height > limit:
             i += 1
             continue
+        if count == MOST_SPLITS:
+            full = True
+            break
         corners[count, 0], corners[count, 1] = down - y, right - x
         corners[count, 2], corners[count, 3] = corners[i, 2], corners[i, 3]
         lengths[count, 0], lengths[count, 1], lengths[count, 2] = square, far, to_far
         corners[i, 2], corners[i, 3] = down - y, right - x
         lengths[i, 1], lengths[i, 2] = square, to_near
         count += 1
-    return count if count > 1 else 0
+    return count if count > 1 else 0, full
 
 
 @kernel
@@ -276,7 +292,8 @@ def open_band(guide, spacing, limit, first, last):
         targets = np.empty((ends[cells], 2), np.int32)
         ways = np.empty((ends[cells], 5), np.float32)
         cursors = ends[:-1].copy()
-        _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, targets, ways)
+        unsplit = _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors,
+                               targets, ways)  # fmt: skip
         ends[1:] = np.cumsum(cursors - ends[:-1])
     final = np.full(cells, np.inf, np.float32)
     tentative = np.full(cells, -1.0, np.float32)
@@ -284,7 +301,7 @@ def open_band(guide, spacing, limit, first, last):
         tentative[row * width + 1 : row * width + 1 + columns] = np.inf
     # Each way into a cell puts it into the queue at most once.
     queue = np.empty(8 * cells + ends[cells] + 1, np.int64)
-    band = Band(_DOWN * width + _RIGHT, stencils, ends, targets, ways)
+    band = Band(_DOWN * width + _RIGHT, stencils, ends, targets, ways, unsplit)
     return band, BandFront(final, tentative, queue, np.empty(cells, np.int32))
 
 
@@ -305,7 +322,7 @@ def march(source, limit, band, front):
     int
         How many cells were put into ``reached``.
     """
-    offsets, stencils, ends, targets, ways = band
+    offsets, stencils, ends, targets, ways, _ = band
     final, tentative, queue, reached = front
     infinite = np.float32(np.inf)
     count = 0

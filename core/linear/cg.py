@@ -24,6 +24,9 @@ from .system import LinearSystem
 PATIENCE = 400
 """Iterations with the diagonal after which multigrid takes over."""
 
+PATIENCE_AT_HUBS = 100
+"""The same where there are hubs (see `LinearSystem`), around which it may need thousands."""
+
 LIMIT = 1000
 """Most iterations with multigrid."""
 
@@ -81,7 +84,7 @@ def solve(
     ------
     SolverError
         If the system is not positive definite or finite, has no solution, or the tolerance is not
-        reached within `PATIENCE` and then `LIMIT` iterations.
+        reached within `PATIENCE` (at hubs `PATIENCE_AT_HUBS`) and then `LIMIT` iterations.
 
     Notes
     -----
@@ -98,7 +101,9 @@ def solve(
     # In scaled unknowns and equations, until the residual is below tolerance * norm.
     y, residual = np.zeros_like(right), right.copy()
     relative = 1.0 if norm > 0 else 0.0
-    iterations, patience = 0, LIMIT if multigrid else PATIENCE
+    iterations, patience = 0, PATIENCE_AT_HUBS if system.has_hubs else PATIENCE
+    if multigrid:
+        patience = LIMIT
     hierarchy = None
     while relative > tolerance and patience > 0:
         with aside(message):

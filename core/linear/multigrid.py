@@ -25,6 +25,12 @@ _ROWS = 1 << 16
 _DENSE = 400
 """Most unknowns of a level that is solved densely."""
 
+HUB = 100
+"""Most couplings of unknowns that are aggregated with their neighbours.
+
+A hub couples weakly with each of very many, which would all become one aggregate.
+"""
+
 _NOTHING = 1e-14
 """Diagonal entries of coarse levels, and eigenvalues of the coarsest, that count as 0.
 
@@ -59,11 +65,12 @@ class Multigrid:
         a.eliminate_zeros()
         free = inverse_root > 0
         smooth = np.where(free, 1.0 / np.where(free, inverse_root, 1.0), 1.0)
+        hubs = np.flatnonzero(np.diff(a.indptr) > HUB)
         self._levels: list[_Level] = []
         while a.shape[0] > _DENSE and len(self._levels) < 20:
             done = min(0.2 * len(self._levels), 1.0)
             with phase(done, done, "Coarsening"):
-                level, coarse, smooth = _coarsen(a, smooth)
+                level, coarse, smooth, hubs = _coarsen(a, smooth, hubs)
             if coarse.shape[0] > 0.8 * a.shape[0]:
                 break
             self._levels.append(level)
@@ -105,12 +112,15 @@ def _divisors(diagonal: Floats) -> Floats:
 
 
 def _coarsen(
-    a: scipy.sparse.csr_matrix, smooth: Floats
-) -> tuple[_Level, scipy.sparse.csr_matrix, Floats]:
+    a: scipy.sparse.csr_matrix, smooth: Floats, hubs: npt.NDArray
+) -> tuple[_Level, scipy.sparse.csr_matrix, Floats, npt.NDArray]:
     # `smooth` is the vector that coarse levels must be able to represent.
     n = a.shape[0]
     aggregates = np.full(n, -1, dtype=np.int32)
-    size = _aggregate(a.indptr, a.indices, a.data, aggregates)
+    strong = _spared(a, smooth, hubs) if len(hubs) else a
+    size = _aggregate(strong.indptr, strong.indices, strong.data, aggregates)
+    aggregates[hubs] = np.arange(size, size + len(hubs))
+    size += len(hubs)
     coupled = np.flatnonzero(aggregates >= 0)
     members = aggregates[coupled]
     norms = np.sqrt(np.bincount(members, weights=smooth[coupled] ** 2, minlength=size))
@@ -119,17 +129,37 @@ def _coarsen(
     )
     # Gershgorin bounds the spectrum of D^-1 A; 4/3 of its inverse is the usual damping.
     ask()
-    diagonal = _divisors(a.diagonal())
-    bound = max(float((abs(a).sum(axis=1).A1 / diagonal).max()), 1.0)
-    damping = 4.0 / 3.0 / bound / diagonal
-    step = scipy.sparse.diags(damping) @ _product(a, tentative)
+    # At hubs, where one row may be far off the others, it bounds that of M^-1 A by 1, M the sums.
+    if len(hubs):
+        damping = 4.0 / 3.0 / _divisors(abs(a) @ smooth / smooth)
+    else:
+        diagonal = _divisors(a.diagonal())
+        bound = max(float((abs(a).sum(axis=1).A1 / diagonal).max()), 1.0)
+        damping = 4.0 / 3.0 / bound / diagonal
+    step = scipy.sparse.diags(damping) @ _product(strong, tentative)
     ask()
     prolongation = (tentative - step).tocsr()
     ask()
     restriction = prolongation.T.tocsr()
     coarse = _product(restriction, _product(a, prolongation))
     level = _Level(_arrays(a), _arrays(prolongation), _arrays(restriction), damping)
-    return level, coarse, norms
+    hubs = aggregates[hubs]
+    return level, coarse, norms, hubs[np.diff(coarse.indptr)[hubs] > HUB]
+
+
+def _spared(
+    a: scipy.sparse.csr_matrix, smooth: Floats, hubs: npt.NDArray
+) -> scipy.sparse.csr_matrix:
+    # Without the couplings to hubs, which count on the diagonal as if both were as smooth.
+    is_hub = np.zeros(a.shape[0], dtype=bool)
+    is_hub[hubs] = True
+    rows = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
+    weak = (is_hub[rows] | is_hub[a.indices]) & (rows != a.indices)
+    lost = np.bincount(rows[weak], (a.data * smooth[a.indices])[weak], a.shape[0]) / smooth
+    strong = a.copy()
+    strong.data[weak] = 0.0
+    strong.eliminate_zeros()
+    return (strong + scipy.sparse.diags(lost)).tocsr()
 
 
 def _product(a: scipy.sparse.csr_matrix, b: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:

@@ -12,7 +12,7 @@ import scipy.sparse
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..errors import SolverError
-from .multigrid import Csr, Multigrid
+from .multigrid import HUB, Csr, Multigrid
 
 _ROUNDING = 8 * np.finfo(np.float64).eps
 
@@ -97,6 +97,11 @@ class LinearSystem:
         With unknowns and equations scaled by it, the diagonal is 1 and needs no reading.
         """
         return np.where(self.fixed, 0.0, 1.0 / np.sqrt(np.where(self.fixed, 1.0, self.diagonal)))
+
+    @cached_property
+    def has_hubs(self) -> bool:
+        """Whether some unknown is coupled with more than `HUB` others."""
+        return bool(np.diff(self.start).max(initial=0) > HUB)
 
     @cached_property
     def single(self) -> Csr:

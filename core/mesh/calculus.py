@@ -240,10 +240,17 @@ def _cotangents(start, stop, vertices, faces, areas, out):
         out[f, 0] = -0.25 * dot(v, w) / areas[f]
         out[f, 1] = -0.25 * dot(w, u) / areas[f]
         out[f, 2] = -0.25 * dot(u, v) / areas[f]
-        largest = max(abs(out[f, 0]), abs(out[f, 1]), abs(out[f, 2]))
-        if largest > 500.0:
+        share = needle_share(u, v, w, areas[f])
+        if share < 1:
             for k in range(3):
-                out[f, k] *= 500.0 / largest
+                out[f, k] *= share
+
+
+@kernel
+def needle_share(u, v, w, area):
+    """How much of a face with these edges and this area counts: 1, but for needle-like ones."""
+    largest = 0.25 * max(abs(dot(u, v)), abs(dot(v, w)), abs(dot(w, u))) / area
+    return 500.0 / largest if largest > 500.0 else 1.0
 
 
 @kernel

@@ -90,20 +90,19 @@ def save_scene(target: Path, overwrite: bool) -> None:
     ending = target.suffix.lower()
     own = f"{target.stem}.bin", f"{target.stem}.mtl"  # as the exporters name them
     with staged(target, overwrite, own) as path:
-        if ending != _BLEND:
+        if ending == _BLEND:
+            # In the target's own folder, as the file names others relative to where it is saved.
+            beside = target.absolute().with_name(f"{path.parent.name}.blend")
+            options = {"copy": True, "check_existing": False}
+            try:
+                with _reported(_UNWRITTEN, path=path):
+                    bpy.ops.wm.save_as_mainfile(filepath=str(beside), **options)
+                os.replace(beside, path)
+            finally:
+                beside.unlink(missing_ok=True)
+        else:
             _, exporter, options = _SCENES[ending]
             call(exporter, filepath=str(path), **options)
-            _read_back(path)
-            return
-        # In the target's own folder, since the file names others relative to where it is saved.
-        beside = target.absolute().with_name(f"{path.parent.name}.blend")
-        options = {"copy": True, "check_existing": False}
-        try:
-            with _reported(_UNWRITTEN, path=path):
-                bpy.ops.wm.save_as_mainfile(filepath=str(beside), **options)
-            os.replace(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
         _read_back(path)
 
 

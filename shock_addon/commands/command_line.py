@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -109,19 +109,17 @@ def _filter_meshes(run: _Run, source: str, target: Path, options: argparse.Names
     return Outcome(total, changed, tuple(notes), f"{verb} {{changed}} of {{total}} {things}")
 
 
-@contextmanager
-def _selected(objects: list[bpy.types.Object]) -> Iterator[None]:
+def _selected(objects: list[bpy.types.Object]) -> AbstractContextManager:
     """Have operators act on these objects; the file's own selection stays as it is."""
     active = bpy.context.view_layer.objects.active
     if active is not None and active.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
-    with bpy.context.temp_override(
+    return bpy.context.temp_override(
         selected_objects=objects,
         selected_editable_objects=objects,
         active_object=objects[0],
         object=objects[0],
-    ):
-        yield
+    )
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ...core.cli import Command
+from ...core.cli.parsing import add_mask
 from ...core.registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
 from ..modes import MODES, Mode, Target
 from .blender_files import operator
@@ -38,15 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
     if command.kind is IMAGE:
         return
     if command.takes_mask:
-        metavar = "NAME"
-        about = (
+        of_meshes = (
             "vertex group that says how much is done to each vertex: 0 keeps it, 1 changes it fully"
         )
-        if command.kind.is_image:
-            metavar = "FILE"
-            about = "gray image of the same size: black stays, white changes fully"
-        parser.add_argument("--mask", metavar=metavar, default="", help=about)
-        parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
+        add_mask(parser, command, of_meshes)
     parser.add_argument(
         "--object",
         metavar="NAME",
@@ -127,7 +123,7 @@ def values_of(command: Command, settings: Any, options: argparse.Namespace) -> d
     if mode.follows is not None and options.then_sharpen is not None:
         values |= {"then_sharpen": True, "sharpen_time": options.then_sharpen}
     if not command.kind.is_image:
-        values |= {"vertex_group": options.mask, "invert_mask": options.invert_mask}
+        values |= {"vertex_group": options.mask or "", "invert_mask": options.invert_mask}
     if command.kind is COLORS:
         values["attribute"] = options.attribute
     if command.kind is GEOMETRY:

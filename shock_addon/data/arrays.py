@@ -44,6 +44,14 @@ def check_same(
         raise Skipped(reason)
 
 
+def check_same_parts(now: dict[Any, npt.NDArray], then: dict[Any, npt.NDArray]) -> None:
+    """Compare the arrays of two dictionaries, as `check_same` does."""
+    if now.keys() != then.keys():
+        raise Skipped("it was changed meanwhile; run again")
+    for part, values in now.items():
+        check_same(values, then[part])
+
+
 def read(
     collection: Any, name: str, width: int = 1, dtype: npt.DTypeLike = np.float32
 ) -> npt.NDArray:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ...core.host.inputs import MirroredSurface, MirrorPlane
 from . import meshes, shading, shape_keys
 from .arrays import check_same
-from .masks import vertex_mask
+from .masks import color_mask
 from .meshes import Target
 from .skipped import Skipped
 
@@ -51,7 +51,7 @@ def read_geometry(
     Parameters
     ----------
     obj, mode
-        As in `vertex_mask`.
+        As in `color_mask`.
     parameters : object
         As there, and has `output`, `custom_normals`, `mark_sharp` and `sharp_angle`.
 
@@ -71,7 +71,7 @@ def read_geometry(
     surface = MirroredSurface(
         positions=_source(obj, place),
         triangles=meshes.read_triangles(mesh),
-        mask=vertex_mask(obj, mode, parameters),
+        mask=color_mask(obj, mode, "POINT", parameters)[0],
         to_world=meshes.lengths_in_world(obj),
         mirror=(mesh.use_mirror_x, mesh.use_mirror_y, mesh.use_mirror_z),
         planes=tuple(_mirror_planes(obj)),

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from ...core.host import forgetting
 from ...core.host.inputs import HostImage
 from . import arrays
-from .arrays import check_same, read_pixels
+from .arrays import check_same_parts, read_pixels
 from .chosen import refusal
 from .skipped import Skipped, skip_if
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
@@ -190,11 +190,7 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
         If the image does not hold the old parts any more.
     """
     global _undone
-    now = read_parts(image)
-    if now.keys() != old.keys():
-        raise Skipped("it was changed meanwhile; run again")
-    for number, pixels in old.items():
-        check_same(now[number], pixels)
+    check_same_parts(read_parts(image), old)
     _forget_overwritten()
     _overwritten[image.session_uid], _undone = old, False
     bpy.app.handlers.undo_post.append(_note_undo)

@@ -18,10 +18,10 @@ _PAINTING = {"PAINT_VERTEX", "PAINT_TEXTURE", "PAINT_WEIGHT"}
 """Modes where a paint mask of selected faces can be turned on."""
 
 
-def vertex_mask(
-    obj: bpy.types.Object, mode: str, parameters: Any
-) -> npt.NDArray[np.float64] | None:
-    """Multiply all masks that apply to an object's vertices; those of a free face are free.
+def color_mask(
+    obj: bpy.types.Object, mode: str, domain: str, parameters: Any
+) -> tuple[npt.NDArray[np.float64] | None, npt.NDArray[np.bool_] | None]:
+    """Find out which vertices or colors may change, from all masks; those of a free face are free.
 
     Parameters
     ----------
@@ -29,45 +29,22 @@ def vertex_mask(
         A mesh object in Object Mode.
     mode : str
         The mode that the person works in, as in ``bpy.context.mode``.
+    domain : str
+        "POINT" or "CORNER".
     parameters : object
         Has `vertex_group`, `invert_mask` and `selected_only`, unless the filter takes no mask.
 
     Returns
     -------
-    (n,) float64 or None
-        1 changes fully, 0 stays; None if nothing is masked.
-
-    Raises
-    ------
-    Skipped
-        If the vertex group is missing or no vertex may change.
-    """
-    return color_mask(obj, mode, "POINT", parameters)[0]
-
-
-def color_mask(
-    obj: bpy.types.Object, mode: str, domain: str, parameters: Any
-) -> tuple[npt.NDArray[np.float64] | None, npt.NDArray[np.bool_] | None]:
-    """Find out which colors may change.
-
-    Parameters
-    ----------
-    obj, mode, parameters
-        As in `vertex_mask`.
-    domain : str
-        "POINT" or "CORNER".
-
-    Returns
-    -------
     mask : (n,) float64 or None
-        Of the vertices.
+        Of the vertices: 1 changes fully, 0 stays; None if nothing is masked.
     free : (number of face corners,) bool or None
         False for corners in protected faces; None on vertices.
 
     Raises
     ------
     Skipped
-        As in `vertex_mask`.
+        If the vertex group is missing or no vertex may change.
     """
     masks = _vertex_masks(obj, mode, parameters)
     free = _free_corners(obj.data, mode, parameters)

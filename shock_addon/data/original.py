@@ -16,7 +16,6 @@ from .colors import write_colors
 from .geometry import write_geometry
 from .meshes import Target, find
 from .painted import split
-from .skipped import Skipped
 
 if TYPE_CHECKING:
     from ...core.host.geometry import Reshaped
@@ -59,11 +58,7 @@ class Original:
     def check_shown(self) -> None:
         """Raise `Skipped` if something else has changed what is shown."""
         mesh = self._find()
-        now = {} if mesh is None else self._read(mesh)
-        if now.keys() != self._shown.keys():
-            raise Skipped("it was changed meanwhile; run again")
-        for part, values in now.items():
-            arrays.check_same(values, self._shown[part])
+        arrays.check_same_parts({} if mesh is None else self._read(mesh), self._shown)
 
     def restore(self) -> None:
         """Bring all of it back, as far as it still fits; what something else has changed stays."""

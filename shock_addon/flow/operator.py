@@ -11,6 +11,7 @@ from bpy.app.translations import pgettext_rpt
 
 from .. import data
 from ..modes import Mode, choices, find, load
+from ..operators import poll as obstacles
 from ..operators.base import Done, Filter, Written
 from ..operators.meshes import MeshOperator
 from ..operators.properties import settings_of
@@ -35,15 +36,13 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         items=[(mode.key, mode.label, mode.flow) for mode in choices() if mode.flow],
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Want an active mesh object and no other run."""
-        if not super().poll(context):
-            return False
-        if context.object is None or context.object.type != "MESH":
-            cls.poll_message_set("Make a mesh object the active one.")
-            return False
-        return True
+    @staticmethod
+    def obstacle(context: bpy.types.Context) -> str:
+        """Want an active mesh object."""
+        obstacle = obstacles.of_meshes(context)
+        if not obstacle and (context.object is None or context.object.type != "MESH"):
+            return "Make a mesh object the active one."
+        return obstacle
 
     @property
     def row(self) -> Mode:

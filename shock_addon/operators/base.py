@@ -66,9 +66,17 @@ class FilterOperator(ModalJob):
     ----------
     row : Mode
         What it does.
+    obstacle : callable
+        ``obstacle(context)`` says why it cannot run, empty if it can; see `operators.poll`.
     """
 
     row: Mode
+    obstacle: Callable[[bpy.types.Context], str]
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Want no obstacle and no other run."""
+        return can_run(cls, cls.obstacle(context))
 
     @property
     def key(self) -> str:

@@ -74,12 +74,10 @@ def draw_mask(
     """Draw what says where values may change, and what the current mode adds."""
     column = split(layout)
     draw_search(column, context, parameters, "vertex_group", "vertex_groups")
-    masks = [parameters.vertex_group]
     if "mask_image" in mode.names:
         column.prop_search(parameters, "mask_image", bpy.data, "images")
-        masks.append(parameters.mask_image)
     row = column.row()
-    row.active = any(masks)
+    row.active = bool(parameters.vertex_group or getattr(parameters, "mask_image", ""))
     row.prop(parameters, "invert_mask")
     if context.mode == "EDIT_MESH":
         column.prop(parameters, "selected_only")

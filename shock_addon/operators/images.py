@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..data.skipped import Refused, Skipped, sentences
 from . import poll as obstacles
-from .base import Done, FilterOperator, Written, can_run, describe_colors, write_results
+from .base import Done, FilterOperator, Written, describe_colors, write_results
 
 
 class OneImageOperator(FilterOperator):
@@ -90,10 +90,7 @@ class OneImageOperator(FilterOperator):
 class ImageOperator(OneImageOperator):
     """Mixin for operators on one image."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Want an image and no other run."""
-        return can_run(cls, obstacles.of_images(context))
+    obstacle = staticmethod(obstacles.of_images)
 
     def shown(self, context: bpy.types.Context) -> bpy.types.Image:
         """Return the one in the Image Editor."""

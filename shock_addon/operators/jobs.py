@@ -218,12 +218,15 @@ def is_scene_read() -> bool:
 def _is_held_back(context: bpy.types.Context, event: bpy.types.Event) -> bool:
     if event.value == "NOTHING" or event.type in _PASSED_ON:
         return False
-    in_sidebar = any(
-        region.x <= event.mouse_x < region.x + region.width
-        and region.y <= event.mouse_y < region.y + region.height
-        for region in _sidebars(context.window)
-    )
+    sidebars = _sidebars(context.window)
+    in_sidebar = any(holds(region, event.mouse_x, event.mouse_y) for region in sidebars)
     return not (event.type == "LEFTMOUSE" and in_sidebar)
+
+
+def holds(region: bpy.types.Region, x: float, y: float) -> bool:
+    """Whether a place in the window lies in a region."""
+    in_columns = region.x <= x < region.x + region.width
+    return in_columns and region.y <= y < region.y + region.height
 
 
 def _redraw_sidebars(context: bpy.types.Context) -> None:

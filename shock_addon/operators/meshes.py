@@ -13,16 +13,13 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..modes import load
 from . import poll as obstacles
-from .base import Done, FilterOperator, Written, can_run, counted, describe_colors, write_results
+from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
 
 
 class MeshOperator(FilterOperator):
     """Mixin for operators on mesh objects."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a mesh object and no other run."""
-        return can_run(cls, obstacles.of_meshes(context))
+    obstacle = staticmethod(obstacles.of_meshes)
 
     def reader(self) -> Callable:
         """Return ``read(obj, object_mode, parameters)``; see `data.meshes.read_targets`."""

@@ -11,17 +11,14 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..data.skipped import Refused, Skipped
 from . import poll as obstacles
-from .base import Written, can_run, counted
+from .base import Written, counted
 from .images import OneImageOperator
 
 
 class TextureOperator(OneImageOperator):
     """Mixin for operators on an image and the faces that show it."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Want meshes with UV maps, an image, and no other run."""
-        return can_run(cls, obstacles.of_textures(context))
+    obstacle = staticmethod(obstacles.of_textures)
 
     def shown(self, context: bpy.types.Context) -> bpy.types.Image:
         """Return the one that is edited, painted on, or in the active object's material."""

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 import bpy
 
+from ..operators.jobs import holds
+
 
 def pointed_at(
     context: bpy.types.Context, event: bpy.types.Event
@@ -20,7 +22,7 @@ def pointed_at(
         In pixels from its lower left corner: its middle if the mouse is on a panel.
     """
     view = next(region for region in context.area.regions if region.type == "WINDOW")
-    if _holds(view, event.mouse_x, event.mouse_y) and is_over_view(context.area, event):
+    if holds(view, event.mouse_x, event.mouse_y) and is_over_view(context.area, event):
         return view, (event.mouse_x - view.x, event.mouse_y - view.y)
     return view, (view.width / 2, view.height / 2)
 
@@ -32,13 +34,8 @@ def is_over_view(area: bpy.types.Area | None, event: bpy.types.Event) -> bool:
     # Not by the context's region: Blender runs a sidebar's buttons as if the mouse were outside.
     # A mouse that is held in the area comes in again at the other side, and is counted on.
     x = area.x + (event.mouse_x - area.x) % area.width
-    held = [region.type for region in area.regions if _holds(region, x, event.mouse_y)]
+    held = [region.type for region in area.regions if holds(region, x, event.mouse_y)]
     return bool(held) and all(kind == "WINDOW" for kind in held)
-
-
-def _holds(region: bpy.types.Region, x: float, y: float) -> bool:
-    in_columns = region.x <= x < region.x + region.width
-    return in_columns and region.y <= y < region.y + region.height
 
 
 def editors_of(image_uid: int) -> Iterator[bpy.types.Area]:

@@ -45,24 +45,20 @@ def table(language: str) -> dict[tuple[str, str], str]:
 
 def register() -> None:
     """Hand the texts to Blender, now and whenever another language is chosen."""
-    bpy.app.handlers.translation_update_post.append(_change_language)
+    bpy.app.handlers.translation_update_post.append(_hand_over)
     _hand_over()
 
 
 def unregister() -> None:
     """Take them back."""
     handlers = bpy.app.handlers.translation_update_post
-    if _change_language in handlers:  # other add-ons may clear such lists
-        handlers.remove(_change_language)
+    if _hand_over in handlers:  # other add-ons may clear such lists
+        handlers.remove(_hand_over)
     bpy.app.translations.unregister(__package__)
 
 
 @persistent
-def _change_language(*_: object) -> None:
-    bpy.app.translations.unregister(__package__)
-    _hand_over()
-
-
-def _hand_over() -> None:
+def _hand_over(*_: object) -> None:
+    bpy.app.translations.unregister(__package__)  # what was there in another language, if any
     language = bpy.app.translations.locale
     bpy.app.translations.register(__package__, {language: table(language)})

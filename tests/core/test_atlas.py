@@ -2,11 +2,11 @@
 import numpy as np
 import pytest
 from atlases import Blocks, apart
-from shapes import grid, icosphere
+from shapes import fan, grid, icosphere
 from shock_filter import core
 from shock_filter.core.atlas import advect, charts, potential
 from shock_filter.core.atlas.ghosts import fill_ghosts
-from shock_filter.core.atlas.metric import exponential_map, measure_metric
+from shock_filter.core.atlas.metric import MOST_FACES, exponential_map, measure_metric
 from shock_filter.core.atlas.walk import given_flow
 from shock_filter.core.grid.channels import Channels
 
@@ -167,6 +167,34 @@ def test_straight_walks_follow_the_unfolded_surface():
         assert np.allclose(metric.inverse_jacobians[face] @ step, away, atol=1e-6)
         tried += 1
     assert tried > 50
+
+
+@pytest.mark.parametrize("count", [5000, 30_000])
+def test_straight_walks_across_very_many_faces_end_on_their_way(count):
+    # Past a hub: a straight line across the fan meets nearly half of its faces.
+    vertices, faces = fan(count)
+    mesh = core.TriangleMesh(vertices, faces)
+    uv = (1.2 + vertices[faces][..., :2]) / 2.4
+    cut = charts.find_charts(mesh, uv, 60, 60)
+    metric = measure_metric(mesh, cut, cut.points)
+    plane = np.column_stack([vertices[:, :2], np.ones(len(vertices))])
+    to_texels, *_ = np.linalg.lstsq(
+        plane[faces].reshape(-1, 3), cut.points.reshape(-1, 2), rcond=None
+    )
+    start, end = np.array([[0.5, 0.0, 1.0], [-0.4, -0.6, 1.0]]) @ to_texels
+    b = np.empty(3)
+    face, cosine, sine = exponential_map(
+        metric.twins, metric.shapes, metric.jacobians, 0, 0.5, *(end - start), b
+    )
+    way = (b @ cut.points[face] - start) / (end - start)  # down and across
+    assert way[0] == pytest.approx(way[1], abs=1e-6)
+    if count == 5000:
+        assert way[0] == pytest.approx(1.0)
+    else:
+        assert face == count - MOST_FACES
+        assert 0.3 < way[0] < 1
+    step = np.array([[cosine, -sine], [sine, cosine]]) @ metric.jacobians[0] @ (end - start)
+    assert np.allclose(metric.inverse_jacobians[face] @ step, end - start, atol=1e-6)
 
 
 # --------------------------------------------------------------------------------------- given flow

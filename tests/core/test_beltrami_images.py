@@ -8,6 +8,7 @@ import pytest
 import scipy.ndimage
 from shock_filter import core
 from shock_filter.core.filters.beltrami import grid_smoothing
+from shock_filter.core.filters.beltrami.grid_smoothing import smooth_grid
 from shock_filter.core.grid.geodesics import march, open_band
 
 
@@ -79,6 +80,21 @@ def test_distances_on_planes_are_exact(to_plane):
     exact = np.linalg.norm(points, axis=-1)
     border = np.concatenate([exact[0], exact[-1], exact[:, 0], exact[:, -1]])
     assert largest_error(points, exact, 0.9 * border.min()) < 1e-6 * exact.max()
+
+
+@pytest.mark.parametrize("shear, told", [(15, False), (25, True)])
+def test_triangles_that_are_not_split_to_the_end_are_told_of(shear, told, caplog):
+    x, y = np.meshgrid(*2 * [np.arange(-60.0, 61.0)])
+    points = np.stack([x - shear * y, y], axis=-1)
+    settings = core.BeltramiSettings(time=3.0, beta=1.0)
+    exact = np.linalg.norm(points, axis=-1)
+    longer = (distances_on_grid(points, 60, 60, 30.0) - exact)[exact < 28]
+    assert longer.min() > -1e-3  # never too short
+    assert (longer.max() > 0.1) == told
+    guide, ones = points.astype(np.float32), np.ones(points.shape[:2], dtype=np.float32)
+    with caplog.at_level("INFO"):
+        smooth_grid(guide, guide, False, ones, settings)
+    assert ("not to the end" in caplog.text) == told
 
 
 def order(error, sizes=(16, 32, 64)):

@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from shapes import angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
+from shapes import Counting, angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
+from shock_filter.core.filters.beltrami import mesh_smoothing
 from shock_filter.core.filters.beltrami.normals import noise_of_normals
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
 from shock_filter.core.mesh.geodesics import ALL, face_stencils, march, new_front, stencils
@@ -246,6 +247,40 @@ def test_work_at_a_hub_grows_with_its_faces_and_not_with_their_square():
     )
     assert 100 < np.count_nonzero(out) < 1000
     assert len(asked) > 30
+
+
+@pytest.mark.parametrize("height", [0.0, 1.0])
+def test_large_fans_are_denoised_in_few_iterations(height, caplog):
+    vertices, faces = fan(20_000, 1e-4)
+    clean, _ = fan(20_000)
+    vertices[0, 2] = clean[0, 2] = height
+    with caplog.at_level("INFO"):
+        out = core.beltrami_mesh(core.TriangleMesh(vertices, faces))
+    iterations = [record.args[0] for record in caplog.records if "Refit" in record.message]
+    assert len(iterations) == 3
+    assert max(iterations) < 150
+    before, after = (p[1:, 2] + height * np.hypot(*p[1:, :2].T) for p in (vertices, out))
+    assert np.diff(after).std() < 0.05 * np.diff(before).std()  # across the surface
+    assert abs(out - clean).max() < 1.5e-3
+
+
+def test_euclidean_means_at_a_hub_look_at_a_bounded_number_of_vertices():
+    # By the kernel as Python, with a list of neighbours that counts how often it is read.
+    looked_at = []
+    for count in (2000, 8000):
+        mesh = core.TriangleMesh(*fan(count))
+        points, values = mesh.scaled_vertices, mesh.vertices[:, :1].copy()
+        graph = stencils(mesh, points)
+        counting = Counting(graph.targets)
+        out = np.empty_like(values)
+        for v in (0, count // 2):
+            mesh_smoothing._euclidean_means.py_func(
+                v, v + 1, 0.5, 3.0, 200, graph._replace(targets=counting), points,
+                lumped_mass(mesh), values, out,
+            )  # fmt: skip
+        looked_at.append(counting.reads)
+    assert 300 < looked_at[0] < 5000
+    assert looked_at[1] < 1.1 * looked_at[0]
 
 
 @pytest.mark.parametrize("distance", ["geodesic", "euclidean"])

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 import scipy.sparse.linalg
-from shapes import angles, cube, grid, icosphere
+from shapes import angles, cube, fan, grid, icosphere
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
 from shock_filter.core.filters import fit
@@ -216,6 +216,42 @@ def test_fans_of_needles_are_solved(sides):
     out = core.sharpen_geometry(mesh)
     assert np.isfinite(out).all()
     assert np.linalg.norm(out - vertices, axis=1).max() < 0.5
+
+
+@pytest.mark.parametrize("sides", [2000, 20_000])
+@pytest.mark.parametrize("height", [0.0, 1.0])
+def test_multigrid_solves_fans_of_needles_in_few_iterations(sides, height):
+    # The slowest errors are the smooth ones around the rim, where the hub hardly holds anything.
+    vertices, faces = fan(sides)
+    mesh = core.TriangleMesh(
+        vertices + [[0, 0, height]] * (np.arange(sides + 1) == 0)[:, None], faces
+    )
+    equations, full = refit_system(mesh, calculus.lumped_mass(mesh) / 5.0**2)
+    around = np.arange(sides + 1) * 2 * np.pi / sides
+    expected = np.column_stack([np.cos(around), np.sin(3 * around), 0 * around])
+    x, report = solve(equations, full @ expected, 1e-6, multigrid=True)
+    assert report.iterations < 30
+    assert abs(x - expected).max() < 1e-3
+
+
+def test_multigrid_with_many_hubs():
+    mesh = many(*fan(150), 200)
+    equations, _ = refit_system(mesh, calculus.lumped_mass(mesh) / 100.0**2)
+    rhs = np.random.default_rng(0).normal(size=(mesh.vertex_count, 3))
+    _, report = solve(equations, rhs, 1e-6, multigrid=True)
+    assert report.iterations < 60
+
+
+def test_needles_are_as_weak_on_the_right_side_as_in_the_matrix():
+    # A fan of needles beyond the bound turns as far as one of wider faces.
+    tilted = np.array([0.3, 0.0, 1.0]) / np.hypot(0.3, 1.0)
+    moves = []
+    for sides in (1000, 30_000):
+        mesh = core.TriangleMesh(*fan(sides))
+        settings = core.FitSettings(fidelity=1e-3)
+        out = core.fit_to_normals(mesh, np.tile(tilted, (sides, 1)), settings)
+        moves.append(abs(out - mesh.vertices).max())
+    assert moves[1] == pytest.approx(moves[0], rel=0.02)
 
 
 def test_a_right_side_of_zero_needs_no_iterations():

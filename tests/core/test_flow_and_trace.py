@@ -8,6 +8,7 @@ from shapes import cube, fan, grid, icosphere
 from shock_filter import core
 from shock_filter.core.flow import potential as flow
 from shock_filter.core.flow import trace
+from shock_filter.core.flow.walk import MOST_AROUND
 from shock_filter.core.mesh import calculus
 
 
@@ -314,3 +315,28 @@ def test_a_walk_ends_at_a_vertex_with_more_than_a_thousand_faces(count, ends):
     end = points(mesh, faces, coordinates)[beside]
     assert len(end) > 10
     np.testing.assert_allclose(end[:, 0], 0.0 if ends else -1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("count", [4000, 40_000])
+def test_work_around_a_hub_grows_with_its_faces_and_not_with_their_square(count, caplog):
+    # Straight lines across the fan, past its hub.
+    mesh = core.TriangleMesh(*fan(count))
+    beginnings, _ = trace.face_centres(mesh)
+    with caplog.at_level("INFO"):
+        ends, coordinates = trace.trace_faces(mesh, mesh.vertices[:, 0], 4.0)
+    crossed = abs(ends - beginnings)
+    crossed = np.minimum(crossed, count - crossed)
+    assert 300 < crossed.max() <= MOST_AROUND
+    assert np.isfinite(coordinates).all()
+    told = [record for record in caplog.records if "ended around vertices" in record.message]
+    assert len(told) == (count > 4000)
+
+
+def test_sharpening_around_a_hub_asks_often_and_stays_in_range():
+    mesh = core.TriangleMesh(*fan(20_000))
+    colors = 0.5 + 0.4 * np.sin(3 * np.arctan2(mesh.vertices[:, 1:2], mesh.vertices[:, :1]))
+    asked = []
+    out = core.sharpen_vertex_signal(mesh, colors, progress=lambda *_: asked.append(1) or True)
+    assert len(asked) > 100
+    assert colors.min() <= out.min() and out.max() <= colors.max()
+    assert out.std() > 1.02 * colors.std()

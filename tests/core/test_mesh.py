@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import numpy as np
 import pytest
-from shapes import cube, fan, grid, icosphere, shuffled, subdivide
+from shapes import Counting, cube, fan, grid, icosphere, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
+from shock_filter.core.mesh import weld as weld_module
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
 from shock_filter.core.mesh.weld import split_at_jumps
 
@@ -289,6 +290,27 @@ def test_a_moved_mesh_is_checked():
     ):
         with pytest.raises(core.InvalidMesh, match=words):
             mesh.moved_to(positions)
+
+
+@pytest.mark.parametrize("values", ["random", "same", "two in turn"])
+def test_work_of_splitting_at_a_hub_grows_with_its_corners_and_not_with_their_square(
+    values, monkeypatch
+):
+    # By the kernels as Python, with a signal that counts how often it is read.
+    monkeypatch.setattr(weld_module, "_keys", weld_module._keys.py_func)
+    reads = []
+    for count in (500, 4000):
+        mesh = core.TriangleMesh(*fan(count))
+        signal = np.zeros((3 * count, 1))
+        if values == "random":
+            signal = np.random.default_rng(0).random(signal.shape)
+        elif values == "two in turn":
+            signal[::6] = 1.0
+        counting = Counting(signal)
+        leaders = np.empty(len(signal), dtype=np.int32)
+        weld_module._lead_corners.py_func(0, 1, *mesh.corners, counting, leaders)
+        reads.append(counting.reads)
+    assert 0 < reads[1] < 8.5 * reads[0]
 
 
 def test_corners_at_a_hub_are_split_by_their_values():

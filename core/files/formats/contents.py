@@ -31,6 +31,7 @@ _PLY_KNOWN = {
     **dict.fromkeys(("red", "green", "blue", "alpha"), COLORS),
     **dict.fromkeys(("s", "t", "u", "v", "texture_u", "texture_v", "texcoord"), UVS),
 }
+_STATED = {".ply": rb"^element face (\d+)", ".off": rb"^\s*\d+\s+(\d+)\s+\d+\s*$"}
 _STL_HEADER, _STL_FACET = 84, 50
 
 
@@ -48,12 +49,7 @@ def polygon_count(path: Path) -> int | None:
     ending, data = path.suffix.lower(), path.read_bytes()
     if ending == ".obj":
         return len(re.findall(rb"^[ \t]*f[ \t]", data, re.MULTILINE))
-    if ending == ".ply":
-        stated = re.search(rb"^element face (\d+)", data, re.MULTILINE)
-    elif ending == ".off":
-        stated = re.search(rb"^\s*\d+\s+(\d+)\s+\d+\s*$", data, re.MULTILINE)
-    else:
-        return None
+    stated = ending in _STATED and re.search(_STATED[ending], data, re.MULTILINE)
     return int(stated[1]) if stated else None
 
 

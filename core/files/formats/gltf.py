@@ -19,6 +19,7 @@ from ..document import (
     NEW_NORMALS,
     Bools,
     Floats,
+    InPlaceDocument,
     Ints,
     Names,
     from_unit,
@@ -41,7 +42,7 @@ _DRACO = "KHR_draco_mesh_compression"
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
 
-class GltfFile:
+class GltfFile(InPlaceDocument):
     """A GLB or glTF file; only positions, normals and colors in its buffers are rewritten.
 
     All meshes are put into the space of the scene, so that they are sharpened as they look there
@@ -121,9 +122,8 @@ class GltfFile:
             values[chosen] = stored(local, values.dtype)
             accessor = self._tree["accessors"][number]
             if len(values):
-                accessor["min"], accessor["max"] = (
-                    [float(v) for v in bound] for bound in (values.min(axis=0), values.max(axis=0))
-                )
+                accessor["min"] = values.min(axis=0).tolist()
+                accessor["max"] = values.max(axis=0).tolist()
         if moved.any():
             notes += self._drop_compressed()
         return notes + self._write(path)

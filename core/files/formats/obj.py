@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import re
 from codecs import BOM_UTF8
-from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from ..document import (
     NEW_NORMALS,
     Bools,
     Floats,
+    InPlaceDocument,
     Ints,
     Names,
     decimal,
@@ -25,7 +25,7 @@ from ..side_files import copy_beside, find
 _LARGEST_LIBRARY = 1 << 26  # bytes of a file of materials, which holds no images
 
 
-class ObjFile:
+class ObjFile(InPlaceDocument):
     """An OBJ file as lines; only `v` lines of changed vertices and the normals are rewritten."""
 
     def __init__(self, path: Path) -> None:
@@ -81,9 +81,6 @@ class ObjFile:
             self._renew_normals(lines, positions)
         path.write_bytes(self._mark + b"".join(lines))
         return [*_copy_materials(self.path, self.lines, path), *[NEW_NORMALS] * fresh]
-
-    def own_files(self, target: Path) -> Collection[str]:
-        return ()  # copies only
 
     def read_back(self, path: Path) -> Floats:
         count, vertices = look_through(path)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from ..document import (
     NO_FACES,
     Bools,
     Floats,
+    InPlaceDocument,
     Names,
     decimal,
     from_unit,
@@ -44,7 +44,7 @@ _COLORS = (
 _UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 
 
-class PlyFile:
+class PlyFile(InPlaceDocument):
     """A PLY file as bytes; only positions and normals of its vertices, or colors, are rewritten."""
 
     def __init__(self, path: Path) -> None:
@@ -67,9 +67,6 @@ class PlyFile:
             changes |= dict(zip(normals, new.T, strict=True))
         path.write_bytes(self._table.rewritten(changes))
         return [NEW_NORMALS] * fresh
-
-    def own_files(self, target: Path) -> Collection[str]:
-        return ()  # it has none
 
     def read_back(self, path: Path) -> Floats:
         table = PlyVertices(path)

@@ -87,7 +87,7 @@ def _write_options(page: Any) -> dict[str, Any]:
     dropped = _STORAGE | set(_BLOCKS) | set(TIFF.TAG_FILTERED)
     extra = page.samplesperpixel - (1 if page.photometric in _GRAY else 3)
     stated = len(page.extrasamples) == extra
-    options: dict[str, Any] = {
+    return {
         "photometric": _GRAY.get(page.photometric),
         "compressed": page.compression != _NONE,
         "extrasamples": (page.extrasamples if stated else [_UNSPECIFIED] * extra) or None,
@@ -97,7 +97,6 @@ def _write_options(page: Any) -> dict[str, Any]:
             if tag.code not in dropped
         ],
     }
-    return options
 
 
 def _tag_value(page: Any, tag: Any) -> Any:
@@ -110,7 +109,6 @@ def _tag_value(page: Any, tag: Any) -> Any:
 
 def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write with any channels; compressed without loss if the source was compressed."""
-    kept = {ICC, RESOLUTION, XMP}
     count = pixels.shape[2] if pixels.ndim == 3 else 1
     own = dict(image_file.own) if image_file.format == "TIFF" else {"compressed": True}
     options: dict[str, Any] = {"metadata": None, "software": False}
@@ -129,4 +127,4 @@ def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> l
         data = image_file.about[XMP]
         options["extratags"] = [(700, 1, len(data), data, True)]
     needed("tifffile", path).imwrite(path, pixels, **options)
-    return lost(image_file, path, kept, "TIFF")
+    return lost(image_file, path, {ICC, RESOLUTION, XMP}, "TIFF")

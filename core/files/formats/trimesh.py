@@ -6,14 +6,13 @@ from __future__ import annotations
 import io
 import re
 from codecs import BOM_UTF8
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...mesh.weld import weld
-from ..document import Bools, Floats, Ints, joined, stored, transformed
+from ..document import Bools, Document, Floats, Ints, joined, stored, transformed
 from ..reading import needed
 from ..side_files import Resolver
 from .contents import REPLACED, contents, polygon_count
@@ -76,7 +75,7 @@ def _to_ascii(data: bytes) -> bytes:
     return data.decode("latin-1").encode("ascii", "replace")
 
 
-class SceneFile:
+class SceneFile(Document):
     """Any file that trimesh reads, to be written in another format; triangles only."""
 
     def __init__(self, path: Path) -> None:
@@ -101,9 +100,6 @@ class SceneFile:
             self._meshes.append((mesh, matrix, slice(first, first + len(blocks[-1]))))
             first += len(blocks[-1])
         self.vertices, self.faces, self.parts = joined(blocks, faces, list(range(len(faces))))
-
-    def own_files(self, target: Path) -> Collection[str]:
-        return ()  # all are named after the target
 
     def read_back(self, path: Path) -> None:
         if path.suffix.lower() == ".obj":

@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+import logging
 import math
 
 import numpy as np
 import numpy.typing as npt
 
 from ...base.parallel import kernel, run
-from ...grid.geodesics import chord, march, open_band
+from ...grid.geodesics import MOST_SPLITS, chord, march, open_band
 from ...settings import BeltramiSettings
+
+log = logging.getLogger(__name__)
 
 _ROWS = 16  # most rows that are smoothed at once
 _REACHED = 2_000_000  # about how many pixels their kernels reach: tenths of a second
@@ -55,8 +58,12 @@ def smooth_grid(
     if settings.window:
         around = min(around, settings.window**2)
     chunk = max(min(int(_REACHED / (around * signal.shape[1])), _ROWS), 1)
+    unsplit = np.zeros(len(signal), dtype=np.int64)  # in the bands that begin there
     run(smooth_rows, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
-        half_window, rows, out, chunk=chunk)  # fmt: skip
+        half_window, rows, unsplit, out, chunk=chunk)  # fmt: skip
+    if unsplit.any():
+        log.info("Some obtuse triangles of pixels are split into %d parts, and not to the end:"
+                 " distances through them are too long.", MOST_SPLITS)  # fmt: skip
     return out
 
 
@@ -119,11 +126,14 @@ def _row_gaps(guide: Coordinates) -> npt.NDArray[np.float64]:
 
 
 @kernel
-def _smooth_rows(start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, out):
+def _smooth_rows(
+    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, out
+):
     first, last = rows[start, 0], rows[stop - 1, 1]
     columns = guide.shape[1]
     width = columns + 2
     band, front = open_band(guide, spacing, limit, first, last)
+    unsplit[start] = band.unsplit
     final, tentative, _, reached = front
     values = np.zeros((final.size, signal.shape[2]), signal.dtype)
     shares = np.empty(final.size, np.float32)
@@ -163,7 +173,7 @@ def _smooth_rows(start, stop, signal, guide, spacing, areas, limit, rate, half_w
 
 @kernel
 def _bilateral_rows(
-    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, out
+    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, out
 ):
     reach = half_window if half_window >= 0 else int(np.sqrt(limit))
     total = np.empty(signal.shape[2])
