@@ -136,7 +136,10 @@ FILTERS: tuple[Filter, ...] = (
         "denoise-geometry",
         "remove noise from meshes; creases stay",
         then="sharpen_geometry",
-        then_settings={**_settings.OF_PAPER, "sampling": "linear"},  # removes the noise that is left
+        then_settings={
+            **_settings.OF_PAPER,
+            "sampling": "linear",
+        },  # removes the noise that is left
     ),
     Filter(
         "beltrami_vertex_signal",

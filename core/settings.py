@@ -406,7 +406,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         choices={
             "everywhere": "All that bends more than the threshold allows",
             "creases": "Creases: what is sharp or smooth stays as it is, statues change half as"
-            " much, and wide roundings flow 16 times longer",
+            " much, and wide roundings flow 4 times longer",
         },
         advanced=True,
     )

@@ -25,10 +25,10 @@ from ..linear.system import LinearSystem
 from ..mesh.calculus import average_to_vertices, lumped_mass, make_unit, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
-PULL, PULL_WIDE = 0.3, 0.1
+_PULL = 0.3
 """How much a face's own normal counts against the evenness of a patch, in `consistent_normals`."""
 
-LONGER = 16.0
+LONGER = 4.0
 """How many times longer wide roundings flow."""
 
 # Where a measure of a crease begins to count, and where it counts in full: chosen on a few softened
@@ -100,7 +100,7 @@ def _find_regions(mesh: TriangleMesh) -> Regions:
         bend = np.sqrt(flow_potential(mesh, signal, 1))
     with phase(0.5, 0.6, message):
         everywhere = np.ones(mesh.face_count, dtype=bool)
-        sides = consistent_normals(mesh, mesh.normals, everywhere, 1, PULL)
+        sides = consistent_normals(mesh, mesh.normals, everywhere, 1)
         apart = np.maximum(2.0 * (1.0 - np.einsum("ij,ij->i", sides, mesh.normals)), 0.0)
         apart[mesh.areas == 0] = 0.0
         apart = smooth_vertices(mesh, average_to_vertices(mesh, apart.reshape(-1, 1)), 2)[:, 0]
@@ -187,12 +187,11 @@ def consistent_normals(
     normals: Floats,
     zone: npt.NDArray[np.bool_],
     passes: int,
-    pull: float,
 ) -> Floats:
     """Give each face of a zone the mean normal of the most even patch of faces around it.
 
     Kuwahara's idea for images, as guidance of normals by Zhang et al. (2015): a patch is a face and
-    all that share a vertex with it. Its cost is 1 - |sum A n| / sum A, plus `pull` times
+    all that share a vertex with it. Its cost is 1 - |sum A n| / sum A, plus 0.3 times
     1 - (its mean normal . the face's own). A strip of slanted faces takes a side, face by face.
     """
     around = _grown(mesh, zone)
@@ -204,7 +203,7 @@ def consistent_normals(
                 means, uneven)  # fmt: skip
         with phase((turn + 0.5) / passes, (turn + 1) / passes, "Aligning creases"):
             run(_choose, mesh.face_count, mesh.faces, *mesh.corners, zone, normals, means, uneven,
-                pull, out)  # fmt: skip
+                _PULL, out)  # fmt: skip
         normals = out
     return normals
 

@@ -158,7 +158,11 @@ def displacement(
         multigrid = eps < 0.999 * MULTIGRID_RADIUS**-2
         with phase(0.3, 0.3 + 0.7 / steps, "Fitting the surface"):
             moved, report = solve(
-                system, rhs, TOLERANCE if steps == 1 else LOOSE, multigrid=multigrid, message="Fitting the surface"
+                system,
+                rhs,
+                TOLERANCE if steps == 1 else LOOSE,
+                multigrid=multigrid,
+                message="Fitting the surface",
             )
         if steps > 1:
             with phase(0.3 + 0.7 / steps, 1.0, "Fitting the surface"):

@@ -22,8 +22,6 @@ from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import GeometrySettings
 from .creases import (
     LONGER,
-    PULL,
-    PULL_WIDE,
     consistent_normals,
     find_regions,
     mixed_normals,
@@ -217,17 +215,17 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
     if settings.where == "everywhere":
-        return _aligned(mesh, settings, None, PULL)
+        return _aligned(mesh, settings, None)
     with phase(0.0, 0.3, "Finding creases"):
         regions = find_regions(mesh)
     if not regions.use.any():
         return mesh.normals.copy()
     with phase(0.3, 0.7, "Sharpening"):
-        normals = _aligned(mesh, settings, regions.creased > 0, PULL)
+        normals = _aligned(mesh, settings, regions.creased > 0)
     if regions.wide.any():
         with phase(0.7, 1.0, "Sharpening"):
             longer = replace(settings, time=LONGER * settings.time)
-            wide = _aligned(mesh, longer, regions.wide > 0, PULL_WIDE)
+            wide = _aligned(mesh, longer, regions.wide > 0)
         normals = mixed_normals(normals, wide, regions.wide)
     return mixed_normals(mesh.normals, normals, regions.use)
 
@@ -236,7 +234,6 @@ def _aligned(
     mesh: TriangleMesh,
     settings: GeometrySettings,
     creased: npt.NDArray[np.bool_] | None,
-    pull: float,
 ) -> Floats:
     # Advected normals, which take sides where they have turned; only in `creased` faces, if given.
     normals = _advected(mesh, settings)
@@ -245,7 +242,7 @@ def _aligned(
     zone = turned_zone(mesh, mesh.normals, normals)
     if creased is not None:
         zone &= creased
-    return consistent_normals(mesh, normals, zone, settings.align_passes, pull)
+    return consistent_normals(mesh, normals, zone, settings.align_passes)
 
 
 def _advected(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
