@@ -9,19 +9,29 @@ only the right-hand side, minus half the energy's gradient, changes. Not in the 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.progress import phase
 from ..base.vectors import after, cross, dot
+from ..flow.potential import dilation
 from ..linear.cg import roughly
 from ..linear.system import LinearSystem
+from ..mesh.adjacency import count_sort
 from ..mesh.calculus import cotangents
-from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 LOOSE = 0.05
 """Residual of the first step's solve where others follow: they make up for it."""
+
+_TURNING = np.radians(1.0)
+"""Faces that are to turn by more move on after the first step."""
+
+_RINGS = 6
+"""How far around them, in edges."""
 
 _INNER = 8
 """Iterations of a further step's solve."""
@@ -48,19 +58,28 @@ _SLIDES, _RETREATS = 20, 8
 """Rounds in which turned faces get a height; in which their vertices go back half of their way."""
 
 
+class _Piece(NamedTuple):
+    # What of a mesh moves on, and the rim around it, which stays; numbered on its own.
+    vertices: Floats
+    faces: Ints
+    corners: tuple[Ints, Ints]
+    halves: Floats
+    areas: Floats
+    normals: Floats
+    shapes: Floats
+    screen: Floats
+    system: LinearSystem
+
+
 def further_steps(
-    mesh: TriangleMesh,
-    system: LinearSystem,
-    normals: Floats,
-    moved: Floats,
-    steps: int,
+    mesh: TriangleMesh, system: LinearSystem, normals: Floats, moved: Floats, steps: int
 ) -> Floats:
     """Go on from the first step of a refit, by preconditioned conjugate gradients.
 
     The matrix of the first step is the preconditioner, solved roughly (so the flexible variant, of
     Polak and Ribiere). Now and then faces that become thin or turn over are evened out: their
     vertices slide along the planes of their faces, so along the crease at a crease, and stay at
-    corners.
+    corners. What lies far from all faces that turn has come to rest after the first step.
 
     Parameters
     ----------
@@ -73,52 +92,66 @@ def further_steps(
         The displacement of the first step, in mean edge lengths.
     steps : int
         Steps in all.
-    multigrid : bool
-        What the first step was solved with.
 
     Returns
     -------
     (n, 3) float64
         The displacement, in mean edge lengths.
-
-    Raises
-    ------
-    SolverError
-        If a step's linear system cannot be solved.
     """
-    if not moved.any():
-        return moved
     message = "Fitting the surface"
-    halves = cotangents(mesh)
-    flux, now = np.empty((mesh.face_count, 3)), np.empty(mesh.face_count)
+    with phase(0.0, 0.1, message):
+        near = _near_turns(mesh, normals)
+        if not near.any():
+            return moved
+        index, piece = _cut_out(mesh, system, normals, near)
+    with phase(0.1, 1.0, message):
+        slid = _descend(piece, moved[index], steps, message)
+    moved[index] = _without_turned(piece, slid)
+    return moved
+
+
+def _near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.bool_]:
+    # The vertices around faces that are to turn, and some rings more.
+    turning = np.zeros(mesh.vertex_count)
+    turning[mesh.faces[np.einsum("ij,ij->i", mesh.normals, normals) < np.cos(_TURNING)]] = 1.0
+    return dilation(mesh, turning, _RINGS) > 0
+
+
+def _cut_out(
+    mesh: TriangleMesh, system: LinearSystem, normals: Floats, near: npt.NDArray[np.bool_]
+) -> tuple[Ints, _Piece]:
+    # The numbers of a piece's vertices in the mesh, and the piece.
+    chosen = np.flatnonzero(near[mesh.faces].any(axis=1))
+    used = np.zeros(mesh.vertex_count, dtype=bool)
+    used[mesh.faces[chosen]] = True
+    index = np.flatnonzero(used).astype(np.int32)
+    number = np.empty(mesh.vertex_count, dtype=np.int32)
+    number[index] = np.arange(len(index), dtype=np.int32)
+    faces = number[mesh.faces[chosen]]
+    inner = system.part(index)
+    inner.fixed |= ~near[index]
+    vertices, targets = mesh.scaled_vertices[index], normals[chosen]
+    shapes = np.empty(len(chosen))
+    run(_shapes, len(chosen), vertices, np.zeros_like(vertices), faces, mesh.normals[chosen],
+        shapes)  # fmt: skip
+    corners = count_sort(faces.reshape(-1), len(index))
+    halves = cotangents(mesh)[chosen]
+    areas = mesh.areas[chosen]
+    screen = system.screen[index]
+    return index, _Piece(vertices, faces, corners, halves, areas, targets, shapes, screen, inner)
+
+
+def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
     still = np.zeros_like(moved)
-    before = np.empty(mesh.face_count)
-    run(_shapes, mesh.face_count, mesh.scaled_vertices, still, mesh.faces, mesh.normals, before)
-
-    def downhill(positions: Floats, ahead: Floats) -> Floats:
-        # Minus half the energy's gradient, where positions move ahead.
-        out = np.empty_like(ahead)
-        run(_flux, mesh.face_count, positions, ahead, mesh.faces, halves, normals, flux)
-        run(_pull, mesh.vertex_count, *mesh.corners, system.fixed, system.screen, ahead, normals,
-            flux, out)  # fmt: skip
-        return out
-
-    def evened(ahead: Floats) -> Floats:
-        out = ahead.copy()
-        run(_shapes, mesh.face_count, mesh.scaled_vertices, ahead, mesh.faces, normals, now)
-        run(_even_out, mesh.vertex_count, mesh.scaled_vertices, ahead, mesh.faces, *mesh.corners,
-            mesh.areas, normals, before, now, system.fixed, out)  # fmt: skip
-        return out
-
-    residual = change = downhill(mesh.scaled_vertices, moved)
+    residual = change = _downhill(piece, piece.vertices, moved)
     way, product = still.copy(), np.inf
     for turn in range(1, steps):
         with phase((turn - 1) / (steps - 1), turn / (steps - 1), message):
-            step = roughly(system, residual, _INNER, message)
+            step = roughly(piece.system, residual, _INNER, message)
             way *= max(_dot(step, change) / product, 0.0)
             way += step
             product = _dot(step, residual)
-            change = downhill(still, way)
+            change = _downhill(piece, still, way)
             curvature = -_dot(change, way)
             if not (product > 0 and curvature > 0):
                 break
@@ -129,10 +162,27 @@ def further_steps(
             if length * abs(way).max() < _SETTLED:
                 break
             if turn % _EVENED == 0:
-                moved = evened(moved)
-                residual = downhill(mesh.scaled_vertices, moved)
+                moved = _evened(piece, moved)
+                residual = _downhill(piece, piece.vertices, moved)
                 product = np.inf
-    return _without_turned(mesh, normals, before, system.fixed, evened(moved))
+    return _evened(piece, moved)
+
+
+def _downhill(piece: _Piece, vertices: Floats, moved: Floats) -> Floats:
+    # Minus half the energy's gradient; with `vertices` 0, its change along `moved`.
+    flux, out = np.empty_like(piece.halves), np.empty_like(moved)
+    run(_flux, len(flux), vertices, moved, piece.faces, piece.halves, piece.normals, flux)
+    run(_pull, len(out), *piece.corners, piece.system.fixed, piece.screen, moved,
+        piece.normals, flux, out)  # fmt: skip
+    return out
+
+
+def _evened(piece: _Piece, moved: Floats) -> Floats:
+    out, now = moved.copy(), np.empty(len(piece.faces))
+    run(_shapes, len(now), piece.vertices, moved, piece.faces, piece.normals, now)
+    run(_even_out, len(out), piece.vertices, moved, piece.faces, *piece.corners, piece.areas,
+        piece.normals, piece.shapes, now, piece.system.fixed, out)  # fmt: skip
+    return out
 
 
 def _dot(a: Floats, b: Floats) -> float:
@@ -140,21 +190,21 @@ def _dot(a: Floats, b: Floats) -> float:
     return float(np.einsum("ij,ij->", a, b))
 
 
-def _without_turned(
-    mesh: TriangleMesh, normals: Floats, before: Floats, fixed: npt.NDArray[np.bool_], moved: Floats
-) -> Floats:
+def _without_turned(piece: _Piece, moved: Floats) -> Floats:
     # Vertices around faces that have turned over slide on; those that stay so go back, half of
     # their way each time, until there are none.
-    now = np.empty(mesh.face_count)
-    run(_shapes, mesh.face_count, mesh.scaled_vertices, moved, mesh.faces, normals, now)
-    turned = np.flatnonzero((now <= 0) & (before > 0))
+    fixed, around = piece.system.fixed, np.arange(len(piece.faces))
     for turn in range(_SLIDES + _RETREATS):
+        now = np.empty(len(around))
+        run(_shapes, len(around), piece.vertices, moved, piece.faces[around],
+            piece.normals[around], now)  # fmt: skip
+        turned = around[(now <= 0) & (piece.shapes[around] > 0)]
         if len(turned) == 0:
             break
-        faces, n = mesh.faces[turned], normals[turned]
+        faces, n = piece.faces[turned], piece.normals[turned]
         if turn < _SLIDES:
             # The corner opposite the longest edge goes to the right side of it, in the plane.
-            x = mesh.scaled_vertices[faces] + moved[faces]
+            x = piece.vertices[faces] + moved[faces]
             edges = np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
             rows = np.arange(len(x)), np.einsum("fkx,fkx->fk", edges, edges).argmax(axis=1)
             length = np.linalg.norm(edges[rows], axis=1)
@@ -164,18 +214,11 @@ def _without_turned(
             way = np.where(fixed[faces[rows]], 0.0, _HEIGHT * length - height)
             moved[faces[rows]] += way[:, None] * inward
         else:
-            moved[np.unique(faces)] *= 0.5
-        near = _around(mesh, np.unique(faces))
-        shapes = np.empty(len(near))
-        _shapes(0, len(near), mesh.scaled_vertices, moved, mesh.faces[near], normals[near], shapes)
-        turned = near[(shapes <= 0) & (before[near] > 0)]
+            moved[faces[~fixed[faces]]] *= 0.5
+        start, corners = piece.corners
+        fans = [corners[start[v] : start[v + 1]] // 3 for v in np.unique(faces)]
+        around = np.unique(np.concatenate(fans))
     return moved
-
-
-def _around(mesh: TriangleMesh, vertices: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-    # The faces around some vertices.
-    start, corners = mesh.corners
-    return np.unique(np.concatenate([corners[start[v] : start[v + 1]] // 3 for v in vertices]))
 
 
 @kernel

@@ -90,6 +90,24 @@ class LinearSystem:
         start, columns = off.indptr.astype(np.int32), off.indices.astype(np.int32)
         return cls(start, columns, -off.data, screen, diagonal, fixed)
 
+    def part(self, rows: npt.NDArray[np.integer]) -> LinearSystem:
+        """Make the system of some unknowns, in their order, while all others stay 0."""
+        number = np.full(len(self.screen), -1, dtype=np.int32)
+        number[rows] = np.arange(len(rows), dtype=np.int32)
+        counts = np.diff(self.start)[rows]
+        row = np.repeat(np.arange(len(rows)), counts)
+        begin = np.cumsum(counts) - counts
+        entries = np.arange(len(row)) + (self.start[rows] - begin)[row]
+        columns = number[self.columns[entries]]
+        inside = columns >= 0
+        weights = self.weights[entries][inside]
+        start = np.zeros(len(rows) + 1, dtype=np.int32)
+        np.cumsum(np.bincount(row[inside], minlength=len(rows)), out=start[1:])
+        screen = self.diagonal[rows] - np.bincount(row[inside], weights, len(rows))
+        return LinearSystem(
+            start, columns[inside], weights, screen, self.diagonal[rows], self.fixed[rows]
+        )
+
     @cached_property
     def inverse_root(self) -> Floats:
         """Inverse square root of the diagonal, 0 at fixed unknowns: (n,).
