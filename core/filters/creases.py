@@ -20,8 +20,6 @@ from ..base.parallel import kernel, run
 from ..base.progress import aside, phase
 from ..base.vectors import dot
 from ..flow.potential import dilation, flow_potential, opening
-from ..linear.cg import solve
-from ..linear.system import LinearSystem
 from ..mesh.calculus import average_to_vertices, lumped_mass, make_unit, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
@@ -48,10 +46,8 @@ _RELIEF = 0.5
 _RINGS = 5
 """How far around a vertex its surroundings reach, in edges."""
 
-_REACH = 30.0
-"""Time of the heat equation on edges that adds up the bending: about eight edges around."""
-
-_SPREAD_TOLERANCE = 3e-3
+_PASSES = 12
+"""Smoothing passes that add up the bending around a vertex: over about four edges."""
 
 _MOST_FAN = 32
 """Most faces around a vertex that are looked at; of more, evenly spread ones."""
@@ -98,22 +94,19 @@ def _find_regions(mesh: TriangleMesh) -> Regions:
         crest = turn >= 0.999 * dilation(mesh, turn, 2)
     with phase(0.4, 0.5, message):
         bend = np.sqrt(flow_potential(mesh, signal, 1))
-    with phase(0.5, 0.6, message):
-        everywhere = np.ones(mesh.face_count, dtype=bool)
-        sides = consistent_normals(mesh, mesh.normals, everywhere, 1)
-        apart = np.maximum(2.0 * (1.0 - np.einsum("ij,ij->i", sides, mesh.normals)), 0.0)
-        apart[mesh.areas == 0] = 0.0
-        apart = smooth_vertices(mesh, average_to_vertices(mesh, apart.reshape(-1, 1)), 2)[:, 0]
     over = turn / np.maximum(level, 1e-12)
     out = ramp(over, _STANDS_OUT)
     energy = lumped_mass(mesh) * turn**2
     weight = crest * out * ramp(np.degrees(turn), _TURNS)
+    with phase(0.5, 0.6, message):
+        around = (dilation(mesh, weight, 3) > 0)[mesh.faces].any(axis=1)
+        sides = consistent_normals(mesh, mesh.normals, around, 1)
+        apart = np.maximum(2.0 * (1.0 - np.einsum("ij,ij->i", sides, mesh.normals)), 0.0)
+        apart[mesh.areas == 0] = 0.0
+        apart = smooth_vertices(mesh, average_to_vertices(mesh, apart.reshape(-1, 1)), 2)[:, 0]
     ridge = weight * turn**2
     width = far / np.maximum(turn, 1e-12)
     jagged = np.sqrt(apart) / np.maximum(turn, 1e-12)
-    columns = energy * out, energy, ridge * width, ridge, weight * apart
-    with phase(0.6, 1.0, message):
-        out_around, energy_around, width_around, ridge_around, apart_around = _spread(mesh, columns)
 
     part, count = _parts(mesh)
     on_crest = weight > 0.5
@@ -122,13 +115,23 @@ def _find_regions(mesh: TriangleMesh) -> Regions:
     typical_jag = _medians(part[on_crest], jagged[on_crest], count)
     share = _ratio(np.bincount(part, energy * out, count), np.bincount(part, energy, count))
     finer = typical_bend - _SURE[1] * ramp(share, _SURE[0])
-    of_creases = ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE))
-    creased = ramp(_ratio(out_around, energy_around), _SHARE_AROUND) * of_creases[part]
+    blunt = ramp(typical_jag, _JAGGED_PART)[part]
+    creased = (ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE)))[part]
+    wide = np.where(creased > 0, ramp(typical_width, _WIDE_PART)[part], 0.0)
+    with phase(0.6, 1.0, message):
+        # Of the surroundings, only what a part's measures leave open.
+        columns = [ridge, weight * apart]
+        if creased.any():
+            columns += energy, energy * out
+        if wide.any():
+            columns.append(ridge * width)
+        sums = smooth_vertices(mesh, np.stack(columns, axis=1), _PASSES if blunt.any() else 0).T
+    blunt *= ramp(np.sqrt(_ratio(sums[1], sums[0])), _JAGGED)
+    if creased.any():
+        creased *= ramp(_ratio(sums[3], sums[2]), _SHARE_AROUND)
+    if wide.any():
+        wide = creased * wide * ramp(_ratio(sums[-1], sums[0]), _WIDE)
     clearly = ramp(over, _CLEARLY_OUT) * ramp(np.degrees(turn), _CLEARLY_TURNS)
-    blunt = ramp(np.sqrt(_ratio(apart_around, ridge_around)), _JAGGED)
-    blunt *= ramp(typical_jag, _JAGGED_PART)[part]
-    wide = creased * ramp(_ratio(width_around, ridge_around), _WIDE)
-    wide *= ramp(typical_width, _WIDE_PART)[part]
     use = np.maximum(creased, _RELIEF * clearly) * blunt
     return Regions(*(values[mesh.faces].max(axis=1) for values in (use, creased, wide)))
 
@@ -148,22 +151,6 @@ def _turn(means: Floats) -> Floats:
 def _ratio(above: npt.NDArray, below: npt.NDArray) -> Floats:
     # 0 where there is nothing.
     return np.divide(above, below, out=np.zeros(len(above)), where=below > 0)
-
-
-def _spread(mesh: TriangleMesh, columns: tuple[Floats, ...]) -> Floats:
-    # An implicit step of heat on the graph of edges, which keeps signs whatever the triangles are.
-    values = np.stack(columns, axis=1)
-    start, ring = mesh.neighbours
-    weights = _REACH * mesh.neighbour_weights.astype(np.float64)
-    ones = np.ones(mesh.vertex_count)
-    rows = np.repeat(np.arange(mesh.vertex_count), np.diff(start))
-    diagonal = ones + np.bincount(rows, weights, mesh.vertex_count)
-    scale = np.maximum(values.max(axis=0), 1e-300)
-    system = LinearSystem(start, ring, weights, ones, diagonal)
-    spread, _ = solve(system, values / scale, _SPREAD_TOLERANCE, message="Finding creases")
-    # What the tolerance leaves uncertain is nothing.
-    spread[spread < 1e-3 * spread.max(axis=0)] = 0.0
-    return (spread * scale).T
 
 
 def _parts(mesh: TriangleMesh) -> tuple[npt.NDArray[np.int32], int]:
@@ -215,11 +202,9 @@ def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.
 
 def mixed_normals(old: Floats, new: Floats, shares: Floats) -> Floats:
     """Mix unit normals by shares (m,) of the new ones; a share of 0 keeps every bit."""
-    mixed = old + shares[:, None] * (new - old)
-    lengths = np.linalg.norm(mixed, axis=1)
-    keep = (shares == 0) | (lengths < 1e-12)
-    mixed /= np.where(keep, 1.0, lengths)[:, None]
-    mixed[keep] = old[keep]
+    mixed = old.copy()
+    with aside("Sharpening"):
+        run(_mix, len(old), new, shares, mixed)
     return mixed
 
 
@@ -285,3 +270,15 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
                     best, choice = cost, g
         out[f] = means[choice]
         make_unit(out[f])
+
+
+@kernel
+def _mix(start, stop, new, shares, mixed):
+    for f in range(start, stop):
+        if shares[f] > 0:
+            x = mixed[f, 0] + shares[f] * (new[f, 0] - mixed[f, 0])
+            y = mixed[f, 1] + shares[f] * (new[f, 1] - mixed[f, 1])
+            z = mixed[f, 2] + shares[f] * (new[f, 2] - mixed[f, 2])
+            length = np.sqrt(x * x + y * y + z * z)
+            if length > 1e-12:
+                mixed[f, 0], mixed[f, 1], mixed[f, 2] = x / length, y / length, z / length

@@ -340,8 +340,12 @@ def _umbrella(start, stop, ring_start, ring, weights, values, out):
         total = 1.0
         for i in range(ring_start[v], ring_start[v + 1]):
             total += weights[i]
-        for j in range(channels):
-            sum_ = values[v, j]
+        for j in range(0, channels, 2):  # two by two, which is faster
+            k = min(j + 1, channels - 1)
+            a, b = values[v, j], values[v, k]
             for i in range(ring_start[v], ring_start[v + 1]):
-                sum_ += weights[i] * values[ring[i], j]
-            out[v, j] = sum_ / total
+                u = ring[i]
+                weight = weights[i]
+                a += weight * values[u, j]
+                b += weight * values[u, k]
+            out[v, j], out[v, k] = a / total, b / total
