@@ -18,9 +18,11 @@ import photo
 import shapes
 import shock_filter
 from picture import PAINT, View, render
+from shock_filter.core.settings import OF_PAPER
 
 OURS = {"time": 1024.0}
-PAPER = {"time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
+EVERYWHERE = {**OF_PAPER, "time": 1024.0}
+PAPER = {**OF_PAPER, "time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
 
 COLORS = {"time": 4096.0}
 PHOTO = {"time": 1024.0}
@@ -71,7 +73,7 @@ def show_suzanne(out: Path, pixels: int) -> list[Path]:
     shapes.soften(obj, passes=2)
     print(f"\nSuzanne, subdivided and softened: {len(obj.data.vertices):,} vertices")
     softened = obj.data
-    ours, paper = sharpened(obj, OURS), sharpened(obj, PAPER)
+    ours, paper = sharpened(obj, EVERYWHERE), sharpened(obj, PAPER)
     for name, mesh in (("softened", softened), ("sharpened", ours), ("paper's settings", paper)):
         print(f"  {name:18} {crease_text(mesh)}")
     columns = [("Softened", softened), ("Sharpened", ours), ("With the paper's settings", paper)]

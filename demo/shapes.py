@@ -37,6 +37,60 @@ def ball(subdivisions: int) -> bpy.types.Object:
     return obj
 
 
+def nut() -> bpy.types.Object:
+    """A hexagonal nut: a short prism with a bore, which a boolean cuts."""
+    bpy.ops.mesh.primitive_cylinder_add(vertices=6, radius=1.0, depth=0.8)
+    obj = bpy.context.object
+    bpy.ops.mesh.primitive_cylinder_add(vertices=96, radius=0.55, depth=2.0)
+    return _cut(obj, bpy.context.object)
+
+
+def cut_box() -> bpy.types.Object:
+    """A box from which booleans take a corner and a round channel."""
+    bpy.ops.mesh.primitive_cube_add(size=1.6)
+    obj = bpy.context.object
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.8, -0.8, 0.8))
+    _cut(obj, bpy.context.object)
+    bpy.ops.mesh.primitive_cylinder_add(
+        vertices=96, radius=0.4, depth=4.0, location=(-0.35, 0.0, 0.8), rotation=(np.pi / 2, 0, 0)
+    )
+    return _cut(obj, bpy.context.object)
+
+
+def _cut(obj: bpy.types.Object, tool: bpy.types.Object) -> bpy.types.Object:
+    boolean = obj.modifiers.new("Cut", "BOOLEAN")
+    boolean.operation, boolean.object = "DIFFERENCE", tool
+    apply(obj)
+    bpy.data.objects.remove(tool)
+    return obj
+
+
+def remesh(obj: bpy.types.Object, voxels: int, turned: tuple[float, float, float]) -> None:
+    """Replace an object by Blender's voxel remesh, as triangles, askew to the voxels' grid."""
+    turn = np.array(mathutils.Euler(turned).to_matrix())
+    _write_positions(obj.data, read_positions(obj.data) @ turn.T)
+    voxel = obj.modifiers.new("Remesh", "REMESH")
+    voxel.mode, voxel.voxel_size = "VOXEL", max(obj.dimensions) / voxels
+    obj.modifiers.new("Triangulate", "TRIANGULATE")
+    apply(obj)
+    _write_positions(obj.data, read_positions(obj.data) @ turn)
+
+
+def apply(obj: bpy.types.Object) -> None:
+    """Replace the mesh by what the modifiers make of it."""
+    bpy.context.view_layer.update()
+    evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = bpy.data.meshes.new_from_object(evaluated)
+    obj.modifiers.clear()
+    obj.data = mesh
+    bpy.context.view_layer.update()
+
+
+def _write_positions(mesh: bpy.types.Mesh, positions: Floats) -> None:
+    mesh.attributes["position"].data.foreach_set("vector", positions.astype(np.float32).ravel())
+    mesh.update()
+
+
 def gear(spacing: float) -> bpy.types.Object:
     """A gear with a raised hub and a bore, of triangles with edges about `spacing` long.
 
