@@ -15,6 +15,7 @@ from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.flow.potential import flow_potential
 from shock_filter.core.mesh.calculus import average_to_vertices, smooth_vertices
+from shock_filter.core.settings import OF_PAPER
 
 SOFTENED = [
     *(("fandisk.obj", passes) for passes in (1, 3, 10)),
@@ -35,10 +36,10 @@ NOISY = [
 ]
 OURS = {
     "ours": {},
-    "ours, the paper's settings": {"sampling": "linear", "feature_threshold": 0.0},
+    "ours, the paper's settings": {**OF_PAPER, "sampling": "linear", "feature_threshold": 0.0},
     "ours, no threshold": {"feature_threshold": 0.0},
 }
-DENOISING = {"mollify_passes": 2, "repeat": 5}
+DENOISING = {**OF_PAPER, "mollify_passes": 2, "repeat": 5}
 
 Case = tuple[str, str | int]
 

@@ -18,9 +18,10 @@ import photo
 import shapes
 import shock_filter
 from picture import PAINT, View, render
+from shock_filter.core.settings import OF_PAPER
 
 OURS = {"time": 1024.0}
-PAPER = {"time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
+PAPER = {**OF_PAPER, "time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
 
 COLORS = {"time": 4096.0}
 PHOTO = {"time": 1024.0}

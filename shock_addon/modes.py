@@ -465,8 +465,8 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "As in the Paper",
-                "The paper's filter and nothing else: sharpens round surfaces, too; the default of"
-                " earlier versions",
+                "For what the default leaves: the paper's filter and nothing else. Sharpens round"
+                " surfaces, too; the default of earlier versions",
                 OF_PAPER,
             ),
         ),
