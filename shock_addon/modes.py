@@ -429,8 +429,8 @@ MODES: list[Mode] = [
         presets=(
             Preset(
                 "Subtle",
-                "For surfaces that are nearly right: creases tighten, and vertices move a third as"
-                " far as by default. Gentle curves stay as they are",
+                "For surfaces that are nearly right: creases tighten, and vertices move less far"
+                " than by default. Gentle curves stay as they are",
                 {"time": 16.0, "feature_threshold": 1.3},
             ),
             Preset(
@@ -441,8 +441,8 @@ MODES: list[Mode] = [
             ),
             Preset(
                 "Crisp CAD Edges",
-                "For machine parts with rounded or smoothed edges: flows longer, and sharpens"
-                " gentle bends, too. Coarse round surfaces get facets",
+                "For machine parts with rounded or smoothed edges: flows longer and fits in more"
+                " steps, so that wider roundings become creases, too",
                 {"time": 1024.0, "fit_steps": 25},
             ),
             Preset(
@@ -462,6 +462,12 @@ MODES: list[Mode] = [
                     "feature_threshold": 0.0,
                     "sampling": "linear",
                 },
+            ),
+            Preset(
+                "As in the Paper",
+                "For what the default leaves: the paper's filter and nothing else. Sharpens round"
+                " surfaces, too; the default of earlier versions",
+                OF_PAPER,
             ),
         ),
     ),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from shock_filter.core.host.denoising import filter_both
 from shock_filter.core.host.inputs import Denoising
+from shock_filter.core.settings import OF_PAPER
 from shock_filter.shock_addon.data import geometry, painted
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
@@ -128,7 +129,7 @@ def test_sharpening_follows_with_linear_sampling(noisy_cube):
     start = read_positions(cube.data)
     denoise()
     between = read_positions(cube.data)
-    bpy.ops.shock_filter.sharpen_geometry(time=64.0, sampling="linear")
+    bpy.ops.shock_filter.sharpen_geometry(time=64.0, sampling="linear", **OF_PAPER)
     apart = read_positions(cube.data)
     write_positions(cube.data, start)
     assert denoise(then_sharpen=True, sharpen_time=64.0) == {"FINISHED"}

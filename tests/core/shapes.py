@@ -60,6 +60,24 @@ def cube(cells=10):
     return unique, index.reshape(-1)[np.concatenate(faces)]
 
 
+def smoothed(vertices, faces, passes=3):
+    """Positions moved half-way to the mean of their neighbors, some times: rounds creases."""
+    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges = np.concatenate([edges, edges[:, ::-1]])
+    degree = np.bincount(edges[:, 0])[:, None]
+    for _ in range(passes):
+        total = np.zeros_like(vertices)
+        np.add.at(total, edges[:, 0], vertices[edges[:, 1]])
+        vertices = 0.5 * (vertices + total / degree)
+    return vertices
+
+
+def soft_cube(cells=10, passes=3):
+    """A cube whose edges were smoothed away."""
+    vertices, faces = cube(cells)
+    return smoothed(vertices, faces, passes), faces
+
+
 def rotation(seed=0):
     """A random rotation matrix."""
     q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
-from shapes import cube, grid
+from shapes import grid, soft_cube
 from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.base.progress import reporting
@@ -83,6 +83,9 @@ RUNS = {
     "geometry": lambda mesh, colors, mask, ask: core.sharpen_geometry(
         mesh, core.GeometrySettings(mollify_passes=1), mask, ask
     ),
+    "geometry as in the paper": lambda mesh, colors, mask, ask: core.sharpen_geometry(
+        mesh, core.GeometrySettings.of_paper(), mask, ask
+    ),
     "multigrid": lambda mesh, colors, mask, ask: core.sharpen_geometry(
         mesh, core.GeometrySettings(screening_radius=100.0), progress=ask
     ),
@@ -112,14 +115,14 @@ def sort(mesh, ask):
 def test_kernels_on_meshes_ask(silent, run):
     def work(ask):
         # A new mesh each time: meshes keep what was computed for them.
-        mesh = core.TriangleMesh(*cube(20), ask)
+        mesh = core.TriangleMesh(*soft_cube(20), ask)
         run(mesh, *painted(mesh), ask)
 
     assert silent(work) <= SHORT
 
 
 def test_the_watch_names_kernels_that_do_not_ask(silent):
-    mesh = core.TriangleMesh(*cube(20))
+    mesh = core.TriangleMesh(*soft_cube(20))
     assert "walk_exactly" in silent(lambda ask: core.sharpen_geometry(mesh))
     image = np.zeros((300, 20), dtype=np.float32)
     assert silent(lambda ask: core.sharpen_image(image))
@@ -187,10 +190,10 @@ def test_numpy_works_on_blocks_of_rows_of_an_image():
 
 
 def test_multigrid_multiplies_matrices_in_blocks(monkeypatch):
-    mesh = core.TriangleMesh(*cube(30))
+    mesh = core.TriangleMesh(*soft_cube(30))
     settings = core.GeometrySettings(screening_radius=100.0)
     sharpen = lambda count: core.sharpen_geometry(mesh, settings, progress=count)  # noqa: E731
     few = questions(sharpen)["Coarsening"]
-    mesh = core.TriangleMesh(*cube(30))
+    mesh = core.TriangleMesh(*soft_cube(30))
     monkeypatch.setattr(multigrid, "_ROWS", 512)
     assert questions(sharpen)["Coarsening"] >= few + 2 * (mesh.vertex_count // 512)

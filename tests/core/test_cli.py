@@ -101,7 +101,11 @@ def test_flags_are_the_settings_with_their_defaults(folder, command, settings):
     for name, (kind, default, about) in describe(settings).items():
         if name == "fidelity":
             continue  # it excludes the radius
-        value = list(about.choices)[-1] if kind is str else default + (1 if kind is int else 0.25)
+        if kind is str:
+            value = next(word for word in reversed(about.choices) if word != default)
+        else:
+            value = min(default + (1 if kind is int else 0.25), about.maximum)
+        assert value != default
         words += ["--" + name.replace("_", "-"), str(value)]
         wanted[name] = value
     assert cli.main([command, *words, "a.obj", "c.obj"], recorder) == 0

@@ -77,7 +77,8 @@ def test_sharpening_works_on_the_result():
     colors, _ = painted(vertices)
     close = np.testing.assert_allclose
     denoised = core.TriangleMesh(core.beltrami_mesh(mesh, GEOMETRY), faces)
-    sharp = core.sharpen_geometry(denoised, core.GeometrySettings(time=16, sampling="linear"))
+    settings = core.GeometrySettings.of_paper(time=16, sampling="linear")
+    sharp = core.sharpen_geometry(denoised, settings)
     assert abs(sharp - denoised.vertices).max() > 0.01
     close(find("beltrami_mesh").function(16.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
 

@@ -213,7 +213,7 @@ def test_fans_of_needles_are_solved(sides):
     i, j = np.arange(sides), (np.arange(sides) + 1) % sides
     faces = np.vstack([np.stack([i, j, 0 * i + sides], 1), np.stack([j, i, 0 * i + sides + 1], 1)])
     mesh = core.TriangleMesh(vertices, faces)
-    out = core.sharpen_geometry(mesh)
+    out = core.sharpen_geometry(mesh, core.GeometrySettings.of_paper())
     assert np.isfinite(out).all()
     assert np.linalg.norm(out - vertices, axis=1).max() < 0.5
 

@@ -59,9 +59,11 @@ def test_sizes_whose_squares_leave_the_range_of_floats_are_refused(size):
 def test_a_loose_vertex_far_away_does_not_matter():
     vertices, faces = icosphere(3)
     vertices *= [1, 1.5, 2]
-    expected = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
+    settings = core.GeometrySettings.of_paper()
+    expected = core.sharpen_geometry(core.TriangleMesh(vertices, faces), settings)
+    assert not np.array_equal(expected, vertices)
     far = core.TriangleMesh(np.vstack([vertices, [1e15, 0, 0]]), faces)
-    assert np.allclose(core.sharpen_geometry(far)[:-1], expected, atol=1e-9)
+    assert np.allclose(core.sharpen_geometry(far, settings)[:-1], expected, atol=1e-9)
     assert is_scattered(far) is False
     assert len(sorted_along_curve(far)[1]) == len(vertices) + 1
 
@@ -120,7 +122,9 @@ def test_a_moebius_strip_is_accepted():
     i, j = np.arange(n - 1), np.arange(1, n)
     faces = np.concatenate([np.stack([i, j, i + n], 1), np.stack([j, j + n, i + n], 1)])
     faces = np.concatenate([faces, [[n - 1, n, 2 * n - 1], [n, 0, 2 * n - 1]]])
-    out = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
+    mesh = core.TriangleMesh(vertices, faces)
+    assert np.isfinite(core.sharpen_geometry(mesh)).all()
+    out = core.sharpen_geometry(mesh, core.GeometrySettings.of_paper())
     assert np.isfinite(out).all()
     assert not np.array_equal(out, vertices)
 
@@ -146,7 +150,7 @@ def test_input_is_neither_kept_nor_changed():
     faces[0] = faces[0, ::-1]
     before = vertices.copy(), faces.copy()
     mesh = core.TriangleMesh(vertices, faces)
-    core.sharpen_geometry(mesh)
+    core.sharpen_geometry(mesh, core.GeometrySettings.of_paper())
     assert np.array_equal(vertices, before[0])
     assert np.array_equal(faces, before[1])
     vertices[:] = 0

@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 import pytest
-from shapes import icosphere
+from shapes import soft_cube
 from shock_filter import core
 from shock_filter.core.base import parallel, progress
 from shock_filter.core.base.progress import aside, ask, phase, reporting
@@ -192,9 +192,14 @@ def test_two_threads_report_each_their_own_run():
     assert all(len(messages) == 22 for messages in heard.values())
 
 
-def test_the_bar_of_a_filter_rises_to_its_end(told):
-    mesh = core.TriangleMesh(*icosphere(3))
-    core.sharpen_geometry(mesh, core.GeometrySettings(), progress=told.tell)
+@pytest.mark.parametrize(
+    "settings",
+    [core.GeometrySettings(), core.GeometrySettings.of_paper()],
+    ids=["default", "paper"],
+)
+def test_the_bar_of_a_filter_rises_to_its_end(told, settings):
+    mesh = core.TriangleMesh(*soft_cube())
+    core.sharpen_geometry(mesh, settings, progress=told.tell)
     fractions = [fraction for fraction, _ in told]
     assert fractions == sorted(fractions)
     assert fractions[0] < 0.1

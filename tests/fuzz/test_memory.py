@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 from memory import assert_flat
-from shapes import cube
+from shapes import soft_cube
 from shock_filter import core
 
-VERTICES, FACES = cube(40)  # its positions are 230 kB: one such array a run is found
+VERTICES, FACES = soft_cube(40)  # its positions are 230 kB: one such array a run is found
 IMAGE = np.random.default_rng(0).random((100, 100, 3))
 
 
