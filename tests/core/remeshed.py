@@ -48,13 +48,17 @@ def surface_net(distances, spacing):
     return vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
-def turned_box(count=26, half=(1.0, 0.7, 0.5)):
-    """A box that lies askew in the grid, its vertices, triangles, and axes (3, 3) in rows."""
+def turned_box(count=26, half=(1.0, 0.7, 0.5), graded=0.0):
+    """A box that lies askew in the grid, its vertices, triangles, and axes (3, 3) in rows.
+
+    With `graded`, the grid's lines lie closer together towards the ends, up to 1 + graded times.
+    """
     q, _ = np.linalg.qr(np.array([[1.0, 0.3, 0.2], [-0.4, 1.0, 0.5], [0.1, -0.3, 1.0]]))
     line = np.linspace(-1.6, 1.6, count)
+    line += graded * np.sin(np.pi * line / 1.6) * 1.6 / np.pi
     points = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1)
     beyond = np.abs(points @ q.T) - half
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
     distances = outside + np.minimum(beyond.max(axis=-1), 0.0)
-    vertices, faces = surface_net(distances, line[1] - line[0])
-    return vertices - 1.6, faces, q
+    vertices, faces = surface_net(distances, 1.0)
+    return np.interp(vertices, np.arange(count), line), faces, q

@@ -35,6 +35,18 @@ def test_a_remeshed_box_gets_its_sides_back(box):
     assert found < 0.3 * angles_to(paper.normals, paper.areas, axes)
 
 
+@pytest.mark.parametrize(
+    ("count", "graded"), [(20, 0.0), (40, 0.0), (80, 0.0), (40, 0.5), (80, 0.5), (80, 0.8)]
+)
+def test_fine_and_uneven_remeshes_come_out_alike(count, graded):
+    vertices, faces, axes = turned_box(count, graded=graded)
+    mesh = core.TriangleMesh(vertices, faces)
+    sharp = mesh.moved_to(core.sharpen_geometry(mesh))
+    before = angles_to(mesh.normals, mesh.areas, axes)
+    # The rest lies along the creases, whose share of the faces falls with their size.
+    assert angles_to(sharp.normals, sharp.areas, axes) < 0.15 * before
+
+
 def test_its_corners_come_back(box):
     mesh, axes = box
     sharp = core.sharpen_geometry(mesh)
