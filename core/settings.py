@@ -410,6 +410,18 @@ class GeometrySettings(FitSettings, _FlowSettings):
         },
         advanced=True,
     )
+    widest_rounding: float = _setting(
+        0.0,
+        "Where only creases are sharpened: the radius up to which roundings count as creases that"
+        " were lost; wider ones are taken for designed and stay. 0 closes all that it finds, up to"
+        " about 4; 1 keeps fillets of a radius of 2",
+        unit="mean edge lengths",
+        maximum=4.0,
+        soft_maximum=4.0,
+        advanced=True,
+        length_power=1,
+        label="Widest Rounding",
+    )
     align_passes: int = _setting(
         2,
         "Passes in which the slanted faces along a crease take sides, such as a remesh leaves"

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy.ndimage
 import scipy.sparse
 from scipy.sparse.csgraph import connected_components
 
@@ -39,7 +38,11 @@ _COARSE = 0.25, 0.36  # median bending of a part in radians an edge: creases can
 _SURE = (0.94, 0.98), 0.15  # such a share makes sure, and lets a part be so much coarser
 _CLEARLY_OUT, _CLEARLY_TURNS = (1.3, 3.5), (4.0, 16.0)  # a crease where parts are not of creases
 _WIDE, _WIDE_PART = (1.18, 1.26), (1.19, 1.24)  # D_8 / D_2 around a vertex, median of a part
+_WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
+"""Radii of fillets between two planes, in edges, and D_8 / D_2 there, after a remesh."""
+
 _JAGGED, _JAGGED_PART = (0.13, 0.19), (0.05, 0.12)  # how far normals are from taking sides
+_STRICTER = 0.14
 _RELIEF = 0.5
 """How far what clearly stands out is sharpened where a part is not made of creases."""
 
@@ -71,19 +74,20 @@ class Regions(NamedTuple):
     wide: Floats
 
 
-def find_regions(mesh: TriangleMesh) -> Regions:
+def find_regions(mesh: TriangleMesh, widest: float = 0.0) -> Regions:
     """Tell from the turning of normals where there are creases, and how they are rounded.
 
     With D_p the RMS turn of the normals around a vertex over p smoothing passes: a ridge is where
     D_2 stands out from its surroundings. Where most of the bending lies in ridges, a part is one of
     creases, as machine parts are; elsewhere, as on a statue, only what stands out by far is a
     crease, and is sharpened half. D_8 / D_2 is 1 at a sharp crease and grows with the width of a
-    rounding. Where the normals have taken sides already, it is sharp and stays.
+    rounding; what is wider than fillets of the radius `widest`, in mean edge lengths, stays, if
+    that is not 0. Where the normals have taken sides already, it is sharp and stays.
     """
-    return kept(mesh, "regions", (), lambda: _find_regions(mesh))
+    return kept(mesh, "regions", (widest,), lambda: _find_regions(mesh, widest))
 
 
-def _find_regions(mesh: TriangleMesh) -> Regions:
+def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     message = "Finding creases"
     with phase(0.0, 0.3, message):
         signal = average_to_vertices(mesh, mesh.normals)
@@ -110,12 +114,13 @@ def _find_regions(mesh: TriangleMesh) -> Regions:
 
     part, count = _parts(mesh)
     on_crest = weight > 0.5
-    typical_bend = _medians(part, bend, count)
-    typical_width = _medians(part[on_crest], width[on_crest], count)
-    typical_jag = _medians(part[on_crest], jagged[on_crest], count)
+    typical_bend = _quantiles(part, bend, count, 0.5)
+    typical_width = _quantiles(part[on_crest], width[on_crest], count, 0.5)
+    typical_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.5)
+    worse_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.75)
     share = _ratio(np.bincount(part, energy * out, count), np.bincount(part, energy, count))
     finer = typical_bend - _SURE[1] * ramp(share, _SURE[0])
-    blunt = ramp(typical_jag, _JAGGED_PART)[part]
+    blunt = ramp(worse_jag, _JAGGED_PART)[part]
     creased = (ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE)))[part]
     wide = np.where(creased > 0, ramp(typical_width, _WIDE_PART)[part], 0.0)
     with phase(0.6, 1.0, message):
@@ -123,16 +128,21 @@ def _find_regions(mesh: TriangleMesh) -> Regions:
         columns = [ridge, weight * apart]
         if creased.any():
             columns += energy, energy * out
-        if wide.any():
+        if wide.any() or widest > 0:
             columns.append(ridge * width)
         sums = smooth_vertices(mesh, np.stack(columns, axis=1), _PASSES if blunt.any() else 0).T
-    blunt *= ramp(np.sqrt(_ratio(sums[1], sums[0])), _JAGGED)
+    # In parts that are sharp for the most, corners are not to be taken for blunt.
+    stricter = _STRICTER * (1.0 - ramp(typical_jag, _JAGGED_PART))[part]
+    blunt *= ramp(np.sqrt(_ratio(sums[1], sums[0])) - stricter, _JAGGED)
     if creased.any():
         creased *= ramp(_ratio(sums[3], sums[2]), _SHARE_AROUND)
     if wide.any():
         wide = creased * wide * ramp(_ratio(sums[-1], sums[0]), _WIDE)
     clearly = ramp(over, _CLEARLY_OUT) * ramp(np.degrees(turn), _CLEARLY_TURNS)
     use = np.maximum(creased, _RELIEF * clearly) * blunt
+    if widest > 0:
+        most = float(np.interp(widest, *_WIDTHS))
+        use *= 1.0 - ramp(_ratio(sums[-1], sums[0]), (most - 0.03, most + 0.03))
     return Regions(*(values[mesh.faces].max(axis=1) for values in (use, creased, wide)))
 
 
@@ -162,11 +172,14 @@ def _parts(mesh: TriangleMesh) -> tuple[npt.NDArray[np.int32], int]:
     return part, count
 
 
-def _medians(part: npt.NDArray[np.int32], values: Floats, count: int) -> Floats:
-    # Of each part; 0 for parts without values.
-    if len(values) == 0:
-        return np.zeros(count)
-    return np.nan_to_num(np.asarray(scipy.ndimage.median(values, part, np.arange(count))))
+def _quantiles(part: npt.NDArray[np.int32], values: Floats, count: int, share: float) -> Floats:
+    # Of each part, the value that this share of its values does not exceed; 0 without values.
+    counts = np.bincount(part, minlength=count)
+    found = np.zeros(count)
+    some = counts > 0
+    at = np.cumsum(counts) - counts + (share * (counts - 1)).astype(np.int64)
+    found[some] = values[np.lexsort((values, part))[at[some]]]
+    return found
 
 
 def consistent_normals(

@@ -3,11 +3,11 @@
 
 import numpy as np
 import pytest
-from remeshed import turned_box
+from remeshed import surface_net, turned_box
 from shapes import cube, fan, icosphere
 from shock_filter import core
 from shock_filter.core.filters.creases import consistent_normals, find_regions, mixed_normals
-from shock_filter.core.mesh.calculus import gradient
+from shock_filter.core.mesh.calculus import gradient, smooth_vertices
 
 PAPER = core.GeometrySettings.of_paper()
 PULL = 0.3
@@ -69,6 +69,41 @@ def test_what_is_smooth_or_sharp_stays_bit_for_bit(shape):
     mesh = core.TriangleMesh(*shape)
     assert not find_regions(mesh).use.any()
     assert (core.sharpen_geometry(mesh) == mesh.vertices).all()
+
+
+def test_a_part_that_is_half_sharp_already_is_sharpened_in_the_other_half():
+    vertices, faces = cube(20)
+    mesh = core.TriangleMesh(vertices, faces)
+    soft = smooth_vertices(mesh, mesh.vertices, 3)
+    right = vertices[:, 0] > vertices[:, 0].mean()
+    half = mesh.moved_to(np.where(right[:, None], soft, vertices))
+    moved = np.linalg.norm(core.sharpen_geometry(half) - half.vertices, axis=1)
+    assert moved[right].max() > 0.5 * half.mean_edge_length
+    assert moved[vertices[:, 0] < -5].max() < 0.01 * half.mean_edge_length
+
+
+def rounded_box(radius):
+    """A remeshed box whose edges are fillets, with a radius in voxels."""
+    line = np.linspace(-1.6, 1.6, 60)
+    spacing = line[1] - line[0]
+    _, _, axes = turned_box(5)
+    points = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1)
+    beyond = np.abs(points @ axes.T) - np.array([1.0, 0.7, 0.5]) + radius * spacing
+    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+    distances = outside + np.minimum(beyond.max(axis=-1), 0.0) - radius * spacing
+    return core.TriangleMesh(*surface_net(distances, spacing))
+
+
+@pytest.mark.parametrize(
+    ("radius", "widest", "moves"),
+    [(0, 1, True), (2, 0, True), (2, 1, False), (2, 4, True), (3, 1, False), (6, 0, False)],
+)
+def test_roundings_wider_than_asked_for_stay(radius, widest, moves):
+    mesh = rounded_box(radius)
+    settings = core.GeometrySettings(widest_rounding=widest)
+    moved = np.linalg.norm(core.sharpen_geometry(mesh, settings) - mesh.vertices, axis=1)
+    share = (moved > 0.1 * mesh.mean_edge_length).mean()
+    assert share > 0.1 if moves else share < 0.01
 
 
 def test_each_part_counts_by_itself(box):
