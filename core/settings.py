@@ -410,7 +410,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         },
         advanced=True,
     )
-    widest_rounding: float = _setting(
+    widest_fillet: float = _setting(
         0.0,
         "Where only creases are sharpened: the radius up to which roundings count as creases that"
         " were lost; wider ones are taken for designed and stay. 0 closes all that it finds, up to"
@@ -420,7 +420,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         soft_maximum=4.0,
         advanced=True,
         length_power=1,
-        label="Widest Rounding",
+        label="Widest Fillet",
     )
     align_passes: int = _setting(
         2,

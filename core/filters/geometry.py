@@ -207,7 +207,7 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
     steps = settings.fit_steps
     if settings.where == "creases" and steps > 1:
         with aside("Finding creases"):
-            if not find_regions(mesh, settings.widest_rounding).creased.any():
+            if not find_regions(mesh, settings.widest_fillet).creased.any():
                 steps = 1  # without creases to slide onto, more gain nothing
     return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
                     steps, settings.crease_freedom)  # fmt: skip
@@ -217,7 +217,7 @@ def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
     if settings.where == "everywhere":
         return _aligned(mesh, settings, None)
     with phase(0.0, 0.3, "Finding creases"):
-        regions = find_regions(mesh, settings.widest_rounding)
+        regions = find_regions(mesh, settings.widest_fillet)
     if not regions.use.any():
         return mesh.normals.copy()
     with phase(0.3, 0.7, "Sharpening"):

@@ -100,7 +100,7 @@ def rounded_box(radius):
 )
 def test_roundings_wider_than_asked_for_stay(radius, widest, moves):
     mesh = rounded_box(radius)
-    settings = core.GeometrySettings(widest_rounding=widest)
+    settings = core.GeometrySettings(widest_fillet=widest)
     moved = np.linalg.norm(core.sharpen_geometry(mesh, settings) - mesh.vertices, axis=1)
     share = (moved > 0.1 * mesh.mean_edge_length).mean()
     assert share > 0.1 if moves else share < 0.01
