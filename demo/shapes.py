@@ -52,7 +52,7 @@ def cut_box() -> bpy.types.Object:
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.8, -0.8, 0.8))
     _cut(obj, bpy.context.object)
     bpy.ops.mesh.primitive_cylinder_add(
-        vertices=96, radius=0.4, depth=4.0, location=(-0.35, 0.0, 0.8), rotation=(np.pi / 2, 0, 0)
+        vertices=96, radius=0.4, depth=4.0, location=(-0.2, 0.0, 0.8), rotation=(np.pi / 2, 0, 0)
     )
     return _cut(obj, bpy.context.object)
 
