@@ -264,6 +264,18 @@ def test_tiff_of_gray_bands_stays_one():
         assert [sample.name.lower() for sample in file.pages[0].extrasamples] == extra
 
 
+def test_tiff_with_an_unknown_kind_of_extra_channel_is_written():
+    pixels = picture(4, "uint16")
+    tifffile.imwrite("in.tif", pixels, photometric="rgb", extrasamples=["unassalpha"])
+    with tifffile.TiffFile("in.tif") as file:
+        at = file.pages[0].tags["ExtraSamples"].valueoffset
+    damaged = bytearray(Path("in.tif").read_bytes())
+    damaged[at : at + 2] = b"\xff\xff"
+    Path("in.tif").write_bytes(damaged)
+    sharpen("in.tif", "out.tif")
+    assert read("out.tif").shape == pixels.shape
+
+
 def test_exr_keeps_header_and_other_channels():
     depth = picture(1, "float32") * 1e30
     depth[0, 0] = np.inf

@@ -91,7 +91,7 @@ def test_operator_sharpens_the_rounded_edges(first, second):
         assert run_["result"] == ["FINISHED"]
         before, after = run_["roundness"]
         assert after < 0.7 * before
-        assert 0.01 < run_["farthest"] < 0.1  # at most an edge's length
+        assert 0.01 < run_["farthest"] < 0.2  # corners go back farthest, less than two edges
     assert second["first"]["farthest"] == pytest.approx(first["first"]["farthest"], rel=1e-3)
 
 

@@ -82,11 +82,12 @@ def _read_page(page: Any, path: Path, has_previews: bool) -> ImageFile:
 
 def _write_options(page: Any) -> dict[str, Any]:
     """What `tifffile.imwrite` has to be told so that the copy is as the original."""
-    from tifffile import TIFF
+    from tifffile import EXTRASAMPLE, TIFF
 
     dropped = _STORAGE | set(_BLOCKS) | set(TIFF.TAG_FILTERED)
     extra = page.samplesperpixel - (1 if page.photometric in _GRAY else 3)
-    stated = len(page.extrasamples) == extra
+    known = set(page.extrasamples) <= {int(meaning) for meaning in EXTRASAMPLE}
+    stated = known and len(page.extrasamples) == extra
     return {
         "photometric": _GRAY.get(page.photometric),
         "compressed": page.compression != _NONE,
