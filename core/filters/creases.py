@@ -38,11 +38,14 @@ _COARSE = 0.25, 0.36  # median bending of a part in radians an edge: creases can
 _SURE = (0.94, 0.98), 0.15  # such a share makes sure, and lets a part be so much coarser
 _CLEARLY_OUT, _CLEARLY_TURNS = (1.3, 3.5), (4.0, 16.0)  # a crease where parts are not of creases
 _WIDE, _WIDE_PART = (1.18, 1.26), (1.19, 1.24)  # D_8 / D_2 around a vertex, median of a part
+_NOISY = 0.95, 1.0  # D_8 / D_2, median of a part
 _WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
 """Radii of fillets between two planes, in edges, and D_8 / D_2 there, after a remesh."""
 
 _JAGGED, _JAGGED_PART = (0.13, 0.19), (0.05, 0.12)  # how far normals are from taking sides
 _STRICTER = 0.14
+"""How much farther, in a part most of whose creases are sharp."""
+
 _RELIEF = 0.5
 """How far what clearly stands out is sharpened where a part is not made of creases."""
 
@@ -122,6 +125,8 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     finer = typical_bend - _SURE[1] * ramp(share, _SURE[0])
     blunt = ramp(worse_jag, _JAGGED_PART)[part]
     creased = (ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE)))[part]
+    # Ridges that smoothing takes away are noise; where there is none, D_8 / D_2 is 1 at least.
+    creased *= ramp(typical_width, _NOISY)[part]
     wide = np.where(creased > 0, ramp(typical_width, _WIDE_PART)[part], 0.0)
     with phase(0.6, 1.0, message):
         # Of the surroundings, only what a part's measures leave open.

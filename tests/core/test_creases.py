@@ -212,3 +212,14 @@ def test_mixing_keeps_what_has_no_share():
 def test_hubs_and_flat_parts_are_finite(count):
     mesh = core.TriangleMesh(*fan(count))
     assert np.isfinite(core.sharpen_geometry(mesh)).all()
+
+
+def test_flying_points_of_a_scan_are_not_taken_for_creases():
+    vertices, faces = icosphere(6)
+    mesh = core.TriangleMesh(vertices, faces)
+    random = np.random.default_rng(3)
+    off = random.normal(size=(mesh.vertex_count, 1)) * (
+        random.random((mesh.vertex_count, 1)) < 0.02
+    )
+    rough = mesh.moved_to(vertices * (1.0 + 0.2 * mesh.mean_edge_length * off))
+    assert not find_regions(rough).creased.any()
