@@ -11,15 +11,20 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
-from scipy.sparse.csgraph import connected_components
 
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import aside, phase
 from ..base.vectors import dot
-from ..flow.potential import dilation, flow_potential, opening
-from ..mesh.calculus import average_to_vertices, lumped_mass, make_unit, smooth_vertices
+from ..flow.potential import bending, dilation, opening
+from ..mesh.adjacency import connected_parts
+from ..mesh.calculus import (
+    average_to_vertices,
+    greatest_to_faces,
+    lumped_mass,
+    make_unit,
+    smooth_vertices,
+)
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
 _PULL = 0.3
@@ -92,21 +97,20 @@ def find_regions(mesh: TriangleMesh, widest: float = 0.0) -> Regions:
 
 def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     message = "Finding creases"
-    with phase(0.0, 0.3, message):
-        signal = average_to_vertices(mesh, mesh.normals)
+    with phase(0.0, 0.1, message):
+        signal, bend = bending(mesh, 1)
+    with phase(0.1, 0.3, message):
         near = smooth_vertices(mesh, signal, 2)
         turn, far = _turn(near), _turn(smooth_vertices(mesh, near, 6))
-    with phase(0.3, 0.4, message):
+    with phase(0.3, 0.5, message):
         level = smooth_vertices(mesh, opening(mesh, turn, _RINGS).reshape(-1, 1), 2).reshape(-1)
         crest = turn >= 0.999 * dilation(mesh, turn, 2)
-    with phase(0.4, 0.5, message):
-        bend = np.sqrt(flow_potential(mesh, signal, 1))
     over = turn / np.maximum(level, 1e-12)
     out = ramp(over, _STANDS_OUT)
     energy = lumped_mass(mesh) * turn**2
     weight = crest * out * ramp(np.degrees(turn), _TURNS)
     with phase(0.5, 0.6, message):
-        around = (dilation(mesh, weight, 3) > 0)[mesh.faces].any(axis=1)
+        around = greatest_to_faces(mesh, dilation(mesh, weight, 3)) > 0
         sides = consistent_normals(mesh, mesh.normals, around, 1)
         apart = np.maximum(2.0 * (1.0 - np.einsum("ij,ij->i", sides, mesh.normals)), 0.0)
         apart[mesh.areas == 0] = 0.0
@@ -115,9 +119,9 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     width = far / np.maximum(turn, 1e-12)
     jagged = np.sqrt(apart) / np.maximum(turn, 1e-12)
 
-    part, count = _parts(mesh)
+    part, count = connected_parts(mesh.neighbours)
     on_crest = weight > 0.5
-    typical_bend = _quantiles(part, bend, count, 0.5)
+    typical_bend = np.sqrt(_quantiles(part, bend, count, 0.5))
     typical_width = _quantiles(part[on_crest], width[on_crest], count, 0.5)
     typical_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.5)
     worse_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.75)
@@ -148,7 +152,7 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     if widest > 0:
         most = float(np.interp(widest, *_WIDTHS))
         use *= 1.0 - ramp(_ratio(sums[-1], sums[0]), (most - 0.03, most + 0.03))
-    return Regions(*(values[mesh.faces].max(axis=1) for values in (use, creased, wide)))
+    return Regions(*(greatest_to_faces(mesh, values) for values in (use, creased, wide)))
 
 
 def ramp(values: Floats, ends: tuple[float, float]) -> Floats:
@@ -168,21 +172,16 @@ def _ratio(above: npt.NDArray, below: npt.NDArray) -> Floats:
     return np.divide(above, below, out=np.zeros(len(above)), where=below > 0)
 
 
-def _parts(mesh: TriangleMesh) -> tuple[npt.NDArray[np.int32], int]:
-    # Of each vertex, the number of its connected part; and how many there are.
-    start, ring = mesh.neighbours
-    shape = mesh.vertex_count, mesh.vertex_count
-    graph = scipy.sparse.csr_matrix((np.ones(len(ring), dtype=np.int8), ring, start), shape)
-    count, part = connected_components(graph, directed=False)
-    return part, count
-
-
 def _quantiles(part: npt.NDArray[np.int32], values: Floats, count: int, share: float) -> Floats:
     # Of each part, the value that this share of its values does not exceed; 0 without values.
     counts = np.bincount(part, minlength=count)
     found = np.zeros(count)
     some = counts > 0
-    at = np.cumsum(counts) - counts + (share * (counts - 1)).astype(np.int64)
+    place = (share * (counts - 1)).astype(np.int64)
+    if count == 1 and some[0]:
+        found[0] = np.partition(values, place[0])[place[0]]  # many times faster than sorting
+        return found
+    at = np.cumsum(counts) - counts + place
     found[some] = values[np.lexsort((values, part))[at[some]]]
     return found
 
@@ -227,10 +226,10 @@ def mixed_normals(old: Floats, new: Floats, shares: Floats) -> Floats:
 
 
 def _grown(mesh: TriangleMesh, zone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    touched = np.zeros(mesh.vertex_count, dtype=bool)
-    touched[mesh.faces[zone]] = True
+    touched = np.zeros(mesh.vertex_count, dtype=np.uint8)
+    touched[mesh.faces[zone]] = 1
     with aside("Aligning creases"):
-        return touched[mesh.faces].any(axis=1)
+        return greatest_to_faces(mesh, touched).view(np.bool_)
 
 
 @kernel

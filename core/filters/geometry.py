@@ -15,7 +15,7 @@ from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..base.vectors import dot
 from ..flow.advect import advect_faces
-from ..flow.potential import above_surroundings, flow_from_potential, flow_potential
+from ..flow.potential import above_surroundings, bending, flow_from_potential, flow_potential
 from ..mesh.calculus import average_to_faces, average_to_vertices, smooth_vertices
 from ..mesh.order import in_good_order, is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh
@@ -257,13 +257,16 @@ def _signal_and_potential(
 ) -> tuple[Floats, Floats, Floats]:
     # Normals of the faces, mollified if asked for; their averages at the vertices; P there.
     normals = mesh.normals
-    if settings.mollify_passes:
+    if settings.mollify_passes == 0:
+        with phase(0.2, 0.8, "Computing the flow"):
+            signal, potential = bending(mesh, settings.smoothing_passes)
+    else:
         with phase(0.0, 0.2, "Mollifying"):
             normals = _mollified(mesh, normals, settings.mollify_passes)
-    with phase(0.2, 0.3, "Computing the flow"):
-        signal = average_to_vertices(mesh, normals)
-    with phase(0.3, 0.8, "Computing the flow"):
-        potential = flow_potential(mesh, signal, settings.smoothing_passes)
+        with phase(0.2, 0.3, "Computing the flow"):
+            signal = average_to_vertices(mesh, normals)
+        with phase(0.3, 0.8, "Computing the flow"):
+            potential = flow_potential(mesh, signal, settings.smoothing_passes)
     if settings.feature_threshold > 0:
         with phase(0.8, 1.0, "Finding features"):
             potential = above_surroundings(

@@ -21,7 +21,7 @@ from ..flow.potential import dilation
 from ..linear.cg import roughly
 from ..linear.system import LinearSystem
 from ..mesh.adjacency import count_sort
-from ..mesh.calculus import cotangents
+from ..mesh.calculus import cotangents_of, greatest_to_faces
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 LOOSE = 0.05
@@ -110,18 +110,18 @@ def further_steps(
     return moved
 
 
-def _near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.bool_]:
-    # The vertices around faces that are to turn, and some rings more.
-    turning = np.zeros(mesh.vertex_count)
-    turning[mesh.faces[np.einsum("ij,ij->i", mesh.normals, normals) < np.cos(_TURNING)]] = 1.0
-    return dilation(mesh, turning, _RINGS) > 0
+def _near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
+    # 1 at the vertices around faces that are to turn, and some rings more.
+    turning = np.zeros(mesh.vertex_count, dtype=np.uint8)
+    turning[mesh.faces[np.einsum("ij,ij->i", mesh.normals, normals) < np.cos(_TURNING)]] = 1
+    return dilation(mesh, turning, _RINGS)
 
 
 def _cut_out(
-    mesh: TriangleMesh, system: LinearSystem, normals: Floats, near: npt.NDArray[np.bool_]
+    mesh: TriangleMesh, system: LinearSystem, normals: Floats, near: npt.NDArray[np.uint8]
 ) -> tuple[Ints, _Piece]:
     # The numbers of a piece's vertices in the mesh, and the piece.
-    chosen = np.flatnonzero(near[mesh.faces].any(axis=1))
+    chosen = np.flatnonzero(greatest_to_faces(mesh, near))
     used = np.zeros(mesh.vertex_count, dtype=bool)
     used[mesh.faces[chosen]] = True
     index = np.flatnonzero(used).astype(np.int32)
@@ -129,14 +129,14 @@ def _cut_out(
     number[index] = np.arange(len(index), dtype=np.int32)
     faces = number[mesh.faces[chosen]]
     inner = system.part(index)
-    inner.fixed |= ~near[index]
+    inner.fixed |= near[index] == 0
     vertices, targets = mesh.scaled_vertices[index], normals[chosen]
     shapes = np.empty(len(chosen))
     run(_shapes, len(chosen), vertices, np.zeros_like(vertices), faces, mesh.normals[chosen],
         shapes)  # fmt: skip
     corners = count_sort(faces.reshape(-1), len(index))
-    halves = cotangents(mesh)[chosen]
     areas = mesh.areas[chosen]
+    halves = cotangents_of(vertices, faces, areas)
     screen = system.screen[index]
     return index, _Piece(vertices, faces, corners, halves, areas, targets, shapes, screen, inner)
 

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import checked_signal
+from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..base.vectors import dot, edge
@@ -102,6 +103,18 @@ def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
         return smooth_vertices(mesh, potential, passes).reshape(-1)
 
 
+def bending(mesh: TriangleMesh, passes: int) -> tuple[Floats, Floats]:
+    """The normals' averages at the vertices, (n, 3), and their potential; kept for the next run."""
+
+    def compute() -> tuple[Floats, Floats]:
+        with phase(0.0, 0.2, "Computing the flow"):
+            signal = average_to_vertices(mesh, mesh.normals)
+        with phase(0.2, 1.0, "Computing the flow"):
+            return signal, flow_potential(mesh, signal, passes)
+
+    return kept(mesh, "bending", (passes,), compute)
+
+
 def above_surroundings(
     mesh: TriangleMesh,
     potential: Floats,
@@ -146,8 +159,8 @@ def opening(mesh: TriangleMesh, values: Floats, rings: int) -> Floats:
     return dilation(mesh, -dilation(mesh, -values, rings), rings)
 
 
-def dilation(mesh: TriangleMesh, values: Floats, rings: int) -> Floats:
-    """The greatest value within so many edges of each vertex: (n,) -> (n,)."""
+def dilation(mesh: TriangleMesh, values: npt.NDArray, rings: int) -> npt.NDArray:
+    """The greatest value within so many edges of each vertex, of any number type: (n,) -> (n,)."""
     message = "Finding features"
     with aside(message):
         neighbours = mesh.neighbours

@@ -159,6 +159,41 @@ def _pair(start, stop, faces, corner_start, corners, twins, same):
             i = j
 
 
+def connected_parts(neighbours: tuple[Ints, Ints]) -> tuple[Ints, int]:
+    """Number the connected parts of a graph, given as ``TriangleMesh.neighbours``.
+
+    Returns
+    -------
+    part : (n,) int32
+        The part of each vertex, in the order of their lowest vertices.
+    count : int
+    """
+    vertices = len(neighbours[0]) - 1
+    part, count = np.full(vertices, -1, dtype=np.int32), np.zeros(1, dtype=np.int32)
+    run_in_order(_flood, vertices, *neighbours, part, count, np.empty(vertices, dtype=np.int32))
+    return part, int(count[0])
+
+
+@kernel
+def _flood(start, stop, ring_start, ring, part, count, queue):
+    for seed in range(start, stop):
+        if part[seed] >= 0:
+            continue
+        part[seed] = count[0]
+        queue[0] = seed
+        head, tail = 0, 1
+        while head < tail:
+            v = queue[head]
+            head += 1
+            for i in range(ring_start[v], ring_start[v + 1]):
+                u = ring[i]
+                if part[u] < 0:
+                    part[u] = count[0]
+                    queue[tail] = u
+                    tail += 1
+        count[0] += 1
+
+
 @kernel
 def _turn_faces(faces, twins, flipped):
     # Flood each component from its lowest face; the majority keeps its winding.

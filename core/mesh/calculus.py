@@ -75,15 +75,21 @@ def cotangents(mesh: TriangleMesh) -> Floats:
     Needle-like faces (cotangents above 1000, angles below 0.06 degrees) are weakened as a whole
     to that bound, which keeps the stiffness positive and linear solves possible.
     """
-    out = np.empty((mesh.face_count, 3))
-    run(_cotangents, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.areas, out)
+    return cotangents_of(mesh.scaled_vertices, mesh.faces, mesh.areas)
+
+
+def cotangents_of(vertices: Floats, faces: Ints, areas: Floats) -> Floats:
+    """The same of any faces, with their areas: (k, 3)."""
+    out = np.empty((len(faces), 3))
+    run(_cotangents, len(faces), vertices, faces, areas, out)
     return out
 
 
 def lumped_mass(mesh: TriangleMesh) -> Floats:
     """A third of the area around each vertex, in squared mean edge lengths: (n,)."""
-    corner_areas = np.repeat(mesh.areas, 3)
-    return np.bincount(mesh.faces.reshape(-1), corner_areas, mesh.vertex_count) / 3
+    out = np.empty(mesh.vertex_count)
+    run(_mass, mesh.vertex_count, *mesh.corners, mesh.areas, out)
+    return out
 
 
 def stiffness_weights(
@@ -160,6 +166,13 @@ def average_to_faces(mesh: TriangleMesh, values: Floats) -> Floats:
     """Means of the three vertex values of each face: (n, d) -> (m, d)."""
     out = np.empty((mesh.face_count, values.shape[1]))
     run(_average_corners, mesh.face_count, mesh.faces, values, out)
+    return out
+
+
+def greatest_to_faces(mesh: TriangleMesh, values: npt.NDArray) -> npt.NDArray:
+    """The greatest of the three vertex values of each face, of any number type: (n,) -> (m,)."""
+    out = np.empty(mesh.face_count, dtype=values.dtype)
+    run(_greatest_corner, mesh.face_count, mesh.faces, values, out)
     return out
 
 
@@ -296,11 +309,26 @@ def _average(start, stop, corner_start, corners, areas, values, out):
 
 
 @kernel
+def _mass(start, stop, corner_start, corners, areas, out):
+    for v in range(start, stop):
+        total = 0.0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            total += areas[corners[i] // 3]
+        out[v] = total / 3
+
+
+@kernel
 def _average_corners(start, stop, faces, values, out):
     for f in range(start, stop):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         for j in range(values.shape[1]):
             out[f, j] = (values[a, j] + values[b, j] + values[c, j]) / 3.0
+
+
+@kernel
+def _greatest_corner(start, stop, faces, values, out):
+    for f in range(start, stop):
+        out[f] = max(values[faces[f, 0]], values[faces[f, 1]], values[faces[f, 2]])
 
 
 @kernel
@@ -335,17 +363,19 @@ def make_unit_or(vector, old):
 
 @kernel
 def _umbrella(start, stop, ring_start, ring, weights, values, out):
-    channels = values.shape[1]
+    last = values.shape[1] - 1
     for v in range(start, stop):
-        total = 1.0
-        for i in range(ring_start[v], ring_start[v + 1]):
-            total += weights[i]
-        for j in range(0, channels, 2):  # two by two, which is faster
-            k = min(j + 1, channels - 1)
-            a, b = values[v, j], values[v, k]
+        for j in range(0, last + 1, 4):  # four by four, which is faster
+            k, p, q = min(j + 1, last), min(j + 2, last), min(j + 3, last)
+            a, b, c, d = values[v, j], values[v, k], values[v, p], values[v, q]
+            total = 1.0
             for i in range(ring_start[v], ring_start[v + 1]):
                 u = ring[i]
                 weight = weights[i]
+                total += weight
                 a += weight * values[u, j]
                 b += weight * values[u, k]
+                c += weight * values[u, p]
+                d += weight * values[u, q]
             out[v, j], out[v, k] = a / total, b / total
+            out[v, p], out[v, q] = c / total, d / total

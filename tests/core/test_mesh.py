@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import numpy as np
 import pytest
+import scipy.sparse.csgraph
 from shapes import Counting, cube, fan, grid, icosphere, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
 from shock_filter.core.mesh import weld as weld_module
+from shock_filter.core.mesh.adjacency import connected_parts
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
 from shock_filter.core.mesh.weld import split_at_jumps
 
@@ -178,6 +180,21 @@ def test_weld_agrees_with_sorting_points():
     assert np.array_equal(points[representatives][index], points)
     assert len(representatives) == len(np.unique(points + 0.0, axis=0))
     assert (np.diff(representatives) > 0).all()
+
+
+def test_connected_parts_agree_with_scipy():
+    one, two = grid(4, 3), cube()
+    vertices, faces, _, _ = shuffled(
+        np.concatenate([one[0], one[0], two[0], TRIANGLE[:1]]),
+        np.concatenate([one[1], one[1] + len(one[0]), two[1] + 2 * len(one[0])]),
+    )
+    mesh = core.TriangleMesh(vertices, faces)
+    part, count = connected_parts(mesh.neighbours)
+    start, ring = mesh.neighbours
+    graph = scipy.sparse.csr_matrix((np.ones(len(ring)), ring, start), (len(part), len(part)))
+    expected, labels = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    assert count == expected == 4  # the loose vertex is a part
+    assert (part == labels).all()
 
 
 def test_sorting_along_a_curve_keeps_the_surface_and_brings_neighbours_together():
