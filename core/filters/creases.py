@@ -112,9 +112,9 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     with phase(0.5, 0.6, message):
         around = greatest_to_faces(mesh, dilation(mesh, weight, 3)) > 0
         sides = consistent_normals(mesh, mesh.normals, around, 1)
-        apart = np.maximum(2.0 * (1.0 - np.einsum("ij,ij->i", sides, mesh.normals)), 0.0)
-        apart[mesh.areas == 0] = 0.0
-        apart = smooth_vertices(mesh, average_to_vertices(mesh, apart.reshape(-1, 1)), 2)[:, 0]
+        between = np.empty((mesh.face_count, 1))
+        run(_squared_distance, mesh.face_count, sides, mesh.normals, between)
+        apart = smooth_vertices(mesh, average_to_vertices(mesh, between), 2)[:, 0]
     ridge = weight * turn**2
     width = far / np.maximum(turn, 1e-12)
     jagged = np.sqrt(apart) / np.maximum(turn, 1e-12)
@@ -156,15 +156,17 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
 
 
 def ramp(values: Floats, ends: tuple[float, float]) -> Floats:
-    """Rise smoothly from 0 at the first end to 1 at the second."""
-    t = np.clip((values - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
+    """Rise smoothly from 0 at the first end to 1 at the second: (n,) -> (n,)."""
+    out = np.empty(len(values))
+    run(_rise, len(values), values, *ends, out)
+    return out
 
 
 def _turn(means: Floats) -> Floats:
     # The means of unit normals are the shorter the more these differ.
-    lengths = np.sqrt(np.einsum("ij,ij->i", means, means))
-    return np.sqrt(np.maximum(2.0 * (1.0 - lengths), 0.0))
+    out = np.empty(len(means))
+    run(_shortness, len(means), means, out)
+    return out
 
 
 def _ratio(above: npt.NDArray, below: npt.NDArray) -> Floats:
@@ -230,6 +232,28 @@ def _grown(mesh: TriangleMesh, zone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bo
     touched[mesh.faces[zone]] = 1
     with aside("Aligning creases"):
         return greatest_to_faces(mesh, touched).view(np.bool_)
+
+
+@kernel
+def _rise(start, stop, values, low, high, out):
+    for i in range(start, stop):
+        t = min(max((values[i] - low) / (high - low), 0.0), 1.0)
+        out[i] = t * t * (3.0 - 2.0 * t)
+
+
+@kernel
+def _shortness(start, stop, means, out):
+    for v in range(start, stop):
+        out[v] = np.sqrt(max(2.0 * (1.0 - np.sqrt(dot(means[v], means[v]))), 0.0))
+
+
+@kernel
+def _squared_distance(start, stop, one, other, out):
+    # Of unit normals; faces without area, whose normals are 0, are not apart.
+    for f in range(start, stop):
+        n = other[f]
+        flat = n[0] == 0 and n[1] == 0 and n[2] == 0
+        out[f, 0] = 0.0 if flat else max(2.0 * (1.0 - dot(one[f], n)), 0.0)
 
 
 @kernel

@@ -9,7 +9,8 @@ only the right-hand side, minus half the energy's gradient, changes. Not in the 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +57,10 @@ _HEIGHT = 0.05
 
 _SLIDES, _RETREATS = 20, 8
 """Rounds in which turned faces get a height; in which their vertices go back half of their way."""
+
+
+_CHUNK = 8192
+"""Rows that one sum runs over, so that its rounding is the same on any number of cores."""
 
 
 class _Piece(NamedTuple):
@@ -143,22 +148,20 @@ def _cut_out(
 
 def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
     still = np.zeros_like(moved)
-    residual = change = _downhill(piece, piece.vertices, moved)
-    way, product = still.copy(), np.inf
+    moved = moved.copy()
+    residual = _downhill(piece, piece.vertices, moved)
+    way, change, product = still.copy(), residual, np.inf
     for turn in range(1, steps):
         with phase((turn - 1) / (steps - 1), turn / (steps - 1), message):
             step = roughly(piece.system, residual, _INNER, message)
-            way *= max(_dot(step, change) / product, 0.0)
-            way += step
-            product = _dot(step, residual)
+            onward = max(_sum(_dot, step, change) / product, 0.0)
+            product = _sum(_turn_way, step, residual, way, onward)
             change = _downhill(piece, still, way)
-            curvature = -_dot(change, way)
+            curvature = -_sum(_dot, change, way)
             if not (product > 0 and curvature > 0):
                 break
-            length = _dot(residual, way) / curvature
-            change *= length
-            residual += change
-            moved = moved + length * way
+            length = _sum(_dot, residual, way) / curvature
+            run(_go, len(way), way, length, change, moved, residual)
             if length * abs(way).max() < _SETTLED:
                 break
             if turn % _EVENED == 0:
@@ -185,9 +188,12 @@ def _evened(piece: _Piece, moved: Floats) -> Floats:
     return out
 
 
-def _dot(a: Floats, b: Floats) -> float:
-    # Not numpy's dot, whose threads get into the way of ours.
-    return float(np.einsum("ij,ij->", a, b))
+def _sum(function: Callable[..., None], *arguments: Any) -> float:
+    # What a kernel sums up over the rows of its arrays, in chunks.
+    count = len(arguments[0])
+    sums = np.zeros(-(-count // _CHUNK))
+    run(function, count, *arguments, sums, chunk=_CHUNK)
+    return float(sums.sum())
 
 
 def _without_turned(piece: _Piece, moved: Floats) -> Floats:
@@ -219,6 +225,34 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
         fans = [corners[start[v] : start[v + 1]] // 3 for v in np.unique(faces)]
         around = np.unique(np.concatenate(fans))
     return moved
+
+
+@kernel
+def _dot(start, stop, one, other, sums):
+    total = 0.0
+    for v in range(start, stop):
+        total += dot(one[v], other[v])
+    sums[start // _CHUNK] = total
+
+
+@kernel
+def _turn_way(start, stop, step, residual, way, onward, sums):
+    # The next way from the last one; sums up step times residual.
+    total = 0.0
+    for v in range(start, stop):
+        total += dot(step[v], residual[v])
+        for x in range(3):
+            way[v, x] = step[v, x] + onward * way[v, x]
+    sums[start // _CHUNK] = total
+
+
+@kernel
+def _go(start, stop, way, length, change, moved, residual):
+    for v in range(start, stop):
+        for x in range(3):
+            moved[v, x] += length * way[v, x]
+            change[v, x] *= length
+            residual[v, x] += change[v, x]
 
 
 @kernel
