@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -74,6 +76,8 @@ def sharpen_image(
     with reporting(progress):
         given = checked_image(image)
         settings = settings or ImageSettings()
+        if settings.by_width:
+            settings = replace(settings, time=16.0)
         result = checked_out(out, given)
         weights = checked_weights(mask, given)
         pixels = given.reshape(*given.shape[:2], -1)
@@ -81,7 +85,7 @@ def sharpen_image(
         with aside("Sharpening"):
             for band in blocks(len(pixels), BAND):
                 target[band] = pixels[band]
-        if settings.time == 0:
+        if settings.is_neutral:
             return result
         _sharpen_into(target, pixels, settings)
         if weights is not None:
