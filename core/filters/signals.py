@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -82,7 +83,9 @@ def sharpen_vertex_signal(
         values = checked_signal(given, mesh.vertex_count)
         weights = checked_mask(mask, mesh.vertex_count)
         settings = settings or ShockSettings()
-        if settings.time == 0:
+        if settings.by_width:
+            settings = replace(settings, time=256.0)
+        if settings.is_neutral:
             return given.copy()
         average = partial(average_corners, mesh)
         result = _flow_channels(mesh, values, settings, average, average)
@@ -148,7 +151,9 @@ def sharpen_corner_signal(
             ask()
             weights = checked_mask(mask, mesh.vertex_count)
             settings = settings or ShockSettings()
-            if settings.time == 0:
+            if settings.by_width:
+                settings = replace(settings, time=256.0)
+            if settings.is_neutral:
                 return given.copy()
             cut, cut_values = kept(mesh, "cut", (own,), lambda: split_at_jumps(mesh, values))
 

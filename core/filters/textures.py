@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -107,13 +108,15 @@ def sharpen_texture(
     """
     given = _checked_texture(image)
     settings = settings or TextureSettings()
+    if settings.by_width:
+        settings = replace(settings, time=16.0)
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
     alpha, normals = _checked_content(settings, pixels)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
             texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
-        if settings.time == 0:
+        if settings.is_neutral:
             return given.copy()
         with phase(0.3, 0.9, "Sharpening"):
             values = _sharpened(texture, settings, weights)

@@ -58,7 +58,7 @@ class Patch:
         new = {
             name: getattr(settings, name) * self.lengths**about.length_power
             for name, (_, _, about) in describe(type(settings)).items()
-            if about.length_power
+            if about.length_power and getattr(settings, name) > 0  # a time below 0 is no length
         }
         if getattr(settings, "fidelity", 0.0) > 0:  # it counts per area of the whole
             new["fidelity"] = settings.fidelity * self.share / self.lengths**2
