@@ -170,6 +170,16 @@ def _what(default: str, *choices: str) -> Any:
     )
 
 
+def _amount() -> Any:
+    return _setting(
+        1.0,
+        "How much of the change is taken. 0 changes nothing, 1 takes all of it",
+        unit="of the change",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+
+
 @dataclass(kw_only=True, repr=False, eq=False)
 class _SignalSettings(_FlowSettings):
     """Settings of the filters of signals: colors on meshes, in images and in textures.
@@ -201,13 +211,7 @@ class _SignalSettings(_FlowSettings):
         soft_maximum=16.0,
         length_power=1,
     )
-    amount: float = _setting(
-        1.0,
-        "How much of the change is taken. 0 changes nothing, 1 takes all of it",
-        unit="of the change",
-        maximum=1.0,
-        soft_maximum=1.0,
-    )
+    amount: float = _amount()
     channels: str = _setting(
         "coupled",
         "Which flow moves which channel",
@@ -410,6 +414,29 @@ class GeometrySettings(FitSettings, _FlowSettings):
     out.
     """
 
+    where: str = _setting(
+        "creases",
+        "Which parts are sharpened",
+        choices={
+            "everywhere": "All that bends more than the threshold allows",
+            "creases": "Creases: what is sharp or smooth stays as it is, statues change half as"
+            " much, and wide roundings flow 4 times longer",
+        },
+    )
+    widest_fillet: float = _setting(
+        0.0,
+        "Where only creases are sharpened: the radius up to which roundings count as creases that"
+        " were lost; wider ones are taken for designed and stay. 0 closes all that it finds, up to"
+        " about 4; 1 keeps fillets of a radius of 2",
+        unit="mean edge lengths",
+        maximum=4.0,
+        soft_maximum=4.0,
+        length_power=1,
+        label="Widest Fillet",
+    )
+    amount: float = _amount()
+    time: float = _changed(_FlowSettings, "time", 256.0, advanced=True)
+    smoothing_passes: int = _changed(_FlowSettings, "smoothing_passes", 1, advanced=True)
     mollify_passes: int = _setting(
         0,
         "Smoothing passes on the normals before anything else, for noisy scans. 0 keeps the"
@@ -428,6 +455,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         unit="times the surroundings",
         maximum=100.0,
         soft_maximum=2.0,
+        advanced=True,
         label="Threshold",
     )
     sampling: str = _setting(
@@ -462,28 +490,6 @@ class GeometrySettings(FitSettings, _FlowSettings):
         length_power=1,
         label="Move Limit",
     )
-    where: str = _setting(
-        "creases",
-        "Which parts are sharpened",
-        choices={
-            "everywhere": "All that bends more than the threshold allows",
-            "creases": "Creases: what is sharp or smooth stays as it is, statues change half as"
-            " much, and wide roundings flow 4 times longer",
-        },
-        advanced=True,
-    )
-    widest_fillet: float = _setting(
-        0.0,
-        "Where only creases are sharpened: the radius up to which roundings count as creases that"
-        " were lost; wider ones are taken for designed and stay. 0 closes all that it finds, up to"
-        " about 4; 1 keeps fillets of a radius of 2",
-        unit="mean edge lengths",
-        maximum=4.0,
-        soft_maximum=4.0,
-        advanced=True,
-        length_power=1,
-        label="Widest Fillet",
-    )
     align_passes: int = _setting(
         2,
         "Passes in which the slanted faces along a crease take sides, such as a remesh leaves"
@@ -514,6 +520,11 @@ class GeometrySettings(FitSettings, _FlowSettings):
         advanced=True,
         label="Crease Freedom",
     )
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether nothing changes."""
+        return (self.time == 0 and self.mollify_passes == 0) or self.amount == 0
 
     @classmethod
     def of_paper(cls, **settings: Any) -> "GeometrySettings":

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..base.findings import tell
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import aside, phase
@@ -75,11 +76,14 @@ class Regions(NamedTuple):
         Whether the part is made of creases and smooth faces between them, as machine parts are.
     wide : (m,) float64
         Whether roundings are wider than an edge or two.
+    radius : float
+        Of the rounding of most creases, in mean edge lengths.
     """
 
     use: Floats
     creased: Floats
     wide: Floats
+    radius: float
 
 
 def find_regions(mesh: TriangleMesh, widest: float = 0.0) -> Regions:
@@ -152,7 +156,27 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     if widest > 0:
         most = float(np.interp(widest, *_WIDTHS))
         use *= 1.0 - ramp(_ratio(sums[-1], sums[0]), (most - 0.03, most + 0.03))
-    return Regions(*(greatest_to_faces(mesh, values) for values in (use, creased, wide)))
+    typical = on_crest & (creased > 0)
+    radius = np.interp(np.median(width[typical]), *_WIDTHS[::-1]) if typical.any() else 0.0
+    faces = (greatest_to_faces(mesh, values) for values in (use, creased, wide))
+    return Regions(*faces, float(radius))
+
+
+def tell_creases(regions: Regions) -> None:
+    """Say, for reports, what was found; see `base.findings`."""
+    if not regions.creased.any():
+        if regions.use.any():
+            tell("Not made of creases: only what stands out clearly was sharpened, by half.")
+    elif not regions.use.any():
+        tell("The creases are sharp already.")
+    elif regions.radius < 1:
+        tell("Closed creases that were blunt by about an edge length; smooth parts stay.")
+    else:
+        tell(
+            "Closed creases that were rounded over a radius of {radius:.1f} edge lengths; smooth"
+            " parts stay.",
+            radius=regions.radius,
+        )
 
 
 def ramp(values: Floats, ends: tuple[float, float]) -> Floats:

@@ -25,6 +25,7 @@ from .creases import (
     consistent_normals,
     find_regions,
     mixed_normals,
+    tell_creases,
     turned_zone,
 )
 from .fit import moved_vertices, refitted
@@ -103,8 +104,8 @@ def sharpen_geometry(
     Returns
     -------
     (n, 3) float64
-        New positions in the unit of `mesh.vertices`. A time of 0 returns the old ones bit for
-        bit (unless `mollify_passes` asks for smoother normals).
+        New positions in the unit of `mesh.vertices`. An amount of 0 returns the old ones bit for
+        bit, and so does a time of 0 (unless `mollify_passes` asks for smoother normals).
 
     Raises
     ------
@@ -141,10 +142,12 @@ def sharpen_geometry(
     """
     settings = settings or GeometrySettings()
     weights = checked_mask(mask, mesh.vertex_count)
-    if settings.time == 0 and settings.mollify_passes == 0:
+    if settings.is_neutral:
         return mesh.vertices.copy()
     with reporting(progress):
         moved = in_good_order(mesh, partial(_displacement, settings), weights)
+        if settings.amount < 1:
+            moved *= settings.amount
         with phase(1.0, 1.0, "Fitting the surface"):
             return moved_vertices(mesh, moved)
 
@@ -205,9 +208,11 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
         return _sharpened(current, settings)
 
     steps = settings.fit_steps
-    if settings.where == "creases" and steps > 1:
+    if settings.where == "creases":
         with aside("Finding creases"):
-            if not find_regions(mesh, settings.widest_fillet).creased.any():
+            regions = find_regions(mesh, settings.widest_fillet)
+            tell_creases(regions)
+            if not regions.creased.any():
                 steps = 1  # without creases to slide onto, more gain nothing
     return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
                     steps, settings.crease_freedom)  # fmt: skip
