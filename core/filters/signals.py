@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,12 +16,14 @@ from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, ask, phase, reporting
 from ..errors import InvalidSignal
 from ..flow.advect import average_corners, read_points
+from ..flow.borders import borders_of, diffused, local_contrast, nearby_range, noise_of
 from ..flow.potential import flow_potential
 from ..flow.trace import corner_offsets, trace
 from ..grid.channels import brightness_weights
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mesh.weld import split_at_jumps
 from ..settings import ShockSettings
+from .dials import Plan, blended, counted_width, flow_times, limited_unsharp, plan_of
 
 
 def sharpen_vertex_signal(
@@ -83,12 +84,13 @@ def sharpen_vertex_signal(
         values = checked_signal(given, mesh.vertex_count)
         weights = checked_mask(mask, mesh.vertex_count)
         settings = settings or ShockSettings()
-        if settings.by_width:
-            settings = replace(settings, time=256.0)
         if settings.is_neutral:
             return given.copy()
         average = partial(average_corners, mesh)
-        result = _flow_channels(mesh, values, settings, average, average)
+        result = _sharpened(mesh, values, settings, average, average)
+        if result is None:
+            return given.copy()
+        weights = _times_amount(weights, settings.amount, len(values))
         with phase(1.0, 1.0, "Sharpening"):
             return like(given, values, result, weights)
 
@@ -151,8 +153,6 @@ def sharpen_corner_signal(
             ask()
             weights = checked_mask(mask, mesh.vertex_count)
             settings = settings or ShockSettings()
-            if settings.by_width:
-                settings = replace(settings, time=256.0)
             if settings.is_neutral:
                 return given.copy()
             cut, cut_values = kept(mesh, "cut", (own,), lambda: split_at_jumps(mesh, values))
@@ -161,7 +161,10 @@ def sharpen_corner_signal(
             rows = corner_values.reshape(mesh.face_count, 3, -1)
             return cut.own_corners(rows).reshape(corner_values.shape)
 
-        result = _flow_channels(cut, cut_values, settings, partial(average_corners, cut), keep)
+        result = _sharpened(cut, cut_values, settings, partial(average_corners, cut), keep)
+        if result is None:
+            return given.copy()
+        weights = _times_amount(weights, settings.amount, mesh.vertex_count)
         corner_weights = None if weights is None else weights[mesh.faces.reshape(-1)]
         with phase(1.0, 1.0, "Sharpening"):
             mixed = like(own, values, result, corner_weights)
@@ -171,24 +174,74 @@ def sharpen_corner_signal(
 Gather = Callable[[Floats, Floats], Floats]
 
 
-def _flow_channels(
+def _sharpened(
     mesh: TriangleMesh, values: Floats, settings: ShockSettings, gather: Gather, finish: Gather
-) -> Floats:
+) -> Floats | None:
     # `gather` makes vertex values of what the corners' traces read, between steps; `finish`
-    # makes the result.
+    # makes the result. None: it is sharp already.
+    if not settings.by_width:
+        flow = partial(_flow_together, mesh, settings, gather, finish)
+        return _by_channels(values, settings, flow)
+    borders = borders_of(mesh, values) if settings.width == 0 else None
+    width = counted_width(settings.width, borders.width if borders else 0.0)
+    if width == 0:
+        return None
+    noise = borders.noise if borders else noise_of(mesh, values)
+    plan = plan_of(settings.what, width, noise, settings.smoothing_passes)
+    with phase(0.2, 1.0, "Sharpening"):
+        return _by_channels(values, settings, partial(_by_plan, mesh, plan, settings, finish))
+
+
+def _times_amount(weights: Floats | None, amount: float, count: int) -> Floats | None:
+    if amount == 1.0:
+        return weights
+    return np.full(count, amount) if weights is None else amount * weights
+
+
+def _by_channels(
+    values: Floats, settings: ShockSettings, function: Callable[[Floats], Floats]
+) -> Floats:
     if settings.channels != "independent":
-        return _flow_together(mesh, values, settings, gather, finish)
+        return function(values)
     columns = []
     count = values.shape[1]
     for j in range(count):
         with phase(j / count, (j + 1) / count, "Sharpening"):
-            column = np.ascontiguousarray(values[:, j : j + 1])
-            columns.append(_flow_together(mesh, column, settings, gather, finish))
+            columns.append(function(np.ascontiguousarray(values[:, j : j + 1])))
     return np.concatenate(columns, axis=1)
 
 
+def _by_plan(
+    mesh: TriangleMesh, plan: Plan, settings: ShockSettings, finish: Gather, values: Floats
+) -> Floats:
+    with phase(0.0, 0.2, "Sharpening"):
+        smooth = diffused(mesh, values, plan.blur)
+        low, high = nearby_range(mesh, values, plan.limit)
+        unsharp = limited_unsharp(plan, values, smooth, low, high)
+    source = unsharp if plan.unsharp_first else values
+    corners = mesh.faces.reshape(-1)
+    if plan.square > 0:
+        guide = luminance(source) if settings.channels == "luminance" else source
+        with phase(0.2, 0.4, "Measuring borders"):
+            contrasts = local_contrast(mesh, guide, plan.presmooth, plan.reach)
+        with phase(0.4, 0.5, "Computing the flow"):
+            potential = flow_potential(mesh, guide, plan.passes)
+        with phase(0.5, 1.0, "Tracing flow-lines"):
+            points, coordinates = corner_offsets(mesh)
+            times = flow_times(plan, contrasts)[corners]
+            trace(mesh, potential, times, points, coordinates)
+        read = read_points(mesh, source, points, coordinates, settings.sampling == "nearest")
+    else:
+        read = source[corners]
+    with phase(1.0, 1.0, "Sharpening"):
+        flowed = finish(read, source)
+        if plan.unsharp_first:
+            return flowed
+        return blended(plan, finish(unsharp[corners], unsharp), flowed)
+
+
 def _flow_together(
-    mesh: TriangleMesh, values: Floats, settings: ShockSettings, gather: Gather, finish: Gather
+    mesh: TriangleMesh, settings: ShockSettings, gather: Gather, finish: Gather, values: Floats
 ) -> Floats:
     nearest = settings.sampling == "nearest"
     durations = step_durations(settings)
