@@ -147,9 +147,7 @@ def nearby_range(mesh: TriangleMesh, values: Floats, distance: float) -> tuple[F
     return low, high
 
 
-def local_contrast(
-    mesh: TriangleMesh, values: Floats, presmooth: float, reach: float
-) -> Floats:
+def local_contrast(mesh: TriangleMesh, values: Floats, presmooth: float, reach: float) -> Floats:
     """How far apart values lie within a reach of each vertex, all channels together: (n,).
 
     Parameters
@@ -177,7 +175,7 @@ def diffused(mesh: TriangleMesh, values: Floats, sigma: float) -> Floats:
     (the method of Meyer, Balsara and Aslam, 2014, for long steps of diffusion).
     """
     passes = sigma * sigma / _SPREAD
-    cycles = _CYCLES if passes > _CYCLES else 1
+    cycles = max(min(math.ceil(passes), _CYCLES), 1)
     terms = max(math.ceil(math.sqrt(2.0 * passes / cycles + 0.25) - 0.5), 1)
     share = 2.0 * passes / cycles / (terms * terms + terms)
     total = cycles * terms
