@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
@@ -16,6 +14,7 @@ from ..grid.channels import Channels, channel_groups
 from ..grid.pixels import copied, mix
 from ..grid.potential import image_potential
 from ..settings import ImageSettings
+from .images_by_width import sharpen_by_width
 from .signals import step_durations
 
 
@@ -76,8 +75,6 @@ def sharpen_image(
     with reporting(progress):
         given = checked_image(image)
         settings = settings or ImageSettings()
-        if settings.by_width:
-            settings = replace(settings, time=16.0)
         result = checked_out(out, given)
         weights = checked_weights(mask, given)
         pixels = given.reshape(*given.shape[:2], -1)
@@ -88,10 +85,16 @@ def sharpen_image(
         if settings.is_neutral:
             return result
         _sharpen_into(target, pixels, settings)
-        if weights is not None:
+        if weights is not None or settings.amount < 1.0:
             with phase(1.0, 1.0, "Sharpening"):
-                mix(pixels, weights, target)
+                mix(pixels, _times_amount(weights, settings.amount, pixels), target)
     return result
+
+
+def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArray) -> npt.NDArray:
+    if weights is None:
+        return np.broadcast_to(np.float64(amount), pixels.shape[:2])
+    return weights if amount == 1.0 else weights * amount
 
 
 def _sharpen_into(target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings) -> None:
@@ -125,6 +128,9 @@ def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
 def _flow_channels(
     pixels: npt.NDArray, channels: Channels, settings: ImageSettings, target: npt.NDArray
 ) -> None:
+    if settings.by_width:
+        sharpen_by_width(pixels, channels, settings, target)
+        return
     scale = SCALES[pixels.dtype.name]
     nearest = settings.sampling == "nearest"
     passes = settings.smoothing_passes

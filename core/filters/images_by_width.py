@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sharpening of images by the width of their borders; see `dials`.
+
+Contrasts and the unsharp part are computed in bands of rows, on threads, with as many rows around
+them as windows reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import BAND, SCALES
+from ..base.parallel import blocks, run
+from ..base.progress import aside, phase
+from ..grid.advect import advect_pixels
+from ..grid.borders import Borders, guide_planes, is_drawing, measure_borders
+from ..grid.channels import Channels
+from ..grid.potential import image_potential
+from ..grid.windows import Plane, gaussian, least_and_greatest, smooth
+from ..settings import ImageSettings
+from .dials import Plan, blended, contrast, counted_width, flow_times, limited_unsharp, plan_of
+
+_FEWEST_ROWS = 64
+
+
+def measured(
+    pixels: npt.NDArray, channels: Channels, settings: ImageSettings
+) -> tuple[str, float, Borders]:
+    """Find out What and Width where they are not given; a width of 0: nothing is to be done.
+
+    Parameters
+    ----------
+    pixels : (h, w, c) array
+    channels : Channels
+    settings : ImageSettings
+    """
+    found = measure_borders(pixels, SCALES[pixels.dtype.name], channels)
+    what = settings.what
+    if what == "auto":
+        scale = SCALES[pixels.dtype.name]
+        what = "drawing" if is_drawing(pixels, scale, channels, found) else "photo"
+    return what, counted_width(settings.width, found.width), found
+
+
+def sharpen_by_width(
+    pixels: npt.NDArray, channels: Channels, settings: ImageSettings, target: npt.NDArray
+) -> None:
+    """Sharpen some channels of an image into `target`, which holds a copy of the image."""
+    with aside("Measuring borders"):
+        what, width, found = measured(pixels, channels, settings)
+    if width == 0:
+        return
+    plan = plan_of(what, width, found.noise, settings.smoothing_passes)
+    nearest = settings.sampling == "nearest"
+    if plan.unsharp_first:
+        sharp = _floats(pixels)
+        with phase(0.0, 0.2, "Sharpening"):
+            _unsharp(pixels, channels, plan, lambda rows, c, values: _put(sharp, rows, c, values))
+        with phase(0.2, 1.0, "Sharpening"):
+            _flow(sharp, SCALES[pixels.dtype.name], channels, plan, nearest, target)
+        return
+    flowed = _floats(pixels)
+    with phase(0.0, 0.8, "Sharpening"):
+        if plan.square > 0:
+            _flow(pixels, SCALES[pixels.dtype.name], channels, plan, nearest, flowed)
+
+    def mix(rows: slice, c: int, values: Plane) -> None:
+        mixed = blended(plan, values, flowed[rows, :, c])
+        _put(target, rows, c, mixed)
+
+    with phase(0.8, 1.0, "Sharpening"):
+        _unsharp(pixels, channels, plan, mix)
+
+
+def _floats(pixels: npt.NDArray) -> npt.NDArray:
+    copy = np.empty(pixels.shape, np.float64 if pixels.dtype == np.float64 else np.float32)
+    with aside("Sharpening"):
+        for band in blocks(len(pixels), BAND):
+            copy[band] = pixels[band]
+    return copy
+
+
+def _put(target: npt.NDArray, rows: slice, channel: int, values: npt.NDArray) -> None:
+    target[rows, :, channel] = np.rint(values) if target.dtype.kind == "u" else values
+
+
+def _flow(
+    pixels: npt.NDArray,
+    scale: float,
+    channels: Channels,
+    plan: Plan,
+    nearest: bool,
+    target: npt.NDArray,
+) -> None:
+    with phase(0.0, 0.2, "Computing the flow"):
+        times = _times(pixels, scale, channels, plan)
+    with phase(0.2, 0.3, "Computing the flow"):
+        potential = image_potential(pixels, scale, channels, plan.passes)
+    with phase(0.3, 1.0, "Tracing flow-lines"):
+        advect_pixels(pixels, channels, potential, times, target, nearest=nearest)
+
+
+def _times(
+    pixels: npt.NDArray, scale: float, channels: Channels, plan: Plan
+) -> npt.NDArray[np.float32]:
+    before, after = gaussian(plan.presmooth), gaussian(plan.reach / 2.0)
+    reach = round(plan.reach)
+    halo = len(before) + reach + len(after)
+    times = np.empty(pixels.shape[:2], np.float32)
+
+    def fill(start: int, stop: int) -> None:
+        first = max(start - halo, 0)
+        planes = guide_planes(pixels, scale, channels, slice(first, stop + halo))
+        low = np.stack([smooth(plane, before) for plane in planes])
+        high = low.copy()
+        for least, greatest in zip(low, high, strict=True):
+            least_and_greatest(least, greatest, reach)
+        around = smooth(contrast(np.moveaxis(low, 0, -1), np.moveaxis(high, 0, -1)), after)
+        times[start:stop] = flow_times(plan, around[start - first : stop - first])
+
+    run(fill, len(pixels), chunk=max(_FEWEST_ROWS, halo))
+    return times
+
+
+def _unsharp(
+    pixels: npt.NDArray,
+    channels: Channels,
+    plan: Plan,
+    put: Callable[[slice, int, Plane], None],
+) -> None:
+    # Hands the result to ``put(rows, channel, values)``, in the image's range.
+    weights = gaussian(plan.blur)
+    reach = int(np.ceil(plan.limit))
+    halo = max(len(weights), reach)
+
+    def fill(start: int, stop: int) -> None:
+        first = max(start - halo, 0)
+        part = pixels[first : stop + halo]
+        inner = slice(start - first, stop - first)
+        opacity = None
+        if channels.alpha >= 0:
+            opacity = np.ascontiguousarray(part[..., channels.alpha], dtype=np.float32)
+            spread = smooth(opacity, weights)
+        for c in range(channels.start, channels.stop):
+            values = np.ascontiguousarray(part[..., c], dtype=np.float32)
+            low, high = values.copy(), values.copy()
+            if opacity is None:
+                smoothed = smooth(values, weights)
+            else:
+                smoothed = smooth(values * opacity, weights)
+                np.divide(smoothed, spread, out=smoothed, where=spread > 0)
+                low[opacity == 0], high[opacity == 0] = np.inf, -np.inf
+            least_and_greatest(low, high, reach)
+            sharp = limited_unsharp(plan, values, smoothed, low, high)
+            if opacity is not None:
+                np.copyto(sharp, values, where=opacity == 0)
+            put(slice(start, stop), c, sharp[inner])
+
+    run(fill, len(pixels), chunk=max(_FEWEST_ROWS, halo))
