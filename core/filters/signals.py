@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of colors and other signals on meshes (paper A, sections 3 and 4)."""
+"""Sharpening of colors and other signals on meshes (paper A, sections 3 and 4).
+
+Where Width says how far values flow, `dials` says for how long; that is not in the paper.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +42,9 @@ def sharpen_vertex_signal(
     ----------
     mesh : TriangleMesh
     signal : (n,) or (n, d) array of float32 or float64
-        Any number of channels; times are meant for values in [0, 1].
+        Any number of channels; times and contrasts are meant for values in [0, 1].
     settings : ShockSettings, optional
+        By default the width of the borders is measured, and they are closed.
     mask : (n,) array of float in [0, 1], optional
         1 sharpens fully, less mixes with the input, 0 keeps it bit for bit.
     progress : callable, optional
@@ -49,7 +53,8 @@ def sharpen_vertex_signal(
     Returns
     -------
     array like `signal`
-        Within the input's range. A time of 0 returns the input bit for bit.
+        Within the input's range. A time or an amount of 0, and borders that are sharp already,
+        return the input bit for bit.
 
     Raises
     ------
@@ -74,9 +79,15 @@ def sharpen_vertex_signal(
     >>> faces = np.concatenate([first + [0, 9, 10], first + [0, 10, 1]])
     >>> mesh = core.TriangleMesh(vertices, faces)
     >>> colors = 1 / (1 + np.exp(4.0 - vertices[:, :1]))
-    >>> sharp = core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(time=300.0))
+    >>> sharp = core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(width=4.0))
     >>> steepest = [np.ptp(c[mesh.faces], axis=1).max() for c in (colors, sharp)]
-    >>> bool(steepest[1] > 1.5 * steepest[0])
+    >>> bool(steepest[1] > 2.0 * steepest[0])
+    True
+
+    With a time, this is the filter of the paper.
+
+    >>> sharp = core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(time=300.0))
+    >>> bool(np.ptp(sharp[mesh.faces], axis=1).max() > 1.5 * steepest[0])
     True
     """
     with reporting(progress):
@@ -88,6 +99,7 @@ def sharpen_vertex_signal(
             return given.copy()
         average = partial(average_corners, mesh)
         result = _sharpened(mesh, values, settings, average, average)
+        _tell_widths(mesh, values, settings, result)
         if result is None:
             return given.copy()
         weights = _times_amount(weights, settings.amount, len(values))
@@ -121,7 +133,7 @@ def sharpen_corner_signal(
     Returns
     -------
     array like `signal`
-        Within the input's range. A time of 0 returns the input bit for bit.
+        Within the input's range; unchanged where `sharpen_vertex_signal` changes nothing.
 
     Raises
     ------
@@ -155,13 +167,17 @@ def sharpen_corner_signal(
             settings = settings or ShockSettings()
             if settings.is_neutral:
                 return given.copy()
-            cut, cut_values = kept(mesh, "cut", (own,), lambda: split_at_jumps(mesh, values))
+            cut, cut_values = _cut_at_jumps(mesh, own)
 
-        def keep(corner_values: Floats, old: Floats) -> Floats:
+        def turn(corner_values: Floats) -> Floats:
             rows = corner_values.reshape(mesh.face_count, 3, -1)
             return cut.own_corners(rows).reshape(corner_values.shape)
 
+        def keep(corner_values: Floats, old: Floats) -> Floats:
+            return turn(corner_values)
+
         result = _sharpened(cut, cut_values, settings, partial(average_corners, cut), keep)
+        _tell_widths(cut, cut_values, settings, None if result is None else merge(result))
         if result is None:
             return given.copy()
         weights = _times_amount(weights, settings.amount, mesh.vertex_count)
@@ -169,6 +185,29 @@ def sharpen_corner_signal(
         with phase(1.0, 1.0, "Sharpening"):
             mixed = like(own, values, result, corner_weights)
             return from_own_corners(mesh, mixed, given)
+
+
+def width_to_close(mesh: TriangleMesh, signal: npt.NDArray) -> float:
+    """Return the width that counts where none is given; 0 if nothing is to be done.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (n, d) or (m, 3, d) array of float
+        At vertices or corners.
+    """
+    if signal.ndim == 2:
+        borders = borders_of(mesh, checked_signal(signal, mesh.vertex_count))
+    else:
+        borders = borders_of(*_cut_at_jumps(mesh, to_own_corners(mesh, signal)))
+    return counted_width(0.0, borders.width)
+
+
+def _cut_at_jumps(mesh: TriangleMesh, own: npt.NDArray) -> tuple[TriangleMesh, Floats]:
+    def split() -> tuple[TriangleMesh, Floats]:
+        return split_at_jumps(mesh, checked_signal(own, 3 * mesh.face_count))
+
+    return kept(mesh, "cut", (own,), split)
 
 
 Gather = Callable[[Floats, Floats], Floats]

@@ -59,14 +59,14 @@ class Borders(NamedTuple):
     ----------
     width : float
         The typical one, from 10 to 90 percent of its contrast; 0 if there are no borders.
-    count : int
-        Vertices that told it.
+    seen : int
+        Places that told it.
     noise : float
         Standard deviation of the noise in each channel.
     """
 
     width: float
-    count: int
+    seen: int
     noise: float
 
 
@@ -99,7 +99,7 @@ def _measured(mesh: TriangleMesh, values: Floats) -> Borders:
         strong = contrasts > max(_LEAST, _STRAY * noise)
         widths = _WIDTH_OF_SIGMA * np.sqrt(spread * np.maximum(passes - 0.5, 0.0))[strong]
         if len(widths) < _FEWEST:
-            return Borders(0.0, len(widths), noise)
+            return Borders(0.0, 0, noise)
         order = np.argsort(widths)
         total = np.cumsum(contrasts[strong][order])
         width = np.interp(_QUANTILE * total[-1], total, widths[order])
@@ -207,16 +207,16 @@ def _measure_spread(start, stop, vertices, ring_start, ring, weights, out):
 def _widen_range(start, stop, ring_start, ring, low, high, new_low, new_high):
     last = low.shape[1] - 1
     for v in range(start, stop):
-        for j in range(0, last + 1, 3):  # three by three, which is faster
-            k, l = min(j + 1, last), min(j + 2, last)
-            a, b, c = low[v, j], low[v, k], low[v, l]
-            p, q, r = high[v, j], high[v, k], high[v, l]
-            for i in range(ring_start[v], ring_start[v + 1]):
-                u = ring[i]
-                a, b, c = min(a, low[u, j]), min(b, low[u, k]), min(c, low[u, l])
-                p, q, r = max(p, high[u, j]), max(q, high[u, k]), max(r, high[u, l])
-            new_low[v, j], new_low[v, k], new_low[v, l] = a, b, c
-            new_high[v, j], new_high[v, k], new_high[v, l] = p, q, r
+        for first in range(0, last + 1, 3):  # three by three, which is faster
+            i, j, k = first, min(first + 1, last), min(first + 2, last)
+            a, b, c = low[v, i], low[v, j], low[v, k]
+            p, q, r = high[v, i], high[v, j], high[v, k]
+            for place in range(ring_start[v], ring_start[v + 1]):
+                u = ring[place]
+                a, b, c = min(a, low[u, i]), min(b, low[u, j]), min(c, low[u, k])
+                p, q, r = max(p, high[u, i]), max(q, high[u, j]), max(r, high[u, k])
+            new_low[v, i], new_low[v, j], new_low[v, k] = a, b, c
+            new_high[v, i], new_high[v, j], new_high[v, k] = p, q, r
 
 
 @kernel
