@@ -24,6 +24,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..base.findings import tell
+
 WIDTH_OF_SIGMA = 2.5631
 """From 10 to 90 percent of a border that a Gaussian of sigma 1 has blurred."""
 
@@ -140,6 +142,29 @@ def limited_unsharp(
 def blended(plan: Plan, unsharp: npt.NDArray, flowed: npt.NDArray) -> npt.NDArray:
     """Mix the results of both parts."""
     return unsharp + plan.share * (flowed - unsharp)
+
+
+def tell_widths(unit: str, width: float, count: int, result: float | None) -> None:
+    """Say, for reports, how wide borders were and are; see `base.findings`.
+
+    Parameters
+    ----------
+    unit : str
+        Of lengths: "pixels", "texels" or "edge lengths".
+    width : float
+        As measured.
+    count : int
+        How many borders were found.
+    result : float or None
+        The width in the result; None if nothing was to be done.
+    """
+    if not count:
+        tell("No borders were found; give a Width.")
+    elif result is None:
+        tell(f"Already sharp: borders {{width:.1f}} {unit} wide.", width=width)
+    else:
+        text = f"Borders {{width:.1f}} {unit} wide, closed to {{result:.1f}}."
+        tell(text, width=width, result=result)
 
 
 def counted_width(width: float, measured: float) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import BAND, SCALES
+from ..base.findings import is_gathered
 from ..base.parallel import blocks, run
 from ..base.progress import aside, phase
 from ..grid.advect import advect_pixels
@@ -21,7 +22,16 @@ from ..grid.channels import Channels
 from ..grid.potential import image_potential
 from ..grid.windows import Plane, gaussian, least_and_greatest, smooth
 from ..settings import ImageSettings
-from .dials import Plan, blended, contrast, counted_width, flow_times, limited_unsharp, plan_of
+from .dials import (
+    Plan,
+    blended,
+    contrast,
+    counted_width,
+    flow_times,
+    limited_unsharp,
+    plan_of,
+    tell_widths,
+)
 
 _FEWEST_ROWS = 64
 
@@ -51,9 +61,25 @@ def sharpen_by_width(
     """Sharpen some channels of an image into `target`, which holds a copy of the image."""
     with aside("Measuring borders"):
         what, width, found = measured(pixels, channels, settings)
-    if width == 0:
-        return
-    plan = plan_of(what, width, found.noise, settings.smoothing_passes)
+    if width > 0:
+        plan = plan_of(what, width, found.noise, settings.smoothing_passes)
+        _follow(plan, pixels, channels, settings, target)
+    if settings.width == 0 and channels.start == 0 and is_gathered():
+        result = None
+        if width > 0:
+            with aside("Measuring borders"):
+                scale = SCALES[pixels.dtype.name]
+                result = measure_borders(target, scale, channels, roughly=True).width
+        tell_widths("pixels", found.width, found.count, result)
+
+
+def _follow(
+    plan: Plan,
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings,
+    target: npt.NDArray,
+) -> None:
     nearest = settings.sampling == "nearest"
     if plan.unsharp_first:
         sharp = _floats(pixels)
