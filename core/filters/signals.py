@@ -14,19 +14,28 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import checked_mask, checked_signal, checked_type
+from ..base.findings import is_gathered
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, ask, phase, reporting
 from ..errors import InvalidSignal
 from ..flow.advect import average_corners, read_points
-from ..flow.borders import borders_of, diffused, local_contrast, nearby_range, noise_of
+from ..flow.borders import borders_of, diffused, local_contrast, measured, nearby_range, noise_of
 from ..flow.potential import flow_potential
 from ..flow.trace import corner_offsets, trace
 from ..grid.channels import brightness_weights
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mesh.weld import split_at_jumps
 from ..settings import ShockSettings
-from .dials import Plan, blended, counted_width, flow_times, limited_unsharp, plan_of
+from .dials import (
+    Plan,
+    blended,
+    counted_width,
+    flow_times,
+    limited_unsharp,
+    plan_of,
+    tell_widths,
+)
 
 
 def sharpen_vertex_signal(
@@ -99,7 +108,8 @@ def sharpen_vertex_signal(
             return given.copy()
         average = partial(average_corners, mesh)
         result = _sharpened(mesh, values, settings, average, average)
-        _tell_widths(mesh, values, settings, result)
+        if _is_measured(settings):
+            _tell_widths(mesh, values, result)
         if result is None:
             return given.copy()
         weights = _times_amount(weights, settings.amount, len(values))
@@ -177,7 +187,9 @@ def sharpen_corner_signal(
             return turn(corner_values)
 
         result = _sharpened(cut, cut_values, settings, partial(average_corners, cut), keep)
-        _tell_widths(cut, cut_values, settings, None if result is None else merge(result))
+        if _is_measured(settings):
+            merged = result if result is None else average_corners(cut, turn(result), cut_values)
+            _tell_widths(cut, cut_values, merged)
         if result is None:
             return given.copy()
         weights = _times_amount(weights, settings.amount, mesh.vertex_count)
@@ -229,6 +241,17 @@ def _sharpened(
     plan = plan_of(settings.what, width, noise, settings.smoothing_passes)
     with phase(0.2, 1.0, "Sharpening"):
         return _by_channels(values, settings, partial(_by_plan, mesh, plan, settings, finish))
+
+
+def _is_measured(settings: ShockSettings) -> bool:
+    return settings.by_width and settings.width == 0 and is_gathered()
+
+
+def _tell_widths(mesh: TriangleMesh, values: Floats, result: Floats | None) -> None:
+    with aside("Measuring borders"):
+        found = borders_of(mesh, values)
+        closed = None if result is None else measured(mesh, result).width
+    tell_widths("edge lengths", found.width, found.seen, closed)
 
 
 def _times_amount(weights: Floats | None, amount: float, count: int) -> Floats | None:

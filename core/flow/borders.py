@@ -71,16 +71,17 @@ class Borders(NamedTuple):
 
 
 def borders_of(mesh: TriangleMesh, values: Floats) -> Borders:
+    """Do what `measured` does, and keep it with the mesh."""
+    return kept(mesh, "borders", (values,), lambda: measured(mesh, values))
+
+
+def measured(mesh: TriangleMesh, values: Floats) -> Borders:
     """Measure how wide the borders in a signal (n, d) are, and its noise.
 
     Where a Gaussian has blurred a step, smoothing makes the slope the gentler the sharper it was:
     with R the squared ratio of slopes after 2 and 8 passes, the variance is that of
     (8 - 2 R) / (R - 1) passes. Read where the slope is greatest around.
     """
-    return kept(mesh, "borders", (values,), lambda: _measured(mesh, values))
-
-
-def _measured(mesh: TriangleMesh, values: Floats) -> Borders:
     with phase(0.0, 0.3, _MEASURING):
         noise = noise_of(mesh, values)
         near = smooth_vertices(mesh, values, _NEAR)

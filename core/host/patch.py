@@ -61,7 +61,8 @@ class Patch:
     def _scaled(self, settings: Any) -> Any:
         if isinstance(settings, ShockSettings) and settings.by_width and settings.width == 0:
             width = self.width()
-            settings = replace(settings, **({"width": width} if width else {"amount": 0.0}))
+            nothing = replace(settings, amount=0.0)
+            settings = replace(settings, width=width) if width > 0 else nothing
         new = {
             name: getattr(settings, name) * self.lengths**about.length_power
             for name, (_, _, about) in describe(type(settings)).items()

@@ -2,12 +2,14 @@
 """What, Width and Amount of colors on meshes."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from scipy.special import erf
 from shapes import fan, grid, icosphere, rotation, shuffled
 from shock_filter import core
+from shock_filter.core.base.findings import gathering
 from shock_filter.core.flow import advect, borders, potential, trace
 from shock_filter.core.mesh import calculus
 
@@ -227,6 +229,26 @@ def test_jumps_between_corners_stay_and_nothing_flows_across(what):
     rising = np.ptp(out, axis=1).max() / np.ptp(corners, axis=1).max()
     assert rising > (1.8 if what == "drawing" else 1.3)
     assert np.allclose(out[right].mean() - out[~right].mean(), 0.6, atol=0.01)
+
+
+def test_reports_say_how_wide_borders_were_and_are(striped, meridian):
+    def said(run):
+        with gathering() as findings:
+            run()
+        return [str(finding) for finding in findings]
+
+    mesh, hard, soft = striped
+    text = said(lambda: sharpened(meridian.mesh, meridian.border(5.0)))
+    widths = re.fullmatch(r"Borders (.*) edge lengths wide, closed to (.*)\.", *text).groups()
+    assert float(widths[0]) == pytest.approx(5.0, rel=0.12)
+    assert float(widths[1]) < 2.0
+    text = said(lambda: core.sharpen_corner_signal(mesh, soft[mesh.faces]))
+    widths = re.fullmatch(r"Borders (.*) edge lengths wide, closed to (.*)\.", *text).groups()
+    assert float(widths[0]) == pytest.approx(3.0, rel=0.2)
+    assert float(widths[1]) < 2.0
+    assert said(lambda: sharpened(mesh, hard))[0].startswith("Already sharp")
+    assert said(lambda: sharpened(mesh, 0 * hard)) == ["No borders were found; give a Width."]
+    assert not said(lambda: sharpened(mesh, soft, time=16.0))
 
 
 def soups():
