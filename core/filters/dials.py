@@ -35,6 +35,7 @@ SHARP = 1.6
 WIDEST = 16.0
 """Most that a measured width counts: what is wider was meant to be soft."""
 
+_DRAWING, _PHOTO = (2.5, 0.6), (2.0, 1.0)  # times the unsharp difference, widths that flow
 _RATE = 0.7  # the time in which a border of contrast 1 closes, over its width to the power of 4
 _CELLS = 3.0  # what a grid's own coarseness adds to squared widths
 _FAINT = 0.02  # contrast below which nothing is a border
@@ -101,7 +102,8 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Pla
     if noise > _LIGHT_NOISE and width >= _WIDE:
         passes = max(passes, 2)
     own = 0.0 if drawing or noise >= _LIGHT_NOISE else _PHOTO_OWN
-    flow = 0.8 * width if drawing else width
+    unsharp, flowing = _DRAWING if drawing else _PHOTO
+    flow = flowing * width
     square = max(flow * flow - own * own, 0.0)
     if square > 0:
         square += _CELLS * square / (square + _CELLS) + max(passes - 1, 0)
@@ -109,7 +111,7 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Pla
     fade = 1.0 + (noise / _FADES[what]) ** 2
     return Plan(
         blur=width / WIDTH_OF_SIGMA,
-        unsharp=(1.5 if drawing else 2.0) / fade,
+        unsharp=unsharp / fade,
         limit=width / 2.0,
         unsharp_first=drawing,
         share=1.0 if drawing else 0.5,
@@ -119,6 +121,12 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Pla
         reach=max(2.0, 1.2 * flow),
         faint=max(_FAINT, _STRAY * noise / max(1.0, 2.5 * sigma)),
     )
+
+
+def flow_only(plan: Plan, width: float) -> Plan:
+    """Leave the unsharp part out of a plan, for directions, which cannot be added up."""
+    plain = plan_of("photo", width, 0.0, plan.passes)
+    return plain._replace(unsharp=0.0, share=1.0, faint=plan.faint)
 
 
 def contrast(low: npt.NDArray, high: npt.NDArray) -> npt.NDArray:

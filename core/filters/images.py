@@ -14,7 +14,7 @@ from ..grid.channels import Channels, channel_groups
 from ..grid.pixels import copied, mix
 from ..grid.potential import image_potential
 from ..settings import ImageSettings
-from .images_by_width import sharpen_by_width
+from .images_by_width import Measured, measured, sharpen_by_width
 from .signals import step_durations
 
 
@@ -25,6 +25,7 @@ def sharpen_image(
     progress: ProgressCallback | None = None,
     *,
     out: npt.NDArray | None = None,
+    known: Measured | None = None,
 ) -> npt.NDArray:
     """Sharpen an image: values flow along u = grad(|grad I|^2) / 2 towards the edges.
 
@@ -40,6 +41,8 @@ def sharpen_image(
         ``progress(fraction, message) -> bool``; False cancels.
     out : array like `image`, optional
         Where the result goes; may be mapped from disk. Left undefined on an error.
+    known : Measured, optional
+        What `measure_image` found in a larger image that this is a part of.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def sharpen_image(
                 target[band] = pixels[band]
         if settings.is_neutral:
             return result
-        _sharpen_into(target, pixels, settings)
+        _sharpen_into(target, pixels, settings, known)
         if weights is not None or settings.amount < 1.0:
             with phase(1.0, 1.0, "Sharpening"):
                 mix(pixels, _times_amount(weights, settings.amount, pixels), target)
@@ -97,7 +100,40 @@ def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArra
     return weights if amount == 1.0 else weights * amount
 
 
-def _sharpen_into(target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings) -> None:
+def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -> Measured:
+    """Measure what `sharpen_image` goes by: What, Width and noise.
+
+    Parameters
+    ----------
+    image : array
+        As in `sharpen_image`.
+    settings : ImageSettings, optional
+        What they say is not measured.
+
+    Returns
+    -------
+    Measured
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.ndimage import gaussian_filter
+    >>> from shock_filter.core.filters.images import measure_image
+    >>> image = gaussian_filter(np.kron(np.eye(8), np.ones((16, 16))), 2.0)
+    >>> found = measure_image(image)
+    >>> found.what, round(found.width)
+    ('drawing', 5)
+    """
+    given = checked_image(image)
+    settings = settings or ImageSettings()
+    pixels = given.reshape(*given.shape[:2], -1)
+    channels = channel_groups(pixels.shape[2], settings)[0]
+    return measured(_opacity_in_range(pixels, channels.alpha), channels, settings)
+
+
+def _sharpen_into(
+    target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings, known: Measured | None
+) -> None:
     # `target` holds a copy of the pixels.
     thin = min(pixels.shape[:2]) < 2
     if thin:  # a line of pixels is widened to have cells
@@ -108,7 +144,10 @@ def _sharpen_into(target: npt.NDArray, pixels: npt.NDArray, settings: ImageSetti
     pixels = _opacity_in_range(pixels, groups[0].alpha)
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
-            _flow_channels(pixels, channels, settings, widened)
+            if settings.by_width:
+                sharpen_by_width(pixels, channels, settings, widened, known)
+            else:
+                _flow_channels(pixels, channels, settings, widened)
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
 
@@ -128,9 +167,6 @@ def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
 def _flow_channels(
     pixels: npt.NDArray, channels: Channels, settings: ImageSettings, target: npt.NDArray
 ) -> None:
-    if settings.by_width:
-        sharpen_by_width(pixels, channels, settings, target)
-        return
     scale = SCALES[pixels.dtype.name]
     nearest = settings.sampling == "nearest"
     passes = settings.smoothing_passes

@@ -8,6 +8,7 @@ them as windows reach.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -36,10 +37,25 @@ from .dials import (
 _FEWEST_ROWS = 64
 
 
-def measured(
-    pixels: npt.NDArray, channels: Channels, settings: ImageSettings
-) -> tuple[str, float, Borders]:
-    """Find out What and Width where they are not given; a width of 0: nothing is to be done.
+class Measured(NamedTuple):
+    """What is done to an image, as far as its pixels say it.
+
+    Attributes
+    ----------
+    what : str
+        "drawing" or "photo".
+    width : float
+        Of the borders that are closed; 0: nothing is done.
+    borders : Borders
+    """
+
+    what: str
+    width: float
+    borders: Borders
+
+
+def measured(pixels: npt.NDArray, channels: Channels, settings: ImageSettings) -> Measured:
+    """Find out What and Width where they are not given.
 
     Parameters
     ----------
@@ -47,22 +63,38 @@ def measured(
     channels : Channels
     settings : ImageSettings
     """
-    found = measure_borders(pixels, SCALES[pixels.dtype.name], channels)
+    scale = SCALES[pixels.dtype.name]
+    borders = measure_borders(pixels, scale, channels)
+    width = counted_width(settings.width, borders.width)
     what = settings.what
     if what == "auto":
-        scale = SCALES[pixels.dtype.name]
-        what = "drawing" if is_drawing(pixels, scale, channels, found) else "photo"
-    return what, counted_width(settings.width, found.width), found
+        drawing = width > 0 and is_drawing(pixels, scale, channels, borders)
+        what = "drawing" if drawing else "photo"
+    return Measured(what, width, borders)
 
 
 def sharpen_by_width(
-    pixels: npt.NDArray, channels: Channels, settings: ImageSettings, target: npt.NDArray
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings,
+    target: npt.NDArray,
+    known: Measured | None = None,
 ) -> None:
-    """Sharpen some channels of an image into `target`, which holds a copy of the image."""
+    """Sharpen some channels of an image into `target`, which holds a copy of the image.
+
+    Parameters
+    ----------
+    pixels, target : (h, w, c) array
+    channels : Channels
+    settings : ImageSettings
+    known : Measured, optional
+        Of the image that this is a part of.
+    """
     with aside("Measuring borders"):
-        what, width, found = measured(pixels, channels, settings)
+        found = known or measured(pixels, channels, settings)
+    what, width, borders = found
     if width > 0:
-        plan = plan_of(what, width, found.noise, settings.smoothing_passes)
+        plan = plan_of(what, width, borders.noise, settings.smoothing_passes)
         _follow(plan, pixels, channels, settings, target)
     if settings.width == 0 and channels.start == 0 and is_gathered():
         result = None
@@ -70,7 +102,7 @@ def sharpen_by_width(
             with aside("Measuring borders"):
                 scale = SCALES[pixels.dtype.name]
                 result = measure_borders(target, scale, channels, roughly=True).width
-        tell_widths("pixels", found.width, found.count, result)
+        tell_widths("pixels", borders.width, borders.count, result)
 
 
 def _follow(

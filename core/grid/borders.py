@@ -26,6 +26,7 @@ _MOST_BORDERS = 8000
 _FEWEST_BORDERS = 30
 _REACH = 24  # pixels that a profile is followed each way
 _STEP = 0.5
+_BLURRED = 3  # pixels that smoothing carries values
 _RIM = 4  # pixels from the image's rim where none is looked for
 _RISING = 0.06  # of the greatest slope: where a profile ends
 _CLEAR = 0.08  # contrast of borders that count
@@ -71,7 +72,12 @@ class Borders(NamedTuple):
 
 
 def measure_borders(
-    image: npt.NDArray, scale: float, channels: Channels, *, roughly: bool = False
+    image: npt.NDArray,
+    scale: float,
+    channels: Channels,
+    *,
+    inside: npt.NDArray[np.bool_] | None = None,
+    roughly: bool = False,
 ) -> Borders:
     """Measure an image.
 
@@ -82,37 +88,45 @@ def measure_borders(
         Factor that brings values to [0, 1].
     channels : Channels
         Colors count as much as they are opaque.
+    inside : (h, w) bool, optional
+        What is looked at.
     roughly : bool
         Look at a third of the places.
     """
-    tiles = _tiles(*image.shape[:2])
+    tiles = _tiles(image.shape[:2], inside)
     some = _spread_out(tiles, _FEW_TILES if roughly else _MOST_TILES)
-    found = _measure_tiles(image, scale, channels, some)
+    found = _measure_tiles(image, scale, channels, inside, some)
     if found.count < _FEWEST_BORDERS and len(some) < len(tiles):
-        found = _measure_tiles(image, scale, channels, tiles)
+        found = _measure_tiles(image, scale, channels, inside, tiles)
     return found
 
 
-def is_drawing(image: npt.NDArray, scale: float, channels: Channels, borders: Borders) -> bool:
+def is_drawing(
+    image: npt.NDArray,
+    scale: float,
+    channels: Channels,
+    borders: Borders,
+    inside: npt.NDArray[np.bool_] | None = None,
+) -> bool:
     """Tell drawings from photos: borders are alike, and what lies between them is even.
 
     Parameters
     ----------
-    image, scale, channels
+    image, scale, channels, inside
         As in `measure_borders`.
     borders : Borders
         What was measured there.
     """
     if borders.spread > _ALIKE:
         return False
-    tiles = _spread_out(_tiles(*image.shape[:2]), _FEW_TILES)
+    tiles = _spread_out(_tiles(image.shape[:2], inside), _FEW_TILES)
     counts = np.zeros((len(tiles), 2), dtype=np.int64)
 
     def count(start: int, stop: int) -> None:
         for i in range(start, stop):
             rows, columns = _around(tiles[i], image.shape[:2])
             planes = guide_planes(image, scale, channels, rows, columns)
-            counts[i] = _count_even(planes, borders)
+            counts[i] = _count_even(planes, borders, _seen(inside, rows, columns, planes))
 
     run(count, len(tiles), chunk=1)
     even, between = counts.sum(axis=0)
@@ -135,14 +149,36 @@ def guide_planes(
     return np.ascontiguousarray(planes)
 
 
-def _tiles(height: int, width: int) -> list[tuple[int, int, int, int]]:
-    # First and last row and column of each.
+def _tiles(
+    shape: tuple[int, ...], inside: npt.NDArray[np.bool_] | None
+) -> list[tuple[int, int, int, int]]:
+    # First and last row and column of each that has something inside.
     def cuts(length: int) -> list[tuple[int, int]]:
         count = max(round(length / _TILE), 1)
         places = [length * i // count for i in range(count + 1)]
         return list(itertools.pairwise(places))
 
-    return [(*rows, *columns) for rows in cuts(height) for columns in cuts(width)]
+    return [
+        (*rows, *columns)
+        for rows in cuts(shape[0])
+        for columns in cuts(shape[1])
+        if inside is None or inside[slice(*rows), slice(*columns)].any()
+    ]
+
+
+def _seen(
+    inside: npt.NDArray[np.bool_] | None,
+    rows: slice,
+    columns: slice,
+    planes: npt.NDArray[np.float32],
+) -> npt.NDArray[np.bool_]:
+    # Where nothing outside is near.
+    if inside is None:
+        return np.ones(planes.shape[1:], dtype=np.bool_)
+    high = inside[rows, columns].astype(np.float32)
+    low = high.copy()
+    least_and_greatest(low, high, _BLURRED)
+    return low > 0
 
 
 def _spread_out(
@@ -159,8 +195,12 @@ def _measure_tiles(
     image: npt.NDArray,
     scale: float,
     channels: Channels,
+    inside: npt.NDArray[np.bool_] | None,
     tiles: list[tuple[int, int, int, int]],
 ) -> Borders:
+    if not tiles:
+        return Borders()
+    seen = [np.empty((0, 0), np.bool_)] * len(tiles)
     planes: list[npt.NDArray[np.float32]] = [np.empty((0, 0, 0), np.float32)] * len(tiles)
     noises = np.zeros(len(tiles))
 
@@ -168,13 +208,14 @@ def _measure_tiles(
         for i in range(start, stop):
             rows, columns = _around(tiles[i], image.shape[:2])
             planes[i] = guide_planes(image, scale, channels, rows, columns)
-            noises[i] = _noise(planes[i])
+            seen[i] = _seen(inside, rows, columns, planes[i])
+            noises[i] = _noise(planes[i], seen[i])
 
     run(take, len(tiles), chunk=1)
     noise = float(np.median(noises))
     best = Borders(noise=noise)
     for sigma in _PRESMOOTHED:
-        found = _widths(planes, tiles, image.shape[:2], sigma, noise)
+        found = _widths(planes, seen, tiles, image.shape[:2], sigma, noise)
         if len(found) < _FEWEST_BORDERS:
             continue
         best = _typical(found, sigma, noise)
@@ -191,23 +232,26 @@ def _around(tile: tuple[int, int, int, int], shape: tuple[int, ...]) -> tuple[sl
     return rows, columns
 
 
-def _noise(planes: npt.NDArray[np.float32]) -> float:
+def _noise(planes: npt.NDArray[np.float32], seen: npt.NDArray[np.bool_]) -> float:
     # Immerkaer's mask leaves what is linear; the median leaves what is rare, such as borders.
-    if min(planes.shape[1:]) < 3:
+    inner = seen[1:-1, 1:-1]
+    if not inner.any():
         return 0.0
     found = []
     for plane in planes:
         rows = plane[:-2] - 2.0 * plane[1:-1] + plane[2:]
         both = rows[:, :-2] - 2.0 * rows[:, 1:-1] + rows[:, 2:]
-        found.append(float(np.median(np.abs(both))) / 6.0 / 0.6745)
+        found.append(float(np.median(np.abs(both[inner]))) / 6.0 / 0.6745)
     return float(np.median(found))
 
 
-def _count_even(planes: npt.NDArray[np.float32], borders: Borders) -> tuple[int, int]:
+def _count_even(
+    planes: npt.NDArray[np.float32], borders: Borders, seen: npt.NDArray[np.bool_]
+) -> tuple[int, int]:
     # Pixels whose surroundings are even, and all, of those that lie between borders.
     near = _ranges(planes, 1.0, _NEAR)
     wide = _ranges(planes, 0.7, math.ceil(0.7 * max(borders.width, 1.0)) + 1)
-    between = wide < _BORDER * borders.contrast
+    between = seen & (wide < _BORDER * borders.contrast)
     noise = _SEEN_NOISE * borders.noise * math.sqrt(len(planes))
     even = near < math.hypot(_EVEN * borders.contrast, noise) + _LEVEL
     return int((even & between).sum()), int(between.sum())
@@ -225,6 +269,7 @@ def _ranges(planes: npt.NDArray[np.float32], sigma: float, reach: int) -> Plane:
 
 def _widths(
     planes: list[npt.NDArray[np.float32]],
+    seen: list[npt.NDArray[np.bool_]],
     tiles: list[tuple[int, int, int, int]],
     shape: tuple[int, ...],
     sigma: float,
@@ -247,7 +292,7 @@ def _widths(
                 max(top, _RIM) - rows.start, min(bottom, shape[0] - _RIM) - rows.start,
                 max(left, _RIM) - columns.start, min(right, shape[1] - _RIM) - columns.start,
             )  # fmt: skip
-            candidates[i] = _ridges(smoothed[i], *inside, np.float32(steepness))
+            candidates[i] = _ridges(smoothed[i], seen[i], *inside, np.float32(steepness))
 
     run(find, len(tiles), chunk=1)
     count = sum(map(len, candidates))
@@ -255,10 +300,11 @@ def _widths(
 
     def follow(start: int, stop: int) -> None:
         for i in range(start, stop):
-            found[i] = _profiles(smoothed[i], candidates[i][::every], sigma)
+            found[i] = _profiles(smoothed[i], seen[i], candidates[i][::every], sigma)
 
     run(follow, len(tiles), chunk=1)
-    return np.concatenate(found)
+    together = np.concatenate(found)
+    return together[together[:, 1] > 0]
 
 
 def _typical(found: npt.NDArray[np.float64], sigma: float, noise: float) -> Borders:
@@ -309,7 +355,7 @@ def _slope(planes, y, x):
 
 
 @kernel
-def _ridges(planes, top, bottom, left, right, steepness):
+def _ridges(planes, seen, top, bottom, left, right, steepness):
     """List where the slope is greatest across itself: (n, 5), y, x, direction, slope."""
     height, width = planes.shape[1:]
     slopes = np.empty((height, width), np.float32)
@@ -321,7 +367,7 @@ def _ridges(planes, top, bottom, left, right, steepness):
     for y in range(top, bottom):
         for x in range(left, right):
             slope = slopes[y, x]
-            if slope <= steepness:
+            if slope <= steepness or not seen[y, x]:
                 continue
             _, down, across = _slope(planes, y, x)
             if slope < _between(slopes, y + down, x + across):
@@ -350,8 +396,11 @@ def _between(plane, y, x):
 
 
 @kernel
-def _profiles(planes, ridges, sigma):
-    """Follow the profile through each ridge: (n, 2), width and contrast."""
+def _profiles(planes, seen, ridges, sigma):
+    """Follow the profile through each ridge: (n, 2), width and contrast.
+
+    The contrast is 0 where the profile goes on to what is not seen.
+    """
     steps = int(_REACH / _STEP)
     found = np.empty((len(ridges), 2), np.float64)
     color = np.empty(len(planes), np.float32)
@@ -374,11 +423,21 @@ def _profiles(planes, ridges, sigma):
                     break
                 contrast += rise
                 last = value
+                if not _is_seen(seen, y + place * down, x + place * across):
+                    contrast = -np.inf
+                    break
         square = (_WIDTH_OF_SIGMA * contrast / (np.sqrt(2.0 * np.pi) * slope)) ** 2
         square -= _WIDTH_OF_SIGMA**2 * (sigma * sigma + _CELL)
         found[i, 0] = np.sqrt(max(square, 0.25))
-        found[i, 1] = contrast
+        found[i, 1] = max(contrast, 0.0)
     return found
+
+
+@kernel
+def _is_seen(seen, y, x):
+    row = min(max(int(np.rint(y)), 0), seen.shape[0] - 1)
+    column = min(max(int(np.rint(x)), 0), seen.shape[1] - 1)
+    return seen[row, column]
 
 
 @kernel

@@ -132,7 +132,7 @@ def test_the_image_is_not_touched(begun, float_buffer, packed):
     assert state(photo) == before
     preview.end()
     assert state(photo) == before
-    assert bpy.context.scene.shock_filter.image.time == 16.0
+    assert bpy.context.scene.shock_filter.image.time == -1.0
 
 
 def test_nothing_is_drawn_at_time_0(begun):
