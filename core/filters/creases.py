@@ -26,7 +26,9 @@ from ..mesh.calculus import (
     make_unit,
     smooth_vertices,
 )
+from ..mesh.order import in_good_order
 from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..settings import GeometrySettings
 
 _PULL = 0.3
 """How much a face's own normal counts against the evenness of a patch, in `consistent_normals`."""
@@ -160,6 +162,18 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     radius = np.interp(np.median(width[typical]), *_WIDTHS[::-1]) if typical.any() else 0.0
     faces = (greatest_to_faces(mesh, values) for values in (use, creased, wide))
     return Regions(*faces, float(radius))
+
+
+def vertices_at_creases(mesh: TriangleMesh, settings: GeometrySettings) -> npt.NDArray[np.bool_]:
+    """Tell which vertices lie where the filter closes creases: (n,)."""
+
+    def closed(current: TriangleMesh, _: Floats | None) -> Floats:
+        regions = find_regions(current, settings.widest_fillet)
+        found = np.zeros((current.vertex_count, 1))
+        found[current.faces[(regions.use > 0) & (regions.creased > 0)]] = 1.0
+        return found
+
+    return in_good_order(mesh, closed, None)[:, 0] > 0
 
 
 def tell_creases(regions: Regions) -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
+from ..filters.creases import vertices_at_creases
+from ..settings import GeometrySettings
 from .applying import applied
 from .inputs import MirroredSurface
 from .symmetry import mirror_pairs, symmetrise
@@ -23,11 +25,24 @@ _VISIBLE = 0.02
 
 @dataclass(frozen=True)
 class Reshaped:
-    """New positions, how many vertices moved visibly, and the largest move in mean edge lengths."""
+    """What became of a surface.
+
+    Attributes
+    ----------
+    positions : (n, 3) float32
+    moved : int
+        How many vertices moved visibly.
+    largest_move : float
+        In mean edge lengths.
+    creases : (n,) bool or None
+        Which vertices lie where creases were closed, if only these were to be; None after filters
+        that do not look for creases.
+    """
 
     positions: npt.NDArray[np.float32]
     moved: int
     largest_move: float
+    creases: npt.NDArray[np.bool_] | None = None
 
 
 def filter_shape(
@@ -62,7 +77,14 @@ def filter_shape(
     function = applied(name, settings)
     with reporting(progress):
         part = welded(surface, weld)
-        return placed(surface, part, function(part.mesh, mask=part.mask))
+        shape = placed(surface, part, function(part.mesh, mask=part.mask))
+        if not isinstance(settings, GeometrySettings):
+            return shape
+        with aside("Finding creases"):
+            creases = np.zeros(len(shape.positions), dtype=bool)
+            if settings.where == "creases" and not settings.is_neutral:
+                creases[part.used] = vertices_at_creases(part.mesh, settings)[part.index]
+            return replace(shape, creases=creases)
 
 
 def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Reshaped:

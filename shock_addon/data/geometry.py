@@ -34,7 +34,8 @@ class Place:
     custom_normals : str
         "KEEP", "RECOMPUTE" or "CLEAR".
     sharp_angle : float or None
-        Edges whose faces meet at more than this become sharp; None marks none.
+        Edges whose faces meet at more than this become sharp, after sharpening where creases were
+        closed; None marks none.
     """
 
     output: str
@@ -106,14 +107,25 @@ def write_geometry(
     else:
         shape_keys.write_active(obj, result.positions)
         meshes.write_positions(obj.data, shape_keys.read(obj.data.shape_keys.reference_key))
-    if place.sharp_angle is not None:
-        shading.mark_sharp(obj.data, result.positions, mask, place.sharp_angle)
+    kept_normals = obj.data.has_custom_normals and place.custom_normals == "KEEP"
+    if place.sharp_angle is not None and not kept_normals:  # which lie in fans between marks
+        free = _free(mask, result.creases)
+        shading.mark_sharp(obj.data, result.positions, free, place.sharp_angle)
     obj.data.update()
     if obj.data.has_custom_normals and place.custom_normals == "RECOMPUTE":
         shading.recompute_normals(obj, mask)
     elif obj.data.has_custom_normals and place.custom_normals == "CLEAR":
         shading.clear_normals(obj)
     return obj
+
+
+def _free(
+    mask: npt.NDArray[np.float64] | None, creases: npt.NDArray[np.bool_] | None
+) -> npt.NDArray[np.bool_] | None:
+    # Where marks may be set; None for everywhere.
+    if mask is None:
+        return creases
+    return mask > 0.0 if creases is None else creases & (mask > 0.0)
 
 
 def _source(obj: bpy.types.Object, place: Place) -> npt.NDArray[np.float32]:

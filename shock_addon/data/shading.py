@@ -15,7 +15,7 @@ from .meshes import read_corner_vertices
 def mark_sharp(
     mesh: bpy.types.Mesh,
     positions: npt.NDArray[np.float32],
-    mask: npt.NDArray[np.float64] | None,
+    free: npt.NDArray[np.bool_] | None,
     angle: float,
 ) -> None:
     """Mark edges between faces that meet at more than an angle; marks that are there stay.
@@ -26,22 +26,30 @@ def mark_sharp(
         In Object Mode.
     positions : (n, 3) float32
         Of the shape that counts, which may be a shape key.
-    mask : (n,) float64 or None
-        Edges stay as they are where it is 0 at one of their ends.
+    free : (n,) bool or None
+        Edges stay as they are where it is False at one of their ends.
     angle : float
         In radians.
     """
+    if free is not None and not free.any():
+        return
     corner_edges = arrays.read_attribute(mesh.attributes[".corner_edge"])
     starts = arrays.read(mesh.polygons, "loop_start", dtype=np.int32)
     normals = face_normals(positions, read_corner_vertices(mesh), starts)
     sharp = sharp_edges(normals, starts, corner_edges, len(mesh.edges), angle)
-    if mask is not None:
+    if free is not None:
         ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
-        sharp &= (mask[ends] > 0.0).all(axis=1)
+        sharp &= free[ends].all(axis=1)
     if not sharp.any():
         return
     marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
     arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
+
+
+def has_marks(mesh: bpy.types.Mesh) -> bool:
+    """Whether some edge is marked as sharp."""
+    marks = arrays.find_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
+    return marks is not None and bool(arrays.read_attribute(marks).any())
 
 
 def clear_normals(obj: bpy.types.Object) -> None:

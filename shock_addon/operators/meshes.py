@@ -111,7 +111,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
                 "Custom normals were kept; choose Recompute or Clear if the shading looks wrong."
             )
         )
-    if parameters.mark_sharp and any(_is_flat(obj.data) for obj in objects):
+    if parameters.mark_sharp and any(_hides_marks(obj.data) for obj in objects):
         found.append(pgettext_rpt("Sharp marks show on smooth faces only; use Shade Smooth."))
     for obj in objects if parameters.output == "MESH" else []:
         key = obj.active_shape_key
@@ -123,8 +123,10 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
     return " ".join(found)
 
 
-def _is_flat(mesh: bpy.types.Mesh) -> bool:
-    return not data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
+def _hides_marks(mesh: bpy.types.Mesh) -> bool:
+    # Whether it has edges that are marked as sharp, and is shaded flat.
+    flat = not data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
+    return flat and data.shading.has_marks(mesh)
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:

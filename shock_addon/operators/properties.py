@@ -204,6 +204,13 @@ _PLACES = {
         ],
         default="KEEP",
     ),
+    "geometry mark_sharp": bpy.props.BoolProperty(
+        name="Mark Sharp",
+        description="Afterwards mark the edges of creases that were closed as sharp, where faces"
+        " meet at more than the angle, so that smooth shading breaks there. Needs Where: Creases."
+        " Marks that are there stay",
+        default=True,
+    ),
     "mark_sharp": bpy.props.BoolProperty(
         name="Mark Sharp",
         description="Afterwards mark edges as sharp where faces meet at more than the angle and"

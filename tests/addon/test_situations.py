@@ -564,8 +564,9 @@ def turned(mesh):
 @BOTH
 def test_normals_keep(with_normals, operator, capfd):
     before = turned(with_normals.data)
-    assert operator() == {"FINISHED"}
+    assert operator(mark_sharp=True, sharp_angle=0.0) == {"FINISHED"}
     assert with_normals.data.has_custom_normals
+    assert not sharp_edges(with_normals.data).any()
     np.testing.assert_allclose(turned(with_normals.data), before, atol=6.0)
     assert before.max() > 10
     assert "Custom normals were kept; choose Recompute or Clear" in capfd.readouterr().out
@@ -700,7 +701,7 @@ def test_mark_sharp_borders():
     vertices = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 1, 1)]
     faces = [(0, 1, 2), (1, 0, 3), (2, 1, 4), (1, 2, 5)]
     obj = new_mesh(vertices, faces)
-    sharpen(mark_sharp=True, time=0.0)
+    denoise(mark_sharp=True, time=0.0)
     marks = dict(zip([edge.key for edge in obj.data.edges], sharp_edges(obj.data), strict=True))
     assert marks.pop((0, 1))
     assert not any(marks.values())
@@ -710,8 +711,27 @@ def test_mark_sharp_no_angle():
     # A flat square, and a face without area on one of its edges.
     vertices = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0, 0)]
     obj = new_mesh(vertices, [(0, 1, 2), (0, 2, 3), (1, 0, 4)])
-    sharpen(mark_sharp=True, sharp_angle=0.0, time=0.0)
+    denoise(mark_sharp=True, sharp_angle=0.0, time=0.0)
     assert not sharp_edges(obj.data).any()
+
+
+def test_mark_sharp_creases(rounded_box, select):
+    box, everywhere = rounded_box(), rounded_box()
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24)
+    ball = bpy.context.object
+    assert sharpen() == {"FINISHED"}
+    assert not sharp_edges(ball.data).any()
+    select(everywhere)
+    assert sharpen(where="everywhere") == {"FINISHED"}
+    assert not sharp_edges(everywhere.data).any()
+    select(box)
+    assert sharpen() == {"FINISHED"}
+    marked = edge_vertices(box.data)[sharp_edges(box.data)]
+    assert len(marked) > 50
+    # Near an edge of the box, two coordinates are near their ends.
+    points = np.abs(read_positions(box.data))
+    near = points > 0.9 * points.max(axis=0)
+    assert (near[marked].sum(axis=2) >= 2).all()
 
 
 def test_edge_data(rounded_box):
@@ -727,7 +747,7 @@ def test_edge_data(rounded_box):
     for name, (kind, key, values) in layers.items():
         mesh.attributes.new(name, kind, "EDGE").data.foreach_set(key, values)
     for operator in (sharpen, denoise):
-        operator()
+        operator(mark_sharp=False)
     for name, (_, key, values) in layers.items():
         after = np.empty_like(values)
         mesh.attributes[name].data.foreach_get(key, after)
@@ -748,7 +768,7 @@ def test_other_data(rounded_box):
     mesh.uv_layers.active.uv.foreach_get("vector", uv)
     names = {attribute.name for attribute in mesh.attributes}
     for operator in (sharpen, denoise):
-        operator()
+        operator(mark_sharp=False)
     after = np.empty_like(uv)
     mesh.uv_layers.active.uv.foreach_get("vector", after)
     np.testing.assert_array_equal(after, uv)
