@@ -28,7 +28,7 @@ BALL = View(rotation=(25, 35, 45), centre=(0.0, 0.0), size=1.9, light=(-0.9, -0.
 PART = View(rotation=(50, 0, 25), centre=(0.0, 0.0), size=2.5, light=(-0.9, -0.3, 0.7))
 VOXELS, TURNED = 90, (0.3, 0.5, 0.2)
 
-PIXELS = 300
+PIXELS, LARGE = 300, 450
 GRAYS, COLORS = 32, 128
 
 VERTEX_NOISE = 0.3
@@ -78,12 +78,13 @@ def show_presets() -> None:
 
 
 def show_remeshed() -> None:
-    """Parts out of Blender's voxel remesh, as they are and sharpened at the defaults."""
+    """Parts out of Blender's voxel remesh, shaded smooth, and sharpened at the defaults."""
     columns = []
-    for part in (shapes.gear(spacing=0.05), shapes.nut(), shapes.cut_box()):
+    for part in (shapes.gear(spacing=0.05), shapes.cut_box()):
         shapes.remesh(part, VOXELS, TURNED)
+        part.data.shade_smooth()
         columns += [("Voxel remesh", part.data), ("Sharpened", filtered(part, "sharpen_geometry"))]
-    draw("remeshed", PART, columns)
+    draw("remeshed", PART, columns, colors=COLORS, pixels=LARGE)
 
 
 def show_flow() -> None:
@@ -193,10 +194,11 @@ def draw(
     columns: list[tuple[str, bpy.types.Mesh]],
     textures: list[bpy.types.Image] | None = None,
     colors: int = GRAYS,
+    pixels: int = PIXELS,
 ) -> None:
     """Render a picture."""
     path = OUT / f"{name}.png"
-    render(path, view, columns, PIXELS, textures)
+    render(path, view, columns, pixels, textures)
     shrink(path, colors)
 
 
