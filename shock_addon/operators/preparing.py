@@ -8,12 +8,9 @@ when the tab is first seen. Not in background mode: scripts load what they use.
 
 from __future__ import annotations
 
-import json
-import logging
 import os
 import sys
-import threading
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -21,90 +18,18 @@ from ...core.base import cache_folder
 from . import kernels
 from .jobs import Job, redraw_sidebars
 
-log = logging.getLogger(__name__)
+if TYPE_CHECKING:
+    from .compiling import Process
 
 _PACKAGE = __package__.removesuffix(".shock_addon.operators")
 _ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-_SCRIPT = os.path.join(_ROOT, "core", "host", "rehearse_alone.py")
 
 _AT_FIRST = 1.0
 """Seconds after enabling: until then Blender has other things to do."""
 
 _INTERVAL = 0.5
-_LONGEST = 5.0
-"""Seconds until a process that was killed has ended, at most."""
-
 _NOTICED = 0.5
 """Seconds of compiling after which loading is given up: that would slow the window down."""
-
-
-class Process:
-    """A plain Python that compiles all kernels into the chosen folder.
-
-    Attributes
-    ----------
-    fraction : float
-        How much is done, 0 to 1.
-    said : str
-        Its last line that is no number: of a traceback, if it failed.
-
-    Raises
-    ------
-    OSError
-        If it cannot be started.
-    """
-
-    def __init__(self) -> None:
-        import subprocess
-
-        if not os.path.basename(sys.executable).lower().startswith("python"):
-            raise FileNotFoundError(f"{sys.executable or 'nothing'} is named as Python")
-        flags = 0
-        if sys.platform == "win32":
-            flags = subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS
-        self.fraction, self.said = 0.0, ""
-        self._process = subprocess.Popen(
-            [sys.executable, "-I", _SCRIPT],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            creationflags=flags,
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-        )
-        task = {"package": _PACKAGE, "paths": sys.path, "folder": cache_folder.chosen}
-        self._thread = threading.Thread(target=self._talk, args=(json.dumps(task),), daemon=True)
-        self._thread.start()
-
-    def _talk(self, task: str) -> None:
-        try:
-            self._process.stdin.write(task + "\n")
-            self._process.stdin.flush()  # and stays open: it ends when this is closed
-        except OSError:  # it has ended, and says why
-            pass
-        for line in self._process.stdout:
-            try:
-                self.fraction = max(self.fraction, float(line))
-            except ValueError:
-                self.said = line.strip() or self.said
-        self._process.stdout.close()
-        self._process.stdin.close()
-
-    def wait(self, seconds: float) -> None:
-        """Wait for its end and for its last words."""
-        self._process.wait(seconds)
-        self._thread.join(seconds)
-
-    @property
-    def code(self) -> int | None:
-        """Its exit status; None while it runs."""
-        return self._process.poll()
-
-    def stop(self) -> None:
-        """End it and wait until it has ended, so that it holds no files."""
-        self._process.kill()
-        self.wait(_LONGEST)
 
 
 _process: Process | None = None
@@ -140,10 +65,12 @@ def _begin() -> None:
         _is_prepared = True
         _load()
         return
+    from .compiling import Process
+
     try:
-        _process = Process()
+        _process = Process(_PACKAGE, _ROOT)
     except OSError as error:
-        log.warning("Filters are compiled on first use, as no Python can be started: %s.", error)
+        _warn(f"Filters are compiled on first use, as no Python can be started: {error}")
         return
     bpy.app.timers.register(_watch, first_interval=_INTERVAL, persistent=True)
 
@@ -153,9 +80,8 @@ def _watch() -> float | None:
     redraw_sidebars(bpy.context)
     if _process.code is None:
         return _INTERVAL
-    _process.wait(_LONGEST)
     if _process.code:
-        log.warning("Filters are compiled on first use, as preparing failed: %s", _process.said)
+        _warn(f"Filters are compiled on first use, as preparing failed: {_process.last_words()}")
     _is_prepared = not _process.code
     _process = None
     _write_mark()  # what has failed once would fail in each session
@@ -199,7 +125,13 @@ def _write_mark() -> None:
         with open(_path(), "w", encoding="utf-8") as file:
             file.write(_installation())
     except OSError as error:
-        log.warning("Filters will be prepared again in the next session: %s", error)
+        _warn(f"Filters will be prepared again in the next session: {error}")
+
+
+def _warn(text: str) -> None:
+    import logging
+
+    logging.getLogger(__name__).warning(text)
 
 
 def _installation() -> str:

@@ -10,9 +10,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 from shock_filter.core.base import cache_folder
-from shock_filter.shock_addon.operators import kernels, preparing
-
-LIMIT = 60.0
+from shock_filter.shock_addon.operators import compiling, kernels, preparing
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +40,7 @@ def python(tmp_path, text):
 
 def watched():
     """Watch until the process has ended."""
-    preparing._process.wait(LIMIT)
+    preparing._process.last_words()
     assert preparing._watch() is None
 
 
@@ -80,10 +78,9 @@ def test_once_for_each_installation(tmp_path, monkeypatch, loaded):
 
 def test_it_says_how_far_it_is(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", python(tmp_path, "echo 0.25; echo words; echo 0.2"))
-    process = preparing.Process()
-    process.wait(LIMIT)
+    process = compiling.Process("package", str(tmp_path))
+    assert process.last_words() == "words"
     assert process.fraction == 0.25
-    assert process.said == "words"
 
 
 def test_it_is_loaded_once_it_is_compiled_and_the_tab_was_seen(tmp_path, monkeypatch, loaded):
