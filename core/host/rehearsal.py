@@ -140,7 +140,8 @@ def _box() -> tuple[np.ndarray, np.ndarray]:
     corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
     cells = np.stack([each.reshape(-1) for each in corners], axis=1)
     one_side = np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
-    positions, triangles = [], []
+    positions: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
     for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
         side = np.stack([np.full_like(u, sign), u, sign * v], axis=-1).reshape(-1, 3)
         positions.append(np.roll(side, axis, axis=1))
