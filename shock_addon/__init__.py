@@ -15,7 +15,7 @@ from .data import shown
 from .flow import operator as flow_operator
 from .flow import overlay as flow_overlay
 from .operators import base as operators
-from .operators import filtering, jobs, kernels, properties, statistics
+from .operators import filtering, jobs, kernels, preparing, properties, statistics
 from .preview import operator as preview_operator
 from .ui import manual, menus, panels, presets, translations
 
@@ -80,11 +80,13 @@ def register() -> None:
     command.register()
     for handlers, function in _handlers():
         handlers.append(function)
+    preparing.register()
 
 
 def unregister() -> None:
     """Stop what is running and remove everything again, in reverse order."""
     atexit.unregister(_unregister_at_exit)
+    preparing.unregister()
     preview_operator.unregister()
     jobs.stop_all()
     flow_overlay.hide()

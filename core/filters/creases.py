@@ -50,7 +50,10 @@ _NOISY = 0.95, 1.0  # D_8 / D_2, median of a part
 _WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
 """Radii of fillets between two planes, in edges, and D_8 / D_2 there, after a remesh."""
 
-_JAGGED, _JAGGED_PART = (0.13, 0.19), (0.05, 0.12)  # how far normals are from taking sides
+_JAGGED, _JAGGED_PART = (0.13, 0.19), (0.06, 0.12)  # how far normals are from taking sides
+_MOST_SHARP = 0.85
+"""Share of a part's creases that are sharp, from which all of it stays."""
+
 _STRICTER = 0.14
 """How much farther, in a part most of whose creases are sharp."""
 
@@ -130,7 +133,7 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     typical_bend = np.sqrt(_quantiles(part, bend, count, 0.5))
     typical_width = _quantiles(part[on_crest], width[on_crest], count, 0.5)
     typical_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.5)
-    worse_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.75)
+    worse_jag = _quantiles(part[on_crest], jagged[on_crest], count, _MOST_SHARP)
     share = _ratio(np.bincount(part, energy * out, count), np.bincount(part, energy, count))
     finer = typical_bend - _SURE[1] * ramp(share, _SURE[0])
     blunt = ramp(worse_jag, _JAGGED_PART)[part]

@@ -143,13 +143,13 @@ class ModalJob:
         if job.done:
             status = iface_("Waiting for the render to end (Esc cancels)")
         if self._status.show(context, status):
-            _redraw_sidebars(context)
+            redraw_sidebars(context)
 
     def _close(self, context: bpy.types.Context) -> None:
         _modal.remove(self)
         context.window_manager.event_timer_remove(self._timer)
         self._status.clear(context)
-        _redraw_sidebars(context)
+        redraw_sidebars(context)
 
 
 class SHOCK_FILTER_OT_cancel(bpy.types.Operator):
@@ -229,7 +229,8 @@ def holds(region: bpy.types.Region, x: float, y: float) -> bool:
     return in_columns and region.y <= y < region.y + region.height
 
 
-def _redraw_sidebars(context: bpy.types.Context) -> None:
+def redraw_sidebars(context: bpy.types.Context) -> None:
+    """Have the tab drawn anew wherever it is shown."""
     for window in context.window_manager.windows:
         for region in _sidebars(window):
             region.tag_redraw()

@@ -13,7 +13,7 @@ from ..data.skipped import Skipped
 from ..flow import overlay as flow_overlay
 from ..modes import Mode, below, find
 from ..operators import base as operators
-from ..operators import drawing, jobs, kernels, statistics
+from ..operators import drawing, jobs, kernels, preparing, statistics
 from ..operators import poll as obstacles
 from ..operators.wrapping import draw_text, fit
 
@@ -62,9 +62,11 @@ class _MainPanel(_Panel):
         problem = kernels.problem()
         if problem:
             draw_text(layout, context, problem, icon="ERROR")
+        preparing.tab_is_seen()
         if jobs.current() is not None:
             _draw_progress(layout)
             return
+        _draw_preparing(layout)
         obstacle = obstacles.of_mode(context, mode, settings)
         _draw_buttons(layout, context, mode, enabled=not obstacle)
         # Else Blender draws the first line as the bar that was there, until the mouse moves.
@@ -254,6 +256,14 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
     row.scale_y = 1.5
     row.progress(factor=job.fraction, text=job.message)
     row.operator("shock_filter.cancel", text="", icon="X")
+
+
+def _draw_preparing(layout: bpy.types.UILayout) -> None:
+    """Say how far the kernels are compiled, which is done once; the buttons work meanwhile."""
+    fraction = preparing.fraction()
+    if fraction is not None:
+        text = iface_("Preparing for first use: {fraction:.0%}").format(fraction=fraction)
+        layout.progress(factor=fraction, text=text)
 
 
 def _draw_value(column: bpy.types.UILayout, text: str, value: str) -> None:

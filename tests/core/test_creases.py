@@ -82,6 +82,18 @@ def test_a_part_that_is_half_sharp_already_is_sharpened_in_the_other_half():
     assert moved[vertices[:, 0] < -5].max() < 0.01 * half.mean_edge_length
 
 
+def test_the_few_soft_edges_of_a_sharp_part_are_sharpened():
+    vertices, faces = cube(20)
+    mesh = core.TriangleMesh(vertices, faces)
+    x, y, _ = (vertices - vertices.mean(axis=0)).T
+    near = (x > 4) & (y > -3)
+    soft = smooth_vertices(mesh, mesh.vertices, 3)
+    part = mesh.moved_to(np.where(near[:, None], soft, vertices))
+    moved = np.linalg.norm(core.sharpen_geometry(part) - part.vertices, axis=1)
+    assert moved[near].max() > 0.5 * part.mean_edge_length
+    assert moved[(x < 0) & (y < 0)].max() < 0.01 * part.mean_edge_length
+
+
 def rounded_box(radius):
     """A remeshed box whose edges are fillets, with a radius in voxels."""
     line = np.linspace(-1.6, 1.6, 60)

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that a host program may ask for, done once on tiny examples, so that nothing compiles later.
+
+Which types a kernel gets is decided by the code that calls it, so that code is run. Examples have
+the types of what a host reads (`inputs`), with and without masks; settings are the defaults and
+each other choice.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+from ..base.progress import ProgressCallback
+from ..registry import FILTERS, Filter
+from ..settings import GeometrySettings, ShockSettings, describe
+from .colors import filter_colors
+from .denoising import filter_both
+from .flow import flow_of_colors, flow_of_shape
+from .geometry import filter_shape
+from .images import filter_image
+from .inputs import (
+    ColoredSurface,
+    Denoising,
+    HostImage,
+    MirroredSurface,
+    PaintedSurface,
+    TexturedFaces,
+    TexturedSurface,
+)
+from .textures import filter_texture
+
+_CORE = __package__.rpartition(".")[0]
+
+_CELLS = 12
+"""Along each edge of the box: enough that its creases are found."""
+
+_SIZE = 48
+"""Height of the images."""
+
+_NUMBERS: dict[type, tuple[dict[str, Any], ...]] = {
+    GeometrySettings: ({"mollify_passes": 1}, {"screening_radius": 30.0}),
+}
+"""Settings that are no choices, and have kernels of their own."""
+
+_ORDER = ["geometry", "colors", "image", "texture"]
+"""Kinds of data, those first that are asked for most."""
+
+
+def rehearse(progress: ProgressCallback | None = None) -> None:
+    """Do everything once; what is compiled then is kept on disk.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False ends it.
+    """
+    for run in _runs():
+        if progress is not None and not progress(share_ready(), "Preparing"):
+            return
+        run()
+
+
+def share_ready() -> float:
+    """Return which part of the kernels can run at once: 0 to 1."""
+    kernels = imported_kernels()
+    return sum(bool(kernel.overloads) for kernel in kernels) / max(len(kernels), 1)
+
+
+def imported_kernels() -> set[Dispatcher]:
+    """Return the kernels of all modules of the core that are imported."""
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith(_CORE)]
+    values = [value for module in modules for value in vars(module).values()]
+    return {value for value in values if isinstance(value, Dispatcher)}
+
+
+def _runs() -> Iterator[Callable[[], Any]]:
+    shape, painted = _shape(), _painted()
+    rows = sorted(FILTERS, key=lambda row: (_ORDER.index(row.kind.name), bool(row.then)))
+    for row in rows:
+        for settings in _settings(row):
+            for function in _examples(row.kind.name):
+                yield partial(function, row.name, settings)
+    for settings in _settings(next(row for row in rows if row.corners and row.then)):
+        for mask in (None, shape.mask):
+            both = PaintedSurface(replace(shape, mask=mask), replace(painted, mask=mask))
+            yield partial(filter_both, both, "beltrami_vertex_signal", settings, True)
+    yield partial(flow_of_shape, shape, GeometrySettings(), True, None)
+    for surface in (painted, _at_corners()):
+        yield partial(flow_of_colors, surface, ShockSettings(), True, None)
+
+
+def _settings(row: Filter) -> Iterator[Any]:
+    """List the defaults, what follows them, each other choice, and `_NUMBERS`."""
+    changes: list[dict[str, Any]] = [{}, *_NUMBERS.get(row.settings, ())]
+    fields = describe(row.settings)
+    short = {"time": 1.0} if "time" in fields else {}
+    for name, (kind, default, about) in fields.items():
+        words = about.choices if kind is str else ()
+        changes += [{**short, name: word} for word in words if word != default]
+    for change in changes:
+        settings = row.settings(**change)
+        yield Denoising(settings, None) if row.then else settings
+    if row.then:
+        yield Denoising(row.settings(), 1.0)
+
+
+def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
+    """Return functions of a filter's name and its settings: they filter an example."""
+    if kind == "geometry":
+        return [partial(_on_mesh, filter_shape, surface) for surface in _both_ways(_shape())]
+    if kind == "colors":
+        surfaces = [*_both_ways(_painted()), *_both_ways(_at_corners())]
+        return [partial(_on_mesh, filter_colors, surface) for surface in surfaces]
+    if kind == "image":
+        return [partial(filter_image, _image(opacity)) for opacity in ("STRAIGHT", "NONE")]
+    return [partial(filter_texture, surface) for surface in _textured()]
+
+
+def _on_mesh(function: Callable[..., Any], surface: Any, name: str, settings: Any) -> Any:
+    return function(surface, name, settings, True)
+
+
+def _both_ways(surface: Any) -> list[Any]:
+    """Give a surface without and with its mask."""
+    return [replace(surface, mask=None), surface]
+
+
+def _box() -> tuple[np.ndarray, np.ndarray]:
+    """Make a box with rounded edges and without a lid, each of its five sides apart."""
+    steps = np.linspace(-1.0, 1.0, _CELLS + 1)
+    u, v = np.meshgrid(steps, steps, indexing="ij")
+    number = np.arange(u.size).reshape(u.shape)
+    corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
+    cells = np.stack([each.reshape(-1) for each in corners], axis=1)
+    one_side = np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
+    positions: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
+    for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
+        side = np.stack([np.full_like(u, sign), u, sign * v], axis=-1).reshape(-1, 3)
+        positions.append(np.roll(side, axis, axis=1))
+        triangles.append(one_side + u.size * len(triangles))
+    points = np.concatenate(positions)
+    points /= np.linalg.norm(points, ord=8, axis=1)[:, None]
+    faces = np.concatenate(triangles)
+    faces[0] = faces[0, ::-1]  # one that is the wrong way round
+    return points.astype(np.float32), faces.astype(np.int32)
+
+
+def _shape() -> MirroredSurface:
+    positions, triangles = _box()
+    mask = np.linspace(0.0, 1.0, len(positions))
+    return MirroredSurface(positions, triangles, mask, np.identity(3), (True, False, False), ())
+
+
+def _painted() -> ColoredSurface:
+    positions, triangles = _box()
+    mask = np.linspace(0.0, 1.0, len(positions))
+    colors = 0.5 + 0.4 * np.tanh(5.0 * positions)
+    return ColoredSurface(positions, triangles, mask, np.identity(3), colors, None, None, 0)
+
+
+def _at_corners() -> ColoredSurface:
+    surface = _painted()
+    corners = np.arange(surface.triangles.size, dtype=np.int32).reshape(-1, 3)
+    colors = surface.colors[surface.triangles.reshape(-1)]
+    return replace(surface, colors=colors, corners=corners, levels=255)
+
+
+def _image(opacity: str) -> HostImage:
+    y, x = np.mgrid[:_SIZE, : _SIZE + 8] / _SIZE
+    pixels = np.ones((*x.shape, 4), dtype=np.float32)
+    pixels[..., 0] = 0.5 + 0.4 * np.tanh(9.0 * (x - y))
+    pixels[..., 1] = x
+    if opacity != "NONE":
+        pixels[:4, :4, 3] = 0.5
+    return HostImage(pixels, opacity, False, 255)
+
+
+def _textured() -> list[TexturedSurface]:
+    """Give the box a texture, each side being a chart: without and with masks."""
+    positions, triangles = _box()
+    side, place = np.divmod(triangles, (_CELLS + 1) ** 2)
+    inside = np.stack(np.divmod(place, _CELLS + 1), axis=-1) / _CELLS
+    uv = (np.stack(np.divmod(side, 3), axis=-1) + 0.1 + 0.8 * inside) / 3.0
+    weights = np.linspace(0.0, 1.0, triangles.size).reshape(-1, 3)
+    picture = _image("NONE")
+    mask = np.full(picture.pixels.shape[:2], 0.5)
+    faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
+    return [
+        TexturedSurface(faces, picture, None),
+        TexturedSurface(replace(faces, weights=weights), picture, mask),
+    ]
