@@ -3,8 +3,8 @@
 
 The value of a ghost is that of the surface where one comes by walking straight from the nearest
 edge of the chart to the ghost's texel. It is read there by linear interpolation, which may need
-other ghosts again: a few rounds settle them, the first one without them. Beyond a seam that is closed
-(`core.atlas.seams`) it is the value on that edge, which the chart has itself.
+other ghosts again: a few rounds settle them, the first one without them. Beyond a seam that is
+closed (see `core.atlas.seams`) it is the value on that edge, which the chart has itself.
 """
 
 from __future__ import annotations

@@ -212,7 +212,7 @@ def _sharpened(
     weights: npt.NDArray[np.float64] | None,
 ) -> npt.NDArray[np.float32]:
     # The new values of the nodes inside charts.
-    atlas, _, alpha, normals = texture
+    atlas, normals = texture.atlas, texture.normals
     with aside("Computing the flow"):
         _fill_ghosts(texture, values)
         result = copied(values)
