@@ -27,6 +27,7 @@ _NEAR, _FAR = 0.75, 1.75  # depths at which texels are read, in those of the coa
 _MOST_TEXELS = 4.0  # that such a texel counts for on the finer side
 _LEAST = 0.25  # weight of texels in the chart below which nothing is read
 _RUN = 8.0  # texels to each side along the seam that decide together
+_MOST_PARTS = 64  # the same, in parts, which edges far shorter than a texel make many
 _UNSEEN = 0.012  # step that is not seen, of the texture's range
 _STEPS = 1.5  # the same, in steps of whole numbers
 _CHANCE = 3.0  # standard errors that are chance
@@ -115,14 +116,18 @@ def _differing(
     run(_measure, count, parts.edges, parts.shares, inner, atlas.metric, values, alpha, normals,
         steps, changes)  # fmt: skip
     closed = np.empty(count, dtype=np.bool_)
-    run(_decide, count, *_around(parts), parts.lengths, steps, changes, unseen, closed)
-    return closed
+    run(_decide, count, *_around(parts, _RUN), parts.lengths, steps, changes, unseen, closed)
+    # A few alone among others are chance.
+    first, last = _around(parts, 0.5 * _RUN)
+    votes = np.concatenate([[0.0], np.cumsum(np.where(closed, 1.0, -1.0) * parts.lengths)])
+    return closed & (votes[last] >= votes[first])
 
 
 def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> float:
     # Of nearly all values in the channel that has the largest one.
-    nodes = np.flatnonzero(atlas.sheet.nodes >= 0)
-    sample = values.reshape(-1, values.shape[-1])[nodes[:: len(nodes) // _SAMPLE + 1]]
+    nodes = atlas.sheet.nodes.reshape(-1)
+    stride = nodes.size // _SAMPLE | 1
+    sample = values.reshape(nodes.size, -1)[::stride][nodes[::stride] >= 0]
     if len(sample) == 0:
         return 0.0
     low, high = np.quantile(sample, (0.01, 0.99), axis=0)
@@ -149,11 +154,13 @@ def _cut(atlas: TextureAtlas) -> _Parts:
     return _Parts(sides[:, seam], np.stack([share, 1.0 - share]), lengths, runs[seam], numbers)
 
 
-def _around(parts: _Parts) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    # The first and the last but one of the parts that decide together with each.
+def _around(parts: _Parts, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    # The parts that lie within reach of each along its run: the first, and one past the last.
     places = np.cumsum(parts.lengths) - 0.5 * parts.lengths + 4 * _RUN * parts.runs
-    first = np.searchsorted(places, places - _RUN, side="left")
-    return first, np.searchsorted(places, places + _RUN, side="right")
+    first = np.searchsorted(places, places - reach, side="left")
+    last = np.searchsorted(places, places + reach, side="right")
+    number = np.arange(len(places))
+    return np.maximum(first, number - _MOST_PARTS), np.minimum(last, number + _MOST_PARTS + 1)
 
 
 @kernel
@@ -333,7 +340,7 @@ def _decide(start, stop, first, last, lengths, steps, changes, unseen, closed):
         for c in range(-1, steps.shape[1]):
             count = 0
             for j in range(first[i], last[i]):
-                if changes[j] == changes[j]:
+                if not np.isnan(changes[j]):
                     found[count] = changes[j] if c < 0 else steps[j, c]
                     weights[count] = lengths[j]
                     count += 1
