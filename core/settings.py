@@ -323,6 +323,16 @@ class DilateSettings(_Settings):
         },
         advanced=True,
     )
+    seams: str = _setting(
+        "auto",
+        "What lies beyond a seam for the texels at it",
+        choices={
+            "auto": "Compare both sides all along each seam: continue where they agree, extend"
+            " where different materials meet",
+            "continue": "What the surface has beyond the seam, whatever its color",
+            "extend": "More of the same: no color crosses a seam",
+        },
+    )
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +17,7 @@ from ..errors import InvalidSignal, InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
-from .metric import measure_metric
+from .metric import Ways, measure_metric
 from .sheet import NOTHING, ROWS, clearly_within, ends, lay_out, nearest_on_edge, span
 
 
@@ -183,7 +184,7 @@ class TextureAtlas:
         with phase(0.8, 0.85, "Finding texels"):
             self.metric = measure_metric(self.mesh, self.charts, self.sheet.points)
         with phase(0.85, 0.95, "Finding texels"):
-            self.sources = find_sources(self.sheet, self.metric)
+            self.sources, self._taken = find_sources(self.sheet, self.metric)
         overlapping = self.sheet.overlapping.copy()
         with phase(0.95, 1.0, "Finding texels"):
             self.owners = _owned_within(self.sheet.nodes, self.height, self.width)
@@ -197,6 +198,25 @@ class TextureAtlas:
             np.flatnonzero(self.charts.outside),
             np.flatnonzero(degenerate_faces(self.charts)),
         )
+
+    def closed(self, starts: Ints, closed: npt.NDArray[np.bool_]) -> TextureAtlas:
+        """Return the atlas with parts of seams closed, as if the surface ended there.
+
+        Parameters
+        ----------
+        starts : (3 m + 1,) int32
+        closed : (parts,) bool
+            See `Ways`. What lies beyond a closed part continues the chart's own values.
+        """
+        other = copy(self)
+        other.metric = self.metric._replace(ways=Ways(self.mesh.twins, starts, closed))
+        cells = self.sheet.cells.copy()
+        cells.reshape(-1)[self._taken.numbers] = self._taken.faces
+        other.sheet = self.sheet._replace(cells=cells)
+        other.sources, other._taken = find_sources(other.sheet, other.metric)
+        other.owners = np.where(self.inside, self.owners, np.int32(NOTHING))
+        _own_ghosts(self.charts, other.sheet, other.sources, other.owners)
+        return other
 
     @property
     def texel_size(self) -> float:

@@ -3,7 +3,8 @@
 
 The value of a ghost is that of the surface where one comes by walking straight from the nearest
 edge of the chart to the ghost's texel. It is read there by linear interpolation, which may need
-other ghosts again: a few rounds settle them, the first one without them.
+other ghosts again: a few rounds settle them, the first one without them. Beyond a seam that is
+closed (see `core.atlas.seams`) it is the value on that edge, which the chart has itself.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..mesh.triangle_mesh import Ints
-from .metric import AtlasMetric, apply, exponential_map, store
-from .sheet import NOTHING, Sheet, ends, nearest_on_edge
+from .metric import AtlasMetric, apply, exponential_map, is_closed, store
+from .sheet import NOTHING, Sheet, ends, nearest_on_edge, place_on_edge
 
 _ROUNDS = 3
 _MOST_TEXELS = 4.0  # a texel beyond a seam is not farther away than so many texels there
@@ -40,7 +41,14 @@ class GhostSources(NamedTuple):
     turns: npt.NDArray[np.float32]
 
 
-def find_sources(sheet: Sheet, metric: AtlasMetric) -> GhostSources:
+class TakenCells(NamedTuple):
+    """Cells that were taken out of a sheet: row times columns plus column, and what they held."""
+
+    numbers: npt.NDArray[np.int64]
+    faces: Ints
+
+
+def find_sources(sheet: Sheet, metric: AtlasMetric) -> tuple[GhostSources, TakenCells]:
     """Find the sources of a sheet's ghosts; cells at ghosts without one are taken out."""
     count = len(sheet.ghosts)
     rows, columns = np.divmod(sheet.ghosts.astype(np.int64), sheet.nodes.shape[1])
@@ -55,11 +63,14 @@ def find_sources(sheet: Sheet, metric: AtlasMetric) -> GhostSources:
     values = np.zeros((*sheet.nodes.shape, 1), dtype=np.float32)
     known = fill_ghosts(sheet, sources, values)
     sources.cells[~known] = -1
+    y, x = np.divmod(sheet.ghosts[sources.cells < 0].astype(np.int64), sheet.nodes.shape[1])
+    corners = y[:, None] - [0, 0, 1, 1], x[:, None] - [0, 1, 0, 1]
     # The sheet's last row and column of cells are empty, so that -1 may stand for them.
-    y, x = np.divmod(sheet.ghosts[sources.cells < 0], sheet.nodes.shape[1])
-    for dy, dx in np.ndindex(2, 2):
-        sheet.cells[y - dy, x - dx] = NOTHING
-    return sources
+    numbers = np.unique(np.ravel_multi_index(corners, sheet.cells.shape, mode="wrap"))
+    flat = sheet.cells.reshape(-1)
+    taken = TakenCells(numbers, flat[numbers])
+    flat[numbers] = NOTHING
+    return sources, taken
 
 
 def fill_ghosts(
@@ -102,25 +113,29 @@ def fill_ghosts(
 @kernel
 def _find(start, stop, places, sheet, metric, sources):
     points, cells = sheet.points, sheet.cells
-    twins, shapes, jacobians = metric.twins, metric.shapes, metric.jacobians
+    ways, shapes, jacobians = metric.ways, metric.shapes, metric.jacobians
     b = np.empty(3)
     for i in range(start, stop):
         edge = sheet.ghost_edges[i]
         if edge < 0:
             continue
         face, row, column, _, _ = place_beyond(
-            points, twins, shapes, jacobians, cells, edge, places[i, 0], places[i, 1], b,
+            points, ways, shapes, jacobians, cells, edge, places[i, 0], places[i, 1], b,
             sources.turns[i],
         )  # fmt: skip
         if face < 0:
-            continue
+            share, _ = nearest_on_edge(points, edge, places[i, 0], places[i, 1])
+            if not is_closed(ways, edge, share):
+                continue
+            row, column = place_on_edge(points, edge, share)
+            store(sources.turns[i], 1.0, 0.0, 0.0, 1.0)
         sources.cells[i] = int(row) * cells.shape[1] + int(column)
         sources.places[i, 0] = row - int(row)
         sources.places[i, 1] = column - int(column)
 
 
 @kernel
-def place_beyond(points, twins, shapes, jacobians, cells, edge, y, x, b, turn):
+def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, turn):
     """Walk from a half-edge's nearest point to (y, x), on the surface beyond it.
 
     Parameters
@@ -137,7 +152,7 @@ def place_beyond(points, twins, shapes, jacobians, cells, edge, y, x, b, turn):
     Returns
     -------
     face : int
-        Where one arrives, or -1 if the surface ends before.
+        Where one arrives, or -1 if the surface ends there.
     row, column : float
         The place in the sheet.
     cosine, sine : float
@@ -147,10 +162,10 @@ def place_beyond(points, twins, shapes, jacobians, cells, edge, y, x, b, turn):
     ay, ax, by, bx = ends(points, edge)
     dy = y - ay - share * (by - ay)
     dx = x - ax - share * (bx - ax)
-    shorter = _shorter(twins, jacobians, edge, dy, dx)
+    shorter = _shorter(ways.twins, jacobians, edge, dy, dx)
     dy *= shorter
     dx *= shorter
-    g, cosine, sine = exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b)
+    g, cosine, sine = exponential_map(ways, shapes, jacobians, edge, share, dy, dx, b)
     if g < 0:
         return -1, 0.0, 0.0, 1.0, 0.0
     row = b[0] * points[g, 0, 0] + b[1] * points[g, 1, 0] + b[2] * points[g, 2, 0]

@@ -16,7 +16,7 @@ from ..mesh.triangle_mesh import Ints
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
 from .ghosts import interpolate, place_beyond, turn_direction
-from .sheet import NOTHING, ROWS, ends, nearest_on_edge
+from .sheet import NOTHING, ROWS, ends, nearest_on_edge, place_on_edge
 
 _LEAST = 1.5
 """Linear sampling reads texels this far from a chart."""
@@ -207,7 +207,7 @@ def _write_gutter(
 ):
     height, width = filled.shape
     nodes, points, cells = sheet.nodes, sheet.points, sheet.cells
-    twins, shapes, jacobians = metric.twins, metric.shapes, metric.jacobians
+    ways, shapes, jacobians = metric.ways, metric.shapes, metric.jacobians
     b = np.empty(3)
     turn = np.empty((2, 2))
     color = np.empty(out.shape[2])
@@ -221,13 +221,11 @@ def _write_gutter(
             there += sheet.shifts[label, 0]
             across += sheet.shifts[label, 1]
             face, row, column, _, _ = place_beyond(
-                points, twins, shapes, jacobians, cells, edge, there, across, b, turn
+                points, ways, shapes, jacobians, cells, edge, there, across, b, turn
             )
             if face < 0:  # the surface ends: the nearest value on its border
                 share, _ = nearest_on_edge(points, edge, there, across)
-                ay, ax, by, bx = ends(points, edge)
-                row = ay + share * (by - ay)
-                column = ax + share * (bx - ax)
+                row, column = place_on_edge(points, edge, share)
             cell = int(row) * nodes.shape[1] + int(column)
             down, across = row - int(row), column - int(column)
             color[:] = 0.0

@@ -24,13 +24,32 @@ around a hub. It ends short then, within the few texels that it was to go.
 """
 
 
-class AtlasMetric(NamedTuple):
-    """How the faces lie in space, seen from the texture.
+class Ways(NamedTuple):
+    """Where the surface goes on from face to face.
 
     Attributes
     ----------
     twins : (m, 3) int32
         The half-edges on the other side, or -1.
+    starts : (3 m + 1,) int32
+        The first part of each half-edge, and their number. Seams have parts of equal length; all
+        other half-edges have none.
+    closed : (parts,) bool
+        Parts at which the surface ends for the texture.
+    """
+
+    twins: Ints
+    starts: Ints
+    closed: npt.NDArray[np.bool_]
+
+
+class AtlasMetric(NamedTuple):
+    """How the faces lie in space, seen from the texture.
+
+    Attributes
+    ----------
+    ways : Ways
+        Where the surface goes on; everywhere but at borders, unless seams were closed.
     shapes : (m, 3) float64
         In the face's frame: corner 1 is (shapes[0], 0), corner 2 (shapes[1], shapes[2]).
     jacobians : (m, 2, 2) float64
@@ -49,7 +68,7 @@ class AtlasMetric(NamedTuple):
         The mean length of a texel on the surface, in the unit of the mesh.
     """
 
-    twins: Ints
+    ways: Ways
     shapes: Floats
     jacobians: Floats
     inverse_jacobians: Floats
@@ -70,7 +89,7 @@ def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasM
     size = float(np.sqrt(area / np.abs(charts.areas[seen]).sum()))  # in mean edge lengths
     count = mesh.face_count
     metric = AtlasMetric(
-        mesh.twins,
+        Ways(mesh.twins, np.zeros(3 * count + 1, dtype=np.int32), np.zeros(0, dtype=np.bool_)),
         np.zeros((count, 3)),
         np.zeros((count, 2, 2)),
         np.zeros((count, 2, 2)),
@@ -158,8 +177,8 @@ def _corner(shapes, f, k):
 
 
 @kernel
-def _axis(shapes, f, k):
-    # Unit vector along half-edge k of a face.
+def frame_axis(shapes, f, k):
+    """Unit vector along half-edge k of a face, in its frame; the face lies on its left."""
     ax, ay = _corner(shapes, f, k)
     bx, by = _corner(shapes, f, after(k))
     length = np.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
@@ -167,13 +186,33 @@ def _axis(shapes, f, k):
 
 
 @kernel
-def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
+def is_closed(ways, edge, share):
+    """Whether the surface ends at a place on a half-edge though there is another side."""
+    start = ways.starts[edge]
+    count = ways.starts[edge + 1] - start
+    return count > 0 and ways.closed[start + min(int(share * count), count - 1)]
+
+
+def open_places(ways: Ways, edges: Ints, shares: Floats) -> npt.NDArray[np.bool_]:
+    """Tell for each place on half-edges that it is not closed."""
+    start, end = ways.starts[edges], ways.starts[edges + 1]
+    is_open = start == end
+    has = ~is_open
+    count = (end - start)[has]
+    part = np.minimum((shares[has] * count).astype(np.int64), count - 1)
+    is_open[has] = ~ways.closed[start[has] + part]
+    return is_open
+
+
+@kernel
+def exponential_map(ways, shapes, jacobians, edge, share, dy, dx, b):
     """Walk straight on the surface, from a half-edge to the far side (geodesic exponential map).
 
     Each face that is met is unfolded into the plane of the one before.
 
     Parameters
     ----------
+    ways : Ways
     edge : int
         The half-edge that is crossed first.
     share : float
@@ -186,8 +225,8 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
     Returns
     -------
     face : int
-        Where the walk ends, or -1 if it cannot begin. At a border, and after `MOST_FACES`, it
-        ends before the far side, though on the way there.
+        Where the walk ends, or -1 if it cannot begin. At a border or what is closed, and after
+        `MOST_FACES`, it ends before the far side, though on the way there.
     cosine, sine : float
         Parallel transport along the walk: the turn that takes components in the frame of the
         half-edge's face to components in the frame of `face`.
@@ -200,15 +239,15 @@ def exponential_map(twins, shapes, jacobians, edge, share, dy, dx, b):
     share = min(max(share, 1e-6), 1.0 - 1e-6)
     left = 1.0
     for _ in range(MOST_FACES):
-        t = twins[f, k]
+        t = ways.twins[f, k]
         g, j = divmod(t, 3)
-        if t < 0 or shapes[g, 2] == 0:
+        if t < 0 or shapes[g, 2] == 0 or is_closed(ways, 3 * f + k, share):
             if left == 1.0:
                 return -1, cosine, sine
             break
         # Unfold: the twin's half-edge runs the other way.
-        px, py = _axis(shapes, f, k)
-        qx, qy = _axis(shapes, g, j)
+        px, py = frame_axis(shapes, f, k)
+        qx, qy = frame_axis(shapes, g, j)
         c = -(px * qx + py * qy)
         s = -(px * qy - py * qx)
         u, v = c * u - s * v, s * u + c * v

@@ -18,6 +18,7 @@ from ..base.progress import aside, ask
 from ..linear.cg import solve
 from ..linear.system import LinearSystem
 from .atlas import TextureAtlas
+from .metric import open_places
 from .sheet import NOTHING, ROWS
 
 _SPACING = 0.5
@@ -91,7 +92,8 @@ def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
 
 def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
     # Nodes that linear sampling of the image reads on both sides, and their weights, those of
-    # the second side negative: (samples, 8). Next to borders of the mesh there are none.
+    # the second side negative: (samples, 8). There are none where the texture does not go on, and
+    # next to borders of the mesh.
     borders, twins, points = atlas.charts.borders, atlas.mesh.twins.reshape(-1), atlas.charts.points
     seams = borders[twins[borders] > borders]  # each once
     face, k = np.divmod(np.stack([seams, twins[seams]]), 3)
@@ -102,6 +104,8 @@ def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArr
     seam = np.repeat(np.arange(len(seams)), counts)
     number = np.arange(len(seam)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = (number + 0.5) / counts[seam]
+    goes_on = open_places(atlas.metric.ways, seams[seam], share)
+    seam, share = seam[goes_on], share[goes_on]
     places = begin[:, seam] + np.stack([share, 1.0 - share])[..., None] * along[:, seam]
     ask()
     first = np.floor(places).astype(np.int64)

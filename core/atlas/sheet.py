@@ -306,6 +306,13 @@ def ends(points, edge):
 
 
 @kernel
+def place_on_edge(points, edge, share):
+    """The row and column of a place on a half-edge."""
+    ay, ax, by, bx = ends(points, edge)
+    return ay + share * (by - ay), ax + share * (bx - ax)
+
+
+@kernel
 def nearest_on_edge(points, edge, y, x):
     """Share along a half-edge of its point nearest to (y, x), and the squared distance."""
     ay, ax, by, bx = ends(points, edge)

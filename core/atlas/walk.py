@@ -114,7 +114,7 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
     store(turn, 1.0, 0.0, 0.0, 1.0)
     for _ in range(most_seams):
         edge = _seam(sheet.nodes, sheet.ghost_edges, place, ending)
-        if edge < 0 or metric.twins[edge // 3, edge % 3] < 0:
+        if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
             return place, ENDED
         # A touch before the line: should the charts' texels line up, the walk crosses it there
         # as it would have done here.
@@ -123,7 +123,7 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
         y = row + down - _TOUCH * vy / speed
         x = column + across - _TOUCH * vx / speed
         face, y, x, cosine, sine = place_beyond(
-            sheet.points, metric.twins, metric.shapes, metric.jacobians, sheet.cells, edge, y, x,
+            sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, edge, y, x,
             b, step_turn,
         )  # fmt: skip
         if face < 0:

@@ -14,6 +14,7 @@ from ..atlas.ghosts import fill_ghosts
 from ..atlas.gutter import unit_normals, write_texels
 from ..atlas.potential import texel_potential
 from ..atlas.seam_fit import stitch
+from ..atlas.seams import settle_seams
 from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
 from ..base.checks import BAND, LARGEST, SCALES, checked_image, checked_weights
@@ -117,7 +118,8 @@ def sharpen_texture(
         if settings.is_neutral:
             return given.copy()
         with phase(0.3, 0.9, "Sharpening"):
-            values = _sharpened(texture, settings, weights)
+            texture, values = _gathered(texture, settings)
+            values = _sharpened(texture, values, settings, weights)
         with phase(0.9, 1.0, "Filling the gutter"):
             keep = None if weights is None else weights == 0
             return _written(texture, values, settings, keep).reshape(given.shape)
@@ -177,23 +179,42 @@ def dilate_texture(
         with phase(0.0, 0.7, "Finding texels"):
             texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels)
         with phase(0.7, 1.0, "Filling the gutter"):
-            with aside("Filling the gutter"):
-                values = texture.atlas.gather(pixels)
+            texture, values = _gathered(texture, settings)
             inside = texture.atlas.inside
             return _written(texture, values, settings, inside).reshape(given.shape)
 
 
-def _sharpened(
-    texture: _Texture, settings: TextureSettings, weights: npt.NDArray[np.float64] | None
-) -> npt.NDArray[np.float32]:
-    # The new values of the nodes inside charts.
+def _gathered(
+    texture: _Texture, settings: DilateSettings
+) -> tuple[_Texture, npt.NDArray[np.float32]]:
+    # The texture with its seams settled, and the values of the nodes inside charts.
     atlas, pixels, alpha, normals = texture
-    with aside("Computing the flow"):
+    with aside("Comparing the seams"):
         values = atlas.gather(pixels)
         if alpha >= 0:
             opacity = values[..., alpha]
             for rows in blocks(len(values), BAND):
                 np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
+        atlas = settle_seams(
+            atlas, values, settings.seams, _step(pixels), alpha=alpha, normals=normals
+        )
+    return texture._replace(atlas=atlas), values
+
+
+def _step(pixels: npt.NDArray) -> float:
+    # What whole numbers count in; 0 for floats.
+    return SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0
+
+
+def _sharpened(
+    texture: _Texture,
+    values: npt.NDArray[np.float32],
+    settings: TextureSettings,
+    weights: npt.NDArray[np.float64] | None,
+) -> npt.NDArray[np.float32]:
+    # The new values of the nodes inside charts.
+    atlas, normals = texture.atlas, texture.normals
+    with aside("Computing the flow"):
         _fill_ghosts(texture, values)
         result = copied(values)
     groups = channel_groups(values.shape[2], settings)
@@ -235,7 +256,7 @@ def _written(
         if normals:
             run(unit_normals, len(values), values, chunk=ROWS)
         else:
-            stitch(atlas, values, SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0)
+            stitch(atlas, values, _step(pixels))
         out = copied(pixels)
     write_texels(atlas, values, settings, keep, out, opacity=alpha, normals=normals)
     return out

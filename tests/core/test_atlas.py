@@ -159,7 +159,7 @@ def test_straight_walks_follow_the_unfolded_surface():
         if (end < 0).any() or (end > 59).any() or not leaves:
             continue
         face, cosine, sine = exponential_map(
-            metric.twins, metric.shapes, metric.jacobians, int(edge), share, away[0], away[1], b
+            metric.ways, metric.shapes, metric.jacobians, int(edge), share, away[0], away[1], b
         )
         assert np.allclose(b @ cut.points[face], end, atol=1e-6)
         assert cosine**2 + sine**2 == pytest.approx(1.0)
@@ -184,7 +184,7 @@ def test_straight_walks_across_very_many_faces_end_on_their_way(count):
     start, end = np.array([[0.5, 0.0, 1.0], [-0.4, -0.6, 1.0]]) @ to_texels
     b = np.empty(3)
     face, cosine, sine = exponential_map(
-        metric.twins, metric.shapes, metric.jacobians, 0, 0.5, *(end - start), b
+        metric.ways, metric.shapes, metric.jacobians, 0, 0.5, *(end - start), b
     )
     way = (b @ cut.points[face] - start) / (end - start)  # down and across
     assert way[0] == pytest.approx(way[1], abs=1e-6)

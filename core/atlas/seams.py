@@ -1,0 +1,359 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which seams the texture goes on across, and which part one material from another.
+
+A seam is cut into parts about a texel long. Beside each, texels on both sides are compared: where
+they differ by more than each side changes within a texel, the part counts as a border of materials.
+Parts decide together with those near them along the seam, by length, so that stray texels and
+edges that cross the seam do not matter.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.progress import ask
+from ..base.vectors import after
+from ..mesh.triangle_mesh import Floats, Ints
+from .atlas import TextureAtlas
+from .ghosts import interpolate, place_beyond, turn_direction
+from .metric import apply, frame_axis
+from .sheet import NOTHING, place_on_edge
+
+_NEAR, _FAR = 0.75, 1.75  # depths at which texels are read, in those of the coarser side
+_MOST_TEXELS = 4.0  # that such a texel counts for on the finer side
+_LEAST = 0.25  # weight of texels in the chart below which nothing is read
+_RUN = 8.0  # texels to each side along the seam that decide together
+_MOST_PARTS = 64  # the same, in parts, which edges far shorter than a texel make many
+_UNSEEN = 0.012  # step that is not seen, of the texture's range
+_STEPS = 1.5  # the same, in steps of whole numbers
+_CHANCE = 3.0  # standard errors that are chance
+_DEVIATION = 1.86  # the error of the median of one normal number, in its median deviation
+_TOUCH = 1e-3  # texels beyond a seam from which normals are turned
+_SAMPLE = 100_000  # texels from which the range is taken
+
+
+class _Parts(NamedTuple):
+    # Parts of seams in their order along runs of seams, which go on where two charts do: edge and
+    # share of the middle on both sides (2, k), length in texels of the coarser side, number of the
+    # run, and number within the seam.
+    edges: Ints
+    shares: Floats
+    lengths: Floats
+    runs: Ints
+    numbers: npt.NDArray[np.int64]
+
+
+def settle_seams(
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    how: str,
+    step: float,
+    *,
+    alpha: int = -1,
+    normals: bool = False,
+) -> TextureAtlas:
+    """Close the seams of an atlas at which its texture does not go on.
+
+    Parameters
+    ----------
+    values : (rows, columns, c) float32
+        Values of the nodes inside charts, before they are filtered.
+    how : {"auto", "continue", "extend"}
+        Compare both sides, close no seam, or all of them.
+    step : float
+        Values are multiples of it; 0 for floats.
+    alpha : int
+        The channel that is opacity; -1: none.
+    normals : bool
+        The first two channels are tangent-space directions around 1/2, which turn across seams.
+
+    Returns
+    -------
+    TextureAtlas
+        The same one if no seam is to be closed.
+    """
+    borders, twins = atlas.charts.borders, atlas.mesh.twins.reshape(-1)
+    seams = borders[twins[borders] >= 0]
+    if how == "continue" or len(seams) == 0:
+        return atlas
+    counts = np.zeros(len(twins) + 1, dtype=np.int32)
+    if how == "extend":
+        counts[seams + 1] = 1
+        return atlas.closed(np.cumsum(counts, dtype=np.int32), np.ones(len(seams), dtype=np.bool_))
+    parts = _cut(atlas)
+    ask()
+    unseen = max(_STEPS * step, _UNSEEN * _range(atlas, values))
+    closed = _differing(atlas, parts, values.reshape(-1, values.shape[2]), unseen, alpha, normals)
+    if not closed.any():
+        return atlas
+    # Both sides number their parts in their own direction.
+    np.add.at(counts, parts.edges + 1, 1)
+    starts = np.cumsum(counts, dtype=np.int32)
+    one, other = parts.edges
+    both = np.empty(starts[-1], dtype=np.bool_)
+    both[starts[one] + parts.numbers] = closed
+    both[starts[other + 1] - 1 - parts.numbers] = closed
+    return atlas.closed(starts, both)
+
+
+def _differing(
+    atlas: TextureAtlas,
+    parts: _Parts,
+    values: npt.NDArray[np.float32],
+    unseen: float,
+    alpha: int,
+    normals: bool,
+) -> npt.NDArray[np.bool_]:
+    count = len(parts.lengths)
+    steps = np.empty((count, values.shape[1]), dtype=np.float32)
+    changes = np.empty(count, dtype=np.float32)
+    unknown = np.zeros(len(atlas.sheet.ghosts), dtype=np.bool_)  # ghosts are not read
+    inner = atlas.sheet, atlas.charts.labels, unknown
+    run(_measure, count, parts.edges, parts.shares, inner, atlas.metric, values, alpha, normals,
+        steps, changes)  # fmt: skip
+    closed = np.empty(count, dtype=np.bool_)
+    run(_decide, count, *_around(parts, _RUN), parts.lengths, steps, changes, unseen, closed)
+    # A few alone among others are chance.
+    first, last = _around(parts, 0.5 * _RUN)
+    votes = np.concatenate([[0.0], np.cumsum(np.where(closed, 1.0, -1.0) * parts.lengths)])
+    return closed & (votes[last] >= votes[first])
+
+
+def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> float:
+    # Of nearly all values in the channel that has the largest one.
+    nodes = atlas.sheet.nodes.reshape(-1)
+    stride = nodes.size // _SAMPLE | 1
+    sample = values.reshape(nodes.size, -1)[::stride][nodes[::stride] >= 0]
+    if len(sample) == 0:
+        return 0.0
+    low, high = np.quantile(sample, (0.01, 0.99), axis=0)
+    return float((high - low).max())
+
+
+def _cut(atlas: TextureAtlas) -> _Parts:
+    twins, points = atlas.mesh.twins.reshape(-1), atlas.charts.points
+    borders = atlas.charts.borders
+    ends = np.zeros(len(twins), dtype=np.bool_)
+    ends[borders] = True
+    first = borders[twins[borders] > borders]
+    edges, runs = np.empty_like(first), np.empty_like(first)
+    _order(first, twins, ends, edges, runs)
+    ask()
+    sides = np.stack([edges, twins[edges]])
+    face, k = np.divmod(sides, 3)
+    sizes = np.linalg.norm(points[face, (k + 1) % 3] - points[face, k], axis=-1)
+    counts = np.maximum(np.ceil(sizes.max(axis=0)), 1).astype(np.int64)
+    seam = np.repeat(np.arange(len(edges)), counts)
+    numbers = np.arange(len(seam)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (numbers + 0.5) / counts[seam]
+    lengths = (sizes.min(axis=0) / counts)[seam]
+    return _Parts(sides[:, seam], np.stack([share, 1.0 - share]), lengths, runs[seam], numbers)
+
+
+def _around(parts: _Parts, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    # The parts that lie within reach of each along its run: the first, and one past the last.
+    places = np.cumsum(parts.lengths) - 0.5 * parts.lengths + 4 * _RUN * parts.runs
+    first = np.searchsorted(places, places - reach, side="left")
+    last = np.searchsorted(places, places + reach, side="right")
+    number = np.arange(len(places))
+    return np.maximum(first, number - _MOST_PARTS), np.minimum(last, number + _MOST_PARTS + 1)
+
+
+@kernel
+def _next(twins, ends, edge):
+    # The half-edge at which the chart ends after this one.
+    edge = edge - edge % 3 + after(edge % 3)
+    while not ends[edge]:
+        edge = twins[edge]
+        edge = edge - edge % 3 + after(edge % 3)
+    return edge
+
+
+@kernel
+def _follow(twins, ends, edge):
+    # The seam that goes on after this one between the same charts' sides, or -1.
+    found = _next(twins, ends, edge)
+    if twins[found] < 0 or found == twins[edge] or _next(twins, ends, twins[found]) != twins[edge]:
+        return -1
+    return found
+
+
+@kernel
+def _order(seams, twins, ends, edges, runs):
+    # List the seams run by run, each as the half-edge that goes along the run.
+    done = np.zeros(twins.shape[0], dtype=np.bool_)
+    count = 0
+    number = 0
+    for seam in seams:
+        if done[seam]:
+            continue
+        first = seam
+        while True:
+            before = _follow(twins, ends, twins[first])
+            if before < 0 or twins[before] == seam:
+                break
+            first = twins[before]
+        edge = first
+        while edge >= 0 and not done[edge]:
+            done[edge] = True
+            done[twins[edge]] = True
+            edges[count] = edge
+            runs[count] = number
+            count += 1
+            edge = _follow(twins, ends, edge)
+        number += 1
+
+
+@kernel
+def _steps(metric, edge):
+    # How many texels away from a half-edge one goes, down and across, for 1 on the surface.
+    f, k = divmod(edge, 3)
+    if metric.shapes[f, 2] == 0:
+        return 0.0, 0.0
+    u, v = frame_axis(metric.shapes, f, k)
+    return apply(metric.inverse_jacobians, f, -v, u)
+
+
+@kernel
+def _read(atlas, values, alpha, face, y, x, out):
+    # Read the own texels of a face's chart around a place, times opacity; whether there are any.
+    sheet, labels, unknown = atlas
+    rows, columns = sheet.cells.shape
+    if not (0 <= y < rows - 1 and 0 <= x < columns - 1):
+        return False
+    row, column = int(y), int(x)
+    there = sheet.cells[row, column]
+    if there == NOTHING or labels[there] != labels[face]:
+        return False
+    cell = row * columns + column
+    out[:] = 0.0
+    weight = interpolate(sheet.nodes, unknown, values, cell, y - row, x - column, alpha, out)
+    if alpha >= 0:
+        for c in range(out.shape[0]):
+            if c != alpha:
+                out[c] *= out[alpha]
+    return weight > _LEAST
+
+
+@kernel
+def _turn(alpha, turn, color):
+    turn_direction(turn, color, 0.5 if alpha < 0 else 0.5 * color[alpha])
+
+
+@kernel
+def _look(atlas, metric, values, alpha, normals, edge, share, other, step, back, b, turn, out):
+    # Read beside a half-edge, a step inside its chart. Where the chart has no texels of its own,
+    # as slivers have none, read what lies behind it: that comes by a step back over the half-edge
+    # of the other side. Normals are turned to that side.
+    sheet = atlas[0]
+    y, x = place_on_edge(sheet.points, edge, share)
+    if _read(atlas, values, alpha, edge // 3, y + step[0], x + step[1], out):
+        if normals:
+            y, x = place_on_edge(sheet.points, other, 1.0 - share)
+            size = max(np.sqrt(back[0] ** 2 + back[1] ** 2), 1e-9)
+            place_beyond(
+                sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, other,
+                y - _TOUCH / size * back[0], x - _TOUCH / size * back[1], b, turn,
+            )  # fmt: skip
+            _turn(alpha, turn, out)
+        return True
+    y, x = place_on_edge(sheet.points, other, 1.0 - share)
+    face, y, x, _, _ = place_beyond(
+        sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, other,
+        y - back[0], x - back[1], b, turn,
+    )  # fmt: skip
+    if face < 0 or not _read(atlas, values, alpha, face, y, x, out):
+        return False
+    if normals:
+        _turn(alpha, turn, out)
+    return True
+
+
+@kernel
+def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, steps, changes):
+    # The step from one side of each part to the other, beyond what each side's slope explains, and
+    # how much both change inwards; NaN where nothing tells.
+    colors = np.empty((2, 2, values.shape[1]))
+    ways = np.empty((2, 2))
+    turn = np.eye(2)
+    b = np.empty(3)
+    for i in range(start, stop):
+        steps[i] = np.nan
+        changes[i] = np.nan
+        length = 0.0  # of a texel of the coarser side
+        for side in range(2):
+            ways[side] = _steps(metric, edges[side, i])
+            size = np.sqrt(ways[side, 0] ** 2 + ways[side, 1] ** 2)
+            if size > 0:
+                length = max(length, 1.0 / size)
+        for side in range(2):
+            size = np.sqrt(ways[side, 0] ** 2 + ways[side, 1] ** 2)
+            if size > 0:
+                ways[side] *= min(length, _MOST_TEXELS / size)
+        complete = True
+        for side in range(2):
+            for n in range(2):
+                depth = _NEAR if n == 0 else _FAR
+                complete = complete and _look(
+                    atlas, metric, values, alpha, normals and side == 1, edges[side, i],
+                    shares[side, i], edges[1 - side, i], depth * ways[side],
+                    depth * ways[1 - side], b, turn, colors[side, n],
+                )  # fmt: skip
+        if not complete:
+            continue
+        changes[i] = 0.0
+        for c in range(values.shape[1]):
+            one = colors[0, 0, c] - colors[0, 1, c]
+            other = colors[1, 1, c] - colors[1, 0, c]
+            slope = _NEAR / (_FAR - _NEAR) * (one + other)
+            steps[i, c] = colors[1, 0, c] - colors[0, 0, c] - slope
+            changes[i] = max(changes[i], abs(one) + abs(other))
+
+
+@kernel
+def _median(values, weights, count):
+    # Weighted, of the first ones.
+    order = np.argsort(values[:count])
+    half = 0.5 * weights[:count].sum()
+    total = 0.0
+    for i in order:
+        total += weights[i]
+        if total >= half:
+            return values[i]
+    return 0.0
+
+
+@kernel
+def _decide(start, stop, first, last, lengths, steps, changes, unseen, closed):
+    # Close parts around which the steps agree on more than chance would bring about.
+    longest = 0
+    for i in range(start, stop):
+        longest = max(longest, last[i] - first[i])
+    found = np.empty(longest)
+    weights = np.empty(longest)
+    for i in range(start, stop):
+        closed[i] = False
+        for c in range(-1, steps.shape[1]):
+            count = 0
+            for j in range(first[i], last[i]):
+                if not np.isnan(changes[j]):
+                    found[count] = changes[j] if c < 0 else steps[j, c]
+                    weights[count] = lengths[j]
+                    count += 1
+            if count == 0:
+                break
+            middle = _median(found, weights, count)
+            if c < 0:
+                change = middle
+                independent = max(min(weights[:count].sum(), float(count)), 1.0)
+                continue
+            for j in range(count):
+                found[j] = abs(found[j] - middle)
+            spread = max(_DEVIATION * _median(found, weights, count), change)
+            if abs(middle) > unseen + _CHANCE * spread / np.sqrt(independent):
+                closed[i] = True
+                break
