@@ -494,14 +494,14 @@ MODES: list[Mode] = [
         presets=(
             Preset(
                 "Subtle",
-                "For colors that are sharp already: only the narrowest blends become steeper",
-                {"time": 16.0},
+                "For colors that are nearly right: half of the change",
+                {"amount": 0.5},
             ),
             Preset(
                 "Crisp Borders",
-                "For wide, soft borders between areas that should have one color each: flows"
-                " longer",
-                {"time": 4096.0},
+                "For wide, soft borders between areas that should have one color each, where Auto"
+                " finds too little: closes borders 12 edges wide",
+                {"width": 12.0},
             ),
             _PAINTERLY,
         ),
