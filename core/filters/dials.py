@@ -35,7 +35,7 @@ SHARP = 1.6
 WIDEST = 16.0
 """Most that a measured width counts: what is wider was meant to be soft."""
 
-_DRAWING, _PHOTO = (2.5, 0.6), (2.0, 1.0)  # times the unsharp difference, widths that flow
+_DRAWING, _PHOTO = (2.0, 0.6), (2.0, 1.0)  # times the unsharp difference, widths that flow
 _RATE = 0.7  # the time in which a border of contrast 1 closes, over its width to the power of 4
 _CELLS = 3.0  # what a grid's own coarseness adds to squared widths
 _FAINT = 0.02  # contrast below which nothing is a border
