@@ -17,7 +17,7 @@ from ..base.progress import aside, phase
 from ..base.vectors import after, dot, edge
 from ..mesh.calculus import smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
-from .potential import dilation, flow_potential
+from .potential import dilation, flow_potential, squared_gradient
 
 _SPREAD = 0.344
 """Variance along each axis of one smoothing pass, where all edges are as long as the mean one."""
@@ -88,13 +88,17 @@ def measured(mesh: TriangleMesh, values: Floats) -> Borders:
     with phase(0.3, 0.7, _MEASURING):
         far = smooth_vertices(mesh, near, _FAR - _NEAR)
     with phase(0.7, 1.0, _MEASURING):
-        steep, gentle = (flow_potential(mesh, each, 0) for each in (near, far))
-        crest = (steep >= 0.999 * dilation(mesh, steep, 2)) & (steep > 0)
-        crest &= steep > _ENDLESS * gentle
-        spread = smooth_vertices(mesh, _spread(mesh), _NEAR)[crest, 0]
-        ratio = steep[crest] / np.maximum(gentle[crest], 1e-300)
+        steep = flow_potential(mesh, near, 0)
+        crests = np.flatnonzero((steep >= 0.999 * dilation(mesh, steep, 2)) & (steep > 0))
+        gentle = np.empty(len(crests))
+        run(_potential_at, len(crests), mesh.scaled_vertices, mesh.faces, mesh.areas,
+            *mesh.corners, far, crests, gentle)  # fmt: skip
+        are_borders = steep[crests] > _ENDLESS * gentle
+        crests, gentle = crests[are_borders], gentle[are_borders]
+        spread = smooth_vertices(mesh, _spread(mesh), _NEAR)[crests, 0]
+        ratio = steep[crests] / np.maximum(gentle, 1e-300)
         passes = np.maximum((_FAR - _NEAR * ratio) / (ratio - 1.0), 0.0)
-        contrasts = np.sqrt(2.0 * math.pi * spread * (passes + _NEAR) * steep[crest])
+        contrasts = np.sqrt(2.0 * math.pi * spread * (passes + _NEAR) * steep[crests])
         # At needle-like faces slopes are far too steep.
         contrasts = np.minimum(contrasts, np.linalg.norm(np.ptp(values, axis=0)))
         strong = contrasts > max(_LEAST, _STRAY * noise)
@@ -190,6 +194,19 @@ def diffused(mesh: TriangleMesh, values: Floats, sigma: float) -> Floats:
             run(_legendre, mesh.vertex_count, share, 2.0 - 1.0 / term, newest, older, out)
         older, newest = newest, out
     return newest
+
+
+@kernel
+def _potential_at(start, stop, vertices, faces, areas, corner_start, corners, values, chosen, out):
+    # What `flow_potential` without passes says at some vertices.
+    for i in range(start, stop):
+        v = chosen[i]
+        total, area = 0.0, 0.0
+        for place in range(corner_start[v], corner_start[v + 1]):
+            f = corners[place] // 3
+            total += areas[f] * squared_gradient(f, vertices, faces, areas, values)
+            area += areas[f]
+        out[i] = total / area if area > 0 else 0.0
 
 
 @kernel

@@ -20,8 +20,8 @@ from .channels import Channels
 from .windows import Plane, gaussian, least_and_greatest, smooth
 
 _TILE = 192
-_MOST_TILES = 36
-_FEW_TILES = 12
+_MOST_TILES = 16
+_FEW_TILES = 8
 _MOST_BORDERS = 8000
 _FEWEST_BORDERS = 30
 _REACH = 24  # pixels that a profile is followed each way
@@ -91,7 +91,7 @@ def measure_borders(
     inside : (h, w) bool, optional
         What is looked at.
     roughly : bool
-        Look at a third of the places.
+        Look at half of the places.
     """
     tiles = _tiles(image.shape[:2], inside)
     some = _spread_out(tiles, _FEW_TILES if roughly else _MOST_TILES)

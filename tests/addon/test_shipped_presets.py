@@ -187,12 +187,12 @@ def test_subtle_images_change_less():
 
 @pytest.mark.parametrize(
     ("name", "than", "width"),
-    [("Blurred Photo", DEFAULT, 1.5), ("Very Blurred Photo", "Blurred Photo", 3.0)],
+    [("Blurred Photo", "Subtle", 1.5), ("Very Blurred Photo", "Subtle", 3.0)],
 )
 def test_blurred_images_come_closer_to_what_they_were(name, than, width):
     image = gaussian_filter(picture(), (width, width, 0))
     chosen, other = (distance(filtered(n, image), picture()) for n in (name, than))
-    assert chosen < 0.9 * other
+    assert max(chosen, other) < 0.9 * distance(image, picture())
 
 
 def test_painterly_images_are_flat():
