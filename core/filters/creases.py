@@ -82,13 +82,21 @@ class Regions(NamedTuple):
     wide : (m,) float64
         Whether roundings are wider than an edge or two.
     radius : float
-        Of the rounding of most creases, in mean edge lengths.
+        Of the rounding of most creases that are closed, in mean edge lengths.
+    too_wide : bool
+        Whether some are left as they are, as their rounding is wider than asked for.
     """
 
     use: Floats
     creased: Floats
     wide: Floats
     radius: float
+    too_wide: bool
+
+    @property
+    def closed(self) -> npt.NDArray[np.bool_]:
+        """The faces along creases that are closed: (m,)."""
+        return (self.use > 0) & (self.creased > 0)
 
 
 def find_regions(mesh: TriangleMesh, widest: float = 0.0) -> Regions:
@@ -158,13 +166,16 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
         wide = creased * wide * ramp(_ratio(sums[-1], sums[0]), _WIDE)
     clearly = ramp(over, _CLEARLY_OUT) * ramp(np.degrees(turn), _CLEARLY_TURNS)
     use = np.maximum(creased, _RELIEF * clearly) * blunt
+    too_wide = False
     if widest > 0:
         most = float(np.interp(widest, *_WIDTHS))
-        use *= 1.0 - ramp(_ratio(sums[-1], sums[0]), (most - 0.03, most + 0.03))
-    typical = on_crest & (creased > 0)
+        left = ramp(_ratio(sums[-1], sums[0]), (most - 0.03, most + 0.03))
+        too_wide = bool(((use > 0.5) & (left > 0.5)).any())
+        use *= 1.0 - left
+    typical = on_crest & (creased > 0) & (use > 0)
     radius = np.interp(np.median(width[typical]), *_WIDTHS[::-1]) if typical.any() else 0.0
-    faces = (greatest_to_faces(mesh, values) for values in (use, creased, wide))
-    return Regions(*faces, float(radius))
+    use, creased, wide = (greatest_to_faces(mesh, values) for values in (use, creased, wide))
+    return Regions(use, creased, wide, float(radius), too_wide)
 
 
 def vertices_at_creases(mesh: TriangleMesh, settings: GeometrySettings) -> npt.NDArray[np.bool_]:
@@ -173,7 +184,7 @@ def vertices_at_creases(mesh: TriangleMesh, settings: GeometrySettings) -> npt.N
     def closed(current: TriangleMesh, _: Floats | None) -> Floats:
         regions = find_regions(current, settings.widest_fillet)
         found = np.zeros((current.vertex_count, 1))
-        found[current.faces[(regions.use > 0) & (regions.creased > 0)]] = 1.0
+        found[current.faces[regions.closed]] = 1.0
         return found
 
     return in_good_order(mesh, closed, None)[:, 0] > 0
@@ -181,11 +192,13 @@ def vertices_at_creases(mesh: TriangleMesh, settings: GeometrySettings) -> npt.N
 
 def tell_creases(regions: Regions) -> None:
     """Say, for reports, what was found; see `base.findings`."""
-    if not regions.creased.any():
-        if regions.use.any():
+    if not regions.closed.any():
+        if regions.too_wide:
+            tell("The creases are rounded more widely than Widest Fillet, and stay.")
+        elif regions.use.any():
             tell("Not made of creases: only what stands out clearly was sharpened, by half.")
-    elif not regions.use.any():
-        tell("The creases are sharp already.")
+        elif regions.creased.any():
+            tell("The creases are sharp already.")
     elif regions.radius < 1:
         tell("Closed creases that were blunt by about an edge length; smooth parts stay.")
     else:
@@ -257,7 +270,8 @@ def consistent_normals(
 
 def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.bool_]:
     """Faces whose normals differ by 3 degrees and more, and those that share a vertex with them."""
-    return _grown(mesh, np.einsum("ij,ij->i", old, new) < np.cos(np.radians(3.0)))
+    turned = np.einsum("ij,ij->i", old, new) < np.cos(np.radians(3.0))
+    return _grown(mesh, turned & (mesh.areas > 0))
 
 
 def mixed_normals(old: Floats, new: Floats, shares: Floats) -> Floats:

@@ -12,11 +12,15 @@ import numpy.typing as npt
 from ..base.checks import checked_mask
 from ..base.memo import kept
 from ..base.parallel import kernel, run
-from ..base.progress import ProgressCallback, aside, phase, reporting
-from ..base.vectors import dot
+from ..base.progress import ProgressCallback, phase, reporting
 from ..flow.advect import advect_faces
 from ..flow.potential import above_surroundings, bending, flow_from_potential, flow_potential
-from ..mesh.calculus import average_to_faces, average_to_vertices, smooth_vertices
+from ..mesh.calculus import (
+    average_to_faces,
+    average_to_vertices,
+    make_unit_or,
+    smooth_vertices,
+)
 from ..mesh.order import in_good_order, is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import GeometrySettings
@@ -200,32 +204,35 @@ def geometry_flow(
         with phase(0.0, 0.9, "Computing the flow"):
             _, _, potential = _signal_and_potential(mesh, settings or GeometrySettings())
         with phase(0.9, 1.0, "Computing the flow"):
-            return potential, flow_from_potential(mesh, potential)
+            return potential.copy(), flow_from_potential(mesh, potential)
 
 
 def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | None) -> Floats:
     def sharpen(current: TriangleMesh) -> Floats:
         return _sharpened(current, settings)
 
-    steps = settings.fit_steps
+    steps, begin = settings.fit_steps, 0.0
     if settings.where == "creases":
-        with aside("Finding creases"):
+        begin = 0.25
+        with phase(0.0, begin, "Finding creases"):
             regions = find_regions(mesh, settings.widest_fillet)
+        if weights is None:
             tell_creases(regions)
-            if not regions.creased.any():
-                steps = 1  # without creases to slide onto, more gain nothing
-    return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
-                    steps, settings.crease_freedom)  # fmt: skip
+        if not regions.creased.any():
+            steps = 1  # without creases to slide onto, more gain nothing
+    with phase(begin, 1.0, "Sharpening"):
+        return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
+                        steps, settings.crease_freedom)  # fmt: skip
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
     if settings.where == "everywhere":
         return _aligned(mesh, settings, None)
-    with phase(0.0, 0.3, "Finding creases"):
+    with phase(0.0, 0.1, "Finding creases"):  # the first time they are known
         regions = find_regions(mesh, settings.widest_fillet)
     if not regions.use.any():
         return mesh.normals.copy()
-    with phase(0.3, 0.7, "Sharpening"):
+    with phase(0.1, 0.7, "Sharpening"):
         normals = _aligned(mesh, settings, regions.creased > 0)
     if regions.wide.any():
         with phase(0.7, 1.0, "Sharpening"):
@@ -294,7 +301,4 @@ def _mollified(mesh: TriangleMesh, normals: Floats, passes: int) -> Floats:
 @kernel
 def _make_unit(start, stop, vectors, fallback):
     for f in range(start, stop):
-        length = np.sqrt(dot(vectors[f], vectors[f]))
-        known = fallback[f, 0] != 0 or fallback[f, 1] != 0 or fallback[f, 2] != 0
-        for j in range(3):
-            vectors[f, j] = vectors[f, j] / length if known and length > 1e-12 else fallback[f, j]
+        make_unit_or(vectors[f], fallback[f])

@@ -118,7 +118,8 @@ def further_steps(
 def _near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
     # 1 at the vertices around faces that are to turn, and some rings more.
     turning = np.zeros(mesh.vertex_count, dtype=np.uint8)
-    turning[mesh.faces[np.einsum("ij,ij->i", mesh.normals, normals) < np.cos(_TURNING)]] = 1
+    turned = np.einsum("ij,ij->i", mesh.normals, normals) < np.cos(_TURNING)
+    turning[mesh.faces[turned & (mesh.areas > 0)]] = 1
     return dilation(mesh, turning, _RINGS)
 
 
@@ -148,7 +149,6 @@ def _cut_out(
 
 def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
     still = np.zeros_like(moved)
-    moved = moved.copy()
     residual = _downhill(piece, piece.vertices, moved)
     way, change, product = still.copy(), residual, np.inf
     for turn in range(1, steps):

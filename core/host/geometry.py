@@ -81,10 +81,27 @@ def filter_shape(
         if not isinstance(settings, GeometrySettings):
             return shape
         with aside("Finding creases"):
-            creases = np.zeros(len(shape.positions), dtype=bool)
-            if settings.where == "creases" and not settings.is_neutral:
-                creases[part.used] = vertices_at_creases(part.mesh, settings)[part.index]
-            return replace(shape, creases=creases)
+            return replace(shape, creases=_creases(surface, part, settings))
+
+
+def _creases(
+    surface: MirroredSurface, part: Welded, settings: GeometrySettings
+) -> npt.NDArray[np.bool_]:
+    found = np.zeros(len(surface.positions), dtype=bool)
+    if settings.where == "creases" and not settings.is_neutral:
+        closed = vertices_at_creases(part.mesh, settings)
+        for axis in (axis for axis in range(3) if surface.mirror[axis]):
+            pairs = _pairs(surface, part, axis)
+            closed[pairs >= 0] |= closed[pairs[pairs >= 0]]
+        found[part.used] = closed[part.index]
+    return found
+
+
+def _pairs(surface: MirroredSurface, part: Welded, axis: int) -> npt.NDArray[np.intp]:
+    # Which welded vertices mirror each other; see `mirror_pairs`.
+    points = surface.positions[part.used][part.representatives].astype(np.float64)
+    find = partial(mirror_pairs, points, part.mesh.faces, part.mask, axis)
+    return kept(part.mesh, f"mirror {axis}", (points, part.mask), find)
 
 
 def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Reshaped:
@@ -96,9 +113,7 @@ def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Re
         points = old[part.representatives].astype(np.float64)
         for axis in (axis for axis in range(3) if surface.mirror[axis]):
             ask()
-            find = partial(mirror_pairs, points, mesh.faces, part.mask, axis)
-            pairs = kept(mesh, f"mirror {axis}", (points, part.mask), find)
-            moves = symmetrise(moves, pairs, axis)
+            moves = symmetrise(moves, _pairs(surface, part, axis), axis)
         for plane in surface.planes:
             ask()
             moves = plane.hold(moves, points)

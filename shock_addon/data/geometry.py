@@ -35,7 +35,7 @@ class Place:
         "KEEP", "RECOMPUTE" or "CLEAR".
     sharp_angle : float or None
         Edges whose faces meet at more than this become sharp, after sharpening where creases were
-        closed; None marks none.
+        closed; None marks none. Not where the shape is a key's, or custom normals are kept.
     """
 
     output: str
@@ -107,8 +107,7 @@ def write_geometry(
     else:
         shape_keys.write_active(obj, result.positions)
         meshes.write_positions(obj.data, shape_keys.read(obj.data.shape_keys.reference_key))
-    kept_normals = obj.data.has_custom_normals and place.custom_normals == "KEEP"
-    if place.sharp_angle is not None and not kept_normals:  # which lie in fans between marks
+    if place.sharp_angle is not None and _may_mark(obj, place):
         free = _free(mask, result.creases)
         shading.mark_sharp(obj.data, result.positions, free, place.sharp_angle)
     obj.data.update()
@@ -117,6 +116,17 @@ def write_geometry(
     elif obj.data.has_custom_normals and place.custom_normals == "CLEAR":
         shading.clear_normals(obj)
     return obj
+
+
+def _may_mark(obj: bpy.types.Object, place: Place) -> bool:
+    # Marks belong to the whole mesh, whatever its shape keys; and custom normals lie in fans
+    # between marks, so that they would turn.
+    if place.output == "SHAPE_KEY":
+        return False
+    if obj.data.has_custom_normals and place.custom_normals == "KEEP":
+        return False
+    keys = obj.data.shape_keys
+    return keys is None or shape_keys.active_key(obj) == keys.reference_key
 
 
 def _free(

@@ -108,7 +108,11 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
     if parameters.custom_normals == "KEEP" and any(obj.data.has_custom_normals for obj in objects):
         found.append(
             pgettext_rpt(
-                "Custom normals were kept; choose Recompute or Clear if the shading looks wrong."
+                "Custom normals were kept, and no edges marked as sharp; choose Recompute or Clear"
+                " if the shading looks wrong."
+                if parameters.mark_sharp
+                else "Custom normals were kept; choose Recompute or Clear if the shading looks"
+                " wrong."
             )
         )
     if parameters.mark_sharp and any(_hides_marks(obj.data) for obj in objects):

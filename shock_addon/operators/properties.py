@@ -207,8 +207,8 @@ _PLACES = {
     "geometry mark_sharp": bpy.props.BoolProperty(
         name="Mark Sharp",
         description="Afterwards mark the edges of creases that were closed as sharp, where faces"
-        " meet at more than the angle, so that smooth shading breaks there. Needs Where: Creases."
-        " Marks that are there stay",
+        " meet at more than the angle, so that smooth shading breaks there. Needs Where: Creases;"
+        " not for shape keys, nor with custom normals that are kept. Marks that are there stay",
         default=True,
     ),
     "mark_sharp": bpy.props.BoolProperty(

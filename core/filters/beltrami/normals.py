@@ -20,11 +20,28 @@ MOLLIFIED = 10.0
 """Normals that differ by this many times the noise hardly mollify each other: creases stay."""
 
 
+_SEEDS = 2000
+"""Faces around which the noise is compared at several distances."""
+
+_RINGS = 1, 2, 6
+_MOST_AROUND = 1024
+"""Most faces that are looked at around one."""
+
+_BUMPS = 3.0
+"""How many times more the noise of scans counts whose bumps are wider than a face."""
+
+# Where the share of bumps in what normals differ by over two rings begins to count, and where it
+# counts in full; and the ratio of squared differences over one ring and over two: of relief below
+# the first pair, of noise that differs from vertex to vertex above the second.
+_SHARE, _WIDER, _WHITE = (0.4, 0.6), (0.5, 0.57), (0.73, 0.85)
+
+
 def noise_of_normals(mesh: TriangleMesh) -> float:
     """How much the normals of neighbouring faces differ where the surface is calm.
 
-    The lower quartile over all edges: creases and relief have little say. Between bounds, so
-    that a clean mesh is not all noise, and a right angle never is.
+    The lower quartile over all edges: creases and relief have little say. Noise of real scans has
+    bumps wider than a face, over which neighbours differ less than by the whole of it: it counts
+    more. Between bounds, so that a clean mesh is not all noise, and a right angle never is.
     """
     steps = np.empty(3 * mesh.face_count)
     run(_normal_steps, mesh.face_count, mesh.twins, mesh.areas, mesh.normals, steps)
@@ -32,7 +49,28 @@ def noise_of_normals(mesh: TriangleMesh) -> float:
     if not len(steps):
         return MOST_NOISE
     quartile = float(np.quantile(steps, 0.25, overwrite_input=True))
-    return min(max(quartile, LEAST_NOISE), MOST_NOISE)
+    return min(max(quartile * _bump_factor(mesh), LEAST_NOISE), MOST_NOISE)
+
+
+def _bump_factor(mesh: TriangleMesh) -> float:
+    # Squared differences of normals over k rings are those of the noise, which are all there from
+    # the bumps' width on, plus k^2 times those of the bending surface.
+    count = min(_SEEDS, mesh.face_count)
+    seeds = np.linspace(0, mesh.face_count - 1, count).astype(np.int32)
+    found = np.empty((count, len(_RINGS)))
+    run(_differences, count, mesh.faces, *mesh.corners, mesh.areas, mesh.normals, seeds, found,
+        chunk=_SEEDS // 4)  # fmt: skip
+    found = found[np.isfinite(found).all(axis=1)]
+    if not len(found):
+        return 1.0
+    one, two, _ = np.median(found, axis=0)
+    bend = max(np.median(found[:, 2] - found[:, 1]) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
+    bumps = two - _RINGS[1] ** 2 * bend
+    if not bumps > _SHARE[0] * two:
+        return 1.0
+    ratio = (one - bend) / bumps
+    wider = np.interp(ratio, _WIDER, (0.0, 1.0)) * np.interp(ratio, _WHITE, (1.0, 0.0))
+    return 1.0 + (_BUMPS - 1.0) * float(wider * np.interp(bumps / two, _SHARE, (0.0, 1.0)))
 
 
 def smoothed_normals(
@@ -63,6 +101,49 @@ def _mollified(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) 
             smooth)  # fmt: skip
         normals = smooth
     return normals
+
+
+@kernel
+def _differences(start, stop, faces, corner_start, corners, areas, normals, seeds, found):
+    # Around each seed, the median squared difference of its normal to those some rings away, a ring
+    # being all faces that share a vertex with the last; NaN where there are none.
+    seen = np.full(faces.shape[0], -1, np.int32)
+    queue = np.empty(_MOST_AROUND, np.int32)
+    squares = np.empty(_MOST_AROUND)
+    for s in range(start, stop):
+        seed = seeds[s]
+        found[s] = np.nan
+        if areas[seed] == 0:
+            continue
+        seen[seed] = s
+        queue[0] = seed
+        first, last, column = 0, 1, 0
+        for ring in range(1, _RINGS[2] + 1):
+            end = last
+            for i in range(first, end):
+                for k in range(3):
+                    v = faces[queue[i], k]
+                    stride = 1 + (corner_start[v + 1] - corner_start[v] - 1) // HUB
+                    for j in range(corner_start[v], corner_start[v + 1], stride):
+                        g = corners[j] // 3
+                        if seen[g] != s and last < _MOST_AROUND:
+                            seen[g] = s
+                            queue[last] = g
+                            last += 1
+            first = end
+            if ring == _RINGS[column]:
+                count = 0
+                for i in range(first, last):
+                    g = queue[i]
+                    if areas[g] > 0:
+                        square = 0.0
+                        for x in range(3):
+                            square += (normals[seed, x] - normals[g, x]) ** 2
+                        squares[count] = square
+                        count += 1
+                if count > 0:
+                    found[s, column] = np.median(squares[:count])
+                column += 1
 
 
 @kernel
