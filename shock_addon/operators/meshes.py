@@ -15,7 +15,6 @@ from ..modes import load
 from . import poll as obstacles
 from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
 
-
 _APPLY = "The mesh below the modifiers was filtered; apply them first to filter what they make."
 
 
