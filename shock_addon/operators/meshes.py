@@ -15,6 +15,8 @@ from ..modes import load
 from . import poll as obstacles
 from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
 
+_APPLY = "The mesh below the modifiers was filtered; apply them first to filter what they make."
+
 
 class MeshOperator(FilterOperator):
     """Mixin for operators on mesh objects."""
@@ -62,7 +64,9 @@ class MeshOperator(FilterOperator):
         if kind == "geometry":
             changes = describe_moves(results)
             if self.row.nothing and not any(result.moved for result in results):
-                text, advice = (pgettext_rpt(each) for each in (self.row.nothing, self.row.advice))
+                has_modifiers = any(each.data.modifiers for each in written)
+                advice = _APPLY if has_modifiers else self.row.advice
+                text, advice = pgettext_rpt(self.row.nothing), pgettext_rpt(advice)
         elif kind == "colors":
             meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
             changes = describe_colors(results, "colors", self.row.advice)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -30,7 +31,6 @@ _AT_FIRST = 1.0
 _INTERVAL = 0.5
 _NOTICED = 0.5
 """Seconds of compiling after which loading is given up: that would slow the window down."""
-
 
 _process: Process | None = None
 _is_prepared = False
@@ -102,7 +102,10 @@ def _rehearse(progress: Any) -> None:
     before = kernels.seconds_compiling()
 
     def go_on(fraction: float, message: str) -> bool:
-        return progress(fraction, message) and kernels.seconds_compiling() - before < _NOTICED
+        if kernels.seconds_compiling() - before > _NOTICED:  # such as for another processor
+            _remove_mark()
+            return False
+        return progress(fraction, message)
 
     rehearse(go_on)
 
@@ -126,6 +129,12 @@ def _write_mark() -> None:
             file.write(_installation())
     except OSError as error:
         _warn(f"Filters will be prepared again in the next session: {error}")
+
+
+def _remove_mark() -> None:
+    # The next session prepares again.
+    with suppress(OSError):
+        os.remove(_path())
 
 
 def _warn(text: str) -> None:

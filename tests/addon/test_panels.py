@@ -10,7 +10,7 @@ from shock_filter.core.settings import describe
 from shock_filter.shock_addon.flow import overlay as flow_overlay
 from shock_filter.shock_addon.modes import choices, find
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import jobs, kernels, statistics
+from shock_filter.shock_addon.operators import jobs, kernels, preparing, statistics
 from shock_filter.shock_addon.ui import menus, panels
 
 ABOUT = describe(GeometrySettings)
@@ -394,6 +394,14 @@ def test_the_panel_shows_the_progress(monkeypatch):
     assert words(drawn, "progress") == ["Tracing flow-lines"]
     assert drawn[-2][0] == "operator"
     assert len(words(drawn, "operator")) == 1  # Cancel
+
+
+def test_the_panel_shows_how_far_kernels_are_compiled_and_has_its_buttons(monkeypatch):
+    buttons = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+    monkeypatch.setattr(preparing, "fraction", lambda: 0.34)
+    drawn = draw(panels.SHOCK_FILTER_PT_main)
+    assert words(drawn, "progress") == ["Preparing for first use: 34%"]
+    assert words(drawn, "operator") == buttons
 
 
 def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):

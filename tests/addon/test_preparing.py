@@ -118,6 +118,16 @@ def test_without_a_python_everything_is_as_before(name, monkeypatch, caplog):
     assert "compiled on first use" in caplog.text
 
 
+def test_what_has_to_be_compiled_again_is_left_to_the_next_session(monkeypatch):
+    preparing._write_mark()
+    assert preparing._mark() == preparing._installation()
+    monkeypatch.setattr(kernels, "seconds_compiling", iter([0.0, 0.0, 3.0]).__next__)
+    asked = []
+    preparing._rehearse(lambda *about: asked.append(about) or True)
+    assert len(asked) == 1
+    assert preparing._mark() == ""
+
+
 def test_disabling_ends_the_process(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", python(tmp_path, "exec sleep 100"))
     preparing._begin()

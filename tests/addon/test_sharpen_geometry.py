@@ -247,6 +247,15 @@ def test_a_mesh_may_have_nothing_to_sharpen(shape, vertices):
     assert "Sharp creases stay as they are; for wide or gentle ones raise Time" in said
 
 
+def test_what_modifiers_make_is_not_sharpened_and_the_panel_says_so():
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.modifiers.new("Remesh", "REMESH")
+    assert sharpen() == {"FINISHED"}
+    said = operators.summaries["geometry"]
+    assert "Found nothing to sharpen" in said
+    assert "apply them first to filter what they make" in said
+
+
 def test_fidelity_counts_instead_of_the_radius(rounded_box):
     with_radius, without = rounded_box(), rounded_box()
     assert sharpen(fidelity=100.0) == {"FINISHED"}
