@@ -24,13 +24,14 @@ from .metric import apply, frame_axis
 from .sheet import NOTHING, place_on_edge
 
 _NEAR, _FAR = 0.75, 1.75  # depths at which texels are read, in those of the coarser side
+_SLOPE = 2.0  # how much more than the change from there to there a step must be, if in line
 _MOST_TEXELS = 4.0  # that such a texel counts for on the finer side
 _LEAST = 0.25  # weight of texels in the chart below which nothing is read
 _RUN = 8.0  # texels to each side along the seam that decide together
 _MOST_PARTS = 64  # the same, in parts, which edges far shorter than a texel make many
 _UNSEEN = 0.012  # step that is not seen, of the texture's range
 _STEPS = 1.5  # the same, in steps of whole numbers
-_CHANCE = 3.0  # standard errors that are chance
+_CHANCE = 2.0  # standard errors that are chance
 _DEVIATION = 1.86  # the error of the median of one normal number, in its median deviation
 _TOUCH = 1e-3  # texels beyond a seam from which normals are turned
 _SAMPLE = 100_000  # texels from which the range is taken
@@ -275,8 +276,8 @@ def _look(atlas, metric, values, alpha, normals, edge, share, other, step, back,
 
 @kernel
 def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, steps, changes):
-    # The step from one side of each part to the other, beyond what each side's slope explains, and
-    # how much both change inwards; NaN where nothing tells.
+    # The step from one side of each part to the other, beyond what a ramp or a soft edge across the
+    # seam explains, and how much both sides change inwards; NaN where nothing tells.
     colors = np.empty((2, 2, values.shape[1]))
     ways = np.empty((2, 2))
     turn = np.eye(2)
@@ -309,8 +310,11 @@ def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, 
         for c in range(values.shape[1]):
             one = colors[0, 0, c] - colors[0, 1, c]
             other = colors[1, 1, c] - colors[1, 0, c]
-            slope = _NEAR / (_FAR - _NEAR) * (one + other)
-            steps[i, c] = colors[1, 0, c] - colors[0, 0, c] - slope
+            step = colors[1, 0, c] - colors[0, 0, c]
+            slope = _SLOPE * (one + other)
+            if step * slope > 0:
+                step -= slope if abs(slope) < abs(step) else step
+            steps[i, c] = step
             changes[i] = max(changes[i], abs(one) + abs(other))
 
 
