@@ -81,6 +81,8 @@ class Filter(NamedTuple):
         Whether it has a mask.
     then : str
         Name of the sharpening, of the same kind of data, that may follow in the same run.
+    then_time : float
+        Its time where none is given.
     then_settings : mapping
         Its settings that differ from their defaults, beside its time.
     """
@@ -94,6 +96,7 @@ class Filter(NamedTuple):
     corners: str = ""
     takes_mask: bool = True
     then: str = ""
+    then_time: float = 256.0
     then_settings: Mapping[str, Any] = {}
 
     def function(self, then_time: float | None = None, corners: bool = False) -> Any:
@@ -159,6 +162,7 @@ FILTERS: tuple[Filter, ...] = (
         "denoise-image",
         "remove noise from images; edges stay",
         then="sharpen_image",
+        then_time=16.0,
     ),
     Filter(
         "sharpen_geometry",

@@ -132,7 +132,7 @@ def _number(name: str, value: Any, about: Setting, kind: type) -> Any:
 
 @dataclass(kw_only=True, repr=False, eq=False)
 class _FlowSettings(_Settings):
-    """Settings of the flow: shared by signals and geometry (paper sections 3 and 4)."""
+    """Settings of the flow: those of signals differ from them (paper sections 3 and 4)."""
 
     time: float = _setting(
         256.0,
@@ -153,10 +153,61 @@ class _FlowSettings(_Settings):
     )
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
-class _SignalSettings(_FlowSettings):
-    """Settings of the filters of signals: colors on meshes, in images and in textures."""
+BY_WIDTH = -1.0
+"""The time of signals that is not given: Width says how far values flow, at each place."""
 
+_DRAWING = "Flat areas with clean borders, such as masks, cel shading, logos and painted color"
+_PHOTO = "Detail and grain count as much as borders: half as strong, and detail is raised, too"
+_AUTO = "Measure which of these the picture is"
+
+
+def _what(default: str, *choices: str) -> Any:
+    about = {"auto": _AUTO, "drawing": _DRAWING, "photo": _PHOTO}
+    return _setting(
+        default,
+        "What is sharpened, which says how strongly",
+        choices={word: about[word] for word in choices or about},
+    )
+
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class _SignalSettings(_Settings):
+    """Settings of the filters of signals: colors on meshes, in images and in textures.
+
+    What and Width say how far values flow, by the contrast of each place, and Amount how much of
+    that is taken. A time of 0 or more overrides What and Width, and is that of the paper: it acts
+    alike everywhere. Its default, `BY_WIDTH`, is any negative number.
+    """
+
+    what: str = _what("drawing", "drawing", "photo")
+    width: float = _setting(
+        0.0,
+        "The widest borders that are closed, as wide as their contrast rises from 10 to 90"
+        " percent; wider ones stay soft. 0 measures it; 2 is for borders that are nearly sharp,"
+        " 10 for very soft ones",
+        unit="mean edge lengths",
+        maximum=64.0,
+        soft_maximum=16.0,
+        length_power=1,
+    )
+    amount: float = _setting(
+        1.0,
+        "How much of the change is taken. 0 changes nothing, 1 takes all of it",
+        unit="of the change",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+    time: float = _changed(
+        _FlowSettings,
+        "time",
+        BY_WIDTH,
+        "How long values flow towards the edges, alike everywhere, instead of What and Width. -1"
+        " leaves it to these; 0 changes nothing, 16 is subtle, 256 pulls narrow edges together,"
+        " 4096 wide ones; infinity is the steady state",
+        minimum=BY_WIDTH,
+        advanced=True,
+    )
+    smoothing_passes: int = _changed(_FlowSettings, "smoothing_passes", 1, advanced=True)
     channels: str = _setting(
         "coupled",
         "Which flow moves which channel",
@@ -176,6 +227,16 @@ class _SignalSettings(_FlowSettings):
         },
         advanced=True,
     )
+
+    @property
+    def by_width(self) -> bool:
+        """Whether What and Width say what is done, and no time."""
+        return self.time < 0
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether nothing changes."""
+        return self.time == 0 or self.amount == 0
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
@@ -197,6 +258,12 @@ class ShockSettings(_SignalSettings):
     )
 
     def __post_init__(self) -> None:
+        if self.scheme != "fixed" and self.by_width:
+            raise InvalidSettings(
+                "scheme is {scheme!r}, which walks for a given time; give a time such as 256, or"
+                " use the scheme 'fixed', which Width needs.",
+                scheme=self.scheme,
+            )
         if self.scheme != "fixed" and self.time > MOST_STEPS:
             raise InvalidSettings(
                 "time is {time!r}, which the scheme {scheme!r} walks in steps of 1; give at most"
@@ -224,14 +291,9 @@ def _alpha() -> Any:
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
 
-    time: float = _changed(
-        _FlowSettings,
-        "time",
-        16.0,
-        "How long values flow towards the edges. 0 changes nothing; 16 is for photos that are"
-        " sharp already, 256 and more for blurred ones; infinity is the steady state",
-        unit="flow time in pixels",
-    )
+    time: float = _changed(_SignalSettings, "time", BY_WIDTH, unit="flow time in pixels")
+    what: str = _what("auto")
+    width: float = _changed(_SignalSettings, "width", 0.0, unit="pixels")
     alpha: str = _alpha()
 
 
@@ -274,13 +336,13 @@ class TextureSettings(DilateSettings, _SignalSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
 
     time: float = _changed(
-        _FlowSettings,
+        _SignalSettings,
         "time",
-        16.0,
-        "How long values flow towards the edges. 0 changes nothing; 16 is for textures that are"
-        " sharp already, 256 and more for blurred ones; infinity is the steady state",
+        BY_WIDTH,
         unit="flow time in mean texel sizes on the surface",
     )
+    what: str = _what("auto")
+    width: float = _changed(_SignalSettings, "width", 0.0, unit="mean texel sizes on the surface")
     alpha: str = _alpha()
     content: str = _setting(
         "values",

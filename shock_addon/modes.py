@@ -177,9 +177,17 @@ class Target(NamedTuple):
 
     @property
     def time(self) -> str:
-        """The property that the mouse changes in a preview; empty if there is none."""
+        """The property of the flow time; empty if there is none."""
         name = f"{self.prefix}time"
         return name if name in self.fields else ""
+
+    def dial(self, parameters: Any) -> str:
+        """Name the property that the mouse changes in a preview; empty if there is none."""
+        width = f"{self.prefix}width"
+        is_endless = self.steady_state and getattr(parameters, self.steady_state)
+        if width in self.fields and not is_endless and getattr(parameters, self.time) < 0:
+            return width
+        return self.time
 
     @property
     def steady_state(self) -> str:
@@ -480,20 +488,20 @@ MODES: list[Mode] = [
         (Target("sharpen_vertex_signal"),),
         "Sharpened",
         "colors",
-        second="smoothing_passes",
-        advice="for wide edges raise Time",
+        second="amount",
+        advice="for wider edges raise Width",
         flow="Where colors are pulled: to the edges between them",
         presets=(
             Preset(
                 "Subtle",
-                "For colors that are sharp already: only the narrowest blends become steeper",
-                {"time": 16.0},
+                "For colors that are nearly right: half of the change",
+                {"amount": 0.5},
             ),
             Preset(
                 "Crisp Borders",
-                "For wide, soft borders between areas that should have one color each: flows"
-                " longer",
-                {"time": 4096.0},
+                "For wide, soft borders between areas that should have one color each, where Auto"
+                " finds too little: closes borders 12 edges wide",
+                {"width": 12.0},
             ),
             _PAINTERLY,
         ),
@@ -507,25 +515,26 @@ MODES: list[Mode] = [
         (Target("sharpen_image"),),
         "Sharpened",
         "images",
-        second="smoothing_passes",
-        advice="for wide edges raise Time",
+        second="amount",
+        advice="for wider edges raise Width",
         about_in_images="Sharpen it as a flat picture",
         presets=(
             Preset(
                 "Subtle",
-                "For photos that are sharp already: a quarter of the default's time",
-                {"time": 4.0},
+                "For images that are nearly right: half of the change",
+                {"amount": 0.5},
             ),
             Preset(
                 "Blurred Photo",
-                "For photos whose edges are two or three pixels wide",
-                {"time": 256.0},
+                "For photos, also where Auto takes them for drawings: detail is raised, and borders"
+                " become half as wide",
+                {"what": "photo"},
             ),
             Preset(
                 "Very Blurred Photo",
-                "For scaled-up or badly focused photos, whose edges are wider: flows longer, and"
-                " ignores the noise between edges",
-                {"time": 4096.0, "smoothing_passes": 3},
+                "For scaled-up or badly focused photos, where Auto finds too little: closes borders"
+                " 12 pixels wide",
+                {"what": "photo", "width": 12.0},
             ),
             _PAINTERLY,
         ),
@@ -540,20 +549,21 @@ MODES: list[Mode] = [
         (Target("sharpen_texture"),),
         "Sharpened",
         "textures",
-        second="smoothing_passes",
-        advice="for wide edges raise Time",
+        second="amount",
+        advice="for wider edges raise Width",
         about_in_images="Sharpen it on the surface of the selected objects that show it, across"
         " seams",
         presets=(
             Preset(
                 "Subtle",
-                "For textures that are sharp already: a quarter of the default's time",
-                {"time": 4.0},
+                "For textures that are nearly right: half of the change",
+                {"amount": 0.5},
             ),
             Preset(
                 "Blurred Bake",
-                "For bakes and scaled-up textures, whose edges are several texels wide",
-                {"time": 256.0},
+                "For bakes, masks and scaled-up painted colors: areas get one clean border, as"
+                " wide as a texel or two",
+                {"what": "drawing"},
             ),
             Preset(
                 "Normal Map",

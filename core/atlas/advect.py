@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.unfinished import MOST_STEPS, warn_of_unfinished
+from ..grid.advect import split_time
 from ..grid.channels import Channels
 from ..grid.sample import add_value
 from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
@@ -26,7 +27,7 @@ def advect_texels(
     values: npt.NDArray[np.float32],
     channels: Channels,
     flow: Field,
-    time: float,
+    time: float | npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
     *,
     nearest: bool = False,
@@ -43,8 +44,9 @@ def advect_texels(
         The others are left as they are in `out`.
     flow : Field
         See `shock_flow` and `given_flow`.
-    time : float
-        How long flow-lines are followed; finite for a given flow, which may go round and round.
+    time : float or (rows, columns) float32
+        How long flow-lines are followed, from all nodes or from each. For a given flow, which may
+        go round and round, one finite number.
     out : (rows, columns, c) float32
         Where the channels' values at nodes inside charts go.
     nearest : bool
@@ -53,13 +55,14 @@ def advect_texels(
         The first two channels are tangent-space directions around 1/2, which turn with the
         charts that flow-lines come from.
     """
-    if flow.vectors is not None and not math.isfinite(time):
+    same, times = split_time(time)
+    if flow.vectors is not None and not (math.isfinite(same) and times.size == 0):
         raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
     nodes, copies = atlas.sheet.nodes, atlas.copies
     skipped = np.zeros(nodes.shape, dtype=np.bool_)
     skipped.reshape(-1)[copies[:, 0]] = True
     unfinished = np.zeros(len(nodes), dtype=np.int64)
-    run(_advect, len(nodes), skipped, atlas.sheet, atlas.metric, flow, float(time), MOST_STEPS,
+    run(_advect, len(nodes), skipped, atlas.sheet, atlas.metric, flow, same, times, MOST_STEPS,
         MOST_SEAMS, values, channels, nearest, normals, out, unfinished,
         chunk=_ROWS)  # fmt: skip
     warn_of_unfinished(unfinished)
@@ -70,8 +73,8 @@ def advect_texels(
 
 @kernel
 def _advect(
-    start, stop, skipped, sheet, metric, field, time, most_steps, most_seams, values, channels,
-    nearest, normals, out, unfinished,
+    start, stop, skipped, sheet, metric, field, time, times, most_steps, most_seams, values,
+    channels, nearest, normals, out, unfinished,
 ):  # fmt: skip
     nodes, cells = sheet.nodes, sheet.cells
     potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
@@ -86,6 +89,8 @@ def _advect(
                 continue
             total[:] = 0.0
             weight = 0.0
+            if times.size > 0:
+                time = float(times[y, x])
             for corner in range(4):
                 place = begin(y, x, corner)
                 if cells[place[0], place[1]] == NOTHING:

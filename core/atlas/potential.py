@@ -54,7 +54,7 @@ def texel_potential(
         with phase(share * guide, share * (guide + together), "Computing the flow"):
             run(_take_guides, len(values), values, channels.start + guide, channels.alpha,
                 channels.brightness, centre, signal, chunk=ROWS)  # fmt: skip
-            signal = _smoothed(atlas, signal, passes, 0.0 if normals else None)
+            signal = smooth_texels(atlas, signal, passes, 0.0 if normals else None)
             run(_add_energy, len(values) - 1, atlas.sheet.cells, atlas.metric.inverse_metrics,
                 signal, energy, chunk=ROWS)  # fmt: skip
     with phase(share * guides, 1.0, "Computing the flow"):
@@ -63,16 +63,22 @@ def texel_potential(
         run(_average_energy, len(values), atlas.sheet.nodes, atlas.sheet.cells,
             atlas.metric.texel_areas, energy, signal[..., 0], chunk=ROWS)  # fmt: skip
         fill_ghosts(atlas.sheet, atlas.sources, signal)
-        return _smoothed(atlas, signal, passes)[..., 0]
+        return smooth_texels(atlas, signal, passes)[..., 0]
 
 
-def _smoothed(
+def smooth_texels(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
     passes: int,
     directions: float | None = None,
 ) -> npt.NDArray[np.float32]:
-    # `values` are overwritten.
+    """Smooth values of nodes and ghosts, across seams: (rows, columns, c), overwritten.
+
+    Parameters
+    ----------
+    directions : float, optional
+        As in `fill_ghosts`.
+    """
     spare = np.zeros_like(values)
     for _ in range(passes):
         run(_smooth_rows, len(values), atlas.sheet.nodes, atlas.sources.cells,

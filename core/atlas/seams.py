@@ -121,7 +121,7 @@ def _differing(
     # A few alone among others are chance.
     first, last = _around(parts, 0.5 * _RUN)
     votes = np.concatenate([[0.0], np.cumsum(np.where(closed, 1.0, -1.0) * parts.lengths)])
-    return closed & (votes[last] >= votes[first])
+    return closed & (votes[last] - votes[first] > -1e-9)
 
 
 def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> float:
@@ -320,14 +320,16 @@ def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, 
 
 @kernel
 def _median(values, weights, count):
-    # Weighted, of the first ones.
+    # Weighted, of the first ones; the mean of two values that both have half of the weight.
     order = np.argsort(values[:count])
     half = 0.5 * weights[:count].sum()
     total = 0.0
-    for i in order:
-        total += weights[i]
-        if total >= half:
-            return values[i]
+    for i in range(count):
+        total += weights[order[i]]
+        if total > half * (1.0 + 1e-9) or i == count - 1:
+            return values[order[i]]
+        if total >= half * (1.0 - 1e-9):
+            return 0.5 * (values[order[i]] + values[order[i + 1]])
     return 0.0
 
 

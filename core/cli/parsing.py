@@ -25,8 +25,8 @@ examples:
   {prog} sharpen-geometry --time inf --smoothing-passes 3 scans/*.obj sharp/
   {prog} denoise-geometry scan.ply clean.ply --then-sharpen
   {prog} sharpen-colors painted.ply crisp.ply
-  {prog} sharpen-image --time 64 photos/*.png sharp/
-  {prog} sharpen-texture --time 64 model.obj wood.png metal.png sharp/
+  {prog} sharpen-image --what photo photos/*.png sharp/
+  {prog} sharpen-texture model.obj wood.png metal.png sharp/
   {prog} texture-mask model.obj charts.png --kind chart --like wood.png
 """
 
@@ -72,7 +72,7 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     backend.add_arguments(parser, row)
     if row.then:
-        _add_then_sharpen(parser, find(row.then).settings)
+        _add_then_sharpen(parser, row)
     _add_settings(parser, row.settings)
     if row.kind is MASK:
         size = parser.add_mutually_exclusive_group(required=True)
@@ -89,16 +89,16 @@ def add_mask(parser: argparse.ArgumentParser, command: Command, of_meshes: str) 
     parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
 
 
-def _add_then_sharpen(parser: argparse.ArgumentParser, settings: type) -> None:
-    _, default, about = describe(settings)["time"]
+def _add_then_sharpen(parser: argparse.ArgumentParser, row: Command) -> None:
+    unit = describe(find(row.then).settings)["time"][2].unit
     parser.add_argument(
         "--then-sharpen",
         nargs="?",
         type=_time,
-        const=default,
+        const=row.then_time,
         metavar="TIME",
         help="sharpen the result for this long; give it after OUT where TIME is left out"
-        f" ({default:g} if left out, {about.unit})",
+        f" ({row.then_time:g} if left out, {unit})",
     )
 
 
@@ -164,7 +164,7 @@ def read_settings(options: argparse.Namespace) -> Any:
     row = options.command
     settings = row.settings(**{name: getattr(options, name) for name in describe(row.settings)})
     if row.then and options.then_sharpen is not None:
-        if not math.isfinite(options.then_sharpen):
+        if not 0.0 <= options.then_sharpen < math.inf:
             raise UsageError("the time of --then-sharpen must be finite; give one such as 4096")
         row.sharpening(options.then_sharpen)
     if getattr(options, "invert_mask", False) and not options.mask:

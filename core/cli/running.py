@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
+from ..base.findings import gathering
 from ..errors import ShockError
 from .commands import Backend
 from .inputs import check_target
@@ -56,7 +57,8 @@ def _run_one(
     try:
         check_target(target, options.overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
-        outcome = backend.filter(options.command, source, target, settings, options, bar)
+        with gathering() as findings:
+            outcome = backend.filter(options.command, source, target, settings, options, bar)
     except (ShockError, OSError, KeyboardInterrupt) as error:
         bar.clear()
         if interrupt.asked:
@@ -73,7 +75,7 @@ def _run_one(
     if not options.quiet:
         seconds = time.perf_counter() - start
         say(f"{source} -> {target}: {outcome} in {seconds:.1f} s", sys.stdout)
-        for note in outcome.notes:
+        for note in (*map(str, findings), *outcome.notes):
             say(f"  {note}", sys.stdout)
     return True
 

@@ -14,6 +14,7 @@ from ..grid.channels import Channels, channel_groups
 from ..grid.pixels import copied, mix
 from ..grid.potential import image_potential
 from ..settings import ImageSettings
+from .images_by_width import Measured, measured, sharpen_by_width
 from .signals import step_durations
 
 
@@ -24,6 +25,7 @@ def sharpen_image(
     progress: ProgressCallback | None = None,
     *,
     out: npt.NDArray | None = None,
+    known: Measured | None = None,
 ) -> npt.NDArray:
     """Sharpen an image: values flow along u = grad(|grad I|^2) / 2 towards the edges.
 
@@ -39,6 +41,8 @@ def sharpen_image(
         ``progress(fraction, message) -> bool``; False cancels.
     out : array like `image`, optional
         Where the result goes; may be mapped from disk. Left undefined on an error.
+    known : Measured, optional
+        What `measure_image` found in a larger image that this is a part of.
 
     Returns
     -------
@@ -81,16 +85,55 @@ def sharpen_image(
         with aside("Sharpening"):
             for band in blocks(len(pixels), BAND):
                 target[band] = pixels[band]
-        if settings.time == 0:
+        if settings.is_neutral:
             return result
-        _sharpen_into(target, pixels, settings)
-        if weights is not None:
+        _sharpen_into(target, pixels, settings, known)
+        if weights is not None or settings.amount < 1.0:
             with phase(1.0, 1.0, "Sharpening"):
-                mix(pixels, weights, target)
+                mix(pixels, _times_amount(weights, settings.amount, pixels), target)
     return result
 
 
-def _sharpen_into(target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings) -> None:
+def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArray) -> npt.NDArray:
+    if weights is None:
+        return np.broadcast_to(np.float64(amount), pixels.shape[:2])
+    return weights if amount == 1.0 else weights * amount
+
+
+def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -> Measured:
+    """Measure what `sharpen_image` goes by: What, Width and noise.
+
+    Parameters
+    ----------
+    image : array
+        As in `sharpen_image`.
+    settings : ImageSettings, optional
+        What they say is not measured.
+
+    Returns
+    -------
+    Measured
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.ndimage import gaussian_filter
+    >>> from shock_filter.core.filters.images import measure_image
+    >>> image = gaussian_filter(np.kron(np.eye(8), np.ones((16, 16))), 2.0)
+    >>> found = measure_image(image)
+    >>> found.what, round(found.width)
+    ('drawing', 5)
+    """
+    given = checked_image(image)
+    settings = settings or ImageSettings()
+    pixels = given.reshape(*given.shape[:2], -1)
+    channels = channel_groups(pixels.shape[2], settings)[0]
+    return measured(_opacity_in_range(pixels, channels.alpha), channels, settings)
+
+
+def _sharpen_into(
+    target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings, known: Measured | None
+) -> None:
     # `target` holds a copy of the pixels.
     thin = min(pixels.shape[:2]) < 2
     if thin:  # a line of pixels is widened to have cells
@@ -101,7 +144,10 @@ def _sharpen_into(target: npt.NDArray, pixels: npt.NDArray, settings: ImageSetti
     pixels = _opacity_in_range(pixels, groups[0].alpha)
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
-            _flow_channels(pixels, channels, settings, widened)
+            if settings.by_width:
+                sharpen_by_width(pixels, channels, settings, widened, known)
+            else:
+                _flow_channels(pixels, channels, settings, widened)
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
 

@@ -26,6 +26,7 @@ from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
 from .signals import mix_rows
+from .textures_by_width import sharpen_texels_by_width
 
 
 class _Texture(NamedTuple):
@@ -114,7 +115,7 @@ def sharpen_texture(
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
             texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
-        if settings.time == 0:
+        if settings.is_neutral:
             return given.copy()
         with phase(0.3, 0.9, "Sharpening"):
             texture, values = _gathered(texture, settings)
@@ -219,6 +220,9 @@ def _sharpened(
     groups = channel_groups(values.shape[2], settings)
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
+            if settings.by_width:
+                sharpen_texels_by_width(atlas, values, channels, settings, result, normals=normals)
+                continue
             with phase(0.0, 0.4, "Computing the flow"):
                 potential = texel_potential(
                     atlas, values, channels, settings.smoothing_passes, normals=normals
@@ -228,9 +232,12 @@ def _sharpened(
                 advect_texels(atlas, values, channels, flow, settings.time, result,
                               nearest=settings.sampling == "nearest",
                               normals=normals)  # fmt: skip
-    if weights is not None:
+    if weights is not None or settings.amount < 1.0:
         with phase(1.0, 1.0, "Filling the gutter"):
-            shares = atlas.gather(weights[..., None]).reshape(-1)
+            if weights is None:
+                shares = np.full(atlas.sheet.nodes.size, settings.amount, dtype=np.float32)
+            else:
+                shares = settings.amount * atlas.gather(weights[..., None]).reshape(-1)
             flat = result.reshape(len(shares), -1)
             run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
     return result

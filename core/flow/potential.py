@@ -171,16 +171,22 @@ def _ring_maximum(start, stop, ring_start, ring, values, out):
 
 @kernel
 def _energy(start, stop, vertices, faces, areas, values, energy):
-    # Squared gradient of each channel from differences along two edges and their metric.
     for f in range(start, stop):
-        total = 0.0
-        if areas[f] > 0:
-            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            u, v = edge(vertices, a, b), edge(vertices, a, c)
-            uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
-            for j in range(values.shape[1]):
-                p = values[b, j] - values[a, j]
-                q = values[c, j] - values[a, j]
-                total += p * p * vv - 2 * p * q * uv + q * q * uu
-            total /= 4 * areas[f] * areas[f]
-        energy[f, 0] = max(total, 0.0)
+        energy[f, 0] = squared_gradient(f, vertices, faces, areas, values)
+
+
+@kernel
+def squared_gradient(f, vertices, faces, areas, values):
+    """Square the gradients of all channels in a face, and add them up."""
+    # From differences along two edges and their metric.
+    total = 0.0
+    if areas[f] > 0:
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        u, v = edge(vertices, a, b), edge(vertices, a, c)
+        uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
+        for j in range(values.shape[1]):
+            p = values[b, j] - values[a, j]
+            q = values[c, j] - values[a, j]
+            total += p * p * vv - 2 * p * q * uv + q * q * uu
+        total /= 4 * areas[f] * areas[f]
+    return max(total, 0.0)

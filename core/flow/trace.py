@@ -51,7 +51,7 @@ def _in_each_face(mesh: TriangleMesh, places: Floats) -> tuple[Ints, Floats]:
 
 
 def trace(
-    mesh: TriangleMesh, potential: Floats, time: float, faces: Ints, coordinates: Floats
+    mesh: TriangleMesh, potential: Floats, time: float | Floats, faces: Ints, coordinates: Floats
 ) -> None:
     """Move points for `time` against the shock flow of `potential`, in place.
 
@@ -60,8 +60,8 @@ def trace(
     mesh : TriangleMesh
     potential : (n,) float64
         P at the vertices; lengths are in mean edge lengths.
-    time : float
-        Flow time; infinity walks until the flow ends.
+    time : float or (k,) float64
+        Flow time, of all points or of each; infinity walks until the flow ends.
     faces : (k,) int32
         The face of each point; overwritten.
     coordinates : (k, 3) float64
@@ -112,10 +112,13 @@ def _rates(mesh: TriangleMesh, find_rates: Callable[..., None], values: Floats) 
     return rates
 
 
-def _walk(mesh: TriangleMesh, field: Field, time: float, faces: Ints, coordinates: Floats) -> None:
+def _walk(
+    mesh: TriangleMesh, field: Field, time: float | Floats, faces: Ints, coordinates: Floats
+) -> None:
+    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
     endings = np.zeros(len(faces), dtype=np.uint8)
     with phase(0.1, 1.0, "Tracing flow-lines"):
-        run(walk_exactly, len(faces), _triangles(mesh), field, float(time), MOST_STEPS, faces,
+        run(walk_exactly, len(faces), _triangles(mesh), field, times, MOST_STEPS, faces,
             coordinates, endings, chunk=_FEW if mesh.has_hubs else None)  # fmt: skip
     warn_of_unfinished(endings == CUT_OFF)
     around = np.count_nonzero(endings == AROUND_HUB)

@@ -244,16 +244,19 @@ def _angle_around(triangles, f, k):
 
 @kernel
 def walk_exactly(
-    start, stop, triangles, field, time, most_steps, point_faces, coordinates, endings
+    start, stop, triangles, field, times, most_steps, point_faces, coordinates, endings
 ):
-    """Walk from edge to edge; parameters as in `flow.trace`, and `endings` is 0 at first."""
+    """Walk from edge to edge; parameters as in `flow.trace`, and `endings` is 0 at first.
+
+    `times` has one for each point, or one for all.
+    """
     vertices, faces, twins, areas, _, crowded = triangles
     rates, potential = field
     b = np.empty(3)
     for point in range(start, stop):
         f = point_faces[point]
         b[:] = coordinates[point]
-        left = time
+        left = times[point] if len(times) > 1 else times[0]
         if areas[f] == 0 or (rates[f, 0] == 0 and rates[f, 1] == 0):
             left = 0.0
         slide = -1  # the half-edge along which the walk slides

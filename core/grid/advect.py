@@ -23,7 +23,7 @@ def advect_pixels(
     image: npt.NDArray,
     channels: Channels,
     potential: npt.NDArray[np.float32],
-    time: float,
+    time: float | npt.NDArray[np.float32],
     out: npt.NDArray,
     *,
     nearest: bool = False,
@@ -39,17 +39,27 @@ def advect_pixels(
     channels : Channels
         The others are left as they are in `out`.
     potential : (h, w) float32
-    time : float
-        Flow time; infinity walks until the flow ends.
+    time : float or (h, w) float32
+        Flow time, or that of each pixel; infinity walks until the flow ends.
     out : (h, w, c) array
         Where the result goes, in the image's range; whole numbers are rounded.
     nearest : bool
         Take the nearest pixel's value at the ends instead of interpolating linearly.
     """
     unfinished = np.zeros(len(image), dtype=np.int64)
-    run(_advect_rows, len(image), image, channels, potential, float(time), MOST_STEPS, nearest,
+    same, times = split_time(time)
+    run(_advect_rows, len(image), image, channels, potential, same, times, MOST_STEPS, nearest,
         _rounds(out), out, unfinished, chunk=ROWS)  # fmt: skip
     warn_of_unfinished(unfinished)
+
+
+def split_time(
+    time: float | npt.NDArray[np.float32],
+) -> tuple[float, npt.NDArray[np.float32]]:
+    """Give kernels one time for all, and those of each node, which are none if it is one."""
+    if isinstance(time, np.ndarray):
+        return 0.0, time
+    return float(time), np.empty((0, 0), np.float32)
 
 
 class TracedPixels:
@@ -90,14 +100,17 @@ def _exists(place, height, width):
 
 @kernel
 def _advect_rows(
-    start, stop, image, channels, potential, time, most_steps, nearest, rounded, out, unfinished
-):
+    start, stop, image, channels, potential, time, times, most_steps, nearest, rounded, out,
+    unfinished,
+):  # fmt: skip
     height, width = image.shape[:2]
     total = np.empty(image.shape[2])
     for y in range(start, stop):
         for x in range(width):
             total[:] = 0.0
             opacity = 0.0
+            if times.size > 0:
+                time = float(times[y, x])
             for corner in range(4):
                 place = begin(y, x, corner)
                 if not _exists(place, height, width):

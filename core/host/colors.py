@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ..base.checks import LARGEST
 from ..base.progress import ProgressCallback, aside, reporting
 from ..errors import InvalidSignal
+from ..filters.signals import width_to_close
 from ..mesh.calculus import group_means
 from .applying import applied
 from .inputs import ColoredSurface
@@ -65,6 +66,19 @@ def filter_colors(
         part = welded(surface, weld)
         result = function(part.mesh, surface.colors[surface.corners], mask=part.mask)
         return repainted_corners(surface, surface.corners, result)
+
+
+def width_of_borders(surface: ColoredSurface) -> float:
+    """Measure the width that sharpening closes where none is given, in mean edge lengths.
+
+    0 if the colors are sharp already, or have no borders.
+    """
+    check_colors(surface)
+    if surface.corners is not None:
+        part = welded(surface, weld=True)
+        return width_to_close(part.mesh, surface.colors[surface.corners])
+    part = welded(surface, True, surface.colors)
+    return width_to_close(part.mesh, surface.colors[part.used][part.representatives])
 
 
 def check_colors(surface: ColoredSurface) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings that a preview changes: the time by moving the mouse, another one by the wheel."""
+"""Settings that a preview changes: a time or width by the mouse, another one by the wheel."""
 
 from __future__ import annotations
 
@@ -8,31 +8,33 @@ import math
 from ..settings import Setting
 
 _OCTAVE = 50.0
-"""Pixels that double the time."""
+"""Pixels that double the value."""
 
 
-class TimeDial:
-    """A time on a logarithmic scale; at its lower end it is 0, at its upper end infinite.
+class LogarithmicDial:
+    """A number on a logarithmic scale; at its lower end it is 0, at its upper end infinite.
 
     Parameters
     ----------
-    time : float
+    value : float
     about : Setting
-        Only times whose maximum is infinite become so.
+        Only numbers whose maximum is infinite become so.
+    octaves : int
+        How often the useful range can be halved.
     """
 
-    def __init__(self, time: float, about: Setting) -> None:
+    def __init__(self, value: float, about: Setting, octaves: int = 14) -> None:
         self._high = math.log2(min(16.0 * about.soft_maximum, about.maximum))
-        self._low = math.log2(about.soft_maximum / 2.0**14)
+        self._low = math.log2(about.soft_maximum) - octaves
         self._endless = math.isinf(about.maximum)
-        self._place = math.log2(time) if time > 0 else self._low
+        self._place = math.log2(value) if value > 0 else self._low
         if math.isfinite(self._place):
             self._low, self._high = min(self._low, self._place), max(self._high, self._place)
         self._place = min(self._place, self._high)
 
     @property
-    def time(self) -> float:
-        """The time, to three digits."""
+    def value(self) -> float:
+        """The number, to three digits."""
         if self._place <= self._low:
             return 0.0
         if self._place >= self._high and self._endless:

@@ -4,12 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ..base.memo import kept
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
+from ..filters.images import measure_image
+from ..filters.images_by_width import Measured
+from ..settings import BY_WIDTH
 from .applying import applied
 from .inputs import HostImage, Pixels
 from .recolored import Recolored, recolored
@@ -42,8 +47,26 @@ def filter_image(
     ShockError
         As the filter does.
     """
+    words = {} if image.known is None else {"known": image.known}
     with reporting(progress):
-        return filter_pixels(image, name, settings)
+        return filter_pixels(image, name, settings, **words)
+
+
+def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage:
+    """Return a part of an image that goes by what is measured in the whole."""
+    if not getattr(settings, "by_width", False):
+        return part
+
+    def measure() -> Measured:
+        pixels, alpha = whole.pixels, settings.alpha
+        if alpha == "none" or whole.opacity == "CHANNEL_PACKED":
+            alpha = "none"
+        elif whole.opacity == "NONE" or whole.premultiplied:  # colors count as opacity says
+            pixels, alpha = pixels[..., :3], "none"
+        return measure_image(pixels, replace(settings, alpha=alpha))
+
+    key = tuple(replace(settings, time=BY_WIDTH, amount=1.0).__dict__.values())
+    return replace(part, known=kept(whole, "measured", key, measure))
 
 
 def filter_pixels(

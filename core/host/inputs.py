@@ -146,12 +146,15 @@ class HostImage:
         Whether colors are multiplied by opacity, if there is one.
     levels : int
         Bytes have 255 steps; 0 for floats.
+    known : Measured or None
+        What was measured in the image that this is a part of.
     """
 
     pixels: Pixels
     opacity: str
     premultiplied: bool
     levels: int
+    known: Any = None
 
     @property
     def size(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -35,6 +36,8 @@ class Patch:
         Part of the triangles.
     outline : (n, 2, 3) array of float
         Ends of the edges at the border of the part, in the object's space; none if it is all.
+    width : callable
+        Measures the borders between colors on the whole surface; see `colors.width_of_borders`.
     """
 
     surface: Any
@@ -42,6 +45,7 @@ class Patch:
     lengths: float
     share: float
     outline: npt.NDArray[np.float32]
+    width: Callable[[], float] = float
 
     def settings(self, settings: Any) -> Any:
         """Turn settings that are meant for the whole surface into the part's units of length."""
@@ -55,10 +59,14 @@ class Patch:
         return self._scaled(settings)
 
     def _scaled(self, settings: Any) -> Any:
+        if isinstance(settings, ShockSettings) and settings.by_width and settings.width == 0:
+            width = self.width()
+            nothing = replace(settings, amount=0.0)
+            settings = replace(settings, width=width) if width > 0 else nothing
         new = {
             name: getattr(settings, name) * self.lengths**about.length_power
             for name, (_, _, about) in describe(type(settings)).items()
-            if about.length_power
+            if about.length_power and getattr(settings, name) > 0  # a time below 0 is no length
         }
         if getattr(settings, "fidelity", 0.0) > 0:  # it counts per area of the whole
             new["fidelity"] = settings.fidelity * self.share / self.lengths**2
@@ -100,7 +108,9 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
     lengths = _mean_edge_length(shape, ...) / _mean_edge_length(shape, inside)
     outline = shape.positions[_border(shape.triangles[inside])]
     part, whole = _cut(surface, inside)
-    return Patch(part, whole, lengths, float(inside.mean()), outline)
+    is_colored = isinstance(surface, ColoredSurface)
+    width = cache(partial(_width_of_borders, surface)) if is_colored else float
+    return Patch(part, whole, lengths, float(inside.mean()), outline, width)
 
 
 def seen_vertex(
@@ -133,6 +143,12 @@ def seen_vertex(
     away = np.where(before, np.hypot(pixels[:, 0], pixels[:, 1]), np.inf)
     close = np.flatnonzero(away <= away.min() + _REACH)
     return int(close[seen[close, 2].argmin()])
+
+
+def _width_of_borders(surface: ColoredSurface) -> float:
+    from .colors import width_of_borders  # with kernels, which previews load on another thread
+
+    return width_of_borders(surface)
 
 
 def _distances(shape: Surface, vertex: int) -> npt.NDArray:

@@ -338,6 +338,17 @@ def _umbrella(start, stop, ring_start, ring, weights, values, out):
     channels = values.shape[1]
     for v in range(start, stop):
         total = 1.0
+        if channels == 3:
+            a, b, c = values[v, 0], values[v, 1], values[v, 2]
+            for i in range(ring_start[v], ring_start[v + 1]):
+                u = ring[i]
+                weight = weights[i]
+                total += weight
+                a += weight * values[u, 0]
+                b += weight * values[u, 1]
+                c += weight * values[u, 2]
+            out[v, 0], out[v, 1], out[v, 2] = a / total, b / total, c / total
+            continue
         for i in range(ring_start[v], ring_start[v + 1]):
             total += weights[i]
         for j in range(0, channels, 2):  # two by two, which is faster

@@ -3,6 +3,7 @@
 
 from bpy.app.translations import pgettext_rpt
 
+from ...core.base.findings import Finding
 from ...core.errors import ShockError
 
 _MOST_NAMES = 4
@@ -39,10 +40,12 @@ def skip_if(reason: str) -> None:
         raise Skipped(reason)
 
 
-def explain(error: ShockError | Refused) -> str:
-    """Say in the interface's language what could not be done."""
+def explain(error: ShockError | Refused | Finding) -> str:
+    """Say in the interface's language what could not be done, or was found."""
     if isinstance(error, Refused):
         return str(error)
+    if isinstance(error, Finding):
+        return _said(error.text, error.values)
     return _said(error.sentence, error.values)
 
 

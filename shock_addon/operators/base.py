@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
+from ...core.base.findings import Finding, gathering
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
 from .. import data
 from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
@@ -158,7 +159,16 @@ class FilterOperator(ModalJob):
             if self.targets:
                 targets, function = self.targets, self.filter(settings)
                 kernels.choose_folder()
-                return lambda progress: filter_targets(targets, function, progress)
+                findings: list[Finding] = []
+                self._findings = findings
+
+                def work(progress: Progress) -> list[Any]:
+                    with gathering() as found:
+                        results = filter_targets(targets, function, progress)
+                    findings.extend(found)
+                    return results
+
+                return work
             self.tell("ERROR", " ".join(self._skipped))
         return None
 
@@ -218,7 +228,13 @@ class FilterOperator(ModalJob):
         if listener is not None:
             listener.counts = self.counts(written)
         # In one line: Blender's status bar shows only the last report.
-        parts = [self.summary(written, seconds), _said_of(compiling), self.notes(written), *skipped]
+        parts = [
+            self.summary(written, seconds),
+            *map(explain, self._findings),
+            _said_of(compiling),
+            self.notes(written),
+            *skipped,
+        ]
         self.tell("WARNING" if skipped else "INFO", " ".join(filter(None, parts)))
         return {"FINISHED"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..modes import Mode
+from ..modes import Mode, Target
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
@@ -60,12 +60,31 @@ def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) ->
         if about.advanced:
             continue
         row = column.row()
-        row.prop(parameters, name)
-        if name == target.time and target.steady_state:
-            row.active = not getattr(parameters, target.steady_state)
-            column.prop(parameters, target.steady_state)
+        if name == target.time:
+            _draw_time(column, row, parameters, target)
+        else:
+            row.active = not _overridden(parameters, target, name)
+            row.prop(parameters, name)
     if mode.follows is not None:
         _draw_switched(column, parameters, "then_sharpen", "sharpen_time")
+
+
+def _draw_time(
+    column: bpy.types.UILayout, row: bpy.types.UILayout, parameters: Parameters, target: Target
+) -> None:
+    """Draw a flow time, and the checkbox that makes it infinite."""
+    row.prop(parameters, target.time)
+    if target.steady_state:
+        row.active = not getattr(parameters, target.steady_state)
+        column.prop(parameters, target.steady_state)
+
+
+def _overridden(parameters: Parameters, target: Target, name: str) -> bool:
+    """Whether a setting does not matter, since a time says what is done."""
+    by_width = (f"{target.prefix}what", f"{target.prefix}width")
+    if name not in by_width or by_width[1] not in target.fields:
+        return False
+    return target.dial(parameters) == target.time
 
 
 def draw_mask(
@@ -108,9 +127,14 @@ def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) 
 def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
     """Draw the settings that few need, in the order of their description."""
     column = split(layout)
-    for name, about in mode.target(parameters).fields.items():
-        if about.advanced:
-            row = column.row()
+    target = mode.target(parameters)
+    for name, about in target.fields.items():
+        if not about.advanced:
+            continue
+        row = column.row()
+        if name == target.time:
+            _draw_time(column, row, parameters, target)
+        else:
             row.active = name != "screening_radius" or not parameters.fidelity
             row.prop(parameters, name)
     if "weld" in mode.names:

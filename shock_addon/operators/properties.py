@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ...core.registry import Filter, find
 from ...core.settings import Setting, describe
 from ..modes import STEADY_STATE, Mode, choices
 
@@ -101,7 +102,7 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
         default=default,
         precision=1 if high - low > _WIDE else 3,
         # What a click on an arrow adds, in hundredths: a hundredth of the range, or less.
-        step=min(high - low, 100.0 * default / 16.0) if default else high - low,
+        step=min(high - low, 100.0 * default / 16.0) if default > 0 else high - low,
         **limits,
         **text,
     )
@@ -256,15 +257,15 @@ def parameters_of(mode: Mode) -> dict[str, Any]:
     for target in mode.targets:
         found |= annotations_of(target.row.settings, target.prefix)
     if mode.follows is not None:
-        found |= _then_sharpen(mode.follows)
+        found |= _then_sharpen(mode.targets[0].row)
     widest = mode.targets[-1]
     for name in widest.places:
         found[name] = _PLACES.get(f"{widest.data_kind} {name}") or _PLACES[name]
     return found
 
 
-def _then_sharpen(settings: type) -> dict[str, Any]:
-    kind, default, about = describe(settings)["time"]
+def _then_sharpen(row: Filter) -> dict[str, Any]:
+    kind, _, about = describe(find(row.then).settings)["time"]
     text = "How long the result is sharpened. 0 changes nothing; 4096 pulls wide edges together"
     return {
         "then_sharpen": bpy.props.BoolProperty(
@@ -272,7 +273,9 @@ def _then_sharpen(settings: type) -> dict[str, Any]:
             description="Sharpen what is denoised in the same run",
             default=False,
         ),
-        "sharpen_time": _property("sharpen_time", kind, default, about._replace(description=text)),
+        "sharpen_time": _property(
+            "sharpen_time", kind, row.then_time, about._replace(description=text, minimum=0.0)
+        ),
     }
 
 

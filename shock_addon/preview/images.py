@@ -97,7 +97,9 @@ def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -
 
     def part(settings: Any) -> tuple[HostImage, Callable[[Any], list[Piece]]]:
         smaller = crop.shrunk(place, filtered_at_once(settings))
-        return smaller.image, partial(_pieces, smaller, colors)
+        from ...core.host.images import with_measures
+
+        return with_measures(smaller.image, whole, settings), partial(_pieces, smaller, colors)
 
     return ImageStage(image, part)
 

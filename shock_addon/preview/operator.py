@@ -41,8 +41,8 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     bl_label = "Preview"
     bl_description = (
         "Try settings on the active object or on the image, seen at once: move the mouse to the"
-        " right for more Time, turn the wheel for the second setting, hold Shift for small steps."
-        " Click or Enter applies them, to all that is selected, right click or Esc leaves"
+        " right for more Width or Time, turn the wheel for the second setting, hold Shift for small"
+        " steps. Click or Enter applies them, to all that is selected, right click or Esc leaves"
         " everything as it was. Of large meshes and images a patch is computed, around what the"
         " mouse or the view points at"
     )
@@ -154,7 +154,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         self.end()
         mode, preview = self._mode, self._preview
         settings = getattr(context.scene.shock_filter, mode.key)
-        for name in (preview.time, preview.second, STEADY_STATE):
+        for name in (preview.dial, preview.second, STEADY_STATE):
             if hasattr(preview.parameters, name):
                 setattr(settings, name, getattr(preview.parameters, name))
         operator = getattr(bpy.ops.shock_filter, mode.operator)

@@ -12,7 +12,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
-from ...core.host.dials import TimeDial, turned
+from ...core.host.dials import LogarithmicDial, turned
 from ...core.settings import describe
 from ..data.skipped import explain
 from ..modes import STEADY_STATE, Mode
@@ -20,6 +20,9 @@ from ..operators import kernels
 from ..operators.base import Progress, filter_of, filter_targets
 from ..operators.jobs import Job
 from ..operators.properties import label, settings_of
+
+_WIDTHS = 5
+"""How often the mouse can halve the useful range of widths."""
 
 _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""
@@ -62,14 +65,16 @@ class Preview:
         self.mode, self.parameters, self.stage = mode, parameters, stage
         self.updates = 0
         target = mode.target(parameters)
-        self.time, self.second = target.time, target.prefix + mode.second if mode.second else ""
+        self.dial = target.dial(parameters)
+        self.second = target.prefix + mode.second if mode.second else ""
         described = describe(target.row.settings).items()
         self._about = {target.prefix + name: each for name, each in described}
         self._dial = None
-        if self.time:
+        if self.dial:
             endless = getattr(parameters, STEADY_STATE, False)
-            start = math.inf if endless else getattr(parameters, self.time)
-            self._dial = TimeDial(start, self._about[self.time][2])
+            start = math.inf if endless else getattr(parameters, self.dial)
+            octaves = {} if self.dial == target.time else {"octaves": _WIDTHS}
+            self._dial = LogarithmicDial(start, self._about[self.dial][2], **octaves)
         kernels.choose_folder()
         self._job: Job | None = None
         self._began = 0.0
@@ -77,15 +82,15 @@ class Preview:
         self._trouble = ""
 
     def drag(self, pixels: float) -> None:
-        """Change the time; 0 pixels leave it as it is, to the last digit."""
+        """Change the width or time; 0 pixels leave it as it is, to the last digit."""
         if pixels == 0 or self._dial is None:
             return
         self._dial.drag(pixels)
-        time_ = self._dial.time
+        value = self._dial.value
         if hasattr(self.parameters, STEADY_STATE):
-            self.parameters.steady_state = math.isinf(time_)
-        if math.isfinite(time_):
-            setattr(self.parameters, self.time, time_)
+            self.parameters.steady_state = math.isinf(value)
+        if math.isfinite(value):
+            setattr(self.parameters, self.dial, value)
 
     def roll(self, clicks: float) -> None:
         """Change the second setting."""
@@ -98,10 +103,14 @@ class Preview:
     def text(self) -> str:
         """Say in one line how the dials stand."""
         parts = []
-        if self.time:
+        if self.dial.endswith("width"):
+            width = getattr(self.parameters, self.dial)
+            text = f"{width:g}" if width > 0 else iface_("Auto")
+            parts.append(iface_("Width {width} (move mouse)").format(width=text))
+        elif self.dial:
             endless = getattr(self.parameters, STEADY_STATE, False)
             time_ = (
-                iface_("Steady State") if endless else f"{getattr(self.parameters, self.time):g}"
+                iface_("Steady State") if endless else f"{getattr(self.parameters, self.dial):g}"
             )
             parts.append(iface_("Time {time} (move mouse)").format(time=time_))
         if self.second:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
-from shock_filter.core.host.dials import TimeDial, turned
+from shock_filter.core.host.dials import LogarithmicDial, turned
 from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
 from shock_filter.core.host.patch import Patch, patch_around, seen_vertex, whole_surface
@@ -761,35 +761,35 @@ def test_without_a_window_it_names_the_filter(rounded_box):
 
 
 def test_the_time_dial_reaches_from_zero_to_the_steady_state():
-    dial = TimeDial(256.0, ABOUT["time"])
-    assert dial.time == 256.0
+    dial = LogarithmicDial(256.0, ABOUT["time"])
+    assert dial.value == 256.0
     dial.drag(50)
-    assert dial.time == 512.0
+    assert dial.value == 512.0
     dial.drag(-1e6)
-    assert dial.time == 0.0
+    assert dial.value == 0.0
     dial.drag(1e6)
-    assert dial.time == math.inf
-    assert TimeDial(math.inf, ABOUT["time"]).time == math.inf
-    assert TimeDial(0.0, ABOUT["time"]).time == 0.0
+    assert dial.value == math.inf
+    assert LogarithmicDial(math.inf, ABOUT["time"]).value == math.inf
+    assert LogarithmicDial(0.0, ABOUT["time"]).value == 0.0
     kernel = describe(BeltramiSettings)["time"][2]
-    dial = TimeDial(1.0, kernel)
+    dial = LogarithmicDial(1.0, kernel)
     dial.drag(1e6)
-    assert dial.time <= kernel.maximum
-    bounded = TimeDial(1.0, ABOUT["max_displacement"])
+    assert dial.value <= kernel.maximum
+    bounded = LogarithmicDial(1.0, ABOUT["max_displacement"])
     bounded.drag(1e6)
-    assert bounded.time == pytest.approx(80.0)
+    assert bounded.value == pytest.approx(80.0)
 
 
 @pytest.mark.parametrize("time", [0.1, 1234.5, 65536.0, 100_000.0])
 def test_small_moves_change_any_time_a_little(time):
     for pixels in (0.5, -0.5):
-        dial = TimeDial(time, ABOUT["time"])
+        dial = LogarithmicDial(time, ABOUT["time"])
         dial.drag(pixels)
         ends = {math.inf if pixels > 0 else 0.0}
-        assert dial.time in ends or dial.time == pytest.approx(time, rel=0.02)
-    dial = TimeDial(time, ABOUT["time"])
+        assert dial.value in ends or dial.value == pytest.approx(time, rel=0.02)
+    dial = LogarithmicDial(time, ABOUT["time"])
     dial.drag(-0.5 if time > 1 else 0.5)
-    assert dial.time == pytest.approx(time, rel=0.02)
+    assert dial.value == pytest.approx(time, rel=0.02)
 
 
 def test_the_wheel_leaves_values_beyond_its_range():

@@ -103,10 +103,12 @@ def state(image):
 def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
     photo = add_image()
     preview = begun(photo, mode, size)
-    preview.drag(200 if mode == "image" else 20)
+    preview.drag(150 if mode == "image" else 20)
     preview.roll(-1)
     (piece,) = shown(preview)
-    parameters = {name: getattr(preview.parameters, name) for name in ("time", preview.second)}
+    parameters = {
+        name: getattr(preview.parameters, name) for name in (preview.dial, preview.second)
+    }
     assert ("patch of 40 x 40 pixels" in preview.text()) == (size is not None)
     assert piece.framed == (size is not None)
     preview.end()
@@ -132,12 +134,13 @@ def test_the_image_is_not_touched(begun, float_buffer, packed):
     assert state(photo) == before
     preview.end()
     assert state(photo) == before
-    assert bpy.context.scene.shock_filter.image.time == 16.0
+    assert bpy.context.scene.shock_filter.image.time == -1.0
 
 
-def test_nothing_is_drawn_at_time_0(begun):
+def test_nothing_is_drawn_at_amount_0(begun):
     preview = begun(add_image())
-    preview.drag(-1e6)
+    preview.roll(-20)
+    assert "Amount 0 (wheel)" in preview.text()
     (piece,) = shown(preview)
     stored = np.round(soft() * 255) / 255
     np.testing.assert_allclose(piece.colors[..., :3], decoded(stored[..., :3]), atol=1e-6)
@@ -329,7 +332,7 @@ def test_a_texture_is_drawn_as_the_operator_makes_it(editor):
         assert preview.stage.chosen == {"image": "Wood"}
     finally:
         preview.end()
-    bpy.ops.shock_filter.sharpen_texture(output="REPLACE", time=preview.parameters.time)
+    bpy.ops.shock_filter.sharpen_texture(output="REPLACE", width=preview.parameters.width)
     made = decoded(image_data.read_pixels(wood)[..., :3])
     np.testing.assert_allclose(piece.colors[..., :3], made, atol=1e-6)
 

@@ -127,7 +127,7 @@ def test_fidelity_counts_instead_of_the_radius():
     assert read == GeometrySettings(screening_radius=3.0)
 
 
-@pytest.mark.parametrize(("mode", "step"), [("geometry", 16.0), ("image", 1.0)])
+@pytest.mark.parametrize(("mode", "step"), [("geometry", 16.0), ("image", 40.97)])
 def test_a_click_changes_the_time_by_a_part_of_the_default(mode, step):
     time = getattr(bpy.context.scene.shock_filter, mode).bl_rna.properties["time"]
     assert time.step / 100 == pytest.approx(step)

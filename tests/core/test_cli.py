@@ -104,7 +104,8 @@ def test_flags_are_the_settings_with_their_defaults(folder, command, settings):
         if kind is str:
             value = next(word for word in reversed(about.choices) if word != default)
         else:
-            value = min(default + (1 if kind is int else 0.25), about.maximum)
+            value = min(default + (1 if kind is int else 1.25), about.maximum)
+            value = value if value != default else default - 0.25
         assert value != default
         words += ["--" + name.replace("_", "-"), str(value)]
         wanted[name] = value

@@ -211,7 +211,10 @@ def test_zero_time_returns_the_input_bit_for_bit_and_a_zero_mask_the_charts(dtyp
     assert np.array_equal(dilated[inside], image[inside])
     assert not np.array_equal(dilated[~inside], image[~inside])
     assert np.array_equal(image, before)
-    assert not np.array_equal(core.sharpen_texture(mesh, uv, image)[inside], image[inside])
+    still = core.sharpen_texture(mesh, uv, image, core.TextureSettings(amount=0.0))
+    assert np.array_equal(still, image)
+    moved = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=16.0))
+    assert not np.array_equal(moved[inside], image[inside])
 
 
 def test_a_mask_mixes():

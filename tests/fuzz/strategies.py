@@ -300,7 +300,7 @@ def settings_of(draw, cls):
         if name == "iterations":  # a wide kernel so often would take many minutes
             chosen["time"] = min(chosen["time"], 1.0)
     if chosen.get("scheme", "fixed") != "fixed":
-        chosen["time"] = min(chosen["time"], float(_MOST_STEPS))
+        chosen["time"] = min(max(chosen["time"], 0.0), float(_MOST_STEPS))
     if chosen.get("fidelity"):
         chosen.pop("screening_radius", None)
     if chosen.get("window", 1) % 2 == 0:

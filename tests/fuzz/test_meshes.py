@@ -165,7 +165,7 @@ def test_sharpen_vertex_signal(data, settings, stop_at):
     result = call_on(
         mesh, lambda m, watch: core.sharpen_vertex_signal(m, signal, settings, mask, watch),
         signal, mask, stop_at=stop_at)  # fmt: skip
-    check_signal(result, signal, mask, settings.time == 0)
+    check_signal(result, signal, mask, settings.is_neutral)
 
 
 @examples(40)
@@ -176,7 +176,7 @@ def test_sharpen_corner_signal(data, settings, stop_at):
     result = call_on(
         mesh, lambda m, watch: core.sharpen_corner_signal(m, signal, settings, mask, watch),
         signal, mask, stop_at=stop_at)  # fmt: skip
-    check_signal(result, signal, corner_weights(mesh, mask), settings.time == 0, corner=True)
+    check_signal(result, signal, corner_weights(mesh, mask), settings.is_neutral, corner=True)
 
 
 @examples(30)

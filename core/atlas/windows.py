@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Smoothing, least and greatest values in windows of any size, on a sheet of texels.
+
+Windows reach across seams: a texel at a time, and after each step ghosts are read anew from beyond
+the seam. Lengths are in texels.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.progress import phase
+from .atlas import TextureAtlas
+from .ghosts import fill_ghosts
+from .potential import smooth_texels
+from .sheet import NOTHING, ROWS
+
+_NEIGHBOUR = math.exp(-1.0)
+_VARIANCE = 2.0 * _NEIGHBOUR / (1.0 + 4.0 * _NEIGHBOUR)  # of a smoothing pass, along an axis
+
+
+def smooth_as_far(
+    atlas: TextureAtlas, values: npt.NDArray[np.float32], sigma: float
+) -> npt.NDArray[np.float32]:
+    """Smooth nodes and ghosts about as a Gaussian does: (rows, columns, c), overwritten."""
+    return smooth_texels(atlas, values, max(round(sigma**2 / _VARIANCE), 1))
+
+
+def texel_ranges(
+    atlas: TextureAtlas, values: npt.NDArray[np.float32], reach: int
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return the least and the greatest values within so many texels: (rows, columns, c) each."""
+    with phase(0.0, 0.5, "Measuring borders"):
+        low = _greatest(atlas, -values, reach)
+        np.negative(low, out=low)
+    with phase(0.5, 1.0, "Measuring borders"):
+        return low, _greatest(atlas, values.copy(), reach)
+
+
+def _greatest(
+    atlas: TextureAtlas, values: npt.NDArray[np.float32], reach: int
+) -> npt.NDArray[np.float32]:
+    # `values` are overwritten.
+    spare = np.zeros_like(values)
+    for _ in range(reach):
+        run(_take_greatest, len(values), atlas.sheet.nodes, atlas.sources.cells, values, spare,
+            chunk=ROWS)  # fmt: skip
+        fill_ghosts(atlas.sheet, atlas.sources, spare)
+        values, spare = spare, values
+    return values
+
+
+@kernel
+def _take_greatest(start, stop, nodes, sources, values, out):
+    for y in range(start, stop):
+        for x in range(nodes.shape[1]):
+            if nodes[y, x] < 0:
+                continue
+            for c in range(values.shape[2]):
+                out[y, x, c] = values[y, x, c]
+            # Nodes inside are never at the sheet's rim.
+            for dy in range(-1, 2):
+                for dx in range(-1, 2):
+                    node = nodes[y + dy, x + dx]
+                    if node == NOTHING or (node < NOTHING and sources[-2 - node] < 0):
+                        continue
+                    for c in range(values.shape[2]):
+                        out[y, x, c] = max(out[y, x, c], values[y + dy, x + dx, c])

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the dials mean: from What, Width and noise to amounts and flow times.
+
+Pure functions of numbers and arrays, the same for colors on meshes, images and textures. A filter
+measures the width (where it is 0), asks `plan_of` what to do, and then
+
+- smooths the signal by ``plan.blur`` (a Gaussian's sigma) and adds the difference, with
+  `limited_unsharp`: the result stays between the least and the greatest value within
+  ``plan.limit``;
+- lets that (`plan.unsharp_first`), or else the signal itself, flow for a time that `flow_times`
+  gives for each place from the contrast there: the `contrast` of the least and greatest value
+  within ``plan.reach``, of the flowing signal smoothed by ``plan.presmooth``, and then itself
+  smoothed by half of ``plan.reach``;
+- mixes the two with `blended`, and the whole with the signal by Amount.
+
+All lengths are in those of the width: pixels, mean texel sizes or mean edge lengths.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.findings import tell
+
+WIDTH_OF_SIGMA = 2.5631
+"""From 10 to 90 percent of a border that a Gaussian of sigma 1 has blurred."""
+
+SHARP = 1.6
+"""Measured widths up to this are sharp already, and stay as they are."""
+
+WIDEST = {"drawing": 16.0, "photo": 8.0}
+"""Most that measured widths count: what is wider was meant to be soft."""
+
+_DRAWING, _PHOTO = (2.0, 0.6), (2.0, 1.0)  # times the unsharp difference, widths that flow
+_RATE = 0.7  # the time in which a border of contrast 1 closes, over its width to the power of 4
+_CELLS = 3.0  # what a grid's own coarseness adds to squared widths
+_FAINT = 0.02  # contrast below which nothing is a border
+_STRAY = 4.0  # how many times the noise, and no border, contrasts are
+_PHOTO_OWN = 2.0  # width of the borders that photos have at their sharpest
+_FADES = {"drawing": 0.02, "photo": 0.008}  # the noise at which the unsharp part is half as strong
+_LIGHT_NOISE = 0.008
+_WIDE = 8.0  # width from which a second smoothing pass pays off where there is noise
+
+
+class Plan(NamedTuple):
+    """What is done for one width.
+
+    Attributes
+    ----------
+    blur : float
+        Sigma of the smoothing that the unsharp part takes the difference to.
+    unsharp : float
+        How many times the difference is added.
+    limit : float
+        How far away the values lie between which the unsharp part stays.
+    unsharp_first : bool
+        Whether the result of the unsharp part flows, and not the signal itself.
+    share : float
+        Of the flow in the result; the rest is the unsharp part's.
+    square : float
+        Squared width that the flow closes, as `flow_times` takes it; 0: nothing flows.
+    passes : int
+        Smoothing passes on the flow.
+    presmooth : float
+        Sigma of the smoothing before contrasts are measured.
+    reach : float
+        How far around a place its contrast is measured.
+    faint : float
+        Contrast below which nothing is a border.
+    """
+
+    blur: float
+    unsharp: float
+    limit: float
+    unsharp_first: bool
+    share: float
+    square: float
+    passes: int
+    presmooth: float
+    reach: float
+    faint: float
+
+
+def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Plan:
+    """Make the plan for ``"drawing"`` or ``"photo"`` and a width above 0.
+
+    Parameters
+    ----------
+    what : str
+    width : float
+        Of the borders, from 10 to 90 percent.
+    noise : float
+        Standard deviation of the signal's noise.
+    passes : int
+        The least smoothing passes on the flow.
+    """
+    drawing = what == "drawing"
+    if noise > _LIGHT_NOISE and width >= _WIDE:
+        passes = max(passes, 2)
+    own = 0.0 if drawing or noise >= _LIGHT_NOISE else _PHOTO_OWN
+    unsharp, flowing = _DRAWING if drawing else _PHOTO
+    flow = flowing * width
+    square = max(flow * flow - own * own, 0.0)
+    if square > 0:
+        square += _CELLS * square / (square + _CELLS) + max(passes - 1, 0)
+    sigma = flow / WIDTH_OF_SIGMA
+    fade = 1.0 + (noise / _FADES[what]) ** 2
+    return Plan(
+        blur=width / WIDTH_OF_SIGMA,
+        unsharp=unsharp / fade,
+        limit=width / 2.0,
+        unsharp_first=drawing,
+        share=1.0 if drawing else 0.5,
+        square=square,
+        passes=passes,
+        presmooth=max(0.7, 0.4 * sigma),
+        reach=max(2.0, 1.2 * flow),
+        faint=max(_FAINT, _STRAY * noise / max(1.0, 2.5 * sigma)),
+    )
+
+
+def flow_only(plan: Plan, width: float) -> Plan:
+    """Leave the unsharp part out of a plan, for directions, which cannot be added up."""
+    plain = plan_of("photo", width, 0.0, plan.passes)
+    return plain._replace(unsharp=0.0, share=1.0, faint=plan.faint)
+
+
+def contrast(low: npt.NDArray, high: npt.NDArray) -> npt.NDArray:
+    """Add up the ranges of all channels: (..., c), (..., c) -> (...)."""
+    ranges = high - low
+    return np.sqrt((ranges * ranges).sum(axis=-1))
+
+
+def flow_times(plan: Plan, contrasts: npt.NDArray) -> npt.NDArray:
+    """Give each place the time that closes the plan's width at its contrast."""
+    return _RATE * plan.square**2 / (contrasts * contrasts + plan.faint**2)
+
+
+def limited_unsharp(
+    plan: Plan, values: npt.NDArray, smooth: npt.NDArray, low: npt.NDArray, high: npt.NDArray
+) -> npt.NDArray:
+    """Add the difference from the smoothed values, and stay within those nearby."""
+    return np.clip(values + plan.unsharp * (values - smooth), low, high)
+
+
+def blended(plan: Plan, unsharp: npt.NDArray, flowed: npt.NDArray) -> npt.NDArray:
+    """Mix the results of both parts."""
+    return unsharp + plan.share * (flowed - unsharp)
+
+
+def tell_widths(unit: str, width: float, count: int, result: float | None) -> None:
+    """Say, for reports, how wide borders were and are; see `base.findings`.
+
+    Parameters
+    ----------
+    unit : str
+        Of lengths: "pixels", "texels" or "edge lengths".
+    width : float
+        As measured.
+    count : int
+        How many borders were found.
+    result : float or None
+        The width in the result; None if nothing was to be done.
+    """
+    if not count:
+        tell("No borders were found; give a Width.")
+    elif result is None:
+        tell(f"Already sharp: borders {{width:.1f}} {unit} wide.", width=width)
+    else:
+        text = f"Borders {{width:.1f}} {unit} wide, closed to {{result:.1f}}."
+        tell(text, width=width, result=result)
+
+
+def counted_width(width: float, measured: float, what: str = "drawing") -> float:
+    """Return the width that counts: the given one, or for 0 the measured one; 0 if sharp."""
+    if width > 0:
+        return width
+    return 0.0 if measured <= SHARP or not math.isfinite(measured) else min(measured, WIDEST[what])

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Smoothing, least and greatest values in windows of any size, on planes of an image.
+
+A plane is (h, w) float32. Windows are square and filters separable, so that what a pixel costs
+hardly depends on the window's size. Each function is compiled, serial and without the GIL: threads
+take bands of an image, with as many rows around them as the window reaches.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel
+
+Plane = npt.NDArray[np.float32]
+
+_TAIL = 3.5  # sigmas; beyond, a Gaussian's weights count as nothing
+
+
+def gaussian(sigma: float) -> npt.NDArray[np.float32]:
+    """Make the weights of a Gaussian, from its middle outwards."""
+    distances = np.arange(max(math.ceil(_TAIL * sigma), 1) + 1)
+    weights = np.exp(-0.5 * (distances / max(sigma, 1e-6)) ** 2)
+    return (weights / (2.0 * weights.sum() - weights[0])).astype(np.float32)
+
+
+@kernel
+def _mirrored(i, n):
+    i %= 2 * n
+    return i if i < n else 2 * n - 1 - i
+
+
+@kernel
+def smooth(plane, weights):
+    """Smooth a plane, mirrored at its borders: (h, w) -> (h, w)."""
+    height, width = plane.shape
+    reach = weights.size - 1
+    out = np.empty((height, width), np.float32)
+    wide = np.empty(width + 2 * reach, np.float32)
+    row = np.empty(width, np.float32)
+    for y in range(height):
+        for x in range(width):
+            row[x] = weights[0] * plane[y, x]
+        for k in range(1, reach + 1):
+            up = plane[_mirrored(y - k, height)]
+            down = plane[_mirrored(y + k, height)]
+            weight = weights[k]
+            for x in range(width):
+                row[x] += weight * (up[x] + down[x])
+        for x in range(-reach, width + reach):
+            wide[x + reach] = row[_mirrored(x, width)]
+        line = out[y]
+        for x in range(width):
+            line[x] = weights[0] * wide[x + reach]
+        for k in range(1, reach + 1):
+            weight = weights[k]
+            before = wide[reach - k : reach - k + width]
+            after = wide[reach + k : reach + k + width]
+            for x in range(width):
+                line[x] += weight * (before[x] + after[x])
+    return out
+
+
+@kernel
+def least_and_greatest(low, high, reach):
+    """Take the least of `low` and the greatest of `high` within `reach`, in place: (h, w) each.
+
+    By van Herk's and Gil and Werman's running extrema: blocks as long as the window are run through
+    both ways, and a window is the end of one block and the beginning of the next.
+    """
+    height, width = low.shape
+    if reach == 0:
+        return
+    size = 2 * reach + 1
+    blocks = (max(height, width) + 2 * reach) // size + 1
+    line = np.empty(blocks * size, np.float32)
+    to_end = np.empty(blocks * size, np.float32)
+    for y in range(height):
+        for sign, row in ((np.float32(1.0), high[y]), (np.float32(-1.0), low[y])):
+            _run_row(sign, row, reach, line, to_end)
+    _run_columns(np.float32(1.0), high, reach)
+    _run_columns(np.float32(-1.0), low, reach)
+
+
+@kernel
+def _run_row(sign, row, reach, line, to_end):
+    size = 2 * reach + 1
+    width = row.size
+    count = (width + 2 * reach) // size + 1
+    for i in range(count * size):
+        x = i - reach
+        line[i] = sign * row[x] if 0 <= x < width else -np.inf
+    for b in range(count):
+        last = b * size + size - 1
+        to_end[last] = line[last]
+        for i in range(last - 1, b * size - 1, -1):
+            to_end[i] = max(line[i], to_end[i + 1])
+        for i in range(b * size + 1, last + 1):
+            line[i] = max(line[i], line[i - 1])
+    for x in range(width):
+        row[x] = sign * max(to_end[x], line[x + size - 1])
+
+
+@kernel
+def _run_columns(sign, plane, reach):
+    # The same for all columns at once; only two blocks of rows are held.
+    size = 2 * reach + 1
+    height, width = plane.shape
+    lines = np.full((size, width), np.float32(-np.inf))
+    to_end = np.empty((size, width), np.float32)
+    ahead = np.empty((size, width), np.float32)
+    _take_rows(sign, plane, -reach, lines)
+    for first in range(0, height, size):
+        # Rows first .. first + size - 1 of the result: windows begin in this block of lines.
+        for x in range(width):
+            to_end[size - 1, x] = lines[size - 1, x]
+        for i in range(size - 2, -1, -1):
+            for x in range(width):
+                to_end[i, x] = max(lines[i, x], to_end[i + 1, x])
+        _take_rows(sign, plane, first + size - reach, ahead)
+        for i in range(size):
+            for x in range(width):
+                lines[i, x] = ahead[i, x]
+        for i in range(1, size):
+            for x in range(width):
+                ahead[i, x] = max(ahead[i, x], ahead[i - 1, x])
+        for i in range(min(size, height - first)):
+            row = plane[first + i]
+            for x in range(width):
+                greatest = to_end[i, x]
+                if i > 0:
+                    greatest = max(greatest, ahead[i - 1, x])
+                row[x] = sign * greatest
+
+
+@kernel
+def _take_rows(sign, plane, first, lines):
+    height, width = plane.shape
+    for i in range(len(lines)):
+        y = first + i
+        if 0 <= y < height:
+            for x in range(width):
+                lines[i, x] = sign * plane[y, x]
+        else:
+            for x in range(width):
+                lines[i, x] = -np.inf
