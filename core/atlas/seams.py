@@ -320,46 +320,59 @@ def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, 
 
 @kernel
 def _median(values, weights, count):
-    # Weighted, of the first ones; the mean of two values that both have half of the weight.
-    order = np.argsort(values[:count])
-    half = 0.5 * weights[:count].sum()
-    total = 0.0
+    # Weighted, of the first ones, which get sorted; the mean of two that both have half the weight.
+    half = 0.0
     for i in range(count):
-        total += weights[order[i]]
-        if total > half * (1.0 + 1e-9) or i == count - 1:
-            return values[order[i]]
+        value = values[i]
+        weight = weights[i]
+        half += 0.5 * weight
+        j = i
+        while j > 0 and values[j - 1] > value:
+            values[j] = values[j - 1]
+            weights[j] = weights[j - 1]
+            j -= 1
+        values[j] = value
+        weights[j] = weight
+    total = 0.0
+    for i in range(count - 1):
+        total += weights[i]
+        if total > half * (1.0 + 1e-9):
+            return values[i]
         if total >= half * (1.0 - 1e-9):
-            return 0.5 * (values[order[i]] + values[order[i + 1]])
-    return 0.0
+            return 0.5 * (values[i] + values[i + 1])
+    return values[count - 1]
+
+
+@kernel
+def _take(values, changes, lengths, first, last, found, weights):
+    # Gather what is known of some parts, with their lengths; returns how many.
+    count = 0
+    for i in range(first, last):
+        if not np.isnan(changes[i]):
+            found[count] = values[i]
+            weights[count] = lengths[i]
+            count += 1
+    return count
 
 
 @kernel
 def _decide(start, stop, first, last, lengths, steps, changes, unseen, closed):
     # Close parts around which the steps agree on more than chance would bring about.
-    longest = 0
-    for i in range(start, stop):
-        longest = max(longest, last[i] - first[i])
-    found = np.empty(longest)
-    weights = np.empty(longest)
+    found = np.empty(2 * _MOST_PARTS + 1)
+    weights = np.empty(2 * _MOST_PARTS + 1)
     for i in range(start, stop):
         closed[i] = False
-        for c in range(-1, steps.shape[1]):
-            count = 0
-            for j in range(first[i], last[i]):
-                if not np.isnan(changes[j]):
-                    found[count] = changes[j] if c < 0 else steps[j, c]
-                    weights[count] = lengths[j]
-                    count += 1
-            if count == 0:
-                break
-            middle = _median(found, weights, count)
-            if c < 0:
-                change = middle
-                independent = max(min(weights[:count].sum(), float(count)), 1.0)
-                continue
+        count = _take(changes, changes, lengths, first[i], last[i], found, weights)
+        if count == 0:
+            continue
+        change = _median(found, weights, count)
+        independent = max(min(weights[:count].sum(), float(count)), 1.0)
+        for c in range(steps.shape[1]):
+            _take(steps[:, c], changes, lengths, first[i], last[i], found, weights)
+            step = _median(found, weights, count)
             for j in range(count):
-                found[j] = abs(found[j] - middle)
+                found[j] = abs(found[j] - step)
             spread = max(_DEVIATION * _median(found, weights, count), change)
-            if abs(middle) > unseen + _CHANCE * spread / np.sqrt(independent):
+            if abs(step) > unseen + _CHANCE * spread / np.sqrt(independent):
                 closed[i] = True
                 break
