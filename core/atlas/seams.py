@@ -24,13 +24,14 @@ from .metric import apply, frame_axis
 from .sheet import NOTHING, place_on_edge
 
 _NEAR, _FAR = 0.75, 1.75  # depths at which texels are read, in those of the coarser side
+_SLOPE = 2.0  # how much more than the change from there to there a step must be, if in line
 _MOST_TEXELS = 4.0  # that such a texel counts for on the finer side
 _LEAST = 0.25  # weight of texels in the chart below which nothing is read
 _RUN = 8.0  # texels to each side along the seam that decide together
 _MOST_PARTS = 64  # the same, in parts, which edges far shorter than a texel make many
 _UNSEEN = 0.012  # step that is not seen, of the texture's range
 _STEPS = 1.5  # the same, in steps of whole numbers
-_CHANCE = 3.0  # standard errors that are chance
+_CHANCE = 2.0  # standard errors that are chance
 _DEVIATION = 1.86  # the error of the median of one normal number, in its median deviation
 _TOUCH = 1e-3  # texels beyond a seam from which normals are turned
 _SAMPLE = 100_000  # texels from which the range is taken
@@ -120,7 +121,7 @@ def _differing(
     # A few alone among others are chance.
     first, last = _around(parts, 0.5 * _RUN)
     votes = np.concatenate([[0.0], np.cumsum(np.where(closed, 1.0, -1.0) * parts.lengths)])
-    return closed & (votes[last] >= votes[first])
+    return closed & (votes[last] - votes[first] > -1e-9)
 
 
 def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> float:
@@ -275,8 +276,8 @@ def _look(atlas, metric, values, alpha, normals, edge, share, other, step, back,
 
 @kernel
 def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, steps, changes):
-    # The step from one side of each part to the other, beyond what each side's slope explains, and
-    # how much both change inwards; NaN where nothing tells.
+    # The step from one side of each part to the other, beyond what a ramp or a soft edge across the
+    # seam explains, and how much both sides change inwards; NaN where nothing tells.
     colors = np.empty((2, 2, values.shape[1]))
     ways = np.empty((2, 2))
     turn = np.eye(2)
@@ -309,51 +310,69 @@ def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, 
         for c in range(values.shape[1]):
             one = colors[0, 0, c] - colors[0, 1, c]
             other = colors[1, 1, c] - colors[1, 0, c]
-            slope = _NEAR / (_FAR - _NEAR) * (one + other)
-            steps[i, c] = colors[1, 0, c] - colors[0, 0, c] - slope
+            step = colors[1, 0, c] - colors[0, 0, c]
+            slope = _SLOPE * (one + other)
+            if step * slope > 0:
+                step -= slope if abs(slope) < abs(step) else step
+            steps[i, c] = step
             changes[i] = max(changes[i], abs(one) + abs(other))
 
 
 @kernel
 def _median(values, weights, count):
-    # Weighted, of the first ones.
-    order = np.argsort(values[:count])
-    half = 0.5 * weights[:count].sum()
+    # Weighted, of the first ones, which get sorted; the mean of two that both have half the weight.
+    half = 0.0
+    for i in range(count):
+        value = values[i]
+        weight = weights[i]
+        half += 0.5 * weight
+        j = i
+        while j > 0 and values[j - 1] > value:
+            values[j] = values[j - 1]
+            weights[j] = weights[j - 1]
+            j -= 1
+        values[j] = value
+        weights[j] = weight
     total = 0.0
-    for i in order:
+    for i in range(count - 1):
         total += weights[i]
-        if total >= half:
+        if total > half * (1.0 + 1e-9):
             return values[i]
-    return 0.0
+        if total >= half * (1.0 - 1e-9):
+            return 0.5 * (values[i] + values[i + 1])
+    return values[count - 1]
+
+
+@kernel
+def _take(values, changes, lengths, first, last, found, weights):
+    # Gather what is known of some parts, with their lengths; returns how many.
+    count = 0
+    for i in range(first, last):
+        if not np.isnan(changes[i]):
+            found[count] = values[i]
+            weights[count] = lengths[i]
+            count += 1
+    return count
 
 
 @kernel
 def _decide(start, stop, first, last, lengths, steps, changes, unseen, closed):
     # Close parts around which the steps agree on more than chance would bring about.
-    longest = 0
-    for i in range(start, stop):
-        longest = max(longest, last[i] - first[i])
-    found = np.empty(longest)
-    weights = np.empty(longest)
+    found = np.empty(2 * _MOST_PARTS + 1)
+    weights = np.empty(2 * _MOST_PARTS + 1)
     for i in range(start, stop):
         closed[i] = False
-        for c in range(-1, steps.shape[1]):
-            count = 0
-            for j in range(first[i], last[i]):
-                if not np.isnan(changes[j]):
-                    found[count] = changes[j] if c < 0 else steps[j, c]
-                    weights[count] = lengths[j]
-                    count += 1
-            if count == 0:
-                break
-            middle = _median(found, weights, count)
-            if c < 0:
-                change = middle
-                independent = max(min(weights[:count].sum(), float(count)), 1.0)
-                continue
+        count = _take(changes, changes, lengths, first[i], last[i], found, weights)
+        if count == 0:
+            continue
+        change = _median(found, weights, count)
+        independent = max(min(weights[:count].sum(), float(count)), 1.0)
+        for c in range(steps.shape[1]):
+            _take(steps[:, c], changes, lengths, first[i], last[i], found, weights)
+            step = _median(found, weights, count)
             for j in range(count):
-                found[j] = abs(found[j] - middle)
+                found[j] = abs(found[j] - step)
             spread = max(_DEVIATION * _median(found, weights, count), change)
-            if abs(middle) > unseen + _CHANCE * spread / np.sqrt(independent):
+            if abs(step) > unseen + _CHANCE * spread / np.sqrt(independent):
                 closed[i] = True
                 break

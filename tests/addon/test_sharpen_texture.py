@@ -262,6 +262,19 @@ def test_colors_flow_across_a_seam():
     assert flat > 10 * on_surface
 
 
+def test_materials_that_meet_at_a_seam_stay_apart():
+    """Of two colors, each fills its own gutter; told to continue, each has the other one there."""
+    pixels = np.full((48, 64, 4), (0.2, 0.2, 0.2, 1.0), dtype=np.float32)
+    pixels[:, 24:] = (0.9, 0.7, 0.1, 1.0)
+    add_sheet("Cut", add_material(add_image("Cut", pixels)), gap=0.25)
+    for operator in (sharpen, bpy.ops.shock_filter.dilate_texture):
+        for seams, beyond in (("auto", 0.2), ("extend", 0.2), ("continue", 0.9)):
+            before = set(bpy.data.images)
+            operator(assign=False, seams=seams)
+            (made,) = set(bpy.data.images) - before
+            assert abs(read(made)[24, 25, 0] - beyond) < 2 / 255
+
+
 def test_two_objects_on_one_image_are_solved_together(select):
     """The same picture, cut into two objects that touch: nothing shows where they meet."""
     image = add_image(pixels=blend(center=0.45))

@@ -99,10 +99,13 @@ def plain(color):
 
 
 def filters(**settings):
-    """Both filters of textures, with settings."""
+    """The filters of textures, with settings: by time, by width, and dilation."""
     return (
         lambda s, image: core.sharpen_texture(
             s.mesh, s.uv, image, core.TextureSettings(time=256.0, **settings), atlas=s.atlas
+        ),
+        lambda s, image: core.sharpen_texture(
+            s.mesh, s.uv, image, core.TextureSettings(width=6.0, **settings), atlas=s.atlas
         ),
         lambda s, image: core.dilate_texture(
             s.mesh, s.uv, image, core.DilateSettings(**settings), atlas=s.atlas
