@@ -132,7 +132,7 @@ def _number(name: str, value: Any, about: Setting, kind: type) -> Any:
 
 @dataclass(kw_only=True, repr=False, eq=False)
 class _FlowSettings(_Settings):
-    """Settings of the flow: shared by signals and geometry (paper sections 3 and 4)."""
+    """Settings of the flow: those of signals differ from them (paper sections 3 and 4)."""
 
     time: float = _setting(
         256.0,
@@ -171,7 +171,7 @@ def _what(default: str, *choices: str) -> Any:
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
-class _SignalSettings(_FlowSettings):
+class _SignalSettings(_Settings):
     """Settings of the filters of signals: colors on meshes, in images and in textures.
 
     What and Width say how far values flow, by the contrast of each place, and Amount how much of
@@ -179,17 +179,6 @@ class _SignalSettings(_FlowSettings):
     alike everywhere. Its default, `BY_WIDTH`, is any negative number.
     """
 
-    time: float = _changed(
-        _FlowSettings,
-        "time",
-        BY_WIDTH,
-        "How long values flow towards the edges, alike everywhere, instead of What and Width. -1"
-        " leaves it to these; 0 changes nothing, 16 is subtle, 256 pulls narrow edges together,"
-        " 4096 wide ones; infinity is the steady state",
-        minimum=BY_WIDTH,
-        advanced=True,
-    )
-    smoothing_passes: int = _changed(_FlowSettings, "smoothing_passes", 1, advanced=True)
     what: str = _what("drawing", "drawing", "photo")
     width: float = _setting(
         0.0,
@@ -208,6 +197,17 @@ class _SignalSettings(_FlowSettings):
         maximum=1.0,
         soft_maximum=1.0,
     )
+    time: float = _changed(
+        _FlowSettings,
+        "time",
+        BY_WIDTH,
+        "How long values flow towards the edges, alike everywhere, instead of What and Width. -1"
+        " leaves it to these; 0 changes nothing, 16 is subtle, 256 pulls narrow edges together,"
+        " 4096 wide ones; infinity is the steady state",
+        minimum=BY_WIDTH,
+        advanced=True,
+    )
+    smoothing_passes: int = _changed(_FlowSettings, "smoothing_passes", 1, advanced=True)
     channels: str = _setting(
         "coupled",
         "Which flow moves which channel",

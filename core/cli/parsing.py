@@ -25,8 +25,8 @@ examples:
   {prog} sharpen-geometry --time inf --smoothing-passes 3 scans/*.obj sharp/
   {prog} denoise-geometry scan.ply clean.ply --then-sharpen
   {prog} sharpen-colors painted.ply crisp.ply
-  {prog} sharpen-image --time 64 photos/*.png sharp/
-  {prog} sharpen-texture --time 64 model.obj wood.png metal.png sharp/
+  {prog} sharpen-image --what photo photos/*.png sharp/
+  {prog} sharpen-texture model.obj wood.png metal.png sharp/
   {prog} texture-mask model.obj charts.png --kind chart --like wood.png
 """
 

@@ -32,8 +32,8 @@ WIDTH_OF_SIGMA = 2.5631
 SHARP = 1.6
 """Measured widths up to this are sharp already, and stay as they are."""
 
-WIDEST = 16.0
-"""Most that a measured width counts: what is wider was meant to be soft."""
+WIDEST = {"drawing": 16.0, "photo": 8.0}
+"""Most that measured widths count: what is wider was meant to be soft."""
 
 _DRAWING, _PHOTO = (2.0, 0.6), (2.0, 1.0)  # times the unsharp difference, widths that flow
 _RATE = 0.7  # the time in which a border of contrast 1 closes, over its width to the power of 4
@@ -175,8 +175,8 @@ def tell_widths(unit: str, width: float, count: int, result: float | None) -> No
         tell(text, width=width, result=result)
 
 
-def counted_width(width: float, measured: float) -> float:
+def counted_width(width: float, measured: float, what: str = "drawing") -> float:
     """Return the width that counts: the given one, or for 0 the measured one; 0 if sharp."""
     if width > 0:
         return width
-    return 0.0 if measured <= SHARP or not math.isfinite(measured) else min(measured, WIDEST)
+    return 0.0 if measured <= SHARP or not math.isfinite(measured) else min(measured, WIDEST[what])

@@ -65,12 +65,10 @@ def measured(pixels: npt.NDArray, channels: Channels, settings: ImageSettings) -
     """
     scale = SCALES[pixels.dtype.name]
     borders = measure_borders(pixels, scale, channels)
-    width = counted_width(settings.width, borders.width)
     what = settings.what
     if what == "auto":
-        drawing = width > 0 and is_drawing(pixels, scale, channels, borders)
-        what = "drawing" if drawing else "photo"
-    return Measured(what, width, borders)
+        what = "drawing" if is_drawing(pixels, scale, channels, borders) else "photo"
+    return Measured(what, counted_width(settings.width, borders.width, what), borders)
 
 
 def sharpen_by_width(

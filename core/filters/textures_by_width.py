@@ -61,11 +61,11 @@ def sharpen_texels_by_width(
     inside = atlas.sheet.nodes >= 0
     with aside("Measuring borders"):
         borders = measure_borders(values, 1.0, channels, inside=inside)
-        width = counted_width(settings.width, borders.width)
         what = settings.what
         if what == "auto":
-            drawing = width > 0 and is_drawing(values, 1.0, channels, borders, inside)
+            drawing = is_drawing(values, 1.0, channels, borders, inside)
             what = "drawing" if drawing else "photo"
+        width = counted_width(settings.width, borders.width, what)
     if width > 0:
         plan = plan_of(what, width, borders.noise, settings.smoothing_passes)
         plan = flow_only(plan, width) if normals else plan

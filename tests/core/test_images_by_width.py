@@ -255,10 +255,11 @@ def test_noise_is_measured_and_not_sharpened(noise):
 
 
 def test_widths_that_count():
-    assert counted_width(3.0, 9.0) == 3.0
-    assert counted_width(0.0, 9.0) == 9.0
-    assert counted_width(0.0, 1.5) == 0.0
-    assert counted_width(0.0, 40.0) == 16.0
+    assert counted_width(3.0, 9.0, "photo") == 3.0
+    assert counted_width(0.0, 9.0, "drawing") == 9.0
+    assert counted_width(0.0, 1.5, "drawing") == 0.0
+    assert counted_width(0.0, 40.0, "drawing") == 16.0
+    assert counted_width(0.0, 40.0, "photo") == 8.0
 
 
 @pytest.mark.parametrize("shape", [(50, 70), (3, 40), (40, 3), (1, 1)])
