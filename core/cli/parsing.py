@@ -164,10 +164,8 @@ def read_settings(options: argparse.Namespace) -> Any:
     row = options.command
     settings = row.settings(**{name: getattr(options, name) for name in describe(row.settings)})
     if row.then and options.then_sharpen is not None:
-        if not 0.0 <= options.then_sharpen < math.inf:
-            raise UsageError(
-                "the time of --then-sharpen must be finite and 0 at least; give one such as 4096"
-            )
+        if not math.isfinite(options.then_sharpen):
+            raise UsageError("the time of --then-sharpen must be finite; give one such as 4096")
         row.sharpening(options.then_sharpen)
     if getattr(options, "invert_mask", False) and not options.mask:
         raise UsageError("--invert-mask needs --mask; name the mask that it turns around")

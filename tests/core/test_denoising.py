@@ -52,7 +52,7 @@ def joint(time):
 @pytest.mark.parametrize("name", ["beltrami_mesh", "beltrami_vertex_signal", "beltrami_image"])
 def test_a_time_is_checked_before_work_begins(name):
     assert find(name).function(None) is getattr(core, name)
-    for time, reason in ((-2.0, "time is -2"), (float("nan"), "time is nan"), ("1", "a number")):
+    for time, reason in ((-1.0, "time is -1"), (float("nan"), "time is nan"), ("1", "a number")):
         with pytest.raises(core.InvalidSettings, match=reason):
             find(name).function(time)
 
@@ -324,7 +324,7 @@ def test_sharpening_may_follow_for_a_time(folder, command, default, capsys):
     for more, sentence in (
         (["--then-sharpen", "b.ply"], "'b.ply' is no time; give one, or --then-sharpen after OUT"),
         (["--then-sharpen", "inf"], "must be finite"),
-        (["--then-sharpen=-1"], "must be finite and 0 at least"),
+        (["--then-sharpen=-1"], "time is -1; give a value from 0"),
     ):
         with pytest.raises(SystemExit) as stop:
             cli.main([command, "a.ply", "c.ply", *more], recorder)

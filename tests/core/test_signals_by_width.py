@@ -136,6 +136,25 @@ def test_blurred_stripes_come_closer_to_what_they_were(striped, way):
     assert error(sharpened(mesh, soft, **way)) < 0.85 * error(soft)
 
 
+def test_a_second_run_finds_it_sharp(striped):
+    mesh, _, soft = striped
+    once = sharpened(mesh, soft)
+    assert np.array_equal(sharpened(mesh, once), once)
+    corners = core.sharpen_corner_signal(mesh, soft[mesh.faces])
+    assert np.array_equal(core.sharpen_corner_signal(mesh, corners), corners)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.03])
+def test_noisy_stripes_come_closer_as_well(striped, noise):
+    mesh, hard, soft = striped
+    noisy = soft + np.random.default_rng(0).normal(0, noise, soft.shape)
+
+    def error(values):
+        return np.sqrt(((values - hard) ** 2).mean())
+
+    assert error(sharpened(mesh, noisy)) < 0.85 * error(noisy)
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_values_stay_within_those_nearby(striped, way):
     mesh, _, soft = striped
