@@ -6,15 +6,22 @@ from scipy.sparse.csgraph import dijkstra
 from shapes import Counting, angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.filters.beltrami import mesh_smoothing
+from shock_filter.core.filters.beltrami import normals as normals_module
 from shock_filter.core.filters.beltrami.normals import noise_of_normals
-from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass
+from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass, smooth_vertices
 from shock_filter.core.mesh.geodesics import ALL, face_stencils, march, new_front, stencils
 
 
-def noisy(vertices, faces, amount, seed=0):
-    """A mesh whose vertices moved along its normals, by so many mean edge lengths."""
+def noisy(vertices, faces, amount, seed=0, passes=0):
+    """A mesh whose vertices moved along its normals, by so many mean edge lengths.
+
+    After some passes of smoothing, neighbours share their noise, as in real scans.
+    """
     mesh = core.TriangleMesh(vertices, faces)
     steps = np.random.default_rng(seed).normal(size=(len(vertices), 1))
+    if passes:
+        steps = smooth_vertices(mesh, steps, passes)
+        steps /= steps.std()
     along = average_to_vertices(mesh, mesh.normals)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     return core.TriangleMesh(vertices + amount * mesh.mean_edge_length * steps * along, faces)
@@ -414,6 +421,22 @@ def test_faint_relief_on_a_clean_mesh_stays():
     mesh = core.TriangleMesh(vertices, faces)
     moved = np.linalg.norm(core.beltrami_mesh(mesh) - vertices, axis=1)
     assert moved.max() < 0.01 * mesh.mean_edge_length
+
+
+def test_noise_that_is_wider_than_a_face_counts_more(monkeypatch):
+    clean = core.TriangleMesh(*cube(20))
+    for mesh in (clean, core.TriangleMesh(*icosphere(4)), noisy(*cube(20), 0.15)):
+        assert normals_module._bump_factor(mesh) == 1
+    rough = noisy(*cube(20), 0.15, passes=1)
+    assert normals_module._bump_factor(rough) > 2.5
+
+    def error():
+        again = core.TriangleMesh(rough.vertices, rough.faces)
+        return angles(clean.moved_to(core.beltrami_mesh(again)).normals, clean.normals).mean()
+
+    wide = error()
+    monkeypatch.setattr(normals_module, "_bump_factor", lambda mesh: 1.0)
+    assert wide < 0.8 * error()
 
 
 def test_noise_of_normals_grows_with_the_noise():

@@ -30,10 +30,12 @@ _MOST_AROUND = 1024
 _BUMPS = 3.0
 """How many times more the noise of scans counts whose bumps are wider than a face."""
 
-# Where the share of bumps in what normals differ by over two rings begins to count, and where it
-# counts in full; and the ratio of squared differences over one ring and over two: of relief below
-# the first pair, of noise that differs from vertex to vertex above the second.
-_SHARE, _WIDER, _WHITE = (0.4, 0.6), (0.5, 0.57), (0.73, 0.85)
+# Where it begins to count, and where it counts in full: the share of noise in what normals differ
+# by over two rings; and the ratio of squared differences over one ring and over two, which is lower
+# for relief, and higher for noise that differs from vertex to vertex. Where there is little relief,
+# a lower ratio does.
+_SHARE, _WIDER, _WHITE = (0.4, 0.6), (0.53, 0.57), (0.73, 0.85)
+_LOWER = 0.8
 
 
 def noise_of_normals(mesh: TriangleMesh) -> float:
@@ -65,12 +67,13 @@ def _bump_factor(mesh: TriangleMesh) -> float:
         return 1.0
     one, two, _ = np.median(found, axis=0)
     bend = max(np.median(found[:, 2] - found[:, 1]) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
-    bumps = two - _RINGS[1] ** 2 * bend
-    if not bumps > _SHARE[0] * two:
+    noise = two - _RINGS[1] ** 2 * bend
+    if not noise > _SHARE[0] * two:
         return 1.0
-    ratio = (one - bend) / bumps
-    wider = np.interp(ratio, _WIDER, (0.0, 1.0)) * np.interp(ratio, _WHITE, (1.0, 0.0))
-    return 1.0 + (_BUMPS - 1.0) * float(wider * np.interp(bumps / two, _SHARE, (0.0, 1.0)))
+    share, ratio = noise / two, (one - bend) / noise
+    wider = np.interp(ratio + _LOWER * (share - 0.75), _WIDER, (0.0, 1.0))
+    wider *= np.interp(ratio, _WHITE, (1.0, 0.0)) * np.interp(share, _SHARE, (0.0, 1.0))
+    return 1.0 + (_BUMPS - 1.0) * float(wider)
 
 
 def smoothed_normals(
