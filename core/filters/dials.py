@@ -42,6 +42,7 @@ _FAINT = 0.02  # contrast below which nothing is a border
 _STRAY = 4.0  # how many times the noise, and no border, contrasts are
 _PHOTO_OWN = 2.0  # width of the borders that photos have at their sharpest
 _FADES = {"drawing": 0.02, "photo": 0.008}  # the noise at which the unsharp part is half as strong
+_GRAIN = 5.0  # times the noise: how far values lie apart where there is nothing else
 _LIGHT_NOISE = 0.008
 _WIDE = 8.0  # width from which a second smoothing pass pays off where there is noise
 
@@ -55,6 +56,8 @@ class Plan(NamedTuple):
         Sigma of the smoothing that the unsharp part takes the difference to.
     unsharp : float
         How many times the difference is added.
+    grain : float
+        Range of values within the limit that is noise: where there is no more, nothing is added.
     limit : float
         How far away the values lie between which the unsharp part stays.
     unsharp_first : bool
@@ -75,6 +78,7 @@ class Plan(NamedTuple):
 
     blur: float
     unsharp: float
+    grain: float
     limit: float
     unsharp_first: bool
     share: float
@@ -112,6 +116,7 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Pla
     return Plan(
         blur=width / WIDTH_OF_SIGMA,
         unsharp=unsharp / fade,
+        grain=_GRAIN * noise if drawing else 0.0,
         limit=width / 2.0,
         unsharp_first=drawing,
         share=1.0 if drawing else 0.5,
@@ -144,7 +149,11 @@ def limited_unsharp(
     plan: Plan, values: npt.NDArray, smooth: npt.NDArray, low: npt.NDArray, high: npt.NDArray
 ) -> npt.NDArray:
     """Add the difference from the smoothed values, and stay within those nearby."""
-    return np.clip(values + plan.unsharp * (values - smooth), low, high)
+    added = plan.unsharp * (values - smooth)
+    if plan.grain > 0:
+        beyond = np.maximum(high - low - plan.grain, 0.0)
+        added *= beyond / (beyond + plan.grain)
+    return np.clip(values + added, low, high)
 
 
 def blended(plan: Plan, unsharp: npt.NDArray, flowed: npt.NDArray) -> npt.NDArray:

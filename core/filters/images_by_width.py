@@ -100,7 +100,7 @@ def sharpen_by_width(
             with aside("Measuring borders"):
                 scale = SCALES[pixels.dtype.name]
                 result = measure_borders(target, scale, channels, roughly=True).width
-        tell_widths("pixels", borders.width, borders.count, result)
+        tell_widths("pixels", borders.width, borders.number, result)
 
 
 def _follow(
@@ -189,6 +189,7 @@ def _unsharp(
 ) -> None:
     # Hands the result to ``put(rows, channel, values)``, in the image's range.
     weights = gaussian(plan.blur)
+    ranged = plan._replace(grain=plan.grain / SCALES[pixels.dtype.name])
     reach = int(np.ceil(plan.limit))
     halo = max(len(weights), reach)
 
@@ -210,7 +211,7 @@ def _unsharp(
                 np.divide(smoothed, spread, out=smoothed, where=spread > 0)
                 low[opacity == 0], high[opacity == 0] = np.inf, -np.inf
             least_and_greatest(low, high, reach)
-            sharp = limited_unsharp(plan, values, smoothed, low, high)
+            sharp = limited_unsharp(ranged, values, smoothed, low, high)
             if opacity is not None:
                 np.copyto(sharp, values, where=opacity == 0)
             put(slice(start, stop), c, sharp[inner])

@@ -75,7 +75,7 @@ def sharpen_texels_by_width(
         if width > 0:
             with aside("Measuring borders"):
                 closed = measure_borders(result, 1.0, channels, inside=inside, roughly=True).width
-        tell_widths("texels", borders.width, borders.count, closed)
+        tell_widths("texels", borders.width, borders.number, closed)
 
 
 def _follow(

@@ -53,7 +53,7 @@ class Borders(NamedTuple):
     ----------
     width : float
         Of the borders, from 10 to 90 percent, in pixels; 0 if there are too few.
-    count : int
+    number : int
         How many borders were looked at.
     noise : float
         Standard deviation of the noise.
@@ -65,7 +65,7 @@ class Borders(NamedTuple):
     """
 
     width: float = 0.0
-    count: int = 0
+    number: int = 0
     noise: float = 0.0
     contrast: float = 0.0
     spread: float = math.inf
@@ -96,7 +96,7 @@ def measure_borders(
     tiles = _tiles(image.shape[:2], inside)
     some = _spread_out(tiles, _FEW_TILES if roughly else _MOST_TILES)
     found = _measure_tiles(image, scale, channels, inside, some)
-    if found.count < _FEWEST_BORDERS and len(some) < len(tiles):
+    if found.number < _FEWEST_BORDERS and len(some) < len(tiles):
         found = _measure_tiles(image, scale, channels, inside, tiles)
     return found
 
@@ -220,7 +220,7 @@ def _measure_tiles(
             continue
         best = _typical(found, sigma, noise)
         clear = noise < _NOISE or best.width < _HIDDEN * sigma
-        if noise < _LIGHT_NOISE or (best.count >= _PLENTY and clear):
+        if noise < _LIGHT_NOISE or (best.number >= _PLENTY and clear):
             break
     return best
 

@@ -254,6 +254,15 @@ def test_noise_is_measured_and_not_sharpened(noise):
     assert by_width(even, what="photo", width=5.0).std() < 1.05 * noise
 
 
+@pytest.mark.parametrize("contrast", [1.0, 0.2])
+def test_noisy_drawings_come_closer_to_clean_ones(contrast):
+    wanted = drawing(20, contrast=contrast)
+    image = blurred(wanted, 2.0)
+    image += np.random.default_rng(21).normal(0, 0.01, image.shape).astype(np.float32)
+    out = by_width(image, what="drawing")
+    assert fidelity(out, wanted) > fidelity(image, wanted) + 1.5
+
+
 def test_widths_that_count():
     assert counted_width(3.0, 9.0, "photo") == 3.0
     assert counted_width(0.0, 9.0, "drawing") == 9.0
