@@ -3,8 +3,8 @@
 
 A seam is cut into parts about a texel long. Beside each, texels on both sides are compared. Where
 the median step around a part is larger than chance and the change within each side explain, it is
-closed, as a border between materials: nothing crosses it. Stray texels and edges that cross the seam
-do not count, as parts decide together with those near them along the seam.
+closed, as a border between materials: nothing crosses it. Stray texels and edges that cross the
+seam do not count, as parts decide together with those near them along the seam.
 """
 
 from __future__ import annotations
