@@ -23,11 +23,13 @@ _STRETCH = 40  # samples of a seam that are looked at together
 def results(model: Model, atlas: core.TextureAtlas) -> dict[str, np.ndarray]:
     """Filter a model's texture in all ways that are compared."""
     parts = atlas.mesh, model.uv
-    filled = core.dilate_texture(*parts, model.image, atlas=atlas)
+    filled = core.dilate_texture(
+        *parts, model.image, core.DilateSettings(seams="continue"), atlas=atlas
+    )
     found = {"input": model.image, "filled": filled}
     for time in TIMES:
         flat = core.ImageSettings(time=time)
-        settings = core.TextureSettings(time=time)
+        settings = core.TextureSettings(time=time, seams="continue")
         found[f"ours, t = {time:g}"] = core.sharpen_texture(
             *parts, model.image, settings, atlas=atlas
         )

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which seams the texture goes on across, and which part one material from another.
 
-A seam is cut into parts about a texel long. Beside each, texels on both sides are compared: where
-they differ by more than each side changes within a texel, the part counts as a border of materials.
-Parts decide together with those near them along the seam, by length, so that stray texels and
-edges that cross the seam do not matter.
+A seam is cut into parts about a texel long. Beside each, texels on both sides are compared. Where
+the median step around a part is larger than chance and the change within each side explain, it is
+closed, as a border between materials: nothing crosses it. Stray texels and edges that cross the
+seam do not count, as parts decide together with those near them along the seam.
 """
 
 from __future__ import annotations

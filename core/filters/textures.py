@@ -74,7 +74,8 @@ def sharpen_texture(
     array like `image`
         Inside the charts, every value lies within the input's values near it on the surface, but
         for rounding to single precision; opacity stays. Around them the gutter is filled with
-        what lies across the seam. A time of 0 returns the input bit for bit.
+        what lies across the seam, or with more of the same where different materials meet there.
+        A time of 0 returns the input bit for bit.
 
     Raises
     ------
@@ -138,7 +139,8 @@ def dilate_texture(
 
     Texels whose centres lie in charts stay bit for bit. The others around the charts get the
     value of the surface where one comes by walking straight across the nearest seam, so that
-    linear and mip-mapped sampling show none.
+    linear and mip-mapped sampling show none. Where different materials meet at a seam, they get
+    the nearest value of their own chart.
 
     Parameters
     ----------
