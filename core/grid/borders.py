@@ -34,7 +34,7 @@ _QUANTILE = 0.35  # narrow borders tell the blur: wide ones may have been soft b
 _PRESMOOTHED = (0.8, 1.6, 3.0)  # sigmas; wider ones where noise hides the borders
 _WIDTH_OF_SIGMA = 2.5631
 _CELL = 0.15  # what reading between pixels adds to the squared sigma
-_ALIKE = 1.5  # most that widths of a drawing's borders spread
+_ALIKE = 1.5, 1.3  # most that widths of a drawing's borders spread, narrow and wide ones
 _MOSTLY = 0.45  # share of a drawing between its borders that is even
 _EVEN = 0.02  # of the contrast of clear borders
 _BORDER = 0.35  # of it: where more lies within the borders' width, one is near
@@ -117,7 +117,8 @@ def is_drawing(
     borders : Borders
         What was measured there.
     """
-    if borders.spread > _ALIKE:
+    # The wider a blur is, the more alike it makes all borders.
+    if borders.spread > np.interp(borders.width, (4.0, 8.0), _ALIKE):
         return False
     tiles = _spread_out(_tiles(image.shape[:2], inside), _FEW_TILES)
     counts = np.zeros((len(tiles), 2), dtype=np.int64)

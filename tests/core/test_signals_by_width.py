@@ -97,6 +97,16 @@ def test_width_is_measured_at_any_contrast(meridian, width):
     assert meridian.width(sharpened(meridian.mesh, meridian.border(width, 0.15))) < 2.0
 
 
+def test_width_is_measured_where_edges_are_shorter_than_elsewhere():
+    vertices, faces = grid(90, 90, 0.2)
+    growing = Meridian(vertices * np.exp(2.0 * vertices[:, :1] / 90), faces, False)
+    growing.distance = growing.mesh.scaled_vertices[:, 0]
+    growing.distance = growing.distance - np.quantile(growing.distance, 0.2)
+    for width in (1.5, 2.5):
+        found = borders.borders_of(growing.mesh, growing.border(width)).width
+        assert found == pytest.approx(width, rel=0.3)
+
+
 def test_noise_is_measured_and_borders_are_no_noise(meridian):
     rng = np.random.default_rng(0)
     values = np.repeat(meridian.border(6.0), 3, axis=1)
