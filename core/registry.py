@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from . import settings as _settings
+from .errors import InvalidSettings
 
 
 class Kind(NamedTuple):
@@ -127,7 +128,10 @@ class Filter(NamedTuple):
         """Make the settings of the filter that follows; None without a time."""
         if time is None:
             return None
-        return find(self.then).settings(**self.then_settings, time=time)
+        settings = find(self.then).settings(**self.then_settings, time=time)
+        if settings.time < 0:
+            raise InvalidSettings("time is {time!r}; give a value from 0 to inf.", time=time)
+        return settings
 
 
 FILTERS: tuple[Filter, ...] = (

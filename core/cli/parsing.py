@@ -164,7 +164,7 @@ def read_settings(options: argparse.Namespace) -> Any:
     row = options.command
     settings = row.settings(**{name: getattr(options, name) for name in describe(row.settings)})
     if row.then and options.then_sharpen is not None:
-        if not 0.0 <= options.then_sharpen < math.inf:
+        if not math.isfinite(options.then_sharpen):
             raise UsageError("the time of --then-sharpen must be finite; give one such as 4096")
         row.sharpening(options.then_sharpen)
     if getattr(options, "invert_mask", False) and not options.mask:
