@@ -22,7 +22,9 @@ from shock_filter import core
 from shock_filter.core.flow.borders import measured
 from shock_filter.core.mesh.calculus import smooth_vertices
 
-BLURS = 8, 16
+CASES = (8, 0.0), (16, 0.0), (8, 0.02)
+"""Smoothing passes, and noise as a part of the contrast."""
+
 CONTRASTS = 1.0, 0.15
 SEEDS = 2, 3
 """Paintings that were not looked at while the dials were made."""
@@ -74,12 +76,13 @@ def error(values: Floats, truth: Floats) -> float:
     return float(-10.0 * np.log10(((values - truth) ** 2).mean()))
 
 
-def gains(mesh: core.TriangleMesh, passes: int, contrast: float) -> Floats:
+def gains(mesh: core.TriangleMesh, passes: int, noise: float, contrast: float) -> Floats:
     """Width that is measured, and gains in dB: the mean over some paintings."""
     rows = []
     for seed in SEEDS:
         truth = 0.5 + contrast * (painted(mesh, seed) - 0.5)
         soft = smooth_vertices(mesh, truth, passes)
+        soft += np.random.default_rng(seed).normal(0.0, noise * contrast, soft.shape)
         results = [core.sharpen_vertex_signal(mesh, soft, each) for each in SETTINGS.values()]
         gained = [error(result, truth) - error(soft, truth) for result in results]
         rows.append([measured(mesh, soft).width, *gained])
@@ -91,12 +94,13 @@ def paintings(meshes: dict[str, Callable[[], core.TriangleMesh]]) -> str:
     rows = []
     for name, make in meshes.items():
         mesh = make()
-        for passes in BLURS:
-            strong, faint = (gains(mesh, passes, contrast) for contrast in CONTRASTS)
-            row = [name, str(passes), f"{strong[0]:.1f}"]
+        for passes, noise in CASES:
+            strong, faint = (gains(mesh, passes, noise, contrast) for contrast in CONTRASTS)
+            row = [name, str(passes), f"{noise:g}", f"{strong[0]:.1f}"]
             pairs = zip(strong[1:], faint[1:], strict=True)
             rows.append([*row, *(f"{high:+.1f} / {low:+.1f}" for high, low in pairs)])
-    return table(["", "passes", "measured width", *(f"{name}: dB" for name in SETTINGS)], rows)
+    head = ["", "passes", "noise", "measured width", *(f"{name}: dB" for name in SETTINGS)]
+    return table(head, rows)
 
 
 def rise(across: Floats, values: Floats) -> float:

@@ -130,7 +130,7 @@ class Filter(NamedTuple):
             return None
         settings = find(self.then).settings(**self.then_settings, time=time)
         if settings.time < 0:
-            raise InvalidSettings("time is {time!r}; give a value from 0 to inf.", time=time)
+            raise InvalidSettings(f"time is {settings.time:g}; give a value from 0.")
         return settings
 
 

@@ -24,7 +24,6 @@ OURS = {"time": 1024.0}
 EVERYWHERE = {**OF_PAPER, "time": 1024.0}
 PAPER = {**OF_PAPER, "time": 1024.0, "feature_threshold": 0.0, "sampling": "linear"}
 
-COLORS = {"time": 4096.0}
 PHOTO = {"time": 1024.0}
 
 FACE = View(rotation=(0, 0, -25), centre=(0.13, 0.0), size=2.65, light=(-0.9, -0.6, 0.9))
@@ -115,7 +114,7 @@ def show_colors(out: Path, pixels: int) -> list[Path]:
     print(f"\nSuzanne with blurred paint: {len(obj.data.vertices):,} vertices")
     blurred = obj.data
     sharp = copied(obj)
-    run("sharpen_colors", COLORS)
+    run("sharpen_colors", {})
     slopes = [measure.color_slope(shapes.read_colors(mesh, PAINT), shapes.read_triangles(mesh))
               for mesh in (blurred, sharp.data)]  # fmt: skip
     print(f"  steepest colors: {slopes[0]:.2f} an edge before, {slopes[1]:.2f} after")

@@ -107,12 +107,12 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Pla
         passes = max(passes, 2)
     own = 0.0 if drawing or noise >= _LIGHT_NOISE else _PHOTO_OWN
     unsharp, flowing = _DRAWING if drawing else _PHOTO
-    flow = flowing * width
+    fade = 1.0 + (noise / _FADES[what]) ** 2
+    flow = (1.0 - (1.0 - flowing) / fade) * width  # does what the faded unsharp part leaves
     square = max(flow * flow - own * own, 0.0)
     if square > 0:
         square += _CELLS * square / (square + _CELLS) + max(passes - 1, 0)
     sigma = flow / WIDTH_OF_SIGMA
-    fade = 1.0 + (noise / _FADES[what]) ** 2
     return Plan(
         blur=width / WIDTH_OF_SIGMA,
         unsharp=unsharp / fade,

@@ -199,7 +199,7 @@ def sharpen_corner_signal(
             return from_own_corners(mesh, mixed, given)
 
 
-def width_to_close(mesh: TriangleMesh, signal: npt.NDArray) -> float:
+def width_to_close(mesh: TriangleMesh, signal: npt.NDArray, what: str) -> float:
     """Return the width that counts where none is given; 0 if nothing is to be done.
 
     Parameters
@@ -207,12 +207,14 @@ def width_to_close(mesh: TriangleMesh, signal: npt.NDArray) -> float:
     mesh : TriangleMesh
     signal : (n, d) or (m, 3, d) array of float
         At vertices or corners.
+    what : str
+        As in `ShockSettings`.
     """
     if signal.ndim == 2:
         borders = borders_of(mesh, checked_signal(signal, mesh.vertex_count))
     else:
         borders = borders_of(*_cut_at_jumps(mesh, to_own_corners(mesh, signal)))
-    return counted_width(0.0, borders.width)
+    return counted_width(0.0, borders.width, what)
 
 
 def _cut_at_jumps(mesh: TriangleMesh, own: npt.NDArray) -> tuple[TriangleMesh, Floats]:
@@ -234,7 +236,8 @@ def _sharpened(
         flow = partial(_flow_together, mesh, settings, gather, finish)
         return _by_channels(values, settings, flow)
     borders = borders_of(mesh, values) if settings.width == 0 else None
-    width = counted_width(settings.width, borders.width if borders else 0.0)
+    measured_width = borders.width if borders else 0.0
+    width = counted_width(settings.width, measured_width, settings.what)
     if width == 0:
         return None
     noise = borders.noise if borders else noise_of(mesh, values)

@@ -68,7 +68,7 @@ def filter_colors(
         return repainted_corners(surface, surface.corners, result)
 
 
-def width_of_borders(surface: ColoredSurface) -> float:
+def width_of_borders(surface: ColoredSurface, what: str) -> float:
     """Measure the width that sharpening closes where none is given, in mean edge lengths.
 
     0 if the colors are sharp already, or have no borders.
@@ -76,9 +76,10 @@ def width_of_borders(surface: ColoredSurface) -> float:
     check_colors(surface)
     if surface.corners is not None:
         part = welded(surface, weld=True)
-        return width_to_close(part.mesh, surface.colors[surface.corners])
+        return width_to_close(part.mesh, surface.colors[surface.corners], what)
     part = welded(surface, True, surface.colors)
-    return width_to_close(part.mesh, surface.colors[part.used][part.representatives])
+    colors = surface.colors[part.used][part.representatives]
+    return width_to_close(part.mesh, colors, what)
 
 
 def check_colors(surface: ColoredSurface) -> None:

@@ -20,6 +20,10 @@ _REACH = 12.0
 _SAMPLE = 200_000
 
 
+def _no_borders(what: str) -> float:
+    return 0.0
+
+
 @dataclass(frozen=True)
 class Patch:
     """A part of a surface, or all of it.
@@ -45,7 +49,7 @@ class Patch:
     lengths: float
     share: float
     outline: npt.NDArray[np.float32]
-    width: Callable[[], float] = float
+    width: Callable[[str], float] = _no_borders
 
     def settings(self, settings: Any) -> Any:
         """Turn settings that are meant for the whole surface into the part's units of length."""
@@ -60,11 +64,11 @@ class Patch:
 
     def _scaled(self, settings: Any) -> Any:
         if isinstance(settings, ShockSettings) and settings.by_width and settings.width == 0:
-            width = self.width()
+            width = self.width(settings.what)
             nothing = replace(settings, amount=0.0)
             settings = replace(settings, width=width) if width > 0 else nothing
         new = {
-            name: getattr(settings, name) * self.lengths**about.length_power
+            name: min(getattr(settings, name) * self.lengths**about.length_power, about.maximum)
             for name, (_, _, about) in describe(type(settings)).items()
             if about.length_power and getattr(settings, name) > 0  # a time below 0 is no length
         }
@@ -109,7 +113,7 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
     outline = shape.positions[_border(shape.triangles[inside])]
     part, whole = _cut(surface, inside)
     is_colored = isinstance(surface, ColoredSurface)
-    width = cache(partial(_width_of_borders, surface)) if is_colored else float
+    width = cache(partial(_width_of_borders, surface)) if is_colored else _no_borders
     return Patch(part, whole, lengths, float(inside.mean()), outline, width)
 
 
@@ -145,10 +149,10 @@ def seen_vertex(
     return int(close[seen[close, 2].argmin()])
 
 
-def _width_of_borders(surface: ColoredSurface) -> float:
+def _width_of_borders(surface: ColoredSurface, what: str) -> float:
     from .colors import width_of_borders  # with kernels, which previews load on another thread
 
-    return width_of_borders(surface)
+    return width_of_borders(surface, what)
 
 
 def _distances(shape: Surface, vertex: int) -> npt.NDArray:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operator Sharpen Colors."""
 
+import re
+
 import bpy
 import numpy as np
 import pytest
@@ -59,6 +61,21 @@ def test_a_blend_becomes_an_edge_within_its_range(painted_sheet, kind, domain):
     assert (after >= before.min(axis=0) - 1e-6).all()
     assert (after <= before.max(axis=0) + 1e-6).all()
     np.testing.assert_array_equal(after[:, 3], before[:, 3])
+
+
+@EACH
+def test_a_run_says_how_wide_borders_were_and_are(painted_sheet, kind, domain):
+    sheet = painted_sheet(kind, domain)
+    blur = steepness(sheet)
+    assert sharpen() == {"FINISHED"}
+    assert steepness(sheet) < 0.5 * blur
+    said = operators.summaries["colors"]
+    before, after = re.search(r"Borders (.*) edge lengths wide, closed to (.*)\.$", said).groups()
+    assert float(before) > 2 * float(after)
+    once = read(sheet)
+    assert sharpen() == {"FINISHED"}
+    assert "Already sharp: borders " in operators.summaries["colors"]
+    assert read(sheet).tobytes() == once.tobytes()
 
 
 @EACH

@@ -125,7 +125,7 @@ def test_the_watch_names_kernels_that_do_not_ask(silent):
     mesh = core.TriangleMesh(*soft_cube(20))
     assert "walk_exactly" in silent(lambda ask: core.sharpen_geometry(mesh))
     image = np.zeros((300, 20), dtype=np.float32)
-    assert silent(lambda ask: core.sharpen_image(image, core.ImageSettings(time=2.0)))
+    assert silent(lambda ask: core.sharpen_image(image, core.ImageSettings(time=16.0)))
 
 
 @pytest.mark.parametrize(

@@ -55,13 +55,15 @@ def test_a_patch_with_shorter_edges_shows_what_the_whole_gets(corners, settings)
 
 def test_a_patch_takes_the_width_of_the_whole():
     whole = sheets(1e4, 3.0, edges=(1.0, 1.0))  # there is no border in the patch itself
-    width = width_of_borders(whole)
+    width = width_of_borders(whole, "drawing")
     assert width == pytest.approx(3.0, rel=0.2)
     patch = patch_around(whole, 820, 41 * 41)
-    assert width_of_borders(patch.surface) == 0.0
+    assert width_of_borders(patch.surface, "drawing") == 0.0
     assert patch.settings(core.ShockSettings()).width == pytest.approx(width, rel=0.05)
     assert patch.settings(core.ShockSettings(width=2.0)).width == pytest.approx(2.0, rel=0.05)
     assert patch.settings(core.ShockSettings(time=0.0)).width == 0.0
+    fine = patch_around(sheets(4.0, 6.0), 820, 41 * 41)  # its edges are half as long
+    assert fine.settings(core.ShockSettings(width=64.0)).width == 64.0
     assert whole_surface(whole).settings(core.ShockSettings()) == core.ShockSettings()
 
 

@@ -97,6 +97,16 @@ def test_width_is_measured_at_any_contrast(meridian, width):
     assert meridian.width(sharpened(meridian.mesh, meridian.border(width, 0.15))) < 2.0
 
 
+def test_width_is_measured_where_edges_are_shorter_than_elsewhere():
+    vertices, faces = grid(90, 90, 0.2)
+    growing = Meridian(vertices * np.exp(2.0 * vertices[:, :1] / 90), faces, False)
+    growing.distance = growing.mesh.scaled_vertices[:, 0]
+    growing.distance = growing.distance - np.quantile(growing.distance, 0.2)
+    for width in (1.5, 2.5):
+        found = borders.borders_of(growing.mesh, growing.border(width)).width
+        assert found == pytest.approx(width, rel=0.3)
+
+
 def test_noise_is_measured_and_borders_are_no_noise(meridian):
     rng = np.random.default_rng(0)
     values = np.repeat(meridian.border(6.0), 3, axis=1)
@@ -134,6 +144,25 @@ def test_blurred_stripes_come_closer_to_what_they_were(striped, way):
         return np.sqrt(((values - hard) ** 2).mean())
 
     assert error(sharpened(mesh, soft, **way)) < 0.85 * error(soft)
+
+
+def test_a_second_run_finds_it_sharp(striped):
+    mesh, _, soft = striped
+    once = sharpened(mesh, soft)
+    assert np.array_equal(sharpened(mesh, once), once)
+    corners = core.sharpen_corner_signal(mesh, soft[mesh.faces])
+    assert np.array_equal(core.sharpen_corner_signal(mesh, corners), corners)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.03])
+def test_noisy_stripes_come_closer_as_well(striped, noise):
+    mesh, hard, soft = striped
+    noisy = soft + np.random.default_rng(0).normal(0, noise, soft.shape)
+
+    def error(values):
+        return np.sqrt(((values - hard) ** 2).mean())
+
+    assert error(sharpened(mesh, noisy)) < 0.85 * error(noisy)
 
 
 @pytest.mark.parametrize("way", WAYS)
