@@ -61,8 +61,8 @@ def sharpen_image(
     Notes
     -----
     Paper A, sections 3.2, 3.3 and Appendix A. Beside the image and the result, 8 bytes a pixel
-    are needed while the flow is smoothed and 4 while values flow, 56 more for the scheme
-    "composed", and another result for "naive".
+    are needed while the flow is smoothed and 4 while values flow, 4 more and 4 for each channel
+    where Width says how far, 56 more for the scheme "composed", and another result for "naive".
 
     Examples
     --------

@@ -134,6 +134,8 @@ def test_the_watch_names_kernels_that_do_not_ask(silent):
         {"background": "nearest"},
         {"channels": "luminance", "smoothing_passes": 2},
         {"content": "normals"},
+        {"what": "photo", "width": 3.0},
+        {"time": 16.0},
     ],
 )
 def test_kernels_on_textures_ask(silent, settings):
@@ -154,6 +156,13 @@ def test_kernels_on_textures_ask(silent, settings):
 def test_kernels_on_images_ask(silent, scheme):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
     settings = core.ImageSettings(time=2.0, scheme=scheme)
+    assert not silent(lambda ask: core.sharpen_image(image, settings, progress=ask))
+
+
+@pytest.mark.parametrize("what", ["drawing", "photo"])
+def test_kernels_on_images_ask_by_width(silent, what):
+    image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
+    settings = core.ImageSettings(what=what, width=4.0)
     assert not silent(lambda ask: core.sharpen_image(image, settings, progress=ask))
 
 

@@ -561,9 +561,12 @@ def watch(fraction, message):
     peak = max(peak, anonymous())
     return True
 
-filter_image_file(core.sharpen_image, "small.npy", "small_out.npy")  # compiles
+def sharpen(pixels, mask=None, out=None):
+    return core.sharpen_image(pixels, core.ImageSettings(time=16), mask, out=out)
+
+filter_image_file(sharpen, "small.npy", "small_out.npy")  # compiles
 before = anonymous()
-filter_image_file(core.sharpen_image, "in.npy", "out.npy", Options(progress=watch))
+filter_image_file(sharpen, "in.npy", "out.npy", Options(progress=watch))
 print(1024 * (peak - before))
 """
 
@@ -580,7 +583,7 @@ def test_arrays_are_not_loaded():
     # 8 bytes a pixel for the flow; image and result, 6 more, stay on disk.
     assert 3 < int(run.stdout) / (size[0] * size[1]) < 12
     np.testing.assert_array_equal(
-        np.load("out.npy"), core.sharpen_image(np.load("in.npy"), core.ImageSettings())
+        np.load("out.npy"), core.sharpen_image(np.load("in.npy"), core.ImageSettings(time=16))
     )
 
 
@@ -644,7 +647,7 @@ def test_command_line(capsys):
     assert out.startswith("a.png -> out/a.png: changed ".replace("/", Path("/").root))
     assert " of 720 pixels in " in out
     assert err == "Failed: bad.png cannot be read; " + err.partition("cannot be read; ")[2]
-    words = ["a.png", "masked.png", "--mask", "mask.png", "--quiet"]
+    words = ["a.png", "masked.png", "--mask", "mask.png", "--quiet", "--time", "64"]
     assert cli.main(["sharpen-image", *words]) == 0
     assert Path("masked.png").read_bytes() == Path("a.png").read_bytes()
     assert capsys.readouterr().out == ""

@@ -147,7 +147,7 @@ def change_by_script() -> Steps:
 def values() -> list[float]:
     """Return the two values of the preview that is under way."""
     preview = running_preview()
-    return [getattr(preview.parameters, n) for n in (preview.time, preview.second)]
+    return [getattr(preview.parameters, n) for n in (preview.dial, preview.second)]
 
 
 def said() -> str:
