@@ -184,7 +184,7 @@ def _image(opacity: str) -> HostImage:
 
 
 def _textured() -> list[TexturedSurface]:
-    """Give the box a texture, each side being a chart: without and with masks."""
+    """Give the box a texture, each side being a chart: without and with masks and opacity."""
     positions, triangles = _box()
     side, place = np.divmod(triangles, (_CELLS + 1) ** 2)
     inside = np.stack(np.divmod(place, _CELLS + 1), axis=-1) / _CELLS
@@ -195,5 +195,5 @@ def _textured() -> list[TexturedSurface]:
     faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
     return [
         TexturedSurface(faces, picture, None),
-        TexturedSurface(replace(faces, weights=weights), picture, mask),
+        TexturedSurface(replace(faces, weights=weights), _image("STRAIGHT"), mask),
     ]

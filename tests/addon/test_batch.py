@@ -801,8 +801,8 @@ output.staged = spoiled
 
 def test_what_cannot_be_read_back_replaces_nothing(scene, old, folder):
     rounded_box().export("in.ply")
-    pixels = np.random.default_rng(0).integers(0, 255, (99, 99, 3), dtype=np.uint8)
-    Image.fromarray(pixels).save("in.png")
+    border = 255 / (1 + np.exp(-np.linspace(-16, 16, 99)))
+    Image.fromarray(np.tile(border, (99, 1)).astype(np.uint8)).save("in.png")
     for command, source, target in (
         ("sharpen-image", "in.png", "out.png"),
         ("sharpen-geometry", "in.ply", "out.glb"),

@@ -115,6 +115,7 @@ shock_filter.unregister()
     assert enabled == [
         "core.base",
         "core.base.cache_folder",
+        "core.base.findings",
         "core.errors",
         "core.host",
         "core.host.forgetting",

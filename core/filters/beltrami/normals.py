@@ -61,7 +61,7 @@ def _bump_factor(mesh: TriangleMesh) -> float:
     seeds = np.linspace(0, mesh.face_count - 1, count).astype(np.int32)
     found = np.empty((count, len(_RINGS)))
     run(_differences, count, mesh.faces, *mesh.corners, mesh.areas, mesh.normals, seeds, found,
-        chunk=_SEEDS // 4)  # fmt: skip
+        chunk=_SEEDS // 8)  # fmt: skip
     found = found[np.isfinite(found).all(axis=1)]
     if not len(found):
         return 1.0
