@@ -58,7 +58,7 @@ def test_what_a_script_changes_meanwhile_ends_it_and_stays(report):
 def test_preview_is_applied_as_one_run_of_the_operator(report, mode, changed):
     seen = report[f"preview_{mode}"]
     assert seen["started"] == ["RUNNING_MODAL"]
-    before, after = seen["times"]
+    before, after = seen["dial"]
     assert after > before
     assert seen["last"].startswith("SHOCK_FILTER_OT_")
     assert seen["applied"][changed] != report["start"][changed]

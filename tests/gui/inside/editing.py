@@ -56,7 +56,7 @@ def scenario() -> Steps:
 
 
 def drag_in_last_operators_panel() -> Steps:
-    """Run, open what F9 opens, drag the number on top (the time), and undo."""
+    """Run, open what F9 opens, drag the second number (the amount), and undo."""
     seen = report["redo_panel"] = {}
     run("sharpen_geometry", time=16.0)
     yield from finished()
@@ -73,8 +73,8 @@ def drag_in_last_operators_panel() -> Steps:
         yield 2 * DRAWN
         new = [place for place in marked(whole_window()) if place not in before]
     seen["numbers"] = len(new)
-    yield from drag(new[0], 60)
-    seen["time"] = bpy.context.window_manager.operators[-1].properties.time
+    yield from drag(new[1], -60)
+    seen["amount"] = bpy.context.window_manager.operators[-1].properties.amount
     seen["dragged"] = state()
     # Leaving it closes it up to 4.3, a click outside in 5.2; the top bar is empty there.
     move(100, 300)
@@ -108,7 +108,7 @@ def drag_in_folded_section() -> Steps:
     yield DRAWN
     unfolded = marked(panel)
     seen["numbers"] = len(folded), len(unfolded)
-    yield from drag(unfolded[len(folded)], 60)
+    yield from drag(unfolded[len(folded) + 2], 60)  # below Time and Smoothing
     seen["radius"] = bpy.context.window_manager.operators[-1].properties.screening_radius
     seen["dragged"] = state()
     yield from mark("num", False)

@@ -98,7 +98,8 @@ def preview(mode: str, seen: dict) -> Steps:
     yield from press("Escape")
     yield DRAWN
     seen["dropped"] = state()
-    before = settings.time
+    dial = "width" if mode == "colors" else "time"
+    before = getattr(settings, dial)
     yield from park()
     seen["started"] = run("preview")
     yield from drag(*middle())
@@ -108,7 +109,7 @@ def preview(mode: str, seen: dict) -> Steps:
     yield from press("Return")
     yield from finished()
     seen["applied"] = state()
-    seen["times"] = [before, settings.time]
+    seen["dial"] = [before, getattr(settings, dial)]
     seen["last"] = last_operator()
     yield from park()
     yield from press("ctrl+z")
