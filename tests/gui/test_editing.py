@@ -18,11 +18,11 @@ def test_scenario_ran_to_its_end(report):
 def test_dragging_a_number_after_the_run_filters_again(report):
     seen = report["redo_panel"]
     assert 2 <= seen["numbers"] < 8  # the others are folded
-    assert seen["first"]["positions"] != report["start"]["positions"]
-    assert seen["amount"] < 1.0
-    assert seen["dragged"]["positions"] not in {
-        seen["first"]["positions"],
-        report["start"]["positions"],
+    assert seen["first"]["colors"] != report["start"]["colors"]
+    assert seen["width"] > 0.0
+    assert seen["dragged"]["colors"] not in {
+        seen["first"]["colors"],
+        report["start"]["colors"],
     }
     assert seen["undone"] == report["start"]
 
