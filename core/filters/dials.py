@@ -25,9 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.findings import tell
-
-WIDTH_OF_SIGMA = 2.5631
-"""From 10 to 90 percent of a border that a Gaussian of sigma 1 has blurred."""
+from ..settings import WIDTH_OF_SIGMA
 
 SHARP = 1.6
 """Measured widths up to this are sharp already, and stay as they are."""

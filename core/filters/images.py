@@ -113,6 +113,12 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     Returns
     -------
     Measured
+        Widths are in pixels. Not in the papers; see `grid.borders`.
+
+    Raises
+    ------
+    InvalidSignal
+        As in `sharpen_image`.
 
     Examples
     --------

@@ -17,13 +17,11 @@ from ..base.progress import aside, phase
 from ..base.vectors import after, dot, edge
 from ..mesh.calculus import smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..settings import WIDTH_OF_SIGMA
 from .potential import dilation, flow_potential, squared_gradient
 
 _SPREAD = 0.344
 """Variance along each axis of one smoothing pass, where all edges are as long as the mean one."""
-
-_WIDTH_OF_SIGMA = 2.5631
-"""From 10 to 90 percent of a step that a Gaussian of sigma 1 has blurred."""
 
 _CYCLES = 3
 """Rounds of a long smoothing: one alone is no Gaussian, but a ring."""
@@ -102,7 +100,7 @@ def measured(mesh: TriangleMesh, values: Floats) -> Borders:
         # At needle-like faces slopes are far too steep.
         contrasts = np.minimum(contrasts, np.linalg.norm(np.ptp(values, axis=0)))
         strong = contrasts > max(_LEAST, _STRAY * noise)
-        widths = _WIDTH_OF_SIGMA * np.sqrt(spread * np.maximum(passes - 0.5, 0.0))[strong]
+        widths = WIDTH_OF_SIGMA * np.sqrt(spread * np.maximum(passes - 0.5, 0.0))[strong]
         if len(widths) < _FEWEST:
             return Borders(0.0, 0, noise)
         order = np.argsort(widths)

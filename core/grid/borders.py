@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run
+from ..settings import WIDTH_OF_SIGMA
 from .channels import Channels
 from .windows import Plane, gaussian, least_and_greatest, smooth
 
@@ -32,7 +33,6 @@ _RISING = 0.06  # of the greatest slope: where a profile ends
 _CLEAR = 0.08  # contrast of borders that count
 _QUANTILE = 0.35  # narrow borders tell the blur: wide ones may have been soft before
 _PRESMOOTHED = (0.8, 1.6, 3.0)  # sigmas; wider ones where noise hides the borders
-_WIDTH_OF_SIGMA = 2.5631
 _CELL = 0.15  # what reading between pixels adds to the squared sigma
 _ALIKE = 1.5, 1.3  # most that widths of a drawing's borders spread, narrow and wide ones
 _MOSTLY = 0.45  # share of a drawing between its borders that is even
@@ -427,8 +427,8 @@ def _profiles(planes, seen, ridges, sigma):
                 if not _is_seen(seen, y + place * down, x + place * across):
                     contrast = -np.inf
                     break
-        square = (_WIDTH_OF_SIGMA * contrast / (np.sqrt(2.0 * np.pi) * slope)) ** 2
-        square -= _WIDTH_OF_SIGMA**2 * (sigma * sigma + _CELL)
+        square = (WIDTH_OF_SIGMA * contrast / (np.sqrt(2.0 * np.pi) * slope)) ** 2
+        square -= WIDTH_OF_SIGMA**2 * (sigma * sigma + _CELL)
         found[i, 0] = np.sqrt(max(square, 0.25))
         found[i, 1] = max(contrast, 0.0)
     return found

@@ -10,20 +10,47 @@ from .inputs import Floats
 
 _ROUNDING = 1e-12
 
+_ROWS = 1 << 16
+"""Faces that numpy gets at once."""
+
 
 def face_normals(
     positions: npt.NDArray[np.float32], corner_vertices: npt.NDArray, starts: npt.NDArray
 ) -> Floats:
     """Return the faces' unit normals, 0 for faces without area: (number of faces, 3)."""
+    normals = np.zeros((len(starts), 3))
+    ends = np.append(starts[1:], len(corner_vertices))
+    for first in range(0, len(starts), _ROWS):
+        rows = slice(first, first + _ROWS)
+        begin, sizes = starts[rows] - starts[first], ends[rows] - starts[rows]
+        corners = corner_vertices[starts[first] : ends[rows][-1]]
+        following = np.arange(1, len(corners) + 1)
+        following[begin + sizes - 1] = begin
+        # Seen from each face's first corner, so that places far from the origin lose no digits.
+        points = positions[corners].astype(np.float64)
+        points -= np.repeat(points[begin], sizes, axis=0)
+        sums = np.add.reduceat(np.cross(points, points[following]), begin, axis=0)
+        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+        np.divide(sums, lengths, out=normals[rows], where=lengths > 0.0)
+    return normals
+
+
+def faces_at(
+    free: npt.NDArray[np.bool_], corner_vertices: npt.NDArray, starts: npt.NDArray
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray]:
+    """Choose the faces that have an edge between free vertices, as far as that can be.
+
+    Returns
+    -------
+    corners : (number of corners,) bool
+        Those of the chosen faces.
+    starts : (number of chosen faces,) int
+        Their first corners among these.
+    """
     sizes = np.diff(np.append(starts, len(corner_vertices)))
-    following = np.arange(1, len(corner_vertices) + 1)
-    following[starts + sizes - 1] = starts
-    # Seen from each face's first corner, so that places far from the origin lose no digits.
-    points = positions[corner_vertices].astype(np.float64)
-    points -= np.repeat(points[starts], sizes, axis=0)
-    normals = np.add.reduceat(np.cross(points, points[following]), starts, axis=0)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    chosen = np.add.reduceat(free[corner_vertices].astype(np.int32), starts) >= 2
+    own = sizes[chosen]
+    return np.repeat(chosen, sizes), np.cumsum(own) - own
 
 
 def sharp_edges(
@@ -34,7 +61,8 @@ def sharp_edges(
     angle: float,
 ) -> npt.NDArray[np.bool_]:
     """Tell which edges have exactly two faces, which meet at more than an angle: (edges,)."""
-    faces = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(corner_edges))))
+    sizes = np.diff(np.append(starts, len(corner_edges)))
+    faces = np.repeat(np.arange(len(starts), dtype=np.int32), sizes)
     one, other = np.zeros((2, edges), dtype=faces.dtype)
     one[corner_edges[::-1]] = faces[::-1]  # the first face of each edge
     other[corner_edges] = faces  # and the last

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...core.host.edge_marks import face_normals, sharp_edges
+from ...core.host.edge_marks import face_normals, faces_at, sharp_edges
 from . import arrays
 from .meshes import read_corner_vertices
 
@@ -34,8 +34,14 @@ def mark_sharp(
     if free is not None and not free.any():
         return
     corner_edges = arrays.read_attribute(mesh.attributes[".corner_edge"])
+    corner_vertices = read_corner_vertices(mesh)
     starts = arrays.read(mesh.polygons, "loop_start", dtype=np.int32)
-    normals = face_normals(positions, read_corner_vertices(mesh), starts)
+    if free is not None:
+        near, starts = faces_at(free, corner_vertices, starts)
+        corner_edges, corner_vertices = corner_edges[near], corner_vertices[near]
+    if len(starts) == 0:
+        return
+    normals = face_normals(positions, corner_vertices, starts)
     sharp = sharp_edges(normals, starts, corner_edges, len(mesh.edges), angle)
     if free is not None:
         ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
