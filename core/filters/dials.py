@@ -177,6 +177,8 @@ def tell_widths(unit: str, width: float, count: int, result: float | None) -> No
         tell("No borders were found; give a Width.")
     elif result is None:
         tell(f"Already sharp: borders {{width:.1f}} {unit} wide.", width=width)
+    elif not 0 < result < width:  # those that are left are others, which are wider
+        tell(f"Borders up to {{width:.1f}} {unit} wide were closed.", width=width)
     else:
         text = f"Borders {{width:.1f}} {unit} wide, closed to {{result:.1f}}."
         tell(text, width=width, result=result)

@@ -8,10 +8,12 @@ import pytest
 from scipy import ndimage
 from scipy.special import erf
 from shock_filter import core
-from shock_filter.core.filters.dials import WIDTH_OF_SIGMA, counted_width
+from shock_filter.core.base.findings import gathering
+from shock_filter.core.filters.dials import counted_width, tell_widths
 from shock_filter.core.filters.images_by_width import measured
 from shock_filter.core.grid.channels import channel_groups
 from shock_filter.core.grid.windows import gaussian, least_and_greatest, smooth
+from shock_filter.core.settings import WIDTH_OF_SIGMA
 
 
 def edge(sigma, contrast=1.0, degrees=0.0, size=96):
@@ -286,3 +288,18 @@ def test_smoothing_is_a_gaussian_with_mirrored_borders(sigma):
     plane = np.random.default_rng(19).random((30, 45)).astype(np.float32)
     expected = ndimage.gaussian_filter(plane, sigma, truncate=3.5)
     np.testing.assert_allclose(smooth(plane, gaussian(sigma)), expected, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("result", "sentence"),
+    [
+        (1.5, "Borders 9.2 pixels wide, closed to 1.5."),
+        (29.3, "Borders up to 9.2 pixels wide were closed."),
+        (0.0, "Borders up to 9.2 pixels wide were closed."),
+        (None, "Already sharp: borders 9.2 pixels wide."),
+    ],
+)
+def test_widths_are_told_so_that_they_make_sense(result, sentence):
+    with gathering() as found:
+        tell_widths("pixels", 9.2, 100, result)
+    assert list(map(str, found)) == [sentence]
