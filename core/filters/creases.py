@@ -21,7 +21,9 @@ from ..flow.potential import bending, dilation, opening
 from ..mesh.adjacency import connected_parts
 from ..mesh.calculus import (
     average_to_vertices,
+    cosines,
     greatest_to_faces,
+    greatest_to_vertices,
     lumped_mass,
     make_unit,
     smooth_vertices,
@@ -121,55 +123,47 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
         turn, far = _turn(near), _turn(smooth_vertices(mesh, near, 6))
     with phase(0.3, 0.5, message):
         level = smooth_vertices(mesh, opening(mesh, turn, _RINGS).reshape(-1, 1), 2).reshape(-1)
-        crest = turn >= 0.999 * dilation(mesh, turn, 2)
-    over = turn / np.maximum(level, 1e-12)
-    out = ramp(over, _STANDS_OUT)
-    energy = lumped_mass(mesh) * turn**2
-    weight = crest * out * ramp(np.degrees(turn), _TURNS)
+        crest = dilation(mesh, turn, 2)
+    count = mesh.vertex_count
+    energy, (over, out, weight) = lumped_mass(mesh), (np.empty(count) for _ in range(3))
     with phase(0.5, 0.6, message):
+        run(_stand_out, count, turn, level, crest, energy, over, out, weight)
         around = greatest_to_faces(mesh, dilation(mesh, weight, 3)) > 0
         sides = consistent_normals(mesh, mesh.normals, around, 1)
         between = np.empty((mesh.face_count, 1))
         run(_squared_distance, mesh.face_count, sides, mesh.normals, between)
         apart = smooth_vertices(mesh, average_to_vertices(mesh, between), 2)[:, 0]
-    ridge = weight * turn**2
     width = far / np.maximum(turn, 1e-12)
     jagged = np.sqrt(apart) / np.maximum(turn, 1e-12)
 
-    part, count = connected_parts(mesh.neighbours)
+    part, parts = connected_parts(mesh.neighbours)
     on_crest = weight > 0.5
-    typical_bend = np.sqrt(_quantiles(part, bend, count, 0.5))
-    typical_width = _quantiles(part[on_crest], width[on_crest], count, 0.5)
-    typical_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.5)
-    worse_jag = _quantiles(part[on_crest], jagged[on_crest], count, _MOST_SHARP)
-    share = _ratio(np.bincount(part, energy * out, count), np.bincount(part, energy, count))
+    part_of_crest = part[on_crest]
+    typical_bend = np.sqrt(_quantiles(part, bend, parts, 0.5))
+    typical_width = _quantiles(part_of_crest, width[on_crest], parts, 0.5)
+    typical_jag = _quantiles(part_of_crest, jagged[on_crest], parts, 0.5)
+    worse_jag = _quantiles(part_of_crest, jagged[on_crest], parts, _MOST_SHARP)
+    share = _ratio(np.bincount(part, energy * out, parts), np.bincount(part, energy, parts))
     finer = typical_bend - _SURE[1] * ramp(share, _SURE[0])
-    blunt = ramp(worse_jag, _JAGGED_PART)[part]
-    creased = (ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE)))[part]
     # Ridges that smoothing takes away are noise; where there is none, D_8 / D_2 is 1 at least.
-    creased *= ramp(typical_width, _NOISY)[part]
-    wide = np.where(creased > 0, ramp(typical_width, _WIDE_PART)[part], 0.0)
-    with phase(0.6, 1.0, message):
-        # Of the surroundings, only what a part's measures leave open.
-        columns = [ridge, weight * apart]
-        if creased.any():
-            columns += energy, energy * out
-        if wide.any() or widest > 0:
-            columns.append(ridge * width)
-        sums = smooth_vertices(mesh, np.stack(columns, axis=1), _PASSES if blunt.any() else 0).T
+    creased_part = ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE)) * ramp(typical_width, _NOISY)
+    wide_part = np.where(creased_part > 0, ramp(typical_width, _WIDE_PART), 0.0)
+    blunt_part = ramp(worse_jag, _JAGGED_PART)
     # In parts that are sharp for the most, corners are not to be taken for blunt.
-    stricter = _STRICTER * (1.0 - ramp(typical_jag, _JAGGED_PART))[part]
-    blunt *= ramp(np.sqrt(_ratio(sums[1], sums[0])) - stricter, _JAGGED)
-    if creased.any():
-        creased *= ramp(_ratio(sums[3], sums[2]), _SHARE_AROUND)
-    if wide.any():
-        wide = creased * wide * ramp(_ratio(sums[-1], sums[0]), _WIDE)
-    clearly = ramp(over, _CLEARLY_OUT) * ramp(np.degrees(turn), _CLEARLY_TURNS)
-    use = np.maximum(creased, _RELIEF * clearly) * blunt
+    stricter = _STRICTER * (1.0 - ramp(typical_jag, _JAGGED_PART))
+    with phase(0.6, 1.0, message):
+        # Of the surroundings, only what the parts' measures leave open.
+        columns = 5 if wide_part.any() or widest > 0 else 4 if creased_part.any() else 2
+        sums = np.empty((count, columns))
+        run(_weigh_ridges, count, weight, turn, apart, energy, out, width, sums)
+        sums = smooth_vertices(mesh, sums, _PASSES if blunt_part.any() else 0)
+    use, creased, wide = (np.empty(count) for _ in range(3))
+    run(_decide, count, part, sums, over, turn, creased_part, wide_part, blunt_part, stricter,
+        use, creased, wide)  # fmt: skip
     too_wide = False
     if widest > 0:
         most = float(np.interp(widest, *_WIDTHS))
-        left = ramp(_ratio(sums[-1], sums[0]), (most - 0.03, most + 0.03))
+        left = ramp(_ratio(sums[:, 4], sums[:, 0]), (most - 0.03, most + 0.03))
         too_wide = bool(((use > 0.5) & (left > 0.5)).any())
         use *= 1.0 - left
     typical = on_crest & (creased > 0) & (use > 0)
@@ -212,7 +206,7 @@ def tell_creases(regions: Regions) -> None:
 def ramp(values: Floats, ends: tuple[float, float]) -> Floats:
     """Rise smoothly from 0 at the first end to 1 at the second: (n,) -> (n,)."""
     out = np.empty(len(values))
-    run(_rise, len(values), values, *ends, out)
+    run(_rise_all, len(values), values, ends, out)
     return out
 
 
@@ -257,7 +251,7 @@ def consistent_normals(
     around = _grown(mesh, zone)
     means, uneven = np.empty_like(normals), np.empty(len(normals))
     for turn in range(passes):
-        out = normals.copy()
+        out = np.empty_like(normals)
         with phase(turn / passes, (turn + 0.5) / passes, "Aligning creases"):
             run(_patches, mesh.face_count, mesh.faces, *mesh.corners, around, normals, mesh.areas,
                 means, uneven)  # fmt: skip
@@ -270,30 +264,94 @@ def consistent_normals(
 
 def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.bool_]:
     """Faces whose normals differ by 3 degrees and more, and those that share a vertex with them."""
-    turned = np.einsum("ij,ij->i", old, new) < np.cos(np.radians(3.0))
+    turned = cosines(old, new) < np.cos(np.radians(3.0))
     return _grown(mesh, turned & (mesh.areas > 0))
 
 
 def mixed_normals(old: Floats, new: Floats, shares: Floats) -> Floats:
     """Mix unit normals by shares (m,) of the new ones; a share of 0 keeps every bit."""
-    mixed = old.copy()
+    mixed = np.empty_like(old)
     with aside("Sharpening"):
-        run(_mix, len(old), new, shares, mixed)
+        run(_mix, len(old), old, new, shares, mixed)
     return mixed
 
 
 def _grown(mesh: TriangleMesh, zone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    touched = np.zeros(mesh.vertex_count, dtype=np.uint8)
-    touched[mesh.faces[zone]] = 1
     with aside("Aligning creases"):
+        touched = greatest_to_vertices(mesh, zone.view(np.uint8))
         return greatest_to_faces(mesh, touched).view(np.bool_)
 
 
 @kernel
-def _rise(start, stop, values, low, high, out):
+def _rise(value, ends):
+    t = min(max((value - ends[0]) / (ends[1] - ends[0]), 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+@kernel
+def _rise_all(start, stop, values, ends, out):
     for i in range(start, stop):
-        t = min(max((values[i] - low) / (high - low), 0.0), 1.0)
-        out[i] = t * t * (3.0 - 2.0 * t)
+        out[i] = _rise(values[i], ends)
+
+
+@kernel
+def _stand_out(start, stop, turn, level, highest, energy, over, out, weight):
+    # Takes the mass in `energy`. A crest is where the turn is the highest around.
+    for v in range(start, stop):
+        over[v] = turn[v] / max(level[v], 1e-12)
+        out[v] = _rise(over[v], _STANDS_OUT)
+        energy[v] *= turn[v] ** 2
+        crest = turn[v] >= 0.999 * highest[v]
+        weight[v] = out[v] * _rise(np.degrees(turn[v]), _TURNS) if crest else 0.0
+
+
+@kernel
+def _weigh_ridges(start, stop, weight, turn, apart, energy, out, width, sums):
+    # For means around the vertices; as many columns as asked for.
+    for v in range(start, stop):
+        ridge = weight[v] * turn[v] ** 2
+        sums[v, 0] = ridge
+        sums[v, 1] = weight[v] * apart[v]
+        if sums.shape[1] > 2:
+            sums[v, 2] = energy[v]
+            sums[v, 3] = energy[v] * out[v]
+        if sums.shape[1] > 4:
+            sums[v, 4] = ridge * width[v]
+
+
+@kernel
+def _quotient(above, below):
+    return above / below if below > 0 else 0.0
+
+
+@kernel
+def _decide(
+    start,
+    stop,
+    part,
+    sums,
+    over,
+    turn,
+    creased_part,
+    wide_part,
+    blunt_part,
+    stricter,
+    use,
+    creased,
+    wide,
+):
+    # From the measures of a vertex, its surroundings (see _weigh_ridges) and its part.
+    for v in range(start, stop):
+        p, ridge = part[v], sums[v, 0]
+        jagged = np.sqrt(_quotient(sums[v, 1], ridge)) - stricter[p]
+        blunt = blunt_part[p] * _rise(jagged, _JAGGED)
+        creased[v], wide[v] = creased_part[p], wide_part[p]
+        if creased[v] > 0:
+            creased[v] *= _rise(_quotient(sums[v, 3], sums[v, 2]), _SHARE_AROUND)
+        if wide[v] > 0:
+            wide[v] *= creased[v] * _rise(_quotient(sums[v, 4], ridge), _WIDE)
+        clearly = _rise(over[v], _CLEARLY_OUT) * _rise(np.degrees(turn[v]), _CLEARLY_TURNS)
+        use[v] = max(creased[v], _RELIEF * clearly) * blunt
 
 
 @kernel
@@ -349,10 +407,9 @@ def _patches(start, stop, faces, corner_start, corners, around, normals, areas, 
 @kernel
 def _choose(start, stop, faces, corner_start, corners, zone, normals, means, uneven, pull, out):
     for f in range(start, stop):
-        if not zone[f]:
-            continue
         own = normals[f]
-        if own[0] == 0 and own[1] == 0 and own[2] == 0:
+        if not zone[f] or (own[0] == 0 and own[1] == 0 and own[2] == 0):
+            out[f] = own
             continue
         best, choice = uneven[f] + pull * (1.0 - dot(own, means[f])), f
         for k in range(3):
@@ -369,12 +426,13 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
 
 
 @kernel
-def _mix(start, stop, new, shares, mixed):
+def _mix(start, stop, old, new, shares, mixed):
     for f in range(start, stop):
+        mixed[f] = old[f]
         if shares[f] > 0:
-            x = mixed[f, 0] + shares[f] * (new[f, 0] - mixed[f, 0])
-            y = mixed[f, 1] + shares[f] * (new[f, 1] - mixed[f, 1])
-            z = mixed[f, 2] + shares[f] * (new[f, 2] - mixed[f, 2])
+            x = old[f, 0] + shares[f] * (new[f, 0] - old[f, 0])
+            y = old[f, 1] + shares[f] * (new[f, 1] - old[f, 1])
+            z = old[f, 2] + shares[f] * (new[f, 2] - old[f, 2])
             length = np.sqrt(x * x + y * y + z * z)
             if length > 1e-12:
                 mixed[f, 0], mixed[f, 1], mixed[f, 2] = x / length, y / length, z / length

@@ -13,7 +13,7 @@ from ..base.checks import checked_mask, checked_signal
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
-from ..base.vectors import after, edge
+from ..base.vectors import after, dot, edge
 from ..errors import InvalidSignal, SolverError
 from ..linear.cg import SolveReport, solve
 from ..linear.system import LinearSystem
@@ -256,11 +256,11 @@ def _hold(mesh: TriangleMesh, normals: Floats, freedom: float) -> Floats | None:
     # How much of the screening stays: less where faces are to turn by more than _TURN.
     if freedom == 0:
         return None
-    cosines = np.einsum("ij,ij->i", mesh.normals, normals)
-    angles = np.arccos(np.clip(cosines, -1.0, 1.0))
-    angles[cosines == 0] = 0.0
-    turn = average_to_vertices(mesh, angles.reshape(-1, 1)).reshape(-1) / _TURN
-    return 1.0 - freedom * turn**2 / (1.0 + turn**2)
+    angles = np.empty((mesh.face_count, 1))
+    run(_angles, mesh.face_count, mesh.normals, normals, angles)
+    hold = average_to_vertices(mesh, angles).reshape(-1)
+    run(_held, mesh.vertex_count, freedom, hold)
+    return hold
 
 
 def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
@@ -268,6 +268,22 @@ def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
     if settings.fidelity > 0:
         return settings.fidelity / float(mesh.areas.sum())
     return settings.screening_radius**-2
+
+
+@kernel
+def _angles(start, stop, one, other, angles):
+    # 0 for a target of 0, which asks for no turn.
+    for f in range(start, stop):
+        cosine = dot(one[f], other[f])
+        angles[f, 0] = np.arccos(min(max(cosine, -1.0), 1.0)) if cosine != 0 else 0.0
+
+
+@kernel
+def _held(start, stop, freedom, hold):
+    # From angles to what of the screening stays.
+    for v in range(start, stop):
+        squared = (hold[v] / _TURN) ** 2
+        hold[v] = 1.0 - freedom * squared / (1.0 + squared)
 
 
 @kernel

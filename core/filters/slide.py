@@ -22,7 +22,7 @@ from ..flow.potential import dilation
 from ..linear.cg import roughly
 from ..linear.system import LinearSystem
 from ..mesh.adjacency import count_sort
-from ..mesh.calculus import cotangents_of, greatest_to_faces
+from ..mesh.calculus import cosines, cotangents_of, greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 LOOSE = 0.05
@@ -117,20 +117,17 @@ def further_steps(
 
 def _near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
     # 1 at the vertices around faces that are to turn, and some rings more.
-    turning = np.zeros(mesh.vertex_count, dtype=np.uint8)
-    turned = np.einsum("ij,ij->i", mesh.normals, normals) < np.cos(_TURNING)
-    turning[mesh.faces[turned & (mesh.areas > 0)]] = 1
-    return dilation(mesh, turning, _RINGS)
+    turned = (cosines(mesh.normals, normals) < np.cos(_TURNING)) & (mesh.areas > 0)
+    return dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), _RINGS)
 
 
 def _cut_out(
     mesh: TriangleMesh, system: LinearSystem, normals: Floats, near: npt.NDArray[np.uint8]
 ) -> tuple[Ints, _Piece]:
     # The numbers of a piece's vertices in the mesh, and the piece.
-    chosen = np.flatnonzero(greatest_to_faces(mesh, near))
-    used = np.zeros(mesh.vertex_count, dtype=bool)
-    used[mesh.faces[chosen]] = True
-    index = np.flatnonzero(used).astype(np.int32)
+    taken = greatest_to_faces(mesh, near)
+    chosen = np.flatnonzero(taken)
+    index = np.flatnonzero(greatest_to_vertices(mesh, taken)).astype(np.int32)
     number = np.empty(mesh.vertex_count, dtype=np.int32)
     number[index] = np.arange(len(index), dtype=np.int32)
     faces = number[mesh.faces[chosen]]
@@ -138,7 +135,7 @@ def _cut_out(
     inner.fixed |= near[index] == 0
     vertices, targets = mesh.scaled_vertices[index], normals[chosen]
     shapes = np.empty(len(chosen))
-    run(_shapes, len(chosen), vertices, np.zeros_like(vertices), faces, mesh.normals[chosen],
+    run(_shapes, len(chosen), vertices, np.zeros(vertices.shape), faces, mesh.normals[chosen],
         shapes)  # fmt: skip
     corners = count_sort(faces.reshape(-1), len(index))
     areas = mesh.areas[chosen]
@@ -148,7 +145,7 @@ def _cut_out(
 
 
 def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
-    still = np.zeros_like(moved)
+    still = np.zeros(moved.shape)
     residual = _downhill(piece, piece.vertices, moved)
     way, change, product = still.copy(), residual, np.inf
     for turn in range(1, steps):
@@ -161,8 +158,8 @@ def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
             if not (product > 0 and curvature > 0):
                 break
             length = _sum(_dot, residual, way) / curvature
-            run(_go, len(way), way, length, change, moved, residual)
-            if length * abs(way).max() < _SETTLED:
+            farthest = _of_chunks(_go, way, length, change, moved, residual).max()
+            if farthest < _SETTLED:
                 break
             if turn % _EVENED == 0:
                 moved = _evened(piece, moved)
@@ -188,12 +185,16 @@ def _evened(piece: _Piece, moved: Floats) -> Floats:
     return out
 
 
-def _sum(function: Callable[..., None], *arguments: Any) -> float:
-    # What a kernel sums up over the rows of its arrays, in chunks.
+def _of_chunks(function: Callable[..., None], *arguments: Any) -> Floats:
+    # What a kernel finds in each chunk of the rows of its arrays.
     count = len(arguments[0])
-    sums = np.zeros(-(-count // _CHUNK))
-    run(function, count, *arguments, sums, chunk=_CHUNK)
-    return float(sums.sum())
+    found = np.zeros(-(-count // _CHUNK))
+    run(function, count, *arguments, found, chunk=_CHUNK)
+    return found
+
+
+def _sum(function: Callable[..., None], *arguments: Any) -> float:
+    return float(_of_chunks(function, *arguments).sum())
 
 
 def _without_turned(piece: _Piece, moved: Floats) -> Floats:
@@ -247,12 +248,17 @@ def _turn_way(start, stop, step, residual, way, onward, sums):
 
 
 @kernel
-def _go(start, stop, way, length, change, moved, residual):
+def _go(start, stop, way, length, change, moved, residual, farthest):
+    # Finds how far a coordinate goes at most.
+    most = 0.0
     for v in range(start, stop):
         for x in range(3):
-            moved[v, x] += length * way[v, x]
+            step = length * way[v, x]
+            moved[v, x] += step
+            most = max(most, abs(step))
             change[v, x] *= length
             residual[v, x] += change[v, x]
+    farthest[start // _CHUNK] = most
 
 
 @kernel

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ..base.checks import Floats
 from ..base.parallel import chunk_size, kernel, run, sum_kernel
-from ..base.progress import aside, ask, phase
+from ..base.progress import aside, phase
 from ..errors import SolverError
 from .multigrid import Csr, Multigrid
 from .system import LinearSystem
@@ -92,14 +92,14 @@ def solve(
     ``x = known + solve(system, system.residual(known, rhs), tolerance)[0]``.
     """
     given = np.ascontiguousarray(rhs, dtype=np.float64)
-    scale = system.inverse_root[:, None]
-    right = given.reshape(len(given), -1) * scale
-    ask()
-    norm = _norm(right)
+    right = np.empty((len(given), given.size // max(len(given), 1)))
+    with aside(message):
+        run(_scale, len(right), system.inverse_root, given.reshape(right.shape), right)
+        norm = _norm(right)
     if not np.isfinite(norm):
         raise SolverError("The right-hand side of the linear system is not finite.")
     # In scaled unknowns and equations, until the residual is below tolerance * norm.
-    y, residual = np.zeros_like(right), right.copy()
+    y, residual = np.zeros(right.shape), right.copy()
     relative = 1.0 if norm > 0 else 0.0
     iterations, patience = 0, PATIENCE_AT_HUBS if system.has_hubs else PATIENCE
     if multigrid:
@@ -122,7 +122,8 @@ def solve(
                 y += step
                 with aside(message):
                     system.scaled_residual(y, right, residual)
-        before, relative = relative, _norm(residual) / norm
+        with aside(message):
+            before, relative = relative, _norm(residual) / norm
         if relative <= tolerance:
             break
         if not multigrid and (patience <= 0 or relative > 0.5 * before):
@@ -137,7 +138,8 @@ def solve(
             iterations=iterations,
             tolerance=tolerance,
         )
-    y *= scale
+    with aside(message):
+        run(_scale, len(y), system.inverse_root, y, y)
     return y.reshape(given.shape), SolveReport(iterations, relative, multigrid)
 
 
@@ -146,14 +148,21 @@ def roughly(system: LinearSystem, rhs: Floats, iterations: int, message: str) ->
 
     Parameters and result are as in `solve`; a preconditioner for what is near to `system`.
     """
-    scale = system.inverse_root[:, None]
-    step, _, _ = _conjugate_gradients(system.single, rhs * scale, 0.0, None, iterations, message)
-    return step * scale
+    right = np.empty(rhs.shape, dtype=np.float32)
+    run(_scale, len(rhs), system.inverse_root, rhs, right)
+    step, _, _ = _conjugate_gradients(system.single, right, 0.0, None, iterations, message)
+    out = np.empty_like(rhs)
+    run(_scale, len(rhs), system.inverse_root, step, out)
+    return out
 
 
 def _norm(values: Floats) -> float:
     # Not numpy's, whose threads get into the way of ours.
-    return float(np.sqrt(np.square(values).sum()))
+    flat = values.reshape(-1)
+    size = chunk_size(len(flat))
+    sums = np.zeros(-(-len(flat) // size))
+    run(_add_squares, len(flat), size, flat, sums, chunk=size)
+    return float(np.sqrt(sums.sum()))
 
 
 def _conjugate_gradients(
@@ -169,7 +178,8 @@ def _conjugate_gradients(
     n, columns = residual.shape
     r = residual.astype(matrix[2].dtype)
     kind = r.dtype.type
-    x, p, q = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
+    # Not zeros_like, which writes the zeros here, and not where they are needed.
+    x, p, q = (np.zeros(r.shape, r.dtype) for _ in range(3))
     flat = [array.reshape(-1) for array in (x, p, q, r)]
     size = chunk_size(n)
     wide = columns * size
@@ -204,6 +214,22 @@ def _conjugate_gradients(
         if tolerance > 0:
             done = max(done, min(float(np.log(norm / scale) / np.log(tolerance)), 1.0))
     return x, iteration, True
+
+
+@kernel
+def _scale(start, stop, scale, values, out):
+    for i in range(start, stop):
+        for j in range(values.shape[1]):
+            out[i, j] = scale[i] * values[i, j]
+
+
+@sum_kernel
+def _add_squares(start, stop, chunk, values, sums):
+    values = values[start:stop]
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += values[i] * values[i]
+    sums[start // chunk] = total
 
 
 @sum_kernel

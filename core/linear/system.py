@@ -94,19 +94,15 @@ class LinearSystem:
         """Make the system of some unknowns, in their order, while all others stay 0."""
         number = np.full(len(self.screen), -1, dtype=np.int32)
         number[rows] = np.arange(len(rows), dtype=np.int32)
-        counts = np.diff(self.start)[rows]
-        row = np.repeat(np.arange(len(rows)), counts)
-        begin = np.cumsum(counts) - counts
-        entries = np.arange(len(row)) + (self.start[rows] - begin)[row]
-        columns = number[self.columns[entries]]
-        inside = columns >= 0
-        weights = self.weights[entries][inside]
         start = np.zeros(len(rows) + 1, dtype=np.int32)
-        np.cumsum(np.bincount(row[inside], minlength=len(rows)), out=start[1:])
-        screen = self.diagonal[rows] - np.bincount(row[inside], weights, len(rows))
-        return LinearSystem(
-            start, columns[inside], weights, screen, self.diagonal[rows], self.fixed[rows]
-        )
+        run(_count_inside, len(rows), rows, self.start, self.columns, number, start[1:])
+        np.cumsum(start, out=start)
+        columns = np.empty(start[-1], dtype=np.int32)
+        weights = np.empty(start[-1])
+        diagonal, screen = self.diagonal[rows], np.empty(len(rows))
+        run(_take_inside, len(rows), rows, self.start, self.columns, self.weights, number, start,
+            diagonal, columns, weights, screen)  # fmt: skip
+        return LinearSystem(start, columns, weights, screen, diagonal, self.fixed[rows])
 
     @cached_property
     def inverse_root(self) -> Floats:
@@ -153,6 +149,30 @@ class LinearSystem:
         """Put ``rhs - D A D y`` into `out`, D the inverse root; rows of fixed unknowns stay."""
         run(_residual, len(y), self.start, self.columns, self.weights, self.screen,
             self.inverse_root, y, rhs, out)  # fmt: skip
+
+
+@kernel
+def _count_inside(start, stop, rows, row_start, columns, number, counts):
+    for i in range(start, stop):
+        row = rows[i]
+        for e in range(row_start[row], row_start[row + 1]):
+            counts[i] += number[columns[e]] >= 0
+
+
+@kernel
+def _take_inside(
+    start, stop, rows, row_start, columns, weights, number, begin, diagonal, inside, taken, screen
+):
+    for i in range(start, stop):
+        row, place, total = rows[i], begin[i], 0.0
+        for e in range(row_start[row], row_start[row + 1]):
+            column = number[columns[e]]
+            if column >= 0:
+                inside[place] = column
+                taken[place] = weights[e]
+                total += weights[e]
+                place += 1
+        screen[i] = diagonal[i] - total
 
 
 @kernel

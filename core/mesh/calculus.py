@@ -176,6 +176,20 @@ def greatest_to_faces(mesh: TriangleMesh, values: npt.NDArray) -> npt.NDArray:
     return out
 
 
+def greatest_to_vertices(mesh: TriangleMesh, values: npt.NDArray) -> npt.NDArray:
+    """The greatest of the faces around each vertex, not below 0: (m,) -> (n,)."""
+    out = np.empty(mesh.vertex_count, dtype=values.dtype)
+    run(_greatest_around, mesh.vertex_count, *mesh.corners, values, out)
+    return out
+
+
+def cosines(one: Floats, other: Floats) -> Floats:
+    """Inner products of two vectors for each face: (m, 3) -> (m,)."""
+    out = np.empty(len(one))
+    run(_cosines, len(one), one, other, out)
+    return out
+
+
 def blended_normals(mesh: TriangleMesh, old: Floats, new: Floats, weights: Floats) -> Floats:
     """Mix normals of the faces by weights (n,) of the vertices; opposite ones may become zero."""
     out = np.empty_like(old)
@@ -216,6 +230,7 @@ def smooth_vertices(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
     with aside("Smoothing"):
         weights = mesh.neighbour_weights
     start, ring = mesh.neighbours
+    ring = ring.view(np.uint32)  # see _umbrella
     spare = None
     for done in range(passes):
         out = np.empty_like(signal) if spare is None else spare
@@ -224,6 +239,20 @@ def smooth_vertices(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
         spare = signal if done else None  # the caller's array is never written to
         signal = out
     return signal
+
+
+@kernel
+def _greatest_around(start, stop, corner_start, corners, values, out):
+    for v in range(start, stop):
+        out[v] = 0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            out[v] = max(out[v], values[corners[i] // 3])
+
+
+@kernel
+def _cosines(start, stop, one, other, out):
+    for f in range(start, stop):
+        out[f] = dot(one[f], other[f])
 
 
 @kernel
@@ -363,6 +392,7 @@ def make_unit_or(vector, old):
 
 @kernel
 def _umbrella(start, stop, ring_start, ring, weights, values, out):
+    # The ring is unsigned, which spares a test for negative indices at each number.
     last = values.shape[1] - 1
     for v in range(start, stop):
         for j in range(0, last + 1, 4):  # four by four, which is faster
