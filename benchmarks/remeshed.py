@@ -32,6 +32,11 @@ PARTS: dict[str, Callable[[], bpy.types.Object]] = {
     "box": shapes.cut_box,
 }
 CREASE = np.cos(np.radians(30.0))
+TURNED = np.cos(np.radians(100.0))
+"""Beyond a right angle: beside an edge the nearest place may be on its other side."""
+
+SLIVER = 0.1
+"""Shape below which a face is one; an equilateral triangle has 1."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -63,8 +68,8 @@ def errors(
     designed: tuple[Floats, npt.NDArray[np.int32]],
     creases: Floats,
     found: tuple[Floats, npt.NDArray[np.int32]],
-) -> tuple[float, float, int]:
-    """Mean degrees to the design's normals, RMS edge lengths from its creases, turned faces."""
+) -> tuple[float, float, int, int]:
+    """Mean degrees to the design's normals, RMS edges from creases, turned faces, slivers."""
     vertices, faces = found
     mesh = core.TriangleMesh(vertices, faces)
     normals = mesh.normals * np.where(mesh.flipped, -1.0, 1.0)[:, None]
@@ -77,8 +82,16 @@ def errors(
     return (
         float(np.average(off, weights=mesh.areas)),
         float(np.sqrt((far**2).mean())),
-        int((cosines < 0).sum()),
+        int((cosines < TURNED).sum()),
+        int((shapes_of(mesh) < SLIVER).sum()),
     )
+
+
+def shapes_of(mesh: core.TriangleMesh) -> Floats:
+    """Area over the mean squared edge of each face, relative to an equilateral triangle."""
+    corners = mesh.scaled_vertices[mesh.faces]
+    edges = corners - np.roll(corners, 1, axis=1)
+    return 4.0 * np.sqrt(3.0) * mesh.areas / np.maximum((edges**2).sum(axis=(1, 2)), 1e-30)
 
 
 def blender_sharp(part: bpy.types.Object, depth: int) -> tuple[Floats, npt.NDArray[np.int32]]:
@@ -118,13 +131,14 @@ def main() -> None:
                     )
                 ]
                 row = [f"{name}, {voxels} voxels, {which}", f"{len(vertices):,}"]
-                row += [f"{off:.2f}" for off, _, _ in results]
-                row += [f"{far:.2f}" for _, far, _ in results]
-                rows.append([*row, f"{results[0][2]} to {results[2][2]}"])
+                row += [f"{result[0]:.2f}" for result in results]
+                row += [f"{result[1]:.2f}" for result in results]
+                row += [f"{results[0][k]} to {results[2][k]}" for k in (2, 3)]
+                rows.append(row)
                 print("; ".join(rows[-1]), flush=True)
     names = ["remeshed", "paper's", "ours", "sharp mode"]
     head = ["", "vertices", *(f"{n}: degrees" for n in names), *(f"{n}: creases" for n in names)]
-    Page(options.write).write("remeshed", table([*head, "turned faces"], rows))
+    Page(options.write).write("remeshed", table([*head, "turned faces", "slivers"], rows))
 
 
 if __name__ == "__main__":

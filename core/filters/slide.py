@@ -40,6 +40,9 @@ _INNER = 8
 _EVENED = 6
 """After so many steps faces are evened out, and at the end."""
 
+_ROUNDS = 8
+"""How often at the end."""
+
 _SETTLED = 1e-2
 """A step that moves no vertex by more than this, in mean edge lengths, is the last."""
 
@@ -135,8 +138,8 @@ def _cut_out(
     inner.fixed |= near[index] == 0
     vertices, targets = mesh.scaled_vertices[index], normals[chosen]
     shapes = np.empty(len(chosen))
-    run(_shapes, len(chosen), vertices, np.zeros(vertices.shape), faces, mesh.normals[chosen],
-        shapes)  # fmt: skip
+    run(_shapes, len(chosen), np.arange(len(chosen)), vertices, np.zeros(vertices.shape), faces,
+        mesh.normals[chosen], shapes)  # fmt: skip
     corners = count_sort(faces.reshape(-1), len(index))
     areas = mesh.areas[chosen]
     halves = cotangents_of(vertices, faces, areas)
@@ -162,10 +165,10 @@ def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
             if farthest < _SETTLED:
                 break
             if turn % _EVENED == 0:
-                moved = _evened(piece, moved)
+                moved = _evened(piece, moved, 1)
                 residual = _downhill(piece, piece.vertices, moved)
                 product = np.inf
-    return _evened(piece, moved)
+    return _evened(piece, moved, _ROUNDS)
 
 
 def _downhill(piece: _Piece, vertices: Floats, moved: Floats) -> Floats:
@@ -177,12 +180,28 @@ def _downhill(piece: _Piece, vertices: Floats, moved: Floats) -> Floats:
     return out
 
 
-def _evened(piece: _Piece, moved: Floats) -> Floats:
-    out, now = moved.copy(), np.empty(len(piece.faces))
-    run(_shapes, len(now), piece.vertices, moved, piece.faces, piece.normals, now)
-    run(_even_out, len(out), piece.vertices, moved, piece.faces, *piece.corners, piece.areas,
-        piece.normals, piece.shapes, now, piece.system.fixed, out)  # fmt: skip
-    return out
+def _evened(piece: _Piece, moved: Floats, rounds: int) -> Floats:
+    moved, now = moved.copy(), np.empty(len(piece.faces))
+    faces, vertices = np.arange(len(now)), np.arange(len(moved))
+    for _ in range(rounds):
+        run(_shapes, len(faces), faces, piece.vertices, moved, piece.faces, piece.normals, now)
+        slides, needs = np.empty((len(vertices), 3)), np.empty(len(vertices))
+        run(_even_out, len(vertices), vertices, piece.vertices, moved, piece.faces, *piece.corners,
+            piece.areas, piece.normals, piece.shapes, now, piece.system.fixed, slides,
+            needs)  # fmt: skip
+        sliding = np.flatnonzero(needs)
+        moved[vertices[sliding]] += slides[sliding]
+        # What lies farther has the shape that it had.
+        faces = _faces_around(piece, vertices[sliding])
+        vertices = np.unique(piece.faces[faces])
+    return moved
+
+
+def _faces_around(piece: _Piece, vertices: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    start, corners = piece.corners
+    counts = start[vertices + 1] - start[vertices]
+    skipped = start[vertices] - (np.cumsum(counts) - counts)
+    return np.unique(corners[np.arange(counts.sum()) + np.repeat(skipped, counts)] // 3)
 
 
 def _of_chunks(function: Callable[..., None], *arguments: Any) -> Floats:
@@ -201,11 +220,10 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
     # Vertices around faces that have turned over slide on; those that stay so go back, half of
     # their way each time, until there are none.
     fixed, around = piece.system.fixed, np.arange(len(piece.faces))
+    now = np.empty(len(around))
     for turn in range(_SLIDES + _RETREATS):
-        now = np.empty(len(around))
-        run(_shapes, len(around), piece.vertices, moved, piece.faces[around],
-            piece.normals[around], now)  # fmt: skip
-        turned = around[(now <= 0) & (piece.shapes[around] > 0)]
+        run(_shapes, len(around), around, piece.vertices, moved, piece.faces, piece.normals, now)
+        turned = around[(now[around] <= 0) & (piece.shapes[around] > 0)]
         if len(turned) == 0:
             break
         faces, n = piece.faces[turned], piece.normals[turned]
@@ -222,9 +240,7 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
             moved[faces[rows]] += way[:, None] * inward
         else:
             moved[faces[~fixed[faces]]] *= 0.5
-        start, corners = piece.corners
-        fans = [corners[start[v] : start[v + 1]] // 3 for v in np.unique(faces)]
-        around = np.unique(np.concatenate(fans))
+        around = _faces_around(piece, np.unique(faces))
     return moved
 
 
@@ -303,9 +319,10 @@ def _corner(vertices, moved, v):
 
 
 @kernel
-def _shapes(start, stop, vertices, moved, faces, normals, shapes):
+def _shapes(start, stop, chosen, vertices, moved, faces, normals, shapes):
     # Twice the area, with the sign of N, over the sum of squared edges: at most 0.29.
-    for f in range(start, stop):
+    for i in range(start, stop):
+        f = chosen[i]
         a = _corner(vertices, moved, faces[f, 0])
         b = _corner(vertices, moved, faces[f, 1])
         c = _corner(vertices, moved, faces[f, 2])
@@ -320,6 +337,7 @@ def _shapes(start, stop, vertices, moved, faces, normals, shapes):
 def _even_out(
     start,
     stop,
+    chosen,
     vertices,
     moved,
     faces,
@@ -330,10 +348,12 @@ def _even_out(
     before,
     now,
     fixed,
-    out,
+    slides,
+    needs,
 ):
     # Slides v towards the mean of its neighbours, where a face around it has lost its shape.
-    for v in range(start, stop):
+    for j in range(start, stop):
+        v, needs[j] = chosen[j], 0.0
         if fixed[v]:
             continue
         worst = 1.0
@@ -342,6 +362,7 @@ def _even_out(
             if before[f] > 0:
                 worst = min(worst, now[f] / before[f])
         need = min(max((_KEPT_SHAPE[1] - worst) / (_KEPT_SHAPE[1] - _KEPT_SHAPE[0]), 0.0), 1.0)
+        needs[j] = need
         if need == 0:
             continue
         x = y = z = count = total = 0.0
@@ -372,6 +393,6 @@ def _even_out(
         xy, xz, yz = s * xy, s * xz, s * yz
         p, q, r = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
         t = _SLIDE * need / (xx * p + xy * q + xz * r)
-        out[v, 0] += t * (p * x + q * y + r * z)
-        out[v, 1] += t * (q * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z)
-        out[v, 2] += t * (r * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z)
+        slides[j, 0] = t * (p * x + q * y + r * z)
+        slides[j, 1] = t * (q * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z)
+        slides[j, 2] = t * (r * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z)

@@ -148,7 +148,7 @@ def roughly(system: LinearSystem, rhs: Floats, iterations: int, message: str) ->
 
     Parameters and result are as in `solve`; a preconditioner for what is near to `system`.
     """
-    right = np.empty(rhs.shape, dtype=np.float32)
+    right: npt.NDArray[np.floating] = np.empty(rhs.shape, dtype=np.float32)
     run(_scale, len(rhs), system.inverse_root, rhs, right)
     step, _, _ = _conjugate_gradients(system.single, right, 0.0, None, iterations, message)
     out = np.empty_like(rhs)
@@ -167,7 +167,7 @@ def _norm(values: Floats) -> float:
 
 def _conjugate_gradients(
     matrix: Csr,
-    residual: Floats,
+    residual: npt.NDArray[np.floating],
     tolerance: float,
     hierarchy: Multigrid | None,
     limit: int,

@@ -64,6 +64,19 @@ def test_no_face_turns_over(box):
     assert (np.einsum("ij,ij->i", sharp.normals, targets) > 0).all()
 
 
+def test_no_face_becomes_thinner_than_the_thinnest_before():
+    vertices, faces, _ = turned_box(60)
+    mesh = core.TriangleMesh(vertices, faces)
+    sharp = mesh.moved_to(core.sharpen_geometry(mesh))
+    assert thinnest(sharp) >= thinnest(mesh)
+
+
+def thinnest(mesh):
+    corners = mesh.scaled_vertices[mesh.faces]
+    edges = corners - np.roll(corners, 1, axis=1)
+    return (mesh.areas / (edges**2).sum(axis=(1, 2))).min()
+
+
 @pytest.mark.parametrize("shape", [icosphere(4), cube(12)], ids=["sphere", "cube"])
 def test_what_is_smooth_or_sharp_stays_bit_for_bit(shape):
     mesh = core.TriangleMesh(*shape)
