@@ -9,7 +9,7 @@ each other choice.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -53,15 +53,19 @@ _ORDER = ["geometry", "colors", "image", "texture"]
 """Kinds of data, those first that are asked for most."""
 
 
-def rehearse(progress: ProgressCallback | None = None) -> None:
+def rehearse(
+    progress: ProgressCallback | None = None, kinds: Collection[str] = tuple(_ORDER)
+) -> None:
     """Do everything once; what is compiled then is kept on disk.
 
     Parameters
     ----------
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False ends it.
+    kinds : collection of str
+        Kinds of data to do it with.
     """
-    for run in _runs():
+    for run in _runs(kinds):
         if progress is not None and not progress(share_ready(), "Preparing"):
             return
         run()
@@ -80,13 +84,19 @@ def imported_kernels() -> set[Dispatcher]:
     return {value for value in values if isinstance(value, Dispatcher)}
 
 
-def _runs() -> Iterator[Callable[[], Any]]:
-    shape, painted = _shape(), _painted()
-    rows = sorted(FILTERS, key=lambda row: (_ORDER.index(row.kind.name), bool(row.then)))
+def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
+    rows = [row for row in FILTERS if row.kind.name in kinds]
+    rows.sort(key=lambda row: (_ORDER.index(row.kind.name), bool(row.then)))
     for row in rows:
         for settings in _settings(row):
             for function in _examples(row.kind.name):
                 yield partial(function, row.name, settings)
+    if "colors" in kinds:
+        yield from _runs_of_surfaces(rows)
+
+
+def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
+    shape, painted = _shape(), _painted()
     for settings in _settings(next(row for row in rows if row.corners and row.then)):
         for mask in (None, shape.mask):
             both = PaintedSurface(replace(shape, mask=mask), replace(painted, mask=mask))

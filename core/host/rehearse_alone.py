@@ -2,8 +2,9 @@
 """A script: compiles in a process of its own what a host program would compile on first use.
 
 Reads one line of JSON from stdin: the name under which the host imports this package, which
-compiled code remembers; where Python looks for modules; and the folder for compiled code. Prints
-in lines how far it is, from 0 to 1. Ends when stdin does, and so with its host, however that ends.
+compiled code remembers; where Python looks for modules; the folder for compiled code; and the kinds
+of data to compile for. Prints in lines which part of all is ready, from 0 to 1. Ends when stdin
+does, and so with its host, however that ends.
 """
 
 import importlib
@@ -37,7 +38,7 @@ def main() -> None:
         return True
 
     _tell_of_each_kernel(tell)
-    rehearsal.rehearse(tell)
+    rehearsal.rehearse(tell, task["kinds"])
 
 
 def _end_with_host() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A plain Python, beside Blender, that compiles all kernels."""
+"""A plain Python, beside Blender, that compiles kernels."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
 
 from ...core.base import cache_folder
@@ -18,7 +19,7 @@ _LONGEST = 60.0
 
 
 class Process:
-    """A plain Python that compiles all kernels into the chosen folder.
+    """A plain Python that compiles the kernels for some data into the chosen folder.
 
     Parameters
     ----------
@@ -26,11 +27,13 @@ class Process:
         The name under which the extension is imported.
     root : str
         Its folder.
+    kinds : sequence of str
+        Kinds of data, as in the core's registry.
 
     Attributes
     ----------
     fraction : float
-        How much is done, 0 to 1.
+        How much of all kernels is done, 0 to 1.
 
     Raises
     ------
@@ -38,7 +41,7 @@ class Process:
         If it cannot be started.
     """
 
-    def __init__(self, package: str, root: str) -> None:
+    def __init__(self, package: str, root: str, kinds: Sequence[str]) -> None:
         if not os.path.basename(sys.executable).lower().startswith("python"):
             raise FileNotFoundError(f"{sys.executable or 'nothing'} is named as Python")
         flags = 0
@@ -55,7 +58,12 @@ class Process:
             encoding="utf-8",
             errors="replace",
         )
-        task = {"package": package, "paths": sys.path, "folder": cache_folder.chosen}
+        task = {
+            "package": package,
+            "paths": sys.path,
+            "folder": cache_folder.chosen,
+            "kinds": kinds,
+        }
         self._thread = threading.Thread(target=self._talk, args=(json.dumps(task),), daemon=True)
         self._thread.start()
 

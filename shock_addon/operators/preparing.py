@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Have the kernels ready before the first press.
 
-Once for each installation, a plain Python compiles them at low priority while people look around;
-a press meanwhile takes what is there and compiles the rest itself. In each session they are loaded
+Once for each installation, plain Pythons compile them at low priority while people look around; a
+press meanwhile takes what is there and compiles the rest itself. In each session they are loaded
 when the tab is first seen. Not in background mode: scripts load what they use.
 """
 
@@ -29,10 +29,13 @@ _AT_FIRST = 1.0
 """Seconds after enabling: until then Blender has other things to do."""
 
 _INTERVAL = 0.5
+_SHARES = ["geometry", "colors"], ["image", "texture"]
+"""Kinds of data, for one process each: about half of the work, and few kernels in common."""
+
 _NOTICED = 0.5
 """Seconds of compiling after which loading is given up: that would slow the window down."""
 
-_process: Process | None = None
+_processes: list[Process] = []
 _is_prepared = False
 _is_seen = False
 
@@ -45,7 +48,7 @@ def register() -> None:
 
 def fraction() -> float | None:
     """Return how much is compiled; None while nothing is."""
-    return None if _process is None else _process.fraction
+    return min(sum(each.fraction for each in _processes), 1.0) if _processes else None
 
 
 def tab_is_seen() -> None:
@@ -57,7 +60,7 @@ def tab_is_seen() -> None:
 
 
 def _begin() -> None:
-    global _process, _is_prepared
+    global _is_prepared
     if kernels.problem():
         return
     kernels.choose_folder()
@@ -68,22 +71,25 @@ def _begin() -> None:
     from .compiling import Process
 
     try:
-        _process = Process(_PACKAGE, _ROOT)
+        for kinds in _SHARES:
+            _processes.append(Process(_PACKAGE, _ROOT, kinds))
     except OSError as error:
+        _stop()
         _warn(f"Filters are compiled on first use, as no Python can be started: {error}")
         return
     bpy.app.timers.register(_watch, first_interval=_INTERVAL, persistent=True)
 
 
 def _watch() -> float | None:
-    global _process, _is_prepared
+    global _is_prepared
     redraw_sidebars(bpy.context)
-    if _process.code is None:
+    if any(process.code is None for process in _processes):
         return _INTERVAL
-    if _process.code:
-        _warn(f"Filters are compiled on first use, as preparing failed: {_process.last_words()}")
-    _is_prepared = not _process.code
-    _process = None
+    failed = [process for process in _processes if process.code]
+    if failed:
+        _warn(f"Filters are compiled on first use, as preparing failed: {failed[0].last_words()}")
+    _is_prepared = not failed
+    _processes.clear()
     _write_mark()  # what has failed once would fail in each session
     _load()
     return None
@@ -150,10 +156,15 @@ def _installation() -> str:
 
 def unregister() -> None:
     """Stop what is under way."""
-    global _process, _is_prepared, _is_seen
+    global _is_prepared, _is_seen
     for timer in (_begin, _watch):
         if bpy.app.timers.is_registered(timer):
             bpy.app.timers.unregister(timer)
-    if _process is not None:
-        _process.stop()
-    _process, _is_prepared, _is_seen = None, False, False
+    _stop()
+    _is_prepared, _is_seen = False, False
+
+
+def _stop() -> None:
+    for process in _processes:
+        process.stop()
+    _processes.clear()

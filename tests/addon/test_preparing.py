@@ -40,7 +40,8 @@ def python(tmp_path, text):
 
 def watched():
     """Watch until the process has ended."""
-    preparing._process.last_words()
+    for process in preparing._processes:
+        process.last_words()
     assert preparing._watch() is None
 
 
@@ -78,7 +79,7 @@ def test_once_for_each_installation(tmp_path, monkeypatch, loaded):
 
 def test_it_says_how_far_it_is(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", python(tmp_path, "echo 0.25; echo words; echo 0.2"))
-    process = compiling.Process("package", str(tmp_path))
+    process = compiling.Process("package", str(tmp_path), ["image"])
     assert process.last_words() == "words"
     assert process.fraction == 0.25
 
@@ -131,10 +132,10 @@ def test_what_has_to_be_compiled_again_is_left_to_the_next_session(monkeypatch):
 def test_disabling_ends_the_process(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", python(tmp_path, "exec sleep 100"))
     preparing._begin()
-    process = preparing._process
-    assert process.code is None
+    processes = list(preparing._processes)
+    assert [process.code for process in processes] == [None, None]
     preparing.unregister()
-    assert process.code is not None
+    assert None not in [process.code for process in processes]
     assert not list(tmp_path.glob("prepared-*"))
 
 

@@ -30,7 +30,7 @@ def process(folder):
         env={"NUMBA_CACHE_DIR": ""},
         text=True,
     )
-    task = {"package": PACKAGE, "paths": sys.path, "folder": str(folder)}
+    task = {"package": PACKAGE, "paths": sys.path, "folder": str(folder), "kinds": ["colors"]}
     started.stdin.write(json.dumps(task) + "\n")
     started.stdin.flush()
     with started:
