@@ -204,7 +204,9 @@ def draw(
 
 def shrink(path: Path, colors: int) -> None:
     """Keep the picture in a palette."""
-    Image.open(path).convert("RGB").quantize(colors).save(path, optimize=True)
+    picture = Image.open(path).convert("RGBA")
+    white = Image.new("RGBA", picture.size, "white")
+    Image.alpha_composite(white, picture).convert("RGB").quantize(colors).save(path, optimize=True)
     print(f"{path.stat().st_size // 1000} kB  {path.name}")
 
 

@@ -18,6 +18,9 @@ SAMPLES = 16
 
 PAINT = "Paint"
 
+_APART = 20.0
+"""Depth between columns, which is not seen: none is in another one's shadow."""
+
 
 @dataclass(frozen=True)
 class View:
@@ -47,14 +50,20 @@ def render(
     columns: list[tuple[str, bpy.types.Mesh]],
     pixels: int,
     textures: list[bpy.types.Image] | None = None,
+    lit: bool = False,
 ) -> None:
-    """Render labelled meshes side by side, flat-shaded, each `pixels` wide.
+    """Render labelled meshes side by side, each `pixels` wide.
 
-    Flat shading shows each face as it is: smooth shading would hide facets and blur creases. The
-    texture of a column, or else a color attribute named `PAINT`, is shown as it is, without light.
+    Flat-shaded and without shadows, as that shows each face as it is: smooth shading would hide
+    facets and blur creases. The texture of a column, or else a color attribute named `PAINT`, is
+    shown as it is, without light. If `lit`, as people look at models: with lamps, shadows, and the
+    shading that each mesh has.
     """
     scene = bpy.data.scenes.new("Picture")
-    if textures:
+    if lit:
+        materials = [_lit(image) for image in textures or [None] * len(columns)]
+        _add_lamps(scene, view.light)
+    elif textures:
         materials = [_paint(image) for image in textures]
     else:
         clay, paint = _clay(view.light), _paint()
@@ -63,13 +72,17 @@ def render(
     label_height = 0.07 * view.size
     for index, ((label, mesh), material) in enumerate(zip(columns, materials, strict=True)):
         left = (index - 0.5 * (len(columns) - 1)) * view.size
-        _add_mesh(scene, mesh, view, left, material)
+        if not lit:
+            mesh.shade_flat()
+        _add_mesh(scene, mesh, view, (left, index * _APART), material)
         _add_label(scene, label, (left, -0.5 * view.size), label_height, ink)
     _add_camera(scene, view.size, len(columns), label_height)
     scene.render.resolution_x = pixels * len(columns)
     scene.render.resolution_y = round(pixels * (1 + 2 * label_height / view.size))
     scene.render.filepath = str(path)
     _use_cycles(scene)
+    if lit:
+        _use_light(scene)
     with _silent_blender():
         bpy.ops.render.render(write_still=True, scene=scene.name)
     bpy.data.scenes.remove(scene)
@@ -146,19 +159,44 @@ def _paint(image: bpy.types.Image | None = None) -> bpy.types.Material:
     return material
 
 
+def _lit(image: bpy.types.Image | None) -> bpy.types.Material:
+    """A matt material of the image's colors, or of a light gray."""
+    material = bpy.data.materials.new("Lit")
+    material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    surface = nodes["Principled BSDF"].inputs
+    surface["Roughness"].default_value = 0.55
+    surface["Base Color"].default_value = (0.6, 0.62, 0.66, 1.0)
+    if image is not None:
+        color = nodes.new("ShaderNodeTexImage")
+        color.image = image
+        links.new(color.outputs["Color"], surface["Base Color"])
+    return material
+
+
+def _add_lamps(scene: bpy.types.Scene, light: tuple[float, float, float]) -> None:
+    """A lamp where `light` says, and a weak one on the other side."""
+    x, y, z = light
+    for place, strength in ((light, 3.6), ((-x, y, 0.3 * z), 0.5)):
+        data = bpy.data.lights.new("Lamp", "SUN")
+        data.energy, data.angle = strength, math.radians(3)
+        lamp = bpy.data.objects.new("Lamp", data)
+        lamp.rotation_euler = mathutils.Vector(place).to_track_quat("Z", "Y").to_euler()
+        scene.collection.objects.link(lamp)
+
+
 def _add_mesh(
     scene: bpy.types.Scene,
     mesh: bpy.types.Mesh,
     view: View,
-    left: float,
+    place: tuple[float, float],
     material: bpy.types.Material,
 ) -> None:
     mesh.materials.clear()
     mesh.materials.append(material)
-    mesh.shade_flat()
     obj = bpy.data.objects.new(mesh.name, mesh)
     obj.rotation_euler = [math.radians(angle) for angle in view.rotation]
-    obj.location = (left - view.centre[0], 0.0, -view.centre[1])
+    obj.location = (place[0] - view.centre[0], place[1], -view.centre[1])
     scene.collection.objects.link(obj)
 
 
@@ -191,6 +229,14 @@ def _add_camera(scene: bpy.types.Scene, size: float, columns: int, label_height:
     camera.rotation_euler = (math.radians(90), 0.0, 0.0)
     scene.collection.objects.link(camera)
     scene.camera = camera
+
+
+def _use_light(scene: bpy.types.Scene) -> None:
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.15
+    scene.render.film_transparent = True  # else the weak light of the world is seen
+    scene.render.image_settings.color_mode = "RGBA"
+    scene.cycles.samples = 64
+    scene.cycles.max_bounces = 1
 
 
 def _use_cycles(scene: bpy.types.Scene) -> None:

@@ -68,12 +68,12 @@ def _cut(obj: bpy.types.Object, tool: bpy.types.Object) -> bpy.types.Object:
 def remesh(obj: bpy.types.Object, voxels: int, turned: tuple[float, float, float]) -> None:
     """Replace an object by Blender's voxel remesh, as triangles, askew to the voxels' grid."""
     turn = np.array(mathutils.Euler(turned).to_matrix())
-    _write_positions(obj.data, read_positions(obj.data) @ turn.T)
+    write_positions(obj.data, read_positions(obj.data) @ turn.T)
     voxel = obj.modifiers.new("Remesh", "REMESH")
     voxel.mode, voxel.voxel_size = "VOXEL", max(obj.dimensions) / voxels
     obj.modifiers.new("Triangulate", "TRIANGULATE")
     apply(obj)
-    _write_positions(obj.data, read_positions(obj.data) @ turn)
+    write_positions(obj.data, read_positions(obj.data) @ turn)
 
 
 def apply(obj: bpy.types.Object) -> None:
@@ -86,7 +86,7 @@ def apply(obj: bpy.types.Object) -> None:
     bpy.context.view_layer.update()
 
 
-def _write_positions(mesh: bpy.types.Mesh, positions: Floats) -> None:
+def write_positions(mesh: bpy.types.Mesh, positions: Floats) -> None:
     mesh.attributes["position"].data.foreach_set("vector", positions.astype(np.float32).ravel())
     mesh.update()
 
