@@ -89,4 +89,5 @@ class FileBackend:
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)
         function = command.function(options.then_sharpen if command.then else None)
-        return pipeline(partial(function, settings=settings), *files, asked)
+        words = {"times": settings.enlarge} if hasattr(settings, "enlarge") else {}
+        return pipeline(partial(function, settings=settings), *files, asked, **words)

@@ -10,7 +10,8 @@ from ..base.checks import BAND, SCALES, checked_image, checked_out, checked_weig
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..grid.advect import TracedPixels, advect_pixels
-from ..grid.channels import Channels, channel_groups
+from ..grid.channels import Channels, channel_groups, opacity_channel
+from ..grid.enlarge import enlarged
 from ..grid.pixels import copied, mix
 from ..grid.potential import image_potential
 from ..settings import ImageSettings
@@ -47,8 +48,9 @@ def sharpen_image(
     Returns
     -------
     array like `image`
-        Every value lies within the input's values near it. A time of 0 returns the input bit
-        for bit; opacity (see `ImageSettings.alpha`) always stays.
+        `ImageSettings.enlarge` times as high and wide. Every value lies within the input's values
+        near it. A time of 0 returns the input bit for bit, or enlarged by a cubic; opacity (see
+        `ImageSettings.alpha`) always stays.
 
     Raises
     ------
@@ -63,6 +65,7 @@ def sharpen_image(
     Paper A, sections 3.2, 3.3 and Appendix A. Beside the image and the result, 8 bytes a pixel
     are needed while the flow is smoothed and 4 while values flow, 4 more and 4 for each channel
     where Width says how far, 56 more for the scheme "composed", and another result for "naive".
+    Enlarged images are kept as floats meanwhile, twice.
 
     Examples
     --------
@@ -78,20 +81,51 @@ def sharpen_image(
     with reporting(progress):
         given = checked_image(image)
         settings = settings or ImageSettings()
-        result = checked_out(out, given)
+        result = checked_out(out, given, settings.enlarge)
         weights = checked_weights(mask, given)
         pixels = given.reshape(*given.shape[:2], -1)
-        target = result.reshape(pixels.shape)
-        with aside("Sharpening"):
-            for band in blocks(len(pixels), BAND):
-                target[band] = pixels[band]
-        if settings.is_neutral:
+        target = result.reshape(*result.shape[:2], -1)
+        if settings.enlarge == 1:
+            _filter_into(target, pixels, settings, weights, known)
             return result
-        _sharpen_into(target, pixels, settings, known)
-        if weights is not None or settings.amount < 1.0:
-            with phase(1.0, 1.0, "Sharpening"):
-                mix(pixels, _times_amount(weights, settings.amount, pixels), target)
+        with phase(0.0, 0.1, "Enlarging"):
+            large = _large(pixels, settings)
+        if weights is not None:
+            with aside("Enlarging"):
+                weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
+        floats = np.empty_like(large)
+        with phase(0.1, 1.0, "Sharpening"):
+            _filter_into(floats, large, settings, weights, known)
+        with aside("Sharpening"):
+            scale = SCALES[given.dtype.name]
+            for band in blocks(len(floats), BAND):
+                target[band] = np.rint(floats[band] / scale) if scale != 1.0 else floats[band]
     return result
+
+
+def _large(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
+    # As floats in the range of colors, so that soft slopes do not become stairs.
+    alpha = opacity_channel(pixels.shape[2], settings.alpha)
+    pixels = _opacity_in_range(pixels, alpha)
+    return enlarged(pixels, settings.enlarge, SCALES[pixels.dtype.name], alpha)
+
+
+def _filter_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    settings: ImageSettings,
+    weights: npt.NDArray | None,
+    known: Measured | None,
+) -> None:
+    with aside("Sharpening"):
+        for band in blocks(len(pixels), BAND):
+            target[band] = pixels[band]
+    if settings.is_neutral:
+        return
+    _sharpen_into(target, pixels, settings, known)
+    if weights is not None or settings.amount < 1.0:
+        with phase(1.0, 1.0, "Sharpening"):
+            mix(pixels, _times_amount(weights, settings.amount, pixels), target)
 
 
 def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArray) -> npt.NDArray:
@@ -113,7 +147,8 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     Returns
     -------
     Measured
-        Widths are in pixels. Not in the papers; see `grid.borders`.
+        Widths are in pixels, of the enlarged image if it is enlarged. Not in the papers; see
+        `grid.borders`.
 
     Raises
     ------
@@ -133,6 +168,8 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     given = checked_image(image)
     settings = settings or ImageSettings()
     pixels = given.reshape(*given.shape[:2], -1)
+    if settings.enlarge > 1:
+        pixels = _large(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
     return measured(_opacity_in_range(pixels, channels.alpha), channels, settings)
 

@@ -68,7 +68,8 @@ def measured(pixels: npt.NDArray, channels: Channels, settings: ImageSettings) -
     what = settings.what
     if what == "auto":
         what = "drawing" if is_drawing(pixels, scale, channels, borders) else "photo"
-    return Measured(what, counted_width(settings.width, borders.width, what), borders)
+    width = counted_width(settings.width, borders.width, what, settings.enlarge)
+    return Measured(what, width, borders)
 
 
 def sharpen_by_width(
@@ -92,7 +93,8 @@ def sharpen_by_width(
         found = known or measured(pixels, channels, settings)
     what, width, borders = found
     if width > 0:
-        plan = plan_of(what, width, borders.noise, settings.smoothing_passes)
+        passes = settings.smoothing_passes
+        plan = plan_of(what, width, borders.noise, passes, settings.enlarge)
         _follow(plan, pixels, channels, settings, target)
     if settings.width == 0 and channels.start == 0 and is_gathered():
         result = None

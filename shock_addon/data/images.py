@@ -115,6 +115,9 @@ def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
         return
     if pack:
         dress(image, image)
+    if part_sizes(image) != sizes_of(parts):
+        height, width = parts[UNTILED].shape[:2]
+        image.scale(width, height)
     arrays.write_pixels(image, parts[UNTILED])
     image.update()
     if pack:
@@ -129,13 +132,13 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     pixels that are in neither the blend file nor a file.
     """
     image = bpy.data.images.get(used)
-    fits = image is not None and image != source and _is_like(image, source)
+    fits = image is not None and image != source and _is_like(image, source, parts)
     if fits and _is_as_written(image):
         write_parts(image, parts, pack=True)
     elif source.source == "TILED":
         image = new_tiled_like(source, _name(source.name, suffix), parts)
     else:
-        image = _new_like(source, _name(source.name, suffix))
+        image = _new_like(source, _name(source.name, suffix), parts[UNTILED])
         write_parts(image, parts, pack=True)
     _written[image.session_uid] = _digest(image)
     return image
@@ -160,12 +163,15 @@ def _name(old: str, suffix: str) -> str:
     return f"{stem if ending.lower() in bpy.path.extensions_image else old} {suffix}"
 
 
-def _new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
-    """Add an image of the same size and kind."""
+def _new_like(
+    image: bpy.types.Image, name: str, pixels: npt.NDArray[np.float32]
+) -> bpy.types.Image:
+    """Add an image of the same kind that can take the pixels."""
     space = image.colorspace_settings
     new = bpy.data.images.new(
         name,
-        *image.size,
+        pixels.shape[1],
+        pixels.shape[0],
         alpha=image.depth in {32, 128},
         float_buffer=image.is_float,
         is_data=space.is_data,
@@ -175,9 +181,9 @@ def _new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
     return new
 
 
-def _is_like(image: bpy.types.Image, other: bpy.types.Image) -> bool:
-    """Whether an image can take the pixels of another one."""
-    fits = part_sizes(image) == part_sizes(other) and image.is_float == other.is_float
+def _is_like(image: bpy.types.Image, other: bpy.types.Image, parts: Tiles) -> bool:
+    """Whether an image can take these parts, made from another one."""
+    fits = part_sizes(image) == sizes_of(parts) and image.is_float == other.is_float
     return fits and not refusal(image, tiles=True)
 
 

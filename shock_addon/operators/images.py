@@ -51,7 +51,7 @@ class OneImageOperator(FilterOperator):
         """Write the image and show it in the Image Editor."""
         written, skipped = write_results(self.targets, results, self._write_one)
         for target, image, _ in written:
-            source = data.images.find_image(target)
+            source = image if self.output == "REPLACE" else data.images.find_image(target)
             data.shown.show(context.space_data, source, image, again=bool(self.result))
             self.result = image.name
         return written, skipped

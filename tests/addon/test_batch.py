@@ -414,6 +414,23 @@ def test_gray_images_of_16_bits_stay_so(folder):
     assert len(np.unique(result)) > 256
 
 
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_images_are_enlarged(folder, kind):
+    pixels = soft_edge(kind)
+    pixels = pixels if kind == "uint8" else pixels[..., 0]
+    Image.fromarray(pixels).save("in.png")
+    run = blender("sharpen-image", "in.png", "out.png", "--enlarge", "2")
+    assert run.code == 0, run.err
+    assert ": changed 2880 of 2880 pixels in " in run.out
+    wanted = core.sharpen_image(pixels, core.ImageSettings(enlarge=2))
+    with Image.open("out.png") as image:
+        result = np.array(image)
+        assert image.mode == ("RGB" if kind == "uint8" else "I;16")
+    assert result.shape == wanted.shape
+    # Blender filters 16 bits as linear light.
+    assert abs(result.astype(float) - wanted).mean() < 0.1 * np.iinfo(kind).max
+
+
 def test_images_that_are_refused(folder):
     Image.fromarray(soft_edge()).save("in.png")
     Path("bad.png").write_text("no image")
