@@ -277,6 +277,10 @@ class Mode(NamedTuple):
         chosen = getattr(parameters, "target", "")
         return next((each for each in self.targets if each.key == chosen), self.targets[0])
 
+    def makes_objects(self, parameters: Any) -> bool:
+        """Whether parameters ask for new objects with what is seen of those that are chosen."""
+        return "output" in self.target(parameters).places and parameters.output == "OBJECT"
+
     def target_in(self, object_mode: str) -> Target | None:
         """Return the first that the menu of an object mode offers."""
         return next((t for t in self.targets if object_mode in t.data.object_modes), None)

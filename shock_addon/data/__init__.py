@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         textures,
         tiles,
         vertex_groups,
+        visible,
     )
 
 

@@ -127,6 +127,12 @@ _MESH_OUTPUT = _output(
         "New Shape Key",
         "Keep the mesh and put the new shape into a new shape key, whose value sets the strength",
     ),
+    (
+        "OBJECT",
+        "New Object",
+        "Put what is seen, with modifiers and shape keys applied, into a new object in the same"
+        " place, and hide the original",
+    ),
 )
 
 _TEXTURE_IMAGE = {

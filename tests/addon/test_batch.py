@@ -728,6 +728,22 @@ def test_other_formats_show_the_new_shape_key(folder):
     np.testing.assert_allclose(key, moved, atol=1e-6)
 
 
+def test_the_result_may_be_a_new_object(folder):
+    finer = 'seen.modifiers.new("Finer", "SUBSURF").subdivision_type = "SIMPLE"\n'
+    save = f"bpy.ops.wm.save_as_mainfile(filepath={str(folder / 'in.blend')!r})"
+    assert blender("--version", before=SCENE + finer + save).code == 0
+    words = "in.blend", "out.blend", "--object", "Seen", "--new-object"
+    run = blender("sharpen-geometry", *words, look_at="out.blend")
+    assert run.code == 0, run.err
+    meshes = run.state["meshes"]
+    new, old = meshes["Seen sharpened"]["points"], meshes["Seen"]["points"]
+    assert len(new) > len(old)
+    assert f" of {len(new)} vertices in " in run.out
+    wrong = blender("sharpen-geometry", *words, "--new-shape-key")
+    assert wrong.code == 2
+    assert "not allowed with" in wrong.err
+
+
 def test_several_inputs_with_a_bad_one(scene, old, folder):
     rounded_box().export("a.obj")
     Path("broken.ply").write_text("ply\n")
