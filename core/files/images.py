@@ -92,7 +92,7 @@ def filter_image_file(
     Parameters
     ----------
     function : callable
-        ``function(pixels, mask=None)`` returns an array like the pixels; see
+        ``function(pixels, mask=None, guide=None)`` returns an array like the pixels; see
         `registry.Filter.function`. If it has a parameter ``out``, it is given the array for the
         result. It gets float32 in place of float16.
     source, target : path
@@ -113,7 +113,7 @@ def filter_image_file(
     ShockError
         If a file cannot be read or written, or as `function` does.
     """
-    words = read_mask(options)
+    words = read_beside(options)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     check_source(source, _FORMATS)
@@ -244,8 +244,17 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
     return changed
 
 
-def read_mask(options: Options) -> dict[str, Pixels]:
-    """Read a gray image as weights from 0 to 1: the word `mask` for a filter, or no word."""
+def read_beside(options: Options) -> dict[str, Pixels]:
+    """Read what a filter is given by name beside the image, if it is named: mask and guide."""
+    words = _read_mask(options)
+    if options.guide is not None:
+        guide = _read(Path(options.guide), options.any_size).pixels
+        words["guide"] = guide.astype(np.float32) if guide.dtype == np.float16 else guide
+    return words
+
+
+def _read_mask(options: Options) -> dict[str, Pixels]:
+    # A gray image as weights from 0 to 1.
     if options.mask is None:
         return {}
     path = Path(options.mask)

@@ -113,9 +113,7 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1, enlarg
         unsharp, flowing = _ENLARGED
     fade = 1.0 + (noise / _FADES[what]) ** 2
     flow = (1.0 - (1.0 - flowing) / fade) * width  # does what the faded unsharp part leaves
-    square = max(flow * flow - own * own, 0.0)
-    if square > 0:
-        square += _CELLS * square / (square + _CELLS) + max(passes - 1, 0)
+    square = _square(flow, own, passes)
     sigma = flow / WIDTH_OF_SIGMA
     return Plan(
         blur=width / WIDTH_OF_SIGMA,
@@ -132,10 +130,19 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1, enlarg
     )
 
 
-def flow_only(plan: Plan, width: float) -> Plan:
-    """Leave the unsharp part out of a plan, for directions, which cannot be added up."""
+def _square(flow: float, own: float, passes: int) -> float:
+    square = max(flow * flow - own * own, 0.0)
+    if square > 0:
+        square += _CELLS * square / (square + _CELLS) + max(passes - 1, 0)
+    return square
+
+
+def flow_only(plan: Plan, width: float, what: str = "photo") -> Plan:
+    """Leave the unsharp part out of a plan, for what cannot be added up, or follows others."""
     plain = plan_of("photo", width, 0.0, plan.passes)
-    return plain._replace(unsharp=0.0, share=1.0, faint=plan.faint)
+    own = _PHOTO_OWN if what == "photo" else 0.0
+    square = _square(width, own, plan.passes)
+    return plain._replace(unsharp=0.0, share=1.0, faint=plan.faint, square=square)
 
 
 def contrast(low: npt.NDArray, high: npt.NDArray) -> npt.NDArray:

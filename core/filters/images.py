@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,7 +17,8 @@ from ..grid.enlarge import enlarged
 from ..grid.pixels import copied, mix
 from ..grid.potential import image_potential
 from ..settings import ImageSettings
-from .images_by_width import Measured, measured, sharpen_by_width
+from .guides import checked_guide
+from .images_by_width import Measured, guiding_flow, measured, sharpen_by_width
 from .signals import step_durations
 
 
@@ -27,6 +30,7 @@ def sharpen_image(
     *,
     out: npt.NDArray | None = None,
     known: Measured | None = None,
+    guide: npt.ArrayLike | None = None,
 ) -> npt.NDArray:
     """Sharpen an image: values flow along u = grad(|grad I|^2) / 2 towards the edges.
 
@@ -44,6 +48,11 @@ def sharpen_image(
         Where the result goes; may be mapped from disk. Left undefined on an error.
     known : Measured, optional
         What `measure_image` found in a larger image that this is a part of.
+    guide : (h, w) or (h, w, c) array, optional
+        Another image of the same size, whose flow moves the values instead of their own, so that
+        both get their borders in the same places; What and Width are measured there. The last of
+        two or four channels is opacity. Needs the scheme "fixed" and channels that are not
+        independent.
 
     Returns
     -------
@@ -55,8 +64,10 @@ def sharpen_image(
     Raises
     ------
     InvalidSignal
-        If the image's shape or type is not supported, it holds NaN or infinity, or mask or out
-        do not fit it.
+        If the image's shape or type is not supported, it holds NaN or infinity, or mask, out or
+        guide do not fit it.
+    InvalidSettings
+        If they leave it open what the guide does.
     Cancelled
         If `progress` returned False.
 
@@ -85,17 +96,19 @@ def sharpen_image(
         weights = checked_weights(mask, given)
         pixels = given.reshape(*given.shape[:2], -1)
         target = result.reshape(*result.shape[:2], -1)
+        lead = checked_guide(guide, given, settings)
         if settings.enlarge == 1:
-            _filter_into(target, pixels, settings, weights, known)
+            _filter_into(target, pixels, settings, weights, known, lead)
             return result
         with phase(0.0, 0.1, "Enlarging"):
             large = _large(pixels, settings)
+            lead = None if lead is None else _large(lead, replace(settings, alpha="auto"))
         if weights is not None:
             with aside("Enlarging"):
                 weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
         floats = np.empty_like(large)
         with phase(0.1, 1.0, "Sharpening"):
-            _filter_into(floats, large, settings, weights, known)
+            _filter_into(floats, large, settings, weights, known, lead)
         with aside("Sharpening"):
             scale = SCALES[given.dtype.name]
             for band in blocks(len(floats), BAND):
@@ -116,13 +129,14 @@ def _filter_into(
     settings: ImageSettings,
     weights: npt.NDArray | None,
     known: Measured | None,
+    lead: npt.NDArray | None,
 ) -> None:
     with aside("Sharpening"):
         for band in blocks(len(pixels), BAND):
             target[band] = pixels[band]
     if settings.is_neutral:
         return
-    _sharpen_into(target, pixels, settings, known)
+    _sharpen_into(target, pixels, settings, known, lead)
     if weights is not None or settings.amount < 1.0:
         with phase(1.0, 1.0, "Sharpening"):
             mix(pixels, _times_amount(weights, settings.amount, pixels), target)
@@ -175,16 +189,23 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
 
 
 def _sharpen_into(
-    target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings, known: Measured | None
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    settings: ImageSettings,
+    known: Measured | None,
+    lead: npt.NDArray | None,
 ) -> None:
     # `target` holds a copy of the pixels.
     thin = min(pixels.shape[:2]) < 2
     if thin:  # a line of pixels is widened to have cells
-        twice = [max(2 // n, 1) for n in pixels.shape[:2]]
-        pixels = np.repeat(np.repeat(pixels, twice[0], axis=0), twice[1], axis=1)
+        pixels = _widened(pixels)
+        lead = None if lead is None else _widened(lead)
     widened = pixels.copy() if thin else target
     groups = channel_groups(pixels.shape[2], settings)
     pixels = _opacity_in_range(pixels, groups[0].alpha)
+    if lead is not None:
+        _follow_into(widened, pixels, lead, settings, known)
+        groups = []
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
             if settings.by_width:
@@ -193,6 +214,30 @@ def _sharpen_into(
                 _flow_channels(pixels, channels, settings, widened)
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
+
+
+def _widened(pixels: npt.NDArray) -> npt.NDArray:
+    twice = [max(2 // n, 1) for n in pixels.shape[:2]]
+    return np.repeat(np.repeat(pixels, twice[0], axis=0), twice[1], axis=1)
+
+
+def _follow_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    lead: npt.NDArray,
+    settings: ImageSettings,
+    known: Measured | None,
+) -> None:
+    (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
+    (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
+    lead = _opacity_in_range(lead, guides.alpha)
+    nearest = settings.sampling == "nearest"
+    with phase(0.0, 0.4, "Computing the flow"):
+        flow = guiding_flow(lead, guides, settings, known)
+    if flow is not None:
+        with phase(0.4, 1.0, "Tracing flow-lines"):
+            potential, times = flow
+            advect_pixels(pixels, channels, potential, times, target, nearest=nearest)
 
 
 def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:

@@ -28,6 +28,7 @@ from .dials import (
     blended,
     contrast,
     counted_width,
+    flow_only,
     flow_times,
     limited_unsharp,
     plan_of,
@@ -103,6 +104,37 @@ def sharpen_by_width(
                 scale = SCALES[pixels.dtype.name]
                 result = measure_borders(target, scale, channels, roughly=True).width
         tell_widths("pixels", borders.width, borders.number, result)
+
+
+def guiding_flow(
+    lead: npt.NDArray, channels: Channels, settings: ImageSettings, known: Measured | None = None
+) -> tuple[npt.NDArray[np.float32], float | npt.NDArray[np.float32]] | None:
+    """Give potential and times of the flow of an image that others follow; None: none flows.
+
+    Parameters
+    ----------
+    lead : (h, w, c) array
+    channels : Channels
+        Those of it that guide.
+    settings : ImageSettings
+    known : Measured, optional
+        Of the lead.
+    """
+    scale = SCALES[lead.dtype.name]
+    if not settings.by_width:
+        passes = settings.smoothing_passes
+        return image_potential(lead, scale, channels, passes), settings.time
+    what, width, borders = known or measured(lead, channels, settings)
+    if width == 0:
+        return None
+    passes = settings.smoothing_passes
+    plan = flow_only(plan_of(what, width, borders.noise, passes), width, what)
+    if plan.square == 0:
+        return None
+    with phase(0.0, 0.6, "Computing the flow"):
+        times = _times(lead, scale, channels, plan)
+    with phase(0.6, 1.0, "Computing the flow"):
+        return image_potential(lead, scale, channels, plan.passes), times
 
 
 def _follow(

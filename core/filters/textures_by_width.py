@@ -18,7 +18,7 @@ from ..atlas.walk import shock_flow
 from ..atlas.windows import smooth_as_far, texel_ranges
 from ..base.findings import is_gathered
 from ..base.progress import aside, phase
-from ..grid.borders import is_drawing, measure_borders
+from ..grid.borders import Borders, is_drawing, measure_borders
 from ..grid.channels import Channels
 from ..grid.pixels import copied
 from ..settings import TextureSettings
@@ -59,13 +59,7 @@ def sharpen_texels_by_width(
         they only flow.
     """
     inside = atlas.sheet.nodes >= 0
-    with aside("Measuring borders"):
-        borders = measure_borders(values, 1.0, channels, inside=inside)
-        what = settings.what
-        if what == "auto":
-            drawing = is_drawing(values, 1.0, channels, borders, inside)
-            what = "drawing" if drawing else "photo"
-        width = counted_width(settings.width, borders.width, what)
+    what, width, borders = _measured(atlas, values, channels, settings)
     if width > 0:
         plan = plan_of(what, width, borders.noise, settings.smoothing_passes)
         plan = flow_only(plan, width) if normals else plan
@@ -76,6 +70,38 @@ def sharpen_texels_by_width(
             with aside("Measuring borders"):
                 closed = measure_borders(result, 1.0, channels, inside=inside, roughly=True).width
         tell_widths("texels", borders.width, borders.number, closed)
+
+
+def guiding_flow(
+    atlas: TextureAtlas, leading: Texels, channels: Channels, settings: TextureSettings
+) -> tuple[Texels, float | Texels] | None:
+    """Give potential and times of the flow of a texture that others follow; None: none flows."""
+    if not settings.by_width:
+        return texel_potential(atlas, leading, channels, settings.smoothing_passes), settings.time
+    what, width, borders = _measured(atlas, leading, channels, settings)
+    if width == 0:
+        return None
+    passes = settings.smoothing_passes
+    plan = flow_only(plan_of(what, width, borders.noise, passes), width, what)
+    if plan.square == 0:
+        return None
+    with phase(0.0, 0.6, "Computing the flow"):
+        times = _times(atlas, plan, leading, channels)
+    with phase(0.6, 1.0, "Computing the flow"):
+        return texel_potential(atlas, leading, channels, plan.passes), times
+
+
+def _measured(
+    atlas: TextureAtlas, values: Texels, channels: Channels, settings: TextureSettings
+) -> tuple[str, float, Borders]:
+    inside = atlas.sheet.nodes >= 0
+    with aside("Measuring borders"):
+        borders = measure_borders(values, 1.0, channels, inside=inside)
+        what = settings.what
+        if what == "auto":
+            drawing = is_drawing(values, 1.0, channels, borders, inside)
+            what = "drawing" if drawing else "photo"
+    return what, counted_width(settings.width, borders.width, what), borders
 
 
 def _follow(
