@@ -101,7 +101,7 @@ DATA = {
     ),
     "texture": Data(
         ".operators.textures:TextureOperator",
-        (*_WHERE, "mask_image", "image", "output", "assign"),
+        (*_WHERE, "mask_image", "image", "maps", "output", "assign"),
         "..core.host.textures:filter_texture",
         object_modes=("OBJECT", "PAINT_TEXTURE"),
         in_images=True,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         flow,
         geometry,
         images,
+        maps,
         masks,
         materials,
         meshes,

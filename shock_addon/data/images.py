@@ -48,7 +48,7 @@ class ImageTarget:
 
 
 _overwritten: dict[int, Tiles] = {}
-"""The image that was replaced last, as it was before, by its uid: undo does not bring it back."""
+"""The images that the last run replaced, as they were, by their uids: undo does not bring them."""
 
 _undone = False
 """Whether something was undone since; Adjust Last Operation does, Repeat Last does not."""
@@ -188,7 +188,7 @@ def _is_like(image: bpy.types.Image, other: bpy.types.Image, parts: Tiles) -> bo
 
 
 def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
-    """Write new parts and keep the old ones for `restore`.
+    """Write new parts and keep the old ones for `restore`; see `forget_overwritten`.
 
     Raises
     ------
@@ -197,15 +197,15 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
     """
     global _undone
     check_same_parts(read_parts(image), old)
-    _forget_overwritten()
     _overwritten[image.session_uid], _undone = old, False
-    bpy.app.handlers.undo_post.append(_note_undo)
+    if _note_undo not in bpy.app.handlers.undo_post:
+        bpy.app.handlers.undo_post.append(_note_undo)
     write_parts(image, new, image.packed_file is not None)
     _written[image.session_uid] = _digest(image)
 
 
 def restore(image: bpy.types.Image) -> None:
-    """Undo the last `overwrite`, if it was of this image and Blender has undone the rest of it.
+    """Undo the last run's `overwrite` of this image, if Blender has undone the rest of it.
 
     Whatever was painted on the image since stays.
     """
@@ -233,7 +233,8 @@ def _note_undo(*_: object) -> None:
     _undone = True
 
 
-def _forget_overwritten() -> None:
+def forget_overwritten() -> None:
+    """Drop what `overwrite` has kept: only the last run can be undone."""
     _overwritten.clear()
     if _note_undo in bpy.app.handlers.undo_post:  # Blender drops it when it loads a file
         bpy.app.handlers.undo_post.remove(_note_undo)
@@ -248,4 +249,4 @@ def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
 def forget() -> None:
     """Drop what is known about images that were written."""
     _written.clear()
-    _forget_overwritten()
+    forget_overwritten()
