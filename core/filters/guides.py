@@ -35,9 +35,10 @@ def checked_guide(
             "channels is 'independent', and a guide moves all alike; choose 'coupled' or"
             " 'luminance'."
         )
-    if getattr(settings, "scheme", "fixed") != "fixed":
+    scheme = getattr(settings, "scheme", "fixed")
+    if scheme != "fixed":
         raise InvalidSettings(
             "scheme is {scheme!r}, which computes the flow anew; choose 'fixed' with a guide.",
-            scheme=settings.scheme,
+            scheme=scheme,
         )
     return found.reshape(*found.shape[:2], -1)

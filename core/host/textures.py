@@ -54,7 +54,7 @@ def filter_texture(
     height, width = surface.picture.pixels.shape[:2]
     if surface.content and hasattr(settings, "content"):
         settings = replace(settings, content=surface.content)
-    words = {}
+    words: dict[str, Any] = {}
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
             atlas = analyse(surface.faces, (height, width))
