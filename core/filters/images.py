@@ -18,7 +18,7 @@ from ..grid.pixels import copied, mix
 from ..grid.potential import image_potential
 from ..settings import ImageSettings
 from .guides import checked_guide
-from .images_by_width import Measured, guiding_flow, measured, sharpen_by_width
+from .images_by_width import Measured, follow_by_width, measured, sharpen_by_width
 from .signals import step_durations
 
 
@@ -231,13 +231,15 @@ def _follow_into(
     (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
     (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
     lead = _opacity_in_range(lead, guides.alpha)
+    if settings.by_width:
+        follow_by_width(lead, guides, pixels, channels, settings, target, known)
+        return
     nearest = settings.sampling == "nearest"
-    with phase(0.0, 0.4, "Computing the flow"):
-        flow = guiding_flow(lead, guides, settings, known)
-    if flow is not None:
-        with phase(0.4, 1.0, "Tracing flow-lines"):
-            potential, times = flow
-            advect_pixels(pixels, channels, potential, times, target, nearest=nearest)
+    with phase(0.0, 0.2, "Computing the flow"):
+        scale = SCALES[lead.dtype.name]
+        potential = image_potential(lead, scale, guides, settings.smoothing_passes)
+    with phase(0.2, 1.0, "Tracing flow-lines"):
+        advect_pixels(pixels, channels, potential, settings.time, target, nearest=nearest)
 
 
 def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:

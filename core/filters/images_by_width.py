@@ -28,7 +28,6 @@ from .dials import (
     blended,
     contrast,
     counted_width,
-    flow_only,
     flow_times,
     limited_unsharp,
     plan_of,
@@ -106,35 +105,51 @@ def sharpen_by_width(
         tell_widths("pixels", borders.width, borders.number, result)
 
 
-def guiding_flow(
-    lead: npt.NDArray, channels: Channels, settings: ImageSettings, known: Measured | None = None
-) -> tuple[npt.NDArray[np.float32], float | npt.NDArray[np.float32]] | None:
-    """Give potential and times of the flow of an image that others follow; None: none flows.
+def follow_by_width(
+    lead: npt.NDArray,
+    guides: Channels,
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings,
+    target: npt.NDArray,
+    known: Measured | None = None,
+) -> None:
+    """Do to an image what is done to another one, whose flow it follows.
 
     Parameters
     ----------
     lead : (h, w, c) array
-    channels : Channels
+        Says how wide borders are, and how values flow.
+    guides : Channels
         Those of it that guide.
+    pixels, target : (h, w, c) array
+    channels : Channels
+        Of the image.
     settings : ImageSettings
     known : Measured, optional
         Of the lead.
     """
-    scale = SCALES[lead.dtype.name]
-    if not settings.by_width:
-        passes = settings.smoothing_passes
-        return image_potential(lead, scale, channels, passes), settings.time
-    what, width, borders = known or measured(lead, channels, settings)
+    with aside("Measuring borders"):
+        what, width, borders = known or measured(lead, guides, settings)
+        noise = measure_borders(pixels, SCALES[pixels.dtype.name], channels).noise
     if width == 0:
-        return None
+        return
     passes = settings.smoothing_passes
-    plan = flow_only(plan_of(what, width, borders.noise, passes), width, what)
-    if plan.square == 0:
-        return None
-    with phase(0.0, 0.6, "Computing the flow"):
-        times = _times(lead, scale, channels, plan)
-    with phase(0.6, 1.0, "Computing the flow"):
-        return image_potential(lead, scale, channels, plan.passes), times
+    plan = plan_of(what, width, borders.noise, passes, settings.enlarge)
+    own = plan_of(what, width, noise, passes, settings.enlarge)
+    with phase(0.0, 0.2, "Sharpening"):
+        leading = _drawn_apart(lead, guides, plan) if plan.unsharp_first else lead
+    with phase(0.2, 1.0, "Sharpening"):
+        own = plan._replace(unsharp=own.unsharp, grain=own.grain)
+        guide = _Guide(leading, SCALES[lead.dtype.name], guides)
+        _follow(own, pixels, channels, settings, target, guide)
+
+
+class _Guide(NamedTuple):
+    # What values flow by: pixels, what brings them to [0, 1], and the channels that count.
+    pixels: npt.NDArray
+    scale: float
+    channels: Channels
 
 
 def _follow(
@@ -143,19 +158,21 @@ def _follow(
     channels: Channels,
     settings: ImageSettings,
     target: npt.NDArray,
+    guide: _Guide | None = None,
 ) -> None:
     nearest = settings.sampling == "nearest"
+    scale = SCALES[pixels.dtype.name]
     if plan.unsharp_first:
-        sharp = _floats(pixels)
         with phase(0.0, 0.2, "Sharpening"):
-            _unsharp(pixels, channels, plan, lambda rows, c, values: _put(sharp, rows, c, values))
+            sharp = _drawn_apart(pixels, channels, plan)
         with phase(0.2, 1.0, "Sharpening"):
-            _flow(sharp, SCALES[pixels.dtype.name], channels, plan, nearest, target)
+            _flow(sharp, channels, guide or _Guide(sharp, scale, channels), plan, nearest, target)
         return
     flowed = _floats(pixels)
     with phase(0.0, 0.8, "Sharpening"):
         if plan.square > 0:
-            _flow(pixels, SCALES[pixels.dtype.name], channels, plan, nearest, flowed)
+            guide = guide or _Guide(pixels, scale, channels)
+            _flow(pixels, channels, guide, plan, nearest, flowed)
 
     def mix(rows: slice, c: int, values: Plane) -> None:
         mixed = blended(plan, values, flowed[rows, :, c])
@@ -163,6 +180,12 @@ def _follow(
 
     with phase(0.8, 1.0, "Sharpening"):
         _unsharp(pixels, channels, plan, mix)
+
+
+def _drawn_apart(pixels: npt.NDArray, channels: Channels, plan: Plan) -> npt.NDArray:
+    sharp = _floats(pixels)
+    _unsharp(pixels, channels, plan, lambda rows, c, values: _put(sharp, rows, c, values))
+    return sharp
 
 
 def _floats(pixels: npt.NDArray) -> npt.NDArray:
@@ -179,16 +202,16 @@ def _put(target: npt.NDArray, rows: slice, channel: int, values: npt.NDArray) ->
 
 def _flow(
     pixels: npt.NDArray,
-    scale: float,
     channels: Channels,
+    guide: _Guide,
     plan: Plan,
     nearest: bool,
     target: npt.NDArray,
 ) -> None:
     with phase(0.0, 0.2, "Computing the flow"):
-        times = _times(pixels, scale, channels, plan)
+        times = _times(*guide, plan)
     with phase(0.2, 0.3, "Computing the flow"):
-        potential = image_potential(pixels, scale, channels, plan.passes)
+        potential = image_potential(*guide, plan.passes)
     with phase(0.3, 1.0, "Tracing flow-lines"):
         advect_pixels(pixels, channels, potential, times, target, nearest=nearest)
 

@@ -28,7 +28,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
 from .guides import checked_guide
 from .signals import mix_rows
-from .textures_by_width import guiding_flow, sharpen_texels_by_width
+from .textures_by_width import follow_texels_by_width, sharpen_texels_by_width
 
 
 class _Texture(NamedTuple):
@@ -288,12 +288,16 @@ def _following(
         _fill_ghosts(texture, values)
         fill_ghosts(atlas.sheet, atlas.sources, leading, guides.alpha, None)
         result = copied(values)
-    with phase(0.0, 0.5, "Computing the flow"):
-        flow = guiding_flow(atlas, leading, guides, settings)
-    if flow is not None:
-        with phase(0.5, 1.0, "Tracing flow-lines"):
-            potential, times = flow
-            advect_texels(atlas, values, channels, shock_flow(atlas, potential), times, result,
+    if settings.by_width:
+        follow_texels_by_width(
+            atlas, leading, guides, values, channels, settings, result, normals=normals
+        )
+    else:
+        with phase(0.0, 0.4, "Computing the flow"):
+            potential = texel_potential(atlas, leading, guides, settings.smoothing_passes)
+        with phase(0.4, 1.0, "Tracing flow-lines"):
+            flow = shock_flow(atlas, potential)
+            advect_texels(atlas, values, channels, flow, settings.time, result,
                           nearest=settings.sampling == "nearest", normals=normals)  # fmt: skip
     _mix(atlas, values, settings.amount, weights, result)
     return result

@@ -42,11 +42,15 @@ BOTH = pytest.mark.parametrize("filtered", [sharpened, on_square], ids=["image",
 
 
 @BOTH
+@pytest.mark.parametrize("how", [{"time": 256.0}, {}, {"what": "photo"}, {"what": "drawing"}])
 @pytest.mark.parametrize("channels", ["coupled", "luminance"])
-def test_an_image_that_guides_itself_is_sharpened_as_ever(filtered, channels):
+def test_an_image_that_guides_itself_is_sharpened_as_ever(filtered, channels, how):
     image = colored(blotches())
-    settings = {"time": 256.0, "channels": channels}
-    np.testing.assert_array_equal(filtered(image, image, **settings), filtered(image, **settings))
+    settings = {**how, "channels": channels}
+    guided = filtered(image, image, **settings)
+    np.testing.assert_allclose(
+        guided, filtered(image, **settings), atol=1e-4 if not how.get("time") else 0
+    )
 
 
 @BOTH
@@ -59,7 +63,7 @@ def test_faint_maps_get_their_borders_where_the_guide_has_them(filtered, what):
     inner[8:-8, 8:-8] = True
     level = np.where(sides, faint.max(), faint.min())
     left = abs(result - level)[inner].mean() / abs(faint - level)[inner].mean()
-    assert left < 0.45
+    assert left < (0.55 if what == "photo" else 0.45)
 
 
 @BOTH
@@ -70,7 +74,7 @@ def test_noise_in_a_map_makes_no_borders(filtered):
     grain = (0.5 + 0.1 * grain / grain.std()).astype(np.float32)
     still = np.hypot(*np.gradient(gaussian_filter(lead, 4.0))) < 1e-3
     assert still.mean() > 0.15
-    alone, led = filtered(grain, width=8.0), filtered(grain, lead, width=8.0)
+    alone, led = filtered(grain, time=65536.0), filtered(grain, lead, time=65536.0)
     steps = [abs(np.diff(each, axis=0))[still[1:]].max() for each in (grain, alone, led)]
     assert steps[1] > 1.5 * steps[0]
     assert steps[2] < 1.2 * steps[0]
