@@ -80,6 +80,8 @@ class Filter(NamedTuple):
         For `COLORS`: name of the function for signals at the corners, in the same module.
     takes_mask : bool
         Whether it has a mask.
+    takes_guide : bool
+        Whether another image's flow may move the values.
     then : str
         Name of the sharpening, of the same kind of data, that may follow in the same run.
     then_time : float
@@ -96,6 +98,7 @@ class Filter(NamedTuple):
     about: str
     corners: str = ""
     takes_mask: bool = True
+    takes_guide: bool = False
     then: str = ""
     then_time: float = 256.0
     then_settings: Mapping[str, Any] = {}
@@ -192,6 +195,7 @@ FILTERS: tuple[Filter, ...] = (
         IMAGE,
         "sharpen-image",
         "sharpen images",
+        takes_guide=True,
     ),
     Filter(
         "sharpen_texture",
@@ -200,6 +204,7 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "sharpen-texture",
         "sharpen textures on the surface of a mesh, across seams",
+        takes_guide=True,
     ),
     Filter(
         "dilate_texture",

@@ -301,6 +301,15 @@ class ImageSettings(ShockSettings):
     time: float = _changed(_SignalSettings, "time", BY_WIDTH, unit="flow time in pixels")
     what: str = _what("auto")
     width: float = _changed(_SignalSettings, "width", 0.0, unit="pixels")
+    enlarge: int = _setting(
+        1,
+        "How many times higher and wider the result is. 1 keeps the size; 2 and 4 enlarge the image"
+        " first, and sharpen what that makes soft",
+        unit="times",
+        minimum=1,
+        maximum=8,
+        soft_maximum=4,
+    )
     alpha: str = _alpha()
 
 

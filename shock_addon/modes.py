@@ -101,7 +101,7 @@ DATA = {
     ),
     "texture": Data(
         ".operators.textures:TextureOperator",
-        (*_WHERE, "mask_image", "image", "output", "assign"),
+        (*_WHERE, "mask_image", "image", "maps", "output", "assign"),
         "..core.host.textures:filter_texture",
         object_modes=("OBJECT", "PAINT_TEXTURE"),
         in_images=True,
@@ -276,6 +276,10 @@ class Mode(NamedTuple):
         """Return the one that the parameters of the panel or the operator choose."""
         chosen = getattr(parameters, "target", "")
         return next((each for each in self.targets if each.key == chosen), self.targets[0])
+
+    def makes_objects(self, parameters: Any) -> bool:
+        """Whether parameters ask for new objects with what is seen of those that are chosen."""
+        return "output" in self.target(parameters).places and parameters.output == "OBJECT"
 
     def target_in(self, object_mode: str) -> Target | None:
         """Return the first that the menu of an object mode offers."""

@@ -98,14 +98,15 @@ def checked_image(image: npt.ArrayLike) -> npt.NDArray:
     return array
 
 
-def checked_out(out: npt.NDArray | None, given: npt.NDArray) -> npt.NDArray:
-    """Return where the result goes: a new array, or `out` if it fits."""
+def checked_out(out: npt.NDArray | None, given: npt.NDArray, times: int = 1) -> npt.NDArray:
+    """Return where the result goes, so many times larger: a new array, or `out` if it fits."""
+    shape = (times * given.shape[0], times * given.shape[1], *given.shape[2:])
     if out is None:
-        return np.empty_like(given)
-    if out.shape != given.shape or out.dtype != given.dtype or not out.flags.c_contiguous:
+        return np.empty(shape, given.dtype)
+    if out.shape != shape or out.dtype != given.dtype or not out.flags.c_contiguous:
         raise InvalidSignal(
             f"out is {out.dtype} of shape {out.shape}; give a contiguous {given.dtype} array of"
-            f" shape {given.shape}."
+            f" shape {shape}."
         )
     if np.may_share_memory(out, given):
         raise InvalidSignal("out shares memory with the image; give another array.")

@@ -64,6 +64,13 @@ class FileBackend:
                 " it, 1 (or the largest whole number of its type) changes it fully"
             )
             add_mask(parser, command, of_meshes)
+        if command.takes_guide:
+            parser.add_argument(
+                "--guide",
+                metavar="FILE",
+                help="image of the same size whose flow moves the values of IN, so that several"
+                " maps get their borders in the same places",
+            )
 
     def filter(
         self,
@@ -78,7 +85,7 @@ class FileBackend:
         from ..files.output import Options
 
         given = vars(options)  # not all commands have all flags
-        names = ("mask", "invert_mask", "material", "overwrite", "any_size")
+        names = ("mask", "invert_mask", "guide", "material", "overwrite", "any_size")
         asked = Options(progress=progress, **{name: given[name] for name in names if name in given})
         if command.kind is MASK:
             from ..files.textures import texture_mask_file
@@ -89,4 +96,5 @@ class FileBackend:
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)
         function = command.function(options.then_sharpen if command.then else None)
-        return pipeline(partial(function, settings=settings), *files, asked)
+        words = {"times": settings.enlarge} if hasattr(settings, "enlarge") else {}
+        return pipeline(partial(function, settings=settings), *files, asked, **words)

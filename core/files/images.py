@@ -84,13 +84,15 @@ def filter_image_file(
     source: str | Path,
     target: str | Path,
     options: Options = DEFAULTS,
+    *,
+    times: int = 1,
 ) -> Outcome:
     """Filter an image file and write it to another.
 
     Parameters
     ----------
     function : callable
-        ``function(pixels, mask=None)`` returns an array like the pixels; see
+        ``function(pixels, mask=None, guide=None)`` returns an array like the pixels; see
         `registry.Filter.function`. If it has a parameter ``out``, it is given the array for the
         result. It gets float32 in place of float16.
     source, target : path
@@ -98,6 +100,8 @@ def filter_image_file(
         complete; its format must hold the values as they are, none is converted.
     options : Options
         Masks, and whether to replace files.
+    times : int
+        How many times higher and wider the function's result is.
 
     Returns
     -------
@@ -109,7 +113,7 @@ def filter_image_file(
     ShockError
         If a file cannot be read or written, or as `function` does.
     """
-    words = read_mask(options)
+    words = read_beside(options)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     check_source(source, _FORMATS)
@@ -126,7 +130,7 @@ def filter_image_file(
 
     with staged(target, options.overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
-        return _filter(source, path, fill, options.any_size)
+        return _filter(source, path, fill, options.any_size, times)
 
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
@@ -165,16 +169,22 @@ def _read(path: Path, any_size: bool) -> ImageFile:
 
 
 def _filter(
-    source: Path, path: Path, function: Callable[[Pixels, Pixels], None], any_size: bool
+    source: Path,
+    path: Path,
+    function: Callable[[Pixels, Pixels], None],
+    any_size: bool,
+    times: int,
 ) -> Outcome:
     image_file = _read(source, any_size)
     pixels = image_file.pixels
     ending = path.suffix.lower()
     _check_format(source, ending, pixels)
-    result = _new_array(path, pixels) if ending == _ARRAY else np.empty_like(pixels)
+    shape = (times * pixels.shape[0], times * pixels.shape[1], *pixels.shape[2:])
+    new = _new_array if ending == _ARRAY else _empty
+    result = new(path, shape, pixels.dtype)
     function(pixels, result)
-    changed = _count_changed(pixels, result)
-    total = pixels.shape[0] * pixels.shape[1]
+    total = result.shape[0] * result.shape[1]
+    changed = _count_changed(pixels, result) if times == 1 else total
     notes: list[str] = []
     if not changed and ending == source.suffix.lower() != _ARRAY:
         shutil.copyfile(source, path)
@@ -195,12 +205,16 @@ def _read_back(path: Path, pixels: Pixels) -> None:
             raise ValueError("other pixels")
 
 
-def _new_array(path: Path, pixels: Pixels) -> Pixels:
-    """Map an array like the pixels to a new file, whose room on the disk is taken for certain.
+def _empty(_path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
+    return np.empty(shape, kind)
+
+
+def _new_array(path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
+    """Map an array to a new file, whose room on the disk is taken for certain.
 
     A process that writes to a mapped place for which the disk has no room is ended by the system.
     """
-    result = np.lib.format.open_memmap(path, "w+", pixels.dtype, pixels.shape)
+    result = np.lib.format.open_memmap(path, "w+", kind, shape)
     with path.open("r+b") as stream:
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(stream.fileno(), 0, path.stat().st_size)
@@ -230,8 +244,17 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
     return changed
 
 
-def read_mask(options: Options) -> dict[str, Pixels]:
-    """Read a gray image as weights from 0 to 1: the word `mask` for a filter, or no word."""
+def read_beside(options: Options) -> dict[str, Pixels]:
+    """Read what a filter is given by name beside the image, if it is named: mask and guide."""
+    words = _read_mask(options)
+    if options.guide is not None:
+        guide = _read(Path(options.guide), options.any_size).pixels
+        words["guide"] = guide.astype(np.float32) if guide.dtype == np.float16 else guide
+    return words
+
+
+def _read_mask(options: Options) -> dict[str, Pixels]:
+    # A gray image as weights from 0 to 1.
     if options.mask is None:
         return {}
     path = Path(options.mask)

@@ -34,6 +34,8 @@ class Options:
         image file of the same size, where black stays and white is filtered fully.
     invert_mask : bool
         Use one minus the mask.
+    guide : str, optional
+        An image file of the same size whose flow moves the values of images and textures.
     material : str, optional
         Name of the material that shows a texture; all faces do if left out.
     overwrite : bool
@@ -46,6 +48,7 @@ class Options:
 
     mask: str | Path | None = None
     invert_mask: bool = False
+    guide: str | Path | None = None
     material: str | None = None
     overwrite: bool = False
     any_size: bool = False

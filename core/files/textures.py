@@ -15,7 +15,7 @@ from ..errors import InvalidUV, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from .document import Floats
-from .images import Pixels, filter_image_file, image_size, read_mask, write_image_file
+from .images import Pixels, filter_image_file, image_size, read_beside, write_image_file
 from .meshes import IN_PLACE, read_document
 from .output import DEFAULTS, Options, Outcome
 from .reading import check_ending, reading
@@ -48,9 +48,9 @@ def filter_texture_file(
     Parameters
     ----------
     function : callable
-        ``function(mesh, uv, pixels, mask=None, atlas=None)`` returns an array like the pixels, of
-        which row 0 is at v = 0; see `registry.Filter.function`. A mask is handed on if there
-        is one.
+        ``function(mesh, uv, pixels, mask=None, guide=None, atlas=None)`` returns an array like the
+        pixels, of which row 0 is at v = 0; see `registry.Filter.function`. Mask and guide are
+        handed on if there are some.
     mesh : path
         OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
         joined; see `core.weld_borders`.
@@ -63,7 +63,7 @@ def filter_texture_file(
         Counts of pixels, and notes on the texture coordinates and on what did not survive.
     """
     surface = read_textured_mesh(mesh, options.material, options.any_size)
-    words = {word: mask[::-1] for word, mask in read_mask(options).items()}
+    words = {word: pixels[::-1] for word, pixels in read_beside(options).items()}
     notes = list(surface.notes)
 
     def on_surface(pixels: Pixels) -> Pixels:
@@ -75,7 +75,7 @@ def filter_texture_file(
         with phase(0.3, 1.0, "Filtering"):
             return function(surface.mesh, surface.uv, upright, **words, atlas=atlas)[::-1]
 
-    outcome = filter_image_file(on_surface, source, target, replace(options, mask=None))
+    outcome = filter_image_file(on_surface, source, target, replace(options, mask=None, guide=None))
     return replace(outcome, notes=(*notes, *outcome.notes))
 
 

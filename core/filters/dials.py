@@ -39,6 +39,8 @@ _CELLS = 3.0  # what a grid's own coarseness adds to squared widths
 _FAINT = 0.02  # contrast below which nothing is a border
 _STRAY = 4.0  # how many times the noise, and no border, contrasts are
 _PHOTO_OWN = 2.0  # width of the borders that photos have at their sharpest
+_ENLARGED = (1.0, 0.8)  # as above, of drawings that were enlarged, whose borders lie close together
+_ROUNDED = 2.0  # width of what enlarging rounds off in drawings, beside their own
 _FADES = {"drawing": 0.02, "photo": 0.008}  # the noise at which the unsharp part is half as strong
 _GRAIN = 5.0  # times the noise: how far values lie apart where there is nothing else
 _LIGHT_NOISE = 0.008
@@ -87,7 +89,7 @@ class Plan(NamedTuple):
     faint: float
 
 
-def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Plan:
+def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1, enlarge: int = 1) -> Plan:
     """Make the plan for ``"drawing"`` or ``"photo"`` and a width above 0.
 
     Parameters
@@ -99,17 +101,19 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Pla
         Standard deviation of the signal's noise.
     passes : int
         The least smoothing passes on the flow.
+    enlarge : int
+        How many times the image was enlarged.
     """
     drawing = what == "drawing"
     if noise > _LIGHT_NOISE and width >= _WIDE:
         passes = max(passes, 2)
     own = 0.0 if drawing or noise >= _LIGHT_NOISE else _PHOTO_OWN
     unsharp, flowing = _DRAWING if drawing else _PHOTO
+    if drawing and enlarge > 1:
+        unsharp, flowing = _ENLARGED
     fade = 1.0 + (noise / _FADES[what]) ** 2
     flow = (1.0 - (1.0 - flowing) / fade) * width  # does what the faded unsharp part leaves
-    square = max(flow * flow - own * own, 0.0)
-    if square > 0:
-        square += _CELLS * square / (square + _CELLS) + max(passes - 1, 0)
+    square = _square(flow, own, passes)
     sigma = flow / WIDTH_OF_SIGMA
     return Plan(
         blur=width / WIDTH_OF_SIGMA,
@@ -126,10 +130,19 @@ def plan_of(what: str, width: float, noise: float = 0.0, passes: int = 1) -> Pla
     )
 
 
-def flow_only(plan: Plan, width: float) -> Plan:
-    """Leave the unsharp part out of a plan, for directions, which cannot be added up."""
+def _square(flow: float, own: float, passes: int) -> float:
+    square = max(flow * flow - own * own, 0.0)
+    if square > 0:
+        square += _CELLS * square / (square + _CELLS) + max(passes - 1, 0)
+    return square
+
+
+def flow_only(plan: Plan, width: float, what: str = "photo") -> Plan:
+    """Leave the unsharp part out of a plan, for what cannot be added up, or follows others."""
     plain = plan_of("photo", width, 0.0, plan.passes)
-    return plain._replace(unsharp=0.0, share=1.0, faint=plan.faint)
+    own = _PHOTO_OWN if what == "photo" else 0.0
+    square = _square(width, own, plan.passes)
+    return plain._replace(unsharp=0.0, share=1.0, faint=plan.faint, square=square)
 
 
 def contrast(low: npt.NDArray, high: npt.NDArray) -> npt.NDArray:
@@ -184,8 +197,22 @@ def tell_widths(unit: str, width: float, count: int, result: float | None) -> No
         tell(text, width=width, result=result)
 
 
-def counted_width(width: float, measured: float, what: str = "drawing") -> float:
-    """Return the width that counts: the given one, or for 0 the measured one; 0 if sharp."""
+def counted_width(width: float, measured: float, what: str = "drawing", enlarge: int = 1) -> float:
+    """Return the width that counts: the given one, or for 0 the measured one; 0 if sharp.
+
+    Parameters
+    ----------
+    width : float
+        In the image as it is given.
+    measured : float
+        After enlarging.
+    what : str
+    enlarge : int
+        How many times the image was enlarged.
+    """
+    rounded = _ROUNDED if enlarge > 1 and what == "drawing" else 0.0
     if width > 0:
-        return width
-    return 0.0 if measured <= SHARP or not math.isfinite(measured) else min(measured, WIDEST[what])
+        return math.hypot(enlarge * width, rounded)
+    if measured <= SHARP or not math.isfinite(measured):
+        return 0.0
+    return min(math.hypot(measured, rounded), enlarge * WIDEST[what])

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,11 +12,13 @@ from ..base.checks import BAND, SCALES, checked_image, checked_out, checked_weig
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..grid.advect import TracedPixels, advect_pixels
-from ..grid.channels import Channels, channel_groups
+from ..grid.channels import Channels, channel_groups, opacity_channel
+from ..grid.enlarge import enlarged
 from ..grid.pixels import copied, mix
 from ..grid.potential import image_potential
 from ..settings import ImageSettings
-from .images_by_width import Measured, measured, sharpen_by_width
+from .guides import checked_guide
+from .images_by_width import Measured, follow_by_width, measured, sharpen_by_width
 from .signals import step_durations
 
 
@@ -26,6 +30,7 @@ def sharpen_image(
     *,
     out: npt.NDArray | None = None,
     known: Measured | None = None,
+    guide: npt.ArrayLike | None = None,
 ) -> npt.NDArray:
     """Sharpen an image: values flow along u = grad(|grad I|^2) / 2 towards the edges.
 
@@ -43,18 +48,26 @@ def sharpen_image(
         Where the result goes; may be mapped from disk. Left undefined on an error.
     known : Measured, optional
         What `measure_image` found in a larger image that this is a part of.
+    guide : (h, w) or (h, w, c) array, optional
+        Another image of the same size, whose flow moves the values instead of their own, so that
+        both get their borders in the same places; What and Width are measured there. The last of
+        two or four channels is opacity. Needs the scheme "fixed" and channels that are not
+        independent.
 
     Returns
     -------
     array like `image`
-        Every value lies within the input's values near it. A time of 0 returns the input bit
-        for bit; opacity (see `ImageSettings.alpha`) always stays.
+        `ImageSettings.enlarge` times as high and wide. Every value lies within the input's values
+        near it. A time of 0 returns the input bit for bit, or enlarged by a cubic; opacity (see
+        `ImageSettings.alpha`) always stays.
 
     Raises
     ------
     InvalidSignal
-        If the image's shape or type is not supported, it holds NaN or infinity, or mask or out
-        do not fit it.
+        If the image's shape or type is not supported, it holds NaN or infinity, or mask, out or
+        guide do not fit it.
+    InvalidSettings
+        If they leave it open what the guide does.
     Cancelled
         If `progress` returned False.
 
@@ -63,6 +76,7 @@ def sharpen_image(
     Paper A, sections 3.2, 3.3 and Appendix A. Beside the image and the result, 8 bytes a pixel
     are needed while the flow is smoothed and 4 while values flow, 4 more and 4 for each channel
     where Width says how far, 56 more for the scheme "composed", and another result for "naive".
+    Enlarged images are kept as floats meanwhile, twice.
 
     Examples
     --------
@@ -78,20 +92,54 @@ def sharpen_image(
     with reporting(progress):
         given = checked_image(image)
         settings = settings or ImageSettings()
-        result = checked_out(out, given)
+        result = checked_out(out, given, settings.enlarge)
         weights = checked_weights(mask, given)
         pixels = given.reshape(*given.shape[:2], -1)
-        target = result.reshape(pixels.shape)
-        with aside("Sharpening"):
-            for band in blocks(len(pixels), BAND):
-                target[band] = pixels[band]
-        if settings.is_neutral:
+        target = result.reshape(*result.shape[:2], -1)
+        lead = checked_guide(guide, given, settings)
+        if settings.enlarge == 1:
+            _filter_into(target, pixels, settings, weights, known, lead)
             return result
-        _sharpen_into(target, pixels, settings, known)
-        if weights is not None or settings.amount < 1.0:
-            with phase(1.0, 1.0, "Sharpening"):
-                mix(pixels, _times_amount(weights, settings.amount, pixels), target)
+        with phase(0.0, 0.1, "Enlarging"):
+            large = _large(pixels, settings)
+            lead = None if lead is None else _large(lead, replace(settings, alpha="auto"))
+        if weights is not None:
+            with aside("Enlarging"):
+                weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
+        floats = np.empty_like(large)
+        with phase(0.1, 1.0, "Sharpening"):
+            _filter_into(floats, large, settings, weights, known, lead)
+        with aside("Sharpening"):
+            scale = SCALES[given.dtype.name]
+            for band in blocks(len(floats), BAND):
+                target[band] = np.rint(floats[band] / scale) if scale != 1.0 else floats[band]
     return result
+
+
+def _large(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
+    # As floats in the range of colors, so that soft slopes do not become stairs.
+    alpha = opacity_channel(pixels.shape[2], settings.alpha)
+    pixels = _opacity_in_range(pixels, alpha)
+    return enlarged(pixels, settings.enlarge, SCALES[pixels.dtype.name], alpha)
+
+
+def _filter_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    settings: ImageSettings,
+    weights: npt.NDArray | None,
+    known: Measured | None,
+    lead: npt.NDArray | None,
+) -> None:
+    with aside("Sharpening"):
+        for band in blocks(len(pixels), BAND):
+            target[band] = pixels[band]
+    if settings.is_neutral:
+        return
+    _sharpen_into(target, pixels, settings, known, lead)
+    if weights is not None or settings.amount < 1.0:
+        with phase(1.0, 1.0, "Sharpening"):
+            mix(pixels, _times_amount(weights, settings.amount, pixels), target)
 
 
 def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArray) -> npt.NDArray:
@@ -113,7 +161,8 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     Returns
     -------
     Measured
-        Widths are in pixels. Not in the papers; see `grid.borders`.
+        Widths are in pixels, of the enlarged image if it is enlarged. Not in the papers; see
+        `grid.borders`.
 
     Raises
     ------
@@ -133,21 +182,30 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     given = checked_image(image)
     settings = settings or ImageSettings()
     pixels = given.reshape(*given.shape[:2], -1)
+    if settings.enlarge > 1:
+        pixels = _large(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
     return measured(_opacity_in_range(pixels, channels.alpha), channels, settings)
 
 
 def _sharpen_into(
-    target: npt.NDArray, pixels: npt.NDArray, settings: ImageSettings, known: Measured | None
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    settings: ImageSettings,
+    known: Measured | None,
+    lead: npt.NDArray | None,
 ) -> None:
     # `target` holds a copy of the pixels.
     thin = min(pixels.shape[:2]) < 2
     if thin:  # a line of pixels is widened to have cells
-        twice = [max(2 // n, 1) for n in pixels.shape[:2]]
-        pixels = np.repeat(np.repeat(pixels, twice[0], axis=0), twice[1], axis=1)
+        pixels = _widened(pixels)
+        lead = None if lead is None else _widened(lead)
     widened = pixels.copy() if thin else target
     groups = channel_groups(pixels.shape[2], settings)
     pixels = _opacity_in_range(pixels, groups[0].alpha)
+    if lead is not None:
+        _follow_into(widened, pixels, lead, settings, known)
+        groups = []
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
             if settings.by_width:
@@ -156,6 +214,32 @@ def _sharpen_into(
                 _flow_channels(pixels, channels, settings, widened)
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
+
+
+def _widened(pixels: npt.NDArray) -> npt.NDArray:
+    twice = [max(2 // n, 1) for n in pixels.shape[:2]]
+    return np.repeat(np.repeat(pixels, twice[0], axis=0), twice[1], axis=1)
+
+
+def _follow_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    lead: npt.NDArray,
+    settings: ImageSettings,
+    known: Measured | None,
+) -> None:
+    (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
+    (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
+    lead = _opacity_in_range(lead, guides.alpha)
+    if settings.by_width:
+        follow_by_width(lead, guides, pixels, channels, settings, target, known)
+        return
+    nearest = settings.sampling == "nearest"
+    with phase(0.0, 0.2, "Computing the flow"):
+        scale = SCALES[lead.dtype.name]
+        potential = image_potential(lead, scale, guides, settings.smoothing_passes)
+    with phase(0.2, 1.0, "Tracing flow-lines"):
+        advect_pixels(pixels, channels, potential, settings.time, target, nearest=nearest)
 
 
 def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:

@@ -68,7 +68,8 @@ def measured(pixels: npt.NDArray, channels: Channels, settings: ImageSettings) -
     what = settings.what
     if what == "auto":
         what = "drawing" if is_drawing(pixels, scale, channels, borders) else "photo"
-    return Measured(what, counted_width(settings.width, borders.width, what), borders)
+    width = counted_width(settings.width, borders.width, what, settings.enlarge)
+    return Measured(what, width, borders)
 
 
 def sharpen_by_width(
@@ -92,7 +93,8 @@ def sharpen_by_width(
         found = known or measured(pixels, channels, settings)
     what, width, borders = found
     if width > 0:
-        plan = plan_of(what, width, borders.noise, settings.smoothing_passes)
+        passes = settings.smoothing_passes
+        plan = plan_of(what, width, borders.noise, passes, settings.enlarge)
         _follow(plan, pixels, channels, settings, target)
     if settings.width == 0 and channels.start == 0 and is_gathered():
         result = None
@@ -103,25 +105,74 @@ def sharpen_by_width(
         tell_widths("pixels", borders.width, borders.number, result)
 
 
+def follow_by_width(
+    lead: npt.NDArray,
+    guides: Channels,
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings,
+    target: npt.NDArray,
+    known: Measured | None = None,
+) -> None:
+    """Do to an image what is done to another one, whose flow it follows.
+
+    Parameters
+    ----------
+    lead : (h, w, c) array
+        Says how wide borders are, and how values flow.
+    guides : Channels
+        Those of it that guide.
+    pixels, target : (h, w, c) array
+    channels : Channels
+        Of the image.
+    settings : ImageSettings
+    known : Measured, optional
+        Of the lead.
+    """
+    with aside("Measuring borders"):
+        what, width, borders = known or measured(lead, guides, settings)
+        noise = measure_borders(pixels, SCALES[pixels.dtype.name], channels).noise
+    if width == 0:
+        return
+    passes = settings.smoothing_passes
+    plan = plan_of(what, width, borders.noise, passes, settings.enlarge)
+    own = plan_of(what, width, noise, passes, settings.enlarge)
+    with phase(0.0, 0.2, "Sharpening"):
+        leading = _drawn_apart(lead, guides, plan) if plan.unsharp_first else lead
+    with phase(0.2, 1.0, "Sharpening"):
+        own = plan._replace(unsharp=own.unsharp, grain=own.grain)
+        guide = _Guide(leading, SCALES[lead.dtype.name], guides)
+        _follow(own, pixels, channels, settings, target, guide)
+
+
+class _Guide(NamedTuple):
+    # What values flow by: pixels, what brings them to [0, 1], and the channels that count.
+    pixels: npt.NDArray
+    scale: float
+    channels: Channels
+
+
 def _follow(
     plan: Plan,
     pixels: npt.NDArray,
     channels: Channels,
     settings: ImageSettings,
     target: npt.NDArray,
+    guide: _Guide | None = None,
 ) -> None:
     nearest = settings.sampling == "nearest"
+    scale = SCALES[pixels.dtype.name]
     if plan.unsharp_first:
-        sharp = _floats(pixels)
         with phase(0.0, 0.2, "Sharpening"):
-            _unsharp(pixels, channels, plan, lambda rows, c, values: _put(sharp, rows, c, values))
+            sharp = _drawn_apart(pixels, channels, plan)
         with phase(0.2, 1.0, "Sharpening"):
-            _flow(sharp, SCALES[pixels.dtype.name], channels, plan, nearest, target)
+            _flow(sharp, channels, guide or _Guide(sharp, scale, channels), plan, nearest, target)
         return
     flowed = _floats(pixels)
     with phase(0.0, 0.8, "Sharpening"):
         if plan.square > 0:
-            _flow(pixels, SCALES[pixels.dtype.name], channels, plan, nearest, flowed)
+            guide = guide or _Guide(pixels, scale, channels)
+            _flow(pixels, channels, guide, plan, nearest, flowed)
 
     def mix(rows: slice, c: int, values: Plane) -> None:
         mixed = blended(plan, values, flowed[rows, :, c])
@@ -129,6 +180,12 @@ def _follow(
 
     with phase(0.8, 1.0, "Sharpening"):
         _unsharp(pixels, channels, plan, mix)
+
+
+def _drawn_apart(pixels: npt.NDArray, channels: Channels, plan: Plan) -> npt.NDArray:
+    sharp = _floats(pixels)
+    _unsharp(pixels, channels, plan, lambda rows, c, values: _put(sharp, rows, c, values))
+    return sharp
 
 
 def _floats(pixels: npt.NDArray) -> npt.NDArray:
@@ -145,16 +202,16 @@ def _put(target: npt.NDArray, rows: slice, channel: int, values: npt.NDArray) ->
 
 def _flow(
     pixels: npt.NDArray,
-    scale: float,
     channels: Channels,
+    guide: _Guide,
     plan: Plan,
     nearest: bool,
     target: npt.NDArray,
 ) -> None:
     with phase(0.0, 0.2, "Computing the flow"):
-        times = _times(pixels, scale, channels, plan)
+        times = _times(*guide, plan)
     with phase(0.2, 0.3, "Computing the flow"):
-        potential = image_potential(pixels, scale, channels, plan.passes)
+        potential = image_potential(*guide, plan.passes)
     with phase(0.3, 1.0, "Tracing flow-lines"):
         advect_pixels(pixels, channels, potential, times, target, nearest=nearest)
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +26,9 @@ from ..grid.channels import channel_groups, opacity_channel
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
+from .guides import checked_guide
 from .signals import mix_rows
-from .textures_by_width import sharpen_texels_by_width
+from .textures_by_width import follow_texels_by_width, sharpen_texels_by_width
 
 
 class _Texture(NamedTuple):
@@ -47,6 +49,7 @@ def sharpen_texture(
     progress: ProgressCallback | None = None,
     *,
     atlas: TextureAtlas | None = None,
+    guide: npt.ArrayLike | None = None,
 ) -> npt.NDArray:
     """Sharpen a texture on its surface: values flow towards the edges, and across seams.
 
@@ -68,6 +71,9 @@ def sharpen_texture(
     atlas : TextureAtlas, optional
         The analysis of the same mesh, coordinates and image size, to save doing it again; `uv`
         is not looked at then.
+    guide : (h, w) or (h, w, c) array, optional
+        Another texture of the same size and layout, whose flow moves the values instead of their
+        own; see `sharpen_image`. Seams are closed where either of them differs.
 
     Returns
     -------
@@ -82,8 +88,10 @@ def sharpen_texture(
     InvalidUV
         If the texture coordinates cannot be used; see `TextureAtlas`.
     InvalidSignal
-        If the image's shape or type is not supported, it holds NaN or infinity, or the mask
-        does not fit it.
+        If the image's shape or type is not supported, it holds NaN or infinity, or mask or
+        guide do not fit it.
+    InvalidSettings
+        If they leave it open what the guide does.
     Cancelled
         If `progress` returned False.
 
@@ -113,14 +121,19 @@ def sharpen_texture(
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
     alpha, normals = _checked_content(settings, pixels)
+    lead = checked_guide(None if guide is None else _checked_texture(guide), given, settings)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
             texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
         if settings.is_neutral:
             return given.copy()
         with phase(0.3, 0.9, "Sharpening"):
-            texture, values = _gathered(texture, settings)
-            values = _sharpened(texture, values, settings, weights)
+            if lead is None:
+                texture, values = _gathered(texture, settings)
+                values = _sharpened(texture, values, settings, weights)
+            else:
+                texture, values, leading = _gathered_with(texture, lead, settings)
+                values = _following(texture, values, leading, settings, weights)
         with phase(0.9, 1.0, "Filling the gutter"):
             keep = None if weights is None else weights == 0
             return _written(texture, values, settings, keep).reshape(given.shape)
@@ -192,15 +205,37 @@ def _gathered(
     # The texture with its seams settled, and the values of the nodes inside charts.
     atlas, pixels, alpha, normals = texture
     with aside("Comparing the seams"):
-        values = atlas.gather(pixels)
-        if alpha >= 0:
-            opacity = values[..., alpha]
-            for rows in blocks(len(values), BAND):
-                np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
+        values = _values_of(atlas, pixels, alpha)
         atlas = settle_seams(
             atlas, values, settings.seams, _step(pixels), alpha=alpha, normals=normals
         )
     return texture._replace(atlas=atlas), values
+
+
+def _gathered_with(
+    texture: _Texture, lead: npt.NDArray, settings: TextureSettings
+) -> tuple[_Texture, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    # As above, with the guide's values; both say where seams are closed.
+    atlas, pixels, alpha, normals = texture
+    guiding = opacity_channel(lead.shape[2], "auto")
+    with aside("Comparing the seams"):
+        values, leading = _values_of(atlas, pixels, alpha), _values_of(atlas, lead, guiding)
+        colors = leading
+        if guiding >= 0:
+            colors = leading[..., :guiding] * leading[..., guiding, None]
+        both = np.concatenate([values, colors], axis=2)
+        step = max(_step(pixels), _step(lead))
+        atlas = settle_seams(atlas, both, settings.seams, step, alpha=alpha, normals=normals)
+    return texture._replace(atlas=atlas), values, leading
+
+
+def _values_of(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int) -> npt.NDArray[np.float32]:
+    values = atlas.gather(pixels)
+    if alpha >= 0:
+        opacity = values[..., alpha]
+        for rows in blocks(len(values), BAND):
+            np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
+    return values
 
 
 def _step(pixels: npt.NDArray) -> float:
@@ -234,15 +269,55 @@ def _sharpened(
                 advect_texels(atlas, values, channels, flow, settings.time, result,
                               nearest=settings.sampling == "nearest",
                               normals=normals)  # fmt: skip
-    if weights is not None or settings.amount < 1.0:
+    _mix(atlas, values, settings.amount, weights, result)
+    return result
+
+
+def _following(
+    texture: _Texture,
+    values: npt.NDArray[np.float32],
+    leading: npt.NDArray[np.float32],
+    settings: TextureSettings,
+    weights: npt.NDArray[np.float64] | None,
+) -> npt.NDArray[np.float32]:
+    # The new values of the nodes inside charts, moved by the flow of others.
+    atlas, normals = texture.atlas, texture.normals
+    (channels,) = channel_groups(values.shape[2], replace(settings, channels="coupled"))
+    (guides,) = channel_groups(leading.shape[2], replace(settings, alpha="auto"))
+    with aside("Computing the flow"):
+        _fill_ghosts(texture, values)
+        fill_ghosts(atlas.sheet, atlas.sources, leading, guides.alpha, None)
+        result = copied(values)
+    if settings.by_width:
+        follow_texels_by_width(
+            atlas, leading, guides, values, channels, settings, result, normals=normals
+        )
+    else:
+        with phase(0.0, 0.4, "Computing the flow"):
+            potential = texel_potential(atlas, leading, guides, settings.smoothing_passes)
+        with phase(0.4, 1.0, "Tracing flow-lines"):
+            flow = shock_flow(atlas, potential)
+            advect_texels(atlas, values, channels, flow, settings.time, result,
+                          nearest=settings.sampling == "nearest", normals=normals)  # fmt: skip
+    _mix(atlas, values, settings.amount, weights, result)
+    return result
+
+
+def _mix(
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    amount: float,
+    weights: npt.NDArray[np.float64] | None,
+    result: npt.NDArray[np.float32],
+) -> None:
+    if weights is not None or amount < 1.0:
         with phase(1.0, 1.0, "Filling the gutter"):
             if weights is None:
-                shares = np.full(atlas.sheet.nodes.size, settings.amount, dtype=np.float32)
+                shares = np.full(atlas.sheet.nodes.size, amount, dtype=np.float32)
             else:
-                shares = settings.amount * atlas.gather(weights[..., None]).reshape(-1)
+                shares = amount * atlas.gather(weights[..., None]).reshape(-1)
             flat = result.reshape(len(shares), -1)
             run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
-    return result
 
 
 def _written(

@@ -18,7 +18,7 @@ from ..atlas.walk import shock_flow
 from ..atlas.windows import smooth_as_far, texel_ranges
 from ..base.findings import is_gathered
 from ..base.progress import aside, phase
-from ..grid.borders import is_drawing, measure_borders
+from ..grid.borders import Borders, is_drawing, measure_borders
 from ..grid.channels import Channels
 from ..grid.pixels import copied
 from ..settings import TextureSettings
@@ -59,13 +59,7 @@ def sharpen_texels_by_width(
         they only flow.
     """
     inside = atlas.sheet.nodes >= 0
-    with aside("Measuring borders"):
-        borders = measure_borders(values, 1.0, channels, inside=inside)
-        what = settings.what
-        if what == "auto":
-            drawing = is_drawing(values, 1.0, channels, borders, inside)
-            what = "drawing" if drawing else "photo"
-        width = counted_width(settings.width, borders.width, what)
+    what, width, borders = _measured(atlas, values, channels, settings)
     if width > 0:
         plan = plan_of(what, width, borders.noise, settings.smoothing_passes)
         plan = flow_only(plan, width) if normals else plan
@@ -78,6 +72,61 @@ def sharpen_texels_by_width(
         tell_widths("texels", borders.width, borders.number, closed)
 
 
+def follow_texels_by_width(
+    atlas: TextureAtlas,
+    leading: Texels,
+    guides: Channels,
+    values: Texels,
+    channels: Channels,
+    settings: TextureSettings,
+    result: Texels,
+    *,
+    normals: bool = False,
+) -> None:
+    """Do to a texture what is done to another one, whose flow it follows.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    leading : (rows, columns, c) float32
+        Nodes and ghosts of the texture that says how wide borders are, and how values flow.
+    guides : Channels
+        Those of it that guide.
+    values, channels, settings, result, normals
+        As in `sharpen_texels_by_width`.
+    """
+    what, width, borders = _measured(atlas, leading, guides, settings)
+    if width == 0:
+        return
+    passes = settings.smoothing_passes
+    plan = plan_of(what, width, borders.noise, passes)
+    if normals:
+        own = flow_only(plan, width, what)._replace(share=plan.share)
+    else:
+        with aside("Measuring borders"):
+            inside = atlas.sheet.nodes >= 0
+            noise = measure_borders(values, 1.0, channels, inside=inside).noise
+        own = plan_of(what, width, noise, passes)
+        own = plan._replace(unsharp=own.unsharp, grain=own.grain)
+        if plan.unsharp_first:
+            leading = _drawn_apart(atlas, plan, leading, guides)
+    nearest = settings.sampling == "nearest"
+    _follow(atlas, own, values, channels, nearest, normals, result, (leading, guides))
+
+
+def _measured(
+    atlas: TextureAtlas, values: Texels, channels: Channels, settings: TextureSettings
+) -> tuple[str, float, Borders]:
+    inside = atlas.sheet.nodes >= 0
+    with aside("Measuring borders"):
+        borders = measure_borders(values, 1.0, channels, inside=inside)
+        what = settings.what
+        if what == "auto":
+            drawing = is_drawing(values, 1.0, channels, borders, inside)
+            what = "drawing" if drawing else "photo"
+    return what, counted_width(settings.width, borders.width, what), borders
+
+
 def _follow(
     atlas: TextureAtlas,
     plan: Plan,
@@ -86,26 +135,35 @@ def _follow(
     nearest: bool,
     normals: bool,
     result: Texels,
+    guide: tuple[Texels, Channels] | None = None,
 ) -> None:
+    # A guide says how values flow, which holds no normals; else they do so themselves.
     chosen = slice(channels.start, channels.stop)
     sharp = values
     if plan.unsharp > 0:
         with phase(0.0, 0.3, "Sharpening"):
-            sharp = copied(values)
-            sharp[..., chosen] = _unsharp(atlas, plan, values, channels)
-            fill_ghosts(atlas.sheet, atlas.sources, sharp, channels.alpha)
+            sharp = _drawn_apart(atlas, plan, values, channels)
     source = sharp if plan.unsharp_first else values
     if plan.square > 0:
+        turned = normals and guide is None
+        leading, guides = guide or (source, channels)
         with phase(0.3, 0.6, "Computing the flow"):
-            times = _times(atlas, plan, source, channels)
+            times = _times(atlas, plan, leading, guides)
         with phase(0.6, 0.7, "Computing the flow"):
-            potential = texel_potential(atlas, source, channels, plan.passes, normals=normals)
+            potential = texel_potential(atlas, leading, guides, plan.passes, normals=turned)
         with phase(0.7, 1.0, "Tracing flow-lines"):
             flow = shock_flow(atlas, potential)
             advect_texels(atlas, source, channels, flow, times, result, nearest=nearest,
                           normals=normals)  # fmt: skip
     if plan.share < 1:
         result[..., chosen] = blended(plan, sharp[..., chosen], result[..., chosen])
+
+
+def _drawn_apart(atlas: TextureAtlas, plan: Plan, values: Texels, channels: Channels) -> Texels:
+    sharp = copied(values)
+    sharp[..., channels.start : channels.stop] = _unsharp(atlas, plan, values, channels)
+    fill_ghosts(atlas.sheet, atlas.sources, sharp, channels.alpha)
+    return sharp
 
 
 def _unsharp(atlas: TextureAtlas, plan: Plan, values: Texels, channels: Channels) -> Texels:

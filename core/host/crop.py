@@ -17,6 +17,9 @@ _MARGIN = 16
 _REACHED = 6_000_000
 """Pixels that kernels reach in about a quarter of a second."""
 
+_MADE = 500_000
+"""Pixels that are enlarged and sharpened in that time."""
+
 
 @dataclass(frozen=True)
 class Crop:
@@ -57,8 +60,12 @@ class Crop:
         return self.box == (0.0, 0.0, 1.0, 1.0)
 
     def shown(self, pixels: npt.NDArray) -> npt.NDArray:
-        """Return what is shown of the filtered pixels."""
-        return pixels[self.rows, self.columns]
+        """Return what is shown of the filtered pixels, which may be enlarged."""
+        times = len(pixels) // len(self.image.pixels)
+        rows, columns = (
+            slice(times * each.start, times * each.stop) for each in (self.rows, self.columns)
+        )
+        return pixels[rows, columns]
 
     def shrunk(self, place: tuple[float, float], size: float) -> Crop:
         """Cut out less around the same place of the whole image, if `size` is less."""
@@ -109,9 +116,13 @@ def filtered_at_once(settings: Any) -> float:
     ----------
     settings : object
         Of the filter. If each pixel costs more the farther the filter looks, they have `reach`, the
-        number of pixels that are read for each one, and `iterations` if that is done several times.
+        number of pixels that are read for each one, and `iterations` if that is done several times;
+        `enlarge` if the result is larger.
     """
     settings = settings.kernel if isinstance(settings, Denoising) else settings
+    times = getattr(settings, "enlarge", 1)
+    if times > 1:
+        return _MADE // times**2
     if not hasattr(settings, "reach"):
         return math.inf
     work = _REACHED / getattr(settings, "iterations", 1)

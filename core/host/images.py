@@ -14,6 +14,7 @@ from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
 from ..filters.images import measure_image
 from ..filters.images_by_width import Measured
+from ..grid.enlarge import enlarged
 from ..settings import BY_WIDTH
 from .applying import applied
 from .inputs import HostImage, Pixels
@@ -74,6 +75,7 @@ def filter_pixels(
 ) -> Recolored:
     """Filter an image, given what its filter wants before the pixels, and by name."""
     old, kernel = image.pixels, getattr(settings, "kernel", settings)
+    times = getattr(kernel, "enlarge", 1)
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
         return applied(name, settings, alpha=alpha)(*before, pixels, **words)
@@ -81,16 +83,25 @@ def filter_pixels(
     if getattr(kernel, "alpha", "auto") == "none" or image.opacity == "CHANNEL_PACKED":
         new = function(old, "none")
     elif image.opacity == "NONE":
-        new = old.copy()
+        new = np.ones((times * len(old), times * old.shape[1], 4), dtype=np.float32)
+        if times == 1:
+            new[..., 3] = old[..., 3]
         new[..., :3] = function(old[..., :3], "none")
     elif image.premultiplied:
-        new = _filter_multiplied(old, function)
+        new = _filter_multiplied(old, function, times)
     else:
         new = function(old, "auto")
-    return recolored(old, new, image.levels)
+    if times == 1:
+        return recolored(old, new, image.levels)
+    large = enlarged(old, times)
+    if image.levels:
+        large = np.rint(large * image.levels) / np.float32(image.levels)
+    return replace(recolored(large, new, image.levels), changed=new[..., 0].size)
 
 
-def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]) -> Pixels:
+def _filter_multiplied(
+    pixels: Pixels, function: Callable[[Pixels, str], Pixels], times: int
+) -> Pixels:
     straight = np.empty_like(pixels)
     with aside("Preparing"):
         for band in blocks(len(pixels), _ROWS):
@@ -98,7 +109,10 @@ def _filter_multiplied(pixels: Pixels, function: Callable[[Pixels, str], Pixels]
             straight[band, :, :3] /= _factor(pixels[band])
     new = function(straight, "auto")
     with aside("Comparing colors"):
-        for band in blocks(len(pixels), _ROWS):
+        for band in blocks(len(new), _ROWS):
+            if times > 1:
+                new[band, :, :3] *= _factor(new[band])
+                continue
             same = (new[band] == straight[band]).all(axis=-1, keepdims=True)
             new[band, :, :3] *= _factor(new[band])
             np.copyto(new[band], pixels[band], where=same)

@@ -193,11 +193,17 @@ class TexturedSurface:
     picture : HostImage
     mask : (h, w) float64 or None
         1 sharpens a texel fully, 0 leaves it as it is; the faces' weights count, too.
+    guide : HostImage or None
+        An image of any size whose flow moves the values, if the filter has one.
+    content : str
+        What the texture holds, instead of what the settings say; empty: they say it.
     """
 
     faces: TexturedFaces
     picture: HostImage
     mask: Floats | None
+    guide: HostImage | None = None
+    content: str = ""
 
     @property
     def size(self) -> int:

@@ -19,7 +19,7 @@ from numba.core.dispatcher import Dispatcher
 
 from ..base.progress import ProgressCallback
 from ..registry import FILTERS, Filter
-from ..settings import GeometrySettings, ShockSettings, describe
+from ..settings import GeometrySettings, ImageSettings, ShockSettings, describe
 from .colors import filter_colors
 from .denoising import filter_both
 from .flow import flow_of_colors, flow_of_shape
@@ -46,6 +46,7 @@ _SIZE = 48
 
 _NUMBERS: dict[type, tuple[dict[str, Any], ...]] = {
     GeometrySettings: ({"mollify_passes": 1}, {"screening_radius": 30.0}),
+    ImageSettings: ({"enlarge": 2},),
 }
 """Settings that are no choices, and have kernels of their own."""
 

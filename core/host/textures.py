@@ -7,17 +7,19 @@ linear ones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..atlas import TextureAtlas
 from ..base.progress import ProgressCallback, phase, reporting
+from ..grid.resize import resized
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
+from ..registry import find
 from .images import filter_pixels
-from .inputs import Floats, TexturedFaces, TexturedSurface
+from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
 from .recolored import Recolored
 
 _ANALYSIS = 0.3  # of the time that a run takes
@@ -50,13 +52,19 @@ def filter_texture(
         See `TriangleMesh`, `TextureAtlas` and the filter.
     """
     height, width = surface.picture.pixels.shape[:2]
+    if surface.content and hasattr(settings, "content"):
+        settings = replace(settings, content=surface.content)
+    words: dict[str, Any] = {}
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
             atlas = analyse(surface.faces, (height, width))
             mask = _mask(surface, atlas)
         with phase(_ANALYSIS, 1.0, "Filtering"):
+            if surface.guide is not None and find(name).takes_guide:
+                words["guide"] = _guiding(surface.guide, (height, width))
             where = atlas.mesh, surface.faces.uv
-            changed = filter_pixels(surface.picture, name, settings, *where, mask=mask, atlas=atlas)
+            words |= {"mask": mask, "atlas": atlas}
+            changed = filter_pixels(surface.picture, name, settings, *where, **words)
     return Retextured(changed, tuple(atlas.report.sentences()))
 
 
@@ -69,6 +77,12 @@ def analyse(
             mesh = TriangleMesh(faces.positions, weld_borders(faces.positions, faces.triangles))
         with phase(0.1, 1.0, "Finding charts"):
             return TextureAtlas(mesh, faces.uv, *size)
+
+
+def _guiding(guide: HostImage, size: tuple[int, int]) -> Pixels:
+    # Colors that are multiplied count as much as opacity says already.
+    is_straight = guide.opacity == "STRAIGHT" and not guide.premultiplied
+    return resized(guide.pixels if is_straight else guide.pixels[..., :3], size)
 
 
 def _mask(surface: TexturedSurface, atlas: TextureAtlas) -> Floats | None:

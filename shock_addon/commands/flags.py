@@ -92,13 +92,26 @@ def _add_shape_flags(parser: argparse.ArgumentParser, command: Command) -> None:
         help="keep what is symmetric across this plane of the object so, as the mesh's mirror"
         " option does (may be repeated); meshes whose option is on stay symmetric without it",
     )
-    parser.add_argument(
+    output = parser.add_mutually_exclusive_group()
+    output.add_argument(
+        "--new-object",
+        action="store_true",
+        help="take what is seen of each object, with modifiers and shape keys applied, and put the"
+        " new shape into a new object in its place; the original is hidden",
+    )
+    output.add_argument(
         "--new-shape-key",
         action="store_true",
         help="keep the mesh and put the new shape into a new shape key of value 1, whose slider"
         " sets the strength later; OUT must be of a format with shape keys, or it holds the new"
         " shape",
     )
+
+
+def _output(options: argparse.Namespace) -> str:
+    if options.new_object:
+        return "OBJECT"
+    return "SHAPE_KEY" if options.new_shape_key else "MESH"
 
 
 def _angle(text: str) -> float:
@@ -128,7 +141,7 @@ def values_of(command: Command, settings: Any, options: argparse.Namespace) -> d
         values["attribute"] = options.attribute
     if command.kind is GEOMETRY:
         values |= {
-            "output": "SHAPE_KEY" if options.new_shape_key else "MESH",
+            "output": _output(options),
             "custom_normals": options.custom_normals.upper(),
             "mark_sharp": options.mark_sharp or options.sharp_angle is not None,
         }

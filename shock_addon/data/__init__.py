@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         flow,
         geometry,
         images,
+        maps,
         masks,
         materials,
         meshes,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         textures,
         tiles,
         vertex_groups,
+        visible,
     )
 
 

@@ -28,7 +28,7 @@ class Place:
     Attributes
     ----------
     output : str
-        "MESH" or "SHAPE_KEY".
+        "MESH", "SHAPE_KEY" or "OBJECT"; the last one is written as a mesh, into a copy.
     mode : str
         The mode that the person works in.
     custom_normals : str

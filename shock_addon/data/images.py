@@ -48,7 +48,7 @@ class ImageTarget:
 
 
 _overwritten: dict[int, Tiles] = {}
-"""The image that was replaced last, as it was before, by its uid: undo does not bring it back."""
+"""The images that the last run replaced, as they were, by their uids: undo does not bring them."""
 
 _undone = False
 """Whether something was undone since; Adjust Last Operation does, Repeat Last does not."""
@@ -115,6 +115,9 @@ def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
         return
     if pack:
         dress(image, image)
+    if part_sizes(image) != sizes_of(parts):
+        height, width = parts[UNTILED].shape[:2]
+        image.scale(width, height)
     arrays.write_pixels(image, parts[UNTILED])
     image.update()
     if pack:
@@ -129,13 +132,13 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     pixels that are in neither the blend file nor a file.
     """
     image = bpy.data.images.get(used)
-    fits = image is not None and image != source and _is_like(image, source)
+    fits = image is not None and image != source and _is_like(image, source, parts)
     if fits and _is_as_written(image):
         write_parts(image, parts, pack=True)
     elif source.source == "TILED":
         image = new_tiled_like(source, _name(source.name, suffix), parts)
     else:
-        image = _new_like(source, _name(source.name, suffix))
+        image = _new_like(source, _name(source.name, suffix), parts[UNTILED])
         write_parts(image, parts, pack=True)
     _written[image.session_uid] = _digest(image)
     return image
@@ -160,12 +163,15 @@ def _name(old: str, suffix: str) -> str:
     return f"{stem if ending.lower() in bpy.path.extensions_image else old} {suffix}"
 
 
-def _new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
-    """Add an image of the same size and kind."""
+def _new_like(
+    image: bpy.types.Image, name: str, pixels: npt.NDArray[np.float32]
+) -> bpy.types.Image:
+    """Add an image of the same kind that can take the pixels."""
     space = image.colorspace_settings
     new = bpy.data.images.new(
         name,
-        *image.size,
+        pixels.shape[1],
+        pixels.shape[0],
         alpha=image.depth in {32, 128},
         float_buffer=image.is_float,
         is_data=space.is_data,
@@ -175,14 +181,14 @@ def _new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
     return new
 
 
-def _is_like(image: bpy.types.Image, other: bpy.types.Image) -> bool:
-    """Whether an image can take the pixels of another one."""
-    fits = part_sizes(image) == part_sizes(other) and image.is_float == other.is_float
+def _is_like(image: bpy.types.Image, other: bpy.types.Image, parts: Tiles) -> bool:
+    """Whether an image can take these parts, made from another one."""
+    fits = part_sizes(image) == sizes_of(parts) and image.is_float == other.is_float
     return fits and not refusal(image, tiles=True)
 
 
 def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
-    """Write new parts and keep the old ones for `restore`.
+    """Write new parts and keep the old ones for `restore`; see `forget_overwritten`.
 
     Raises
     ------
@@ -191,15 +197,15 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
     """
     global _undone
     check_same_parts(read_parts(image), old)
-    _forget_overwritten()
     _overwritten[image.session_uid], _undone = old, False
-    bpy.app.handlers.undo_post.append(_note_undo)
+    if _note_undo not in bpy.app.handlers.undo_post:
+        bpy.app.handlers.undo_post.append(_note_undo)
     write_parts(image, new, image.packed_file is not None)
     _written[image.session_uid] = _digest(image)
 
 
 def restore(image: bpy.types.Image) -> None:
-    """Undo the last `overwrite`, if it was of this image and Blender has undone the rest of it.
+    """Undo the last run's `overwrite` of this image, if Blender has undone the rest of it.
 
     Whatever was painted on the image since stays.
     """
@@ -227,7 +233,8 @@ def _note_undo(*_: object) -> None:
     _undone = True
 
 
-def _forget_overwritten() -> None:
+def forget_overwritten() -> None:
+    """Drop what `overwrite` has kept: only the last run can be undone."""
     _overwritten.clear()
     if _note_undo in bpy.app.handlers.undo_post:  # Blender drops it when it loads a file
         bpy.app.handlers.undo_post.remove(_note_undo)
@@ -242,4 +249,4 @@ def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
 def forget() -> None:
     """Drop what is known about images that were written."""
     _written.clear()
-    _forget_overwritten()
+    forget_overwritten()

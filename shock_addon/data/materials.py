@@ -25,7 +25,7 @@ def active_image(material: bpy.types.Material) -> bpy.types.Image:
         )
     active = material.node_tree.nodes.active
     chosen = [node for node in nodes if node == active]
-    chosen = chosen or _colors_surface(material.node_tree) or nodes
+    chosen = chosen or colors_surface(material.node_tree) or nodes
     if len({node.image for node in chosen}) > 1:
         raise Skipped(
             "its material {name} has several images ({images}); click the node of the one that is"
@@ -36,7 +36,7 @@ def active_image(material: bpy.types.Material) -> bpy.types.Image:
     return chosen[0].image
 
 
-def _colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImage]:
+def colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImage]:
     """The image texture nodes that a shader's base color is made from."""
     ahead = [
         socket

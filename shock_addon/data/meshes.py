@@ -15,8 +15,8 @@ from bpy.app.translations import pgettext_iface
 
 from ...core.host.inputs import Surface
 from . import arrays
-from .chosen import CONVERTIBLE, mesh_refusal, mesh_users
-from .skipped import Skipped, sentences, skip_if
+from .chosen import CONVERTIBLE, mesh_objects, mesh_refusal, mesh_users
+from .skipped import Refused, Skipped, sentences, skip_if
 
 _SINGULAR = 1e-6
 _UNIFORM = 1e-5
@@ -67,6 +67,8 @@ def read_targets(
     context: bpy.types.Context,
     read: Callable[[bpy.types.Object, str, Any], tuple[Any, Surface]],
     parameters: Any,
+    *,
+    visible: bool = False,
 ) -> tuple[list[Target], list[str]]:
     """Read all objects that the operator acts on, each mesh once.
 
@@ -78,23 +80,45 @@ def read_targets(
         the one that the person works in, while the object is in Object Mode.
     parameters : object
         What `read` looks at.
+    visible : bool
+        Read what is seen of each object, with modifiers and shape keys applied; see `visible`.
 
     Returns
     -------
     targets : list of Target
     skipped : list of str
         A sentence for each object that was left alone.
+
+    Raises
+    ------
+    Refused
+        If that is wanted outside Object Mode.
     """
 
     def read_target(obj: bpy.types.Object, mode: str) -> Target:
         skip_if(mesh_refusal(obj.data))
         check_readable(obj)
-        place, surface = read(obj, mode, parameters)
+        return target_of(obj, *read(obj, mode, parameters))
+
+    def read_visible(obj: bpy.types.Object, mode: str) -> Target:
+        from .visible import copied
+
+        check_in_object_mode(obj)
+        with copied(obj) as copy:
+            check_readable(copy)
+            return target_of(obj, *read(copy, mode, parameters))
+
+    def target_of(obj: bpy.types.Object, place: Any, surface: Surface) -> Target:
         return Target(obj.name, obj.session_uid, obj.data.session_uid, place, surface)
 
     no_meshes = _no_meshes(context)
+    if visible and context.mode != "OBJECT":
+        raise Refused("New objects are made in Object Mode; go there, or choose another output.")
     try:
-        targets, left = read_each(context, mesh_users(context), read_target)
+        if visible:  # objects with the same mesh may look different
+            targets, left = read_each(context, mesh_objects(context), read_visible)
+        else:
+            targets, left = read_each(context, mesh_users(context), read_target)
     except Skipped as reason:
         return [], sentences([(context.object.name, str(reason))])
     return targets, sentences(no_meshes + left)
@@ -233,10 +257,15 @@ def matrix_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
 
 def check_readable(obj: bpy.types.Object) -> None:
     """Raise `Skipped` for an object whose faces cannot be read."""
+    check_in_object_mode(obj)
+    if not obj.data.polygons:
+        raise Skipped("it has no faces; add some, or select another object")
+
+
+def check_in_object_mode(obj: bpy.types.Object) -> None:
+    """Raise `Skipped` for an object in another mode."""
     if obj.mode != "OBJECT":
         mode = pgettext_iface(f"{obj.mode.replace('_', ' ').title()} Mode")  # as on screen
         raise Skipped("it is in {mode}; switch it to Object Mode first", mode=mode)
     if obj.data.is_editmode:
         raise Skipped("another object with its mesh is in Edit Mode; switch that to Object Mode")
-    if not obj.data.polygons:
-        raise Skipped("it has no faces; add some, or select another object")

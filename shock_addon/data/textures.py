@@ -89,6 +89,14 @@ def read_texture(
     return TextureTarget(image.name, uid, surface, parts, mosaic, names, notes), skipped
 
 
+def holding(
+    target: TextureTarget, content: str, lead: TextureTarget | None = None
+) -> TextureTarget:
+    """Say what a texture holds, and whose flow its values follow."""
+    guide = None if lead is None else lead.surface.picture
+    return replace(target, surface=replace(target.surface, content=content, guide=guide))
+
+
 def read_faces(
     context: bpy.types.Context,
     objects: list[bpy.types.Object],

@@ -56,6 +56,8 @@ def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) ->
     """Draw the settings that most runs differ in."""
     column = split(layout)
     target = mode.target(parameters)
+    if "maps" in target.places:
+        column.prop(parameters, "maps")
     for name, about in target.fields.items():
         if about.advanced:
             continue

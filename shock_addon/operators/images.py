@@ -15,7 +15,10 @@ from .base import Done, FilterOperator, Written, describe_colors, write_results
 
 
 class OneImageOperator(FilterOperator):
-    """Mixin for operators that write one image; they have the properties `image` and `result`."""
+    """Mixin for operators that write an image; they have the properties `image` and `result`.
+
+    Others may follow it. Then `result` names what was made of each, in lines.
+    """
 
     def shown(self, context: bpy.types.Context) -> bpy.types.Image:
         """Return the image that is meant where none is named, or raise `Refused`."""
@@ -24,6 +27,19 @@ class OneImageOperator(FilterOperator):
     def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
         """Return the target, and reasons for what does not take part; or raise `Skipped`."""
         raise NotImplementedError
+
+    def read_all(
+        self, context: bpy.types.Context, image: bpy.types.Image
+    ) -> tuple[list[Any], list[str]]:
+        """Return the targets, the image that is meant first; as `read_one`."""
+        target, skipped = self.read_one(context, self.restored(image))
+        return [target], skipped
+
+    def restored(self, image: bpy.types.Image) -> bpy.types.Image:
+        """Bring back what this run has replaced before: F9 undoes the run, Shift R adds one."""
+        if image.name in self.result.split("\n") and not self.options.is_repeat_last:
+            data.images.restore(image)
+        return image
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
         """Return the new colors of each part of the image; see `data.images.read_parts`."""
@@ -39,52 +55,64 @@ class OneImageOperator(FilterOperator):
             raise Refused(text, name=self.image)
         image = bpy.data.images[self.image] if self.image else self.shown(context)
         try:
-            if self.result == image.name and not self.options.is_repeat_last:
-                data.images.restore(image)  # F9 undoes the run, Shift R adds one
-            target, skipped = self.read_one(context, image)
+            targets, skipped = self.read_all(context, image)
         except Skipped as reason:
             return [], sentences([(image.name, str(reason))])
-        self.image = image.name  # redo must not take the result, which is shown by then
-        return [target], skipped
+        self.image = targets[0].name  # redo must not take the result, which is shown by then
+        return targets, skipped
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Write the image and show it in the Image Editor."""
-        written, skipped = write_results(self.targets, results, self._write_one)
+        """Write the image, and those that follow it; show it in the Image Editor."""
+        self._parts: list[dict[int, Any]] = []
+        used = dict(zip([t.image_uid for t in self.targets], self.result.split("\n"), strict=False))
+        if self.output == "REPLACE":
+            data.images.forget_overwritten()
+
+        def write_one(target: Any, result: Any) -> bpy.types.Image:
+            return self._write_one(target, result, used.get(target.image_uid, ""))
+
+        written, skipped = write_results(self.targets, results, write_one)
         for target, image, _ in written:
-            source = data.images.find_image(target)
-            data.shown.show(context.space_data, source, image, again=bool(self.result))
-            self.result = image.name
+            source = image if self.output == "REPLACE" else data.images.find_image(target)
+            space = context.space_data if target is self.targets[0] else None
+            data.shown.show(space, source, image, again=bool(self.result))
+            used[target.image_uid] = image.name
+        self.result = "\n".join(used.get(target.image_uid, "") for target in self.targets)
         return written, skipped
 
-    def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
+    def _write_one(self, target: Any, result: Any, used: str) -> bpy.types.Image:
         source = data.images.find_image(target)
-        self._parts = self.parts(target, result)
-        new = {number: part.colors for number, part in self._parts.items()}
+        parts = self.parts(target, result)
+        self._parts.append(parts)
+        new = {number: part.colors for number, part in parts.items()}
         if self.output == "NEW":
-            image = data.images.add_or_reuse(source, self.row.done.lower(), self.result, new)
+            image = data.images.add_or_reuse(source, self.row.done.lower(), used, new)
             self.show(target, source, image)
             for each in (source, image):
                 data.images.keep(each)
             return image
-        if any(part.changed for part in self._parts.values()):
+        if any(part.changed for part in parts.values()):
             data.images.overwrite(source, target.parts, new)
         return source
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count pixels, of all parts."""
-        parts = self._parts.values()
+        parts = self._all_parts()
         changed = sum(part.changed for part in parts)
         return changed, sum(part.colors[..., 0].size for part in parts)
 
     def facts(self, written: list[Written], seconds: float) -> dict[str, Any]:
         """Return what `summary` names."""
-        ((_, image, _),) = written
-        changes = describe_colors(list(self._parts.values()), "pixels", self.row.advice)
+        target, image, _ = written[0]
+        changes = describe_colors(self._all_parts(), "pixels", self.row.advice)
         if self.row.changes:
             changed, total = self.counts(written)
             changes = pgettext_rpt(self.row.changes).format(changed=changed, total=total)
-        names = {"old": self.image, "new": image.name}
+        names = {"old": target.name, "new": image.name}
         return {"done": self.done(), "changes": changes, "seconds": seconds, **names}
+
+    def _all_parts(self) -> list[Any]:
+        return [part for parts in self._parts for part in parts.values()]
 
 
 class ImageOperator(OneImageOperator):

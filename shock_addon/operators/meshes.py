@@ -15,7 +15,10 @@ from ..modes import load
 from . import poll as obstacles
 from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
 
-_APPLY = "The mesh below the modifiers was filtered; apply them first to filter what they make."
+_APPLY = (
+    "The mesh below the modifiers was filtered; apply them first to filter what they make, or"
+    " choose the output New Object."
+)
 
 
 class MeshOperator(FilterOperator):
@@ -31,11 +34,17 @@ class MeshOperator(FilterOperator):
         """Return ``write(target, result)``, for Object Mode; it returns the object."""
         target = self.row.target(self)
         write = load(target.data.write)
-        return partial(write, key_name=self.row.done) if "output" in target.places else write
+        if "output" not in target.places:
+            return write
+        write = partial(write, key_name=self.row.done)
+        if not self.row.makes_objects(self):
+            return write
+        return partial(data.visible.write_new, write=write, suffix=self.row.done.lower())
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current object mode."""
-        return data.meshes.read_targets(context, self.reader(), self)
+        visible = self.row.makes_objects(self)
+        return data.meshes.read_targets(context, self.reader(), self, visible=visible)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write them, and return to the current object mode."""
@@ -82,8 +91,14 @@ class MeshOperator(FilterOperator):
 
     def notes(self, written: list[Written]) -> str:
         """Say what shapes what is seen beside the vertices, where these may have moved."""
-        moves = "output" in self.row.target(self).places
-        return notes([each.data for each in written], self) if moves else ""
+        if "output" not in self.row.target(self).places:
+            return ""
+        said = notes([each.data for each in written], self)
+        if not self.row.makes_objects(self):
+            return said
+        names = ", ".join(each.data.name for each in written)
+        hidden = pgettext_rpt("New: {names}; the originals are hidden.").format(names=names)
+        return f"{hidden} {said}".rstrip()
 
 
 def describe_moves(results: list[Any]) -> str:

@@ -32,7 +32,12 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
         return of_images(context) or _of_image(data.chosen.edited_image(context), tiles=False)
     if mode.data.in_images:
         return of_textures(context) or _of_texture(context, settings)
-    obstacle = of_meshes(context) or _of_links(context) or _of_faces(context)
+    obstacle = of_meshes(context)
+    if mode.makes_objects(settings):  # what is seen may have faces
+        if context.mode != "OBJECT":
+            obstacle = "New objects are made in Object Mode; go there, or choose another output."
+    else:
+        obstacle = obstacle or _of_links(context) or _of_faces(context)
     if not obstacle and "attribute" in mode.target(settings).places:
         obstacle = _of_colors(context)
     return obstacle

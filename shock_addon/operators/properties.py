@@ -127,6 +127,12 @@ _MESH_OUTPUT = _output(
         "New Shape Key",
         "Keep the mesh and put the new shape into a new shape key, whose value sets the strength",
     ),
+    (
+        "OBJECT",
+        "New Object",
+        "Put what is seen, with modifiers and shape keys applied, into a new object in the same"
+        " place, and hide the original",
+    ),
 )
 
 _TEXTURE_IMAGE = {
@@ -162,6 +168,21 @@ _PLACES = {
         " Empty sharpens everywhere",
     ),
     "image": bpy.props.StringProperty(**_TEXTURE_IMAGE),
+    "maps": bpy.props.EnumProperty(
+        name="Maps",
+        description="Whether the other images of the material are filtered in the same run",
+        items=[
+            ("ONE", "This One", "This image only"),
+            (
+                "MATERIAL",
+                "All of Material",
+                "Also the other images in the materials that show it, such as roughness, metallic"
+                " and normals. They follow the flow of the base color, so that borders lie in the"
+                " same places",
+            ),
+        ],
+        default="ONE",
+    ),
     "geometry output": _MESH_OUTPUT,
     "both output": _MESH_OUTPUT,
     "output": _output(

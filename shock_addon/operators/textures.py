@@ -9,7 +9,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..data.skipped import Refused, Skipped
+from ..data.skipped import Refused, Skipped, sentences
 from . import poll as obstacles
 from .base import Written, counted
 from .images import OneImageOperator
@@ -33,11 +33,32 @@ class TextureOperator(OneImageOperator):
         """Read the image, and the faces of all objects that show it."""
         return data.textures.read_texture(context, image, self)
 
+    def read_all(
+        self, context: bpy.types.Context, image: bpy.types.Image
+    ) -> tuple[list[Any], list[str]]:
+        """Read the image, and the other maps of the materials that show it, if asked to."""
+        self._notes: list[str] = []
+        if self.maps == "ONE":
+            return super().read_all(context, image)
+        maps = data.maps.maps_of(context, image)
+        lead, skipped = self.read_one(context, self.restored(maps.lead))
+        if not maps.followers:  # it may hold normals, as the settings say
+            return [lead], [*skipped, *maps.left]
+        targets, left = [data.textures.holding(lead, "values")], []
+        for follower, content in maps.followers.items():
+            try:
+                target, _ = self.read_one(context, self.restored(follower))
+            except Skipped as reason:
+                left.append((follower.name, str(reason)))
+            else:
+                targets.append(data.textures.holding(target, content, lead))
+        return targets, [*skipped, *maps.left, *sentences(left)]
+
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
         """Compare each tile with what it was."""
         from ...core.host.recolored import recolored
 
-        self._notes = [*target.notes, *result.notes]
+        self._notes += [*target.notes, *result.notes]
         if target.mosaic is None:
             return {data.images.UNTILED: result.recolored}
         levels = target.surface.picture.levels
@@ -56,7 +77,7 @@ class TextureOperator(OneImageOperator):
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count objects and pixels."""
         facts = self.facts(written, seconds)
-        (target,) = self.targets
+        target = written[0].target
         text = pgettext_rpt(
             "{done} the texture {old} on {objects}: {changes}, {seconds:.1f} s."
             if facts["new"] == facts["old"]
@@ -67,5 +88,7 @@ class TextureOperator(OneImageOperator):
         )
 
     def notes(self, written: list[Written]) -> str:
-        """Say what is unusual about the UV map."""
-        return " ".join(self._notes)
+        """Name the other maps, and say what is unusual about the UV map."""
+        others = ", ".join(each.data.name for each in written[1:])
+        text = pgettext_rpt("With it: {names}.").format(names=others) if others else ""
+        return " ".join(filter(None, [text, *dict.fromkeys(self._notes)]))

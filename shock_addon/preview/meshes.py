@@ -79,6 +79,13 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
         If it cannot be read, or has no faces where the mouse points.
     """
     parameters = parameters_of(context, mode)
+    if mode.makes_objects(parameters):
+        if context.object.modifiers or context.object.data.shape_keys is not None:
+            raise Refused(
+                "Preview shows the mesh without its modifiers and shape keys; choose another"
+                " output, or press the filter's own button."
+            )
+        parameters.output = "MESH"
     read = load(mode.target(parameters).data.read)
     targets, skipped = data.meshes.read_active(context, read, parameters)
     if not targets:

@@ -414,6 +414,23 @@ def test_gray_images_of_16_bits_stay_so(folder):
     assert len(np.unique(result)) > 256
 
 
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_images_are_enlarged(folder, kind):
+    pixels = soft_edge(kind)
+    pixels = pixels if kind == "uint8" else pixels[..., 0]
+    Image.fromarray(pixels).save("in.png")
+    run = blender("sharpen-image", "in.png", "out.png", "--enlarge", "2")
+    assert run.code == 0, run.err
+    assert ": changed 2880 of 2880 pixels in " in run.out
+    wanted = core.sharpen_image(pixels, core.ImageSettings(enlarge=2))
+    with Image.open("out.png") as image:
+        result = np.array(image)
+        assert image.mode == ("RGB" if kind == "uint8" else "I;16")
+    assert result.shape == wanted.shape
+    # Blender filters 16 bits as linear light.
+    assert abs(result.astype(float) - wanted).mean() < 0.1 * np.iinfo(kind).max
+
+
 def test_images_that_are_refused(folder):
     Image.fromarray(soft_edge()).save("in.png")
     Path("bad.png").write_text("no image")
@@ -709,6 +726,22 @@ def test_other_formats_show_the_new_shape_key(folder):
     old, key, moved = (trimesh.load_mesh(f"{n}.ply").vertices for n in ("in", "key", "moved"))
     assert nearest(old, moved).max() > 0.01
     np.testing.assert_allclose(key, moved, atol=1e-6)
+
+
+def test_the_result_may_be_a_new_object(folder):
+    finer = 'seen.modifiers.new("Finer", "SUBSURF").subdivision_type = "SIMPLE"\n'
+    save = f"bpy.ops.wm.save_as_mainfile(filepath={str(folder / 'in.blend')!r})"
+    assert blender("--version", before=SCENE + finer + save).code == 0
+    words = "in.blend", "out.blend", "--object", "Seen", "--new-object"
+    run = blender("sharpen-geometry", *words, look_at="out.blend")
+    assert run.code == 0, run.err
+    meshes = run.state["meshes"]
+    new, old = meshes["Seen sharpened"]["points"], meshes["Seen"]["points"]
+    assert len(new) > len(old)
+    assert f" of {len(new)} vertices in " in run.out
+    wrong = blender("sharpen-geometry", *words, "--new-shape-key")
+    assert wrong.code == 2
+    assert "not allowed with" in wrong.err
 
 
 def test_several_inputs_with_a_bad_one(scene, old, folder):

@@ -120,6 +120,22 @@ def test_what_is_drawn_is_what_the_operator_makes(begun, mode, size):
     assert np.abs(made - decoded(soft()[bottom:top, left:right, :3])).max() > 0.02
 
 
+@pytest.mark.parametrize("size", [None, 72**2])
+def test_what_is_enlarged_is_drawn_in_its_place(begun, size):
+    photo = add_image()
+    bpy.context.scene.shock_filter.image.enlarge = 2
+    preview = begun(photo, size=size)
+    (piece,) = shown(preview)
+    preview.end()
+    bpy.ops.shock_filter.sharpen_image(image="Photo", enlarge=2)
+    left, bottom, right, top = np.round(np.array(piece.box) * (240, 192, 240, 192)).astype(int)
+    larger = image_data.read_pixels(bpy.data.images["Photo sharpened"])
+    made = decoded(larger[bottom:top, left:right, :3])
+    assert piece.colors.shape[:2] == made.shape[:2]
+    # Where a patch is cut off, some bytes are rounded the other way.
+    assert np.mean(abs(piece.colors[..., :3] - made) > 1e-6) < 1e-3
+
+
 @pytest.mark.parametrize("float_buffer", [False, True])
 @pytest.mark.parametrize("packed", [False, True])
 def test_the_image_is_not_touched(begun, float_buffer, packed):
@@ -220,6 +236,7 @@ def test_any_filter_may_say_how_far_it_reaches():
     assert filtered_at_once(SimpleNamespace(reach=600)) == 10_000
     assert filtered_at_once(SimpleNamespace(reach=600, iterations=2)) == 5_000
     assert filtered_at_once(ImageSettings()) == np.inf
+    assert filtered_at_once(ImageSettings(enlarge=4)) < filtered_at_once(ImageSettings(enlarge=2))
 
 
 def test_denoising_longer_draws_a_smaller_patch(begun):

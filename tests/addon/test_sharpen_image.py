@@ -584,3 +584,54 @@ def test_an_image_editor_in_which_another_image_was_opened_keeps_it(editors):
     bpy.ops.ed.undo_push(message="Later")
     bpy.ops.ed.undo()
     assert shown(editors) == ["Photo", "Photo"]
+
+
+@pytest.mark.parametrize("alpha_mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"])
+@pytest.mark.parametrize("float_buffer", [False, True])
+def test_an_enlarged_image_is_a_new_and_larger_one(float_buffer, alpha_mode):
+    pixels = blend()
+    if alpha_mode != "NONE":
+        pixels[:, :10, 3] = 0.5
+    photo = add(pixels=pixels, float_buffer=float_buffer, alpha_mode=alpha_mode)
+    assert sharpen(image="Photo", enlarge=2) == {"FINISHED"}
+    result = bpy.data.images["Photo sharpened"]
+    assert (*result.size, *photo.size) == (80, 48, 40, 24)
+    assert result.packed_file is not None
+    after, before = read(result), read(photo)
+    assert abs(after[::2, ::2] - before).max() < 0.6
+    assert abs(after[..., 3] - before[..., 3].repeat(2, 0).repeat(2, 1)).max() < 0.3
+    assert operators.summaries["image"].startswith(
+        "Sharpened the image Photo into Photo sharpened: 3,840 pixels, changed 3,840, "
+    )
+
+
+def test_the_colors_of_enlarged_floats_are_not_multiplied_twice():
+    pixels = np.full((12, 12, 4), 0.5, dtype=np.float32)
+    add(pixels=pixels, float_buffer=True, alpha_mode="PREMUL")
+    sharpen(image="Photo", enlarge=2)
+    np.testing.assert_allclose(read(bpy.data.images["Photo sharpened"]), 0.5, atol=1e-6)
+
+
+def test_redo_with_another_size_makes_another_image():
+    add()
+    sharpen("EXEC_DEFAULT", True, image="Photo")
+    sharpen(image="Photo", result="Photo sharpened", enlarge=2)
+    assert tuple(bpy.data.images["Photo sharpened.001"].size) == (80, 48)
+    sharpen(image="Photo", result="Photo sharpened.001", enlarge=2, amount=0.5)
+    assert len(bpy.data.images) == 3
+
+
+@REPLACED
+def test_an_image_that_is_enlarged_in_place_gets_its_size_back(adjust, kind, packed):
+    photo = add(**kind)
+    photo.use_fake_user = True
+    if packed:
+        photo.pack()
+    old = read(photo)
+    bpy.ops.ed.undo_push(message="Start")
+    sharpen("EXEC_DEFAULT", True, image="Photo", enlarge=2, output="REPLACE")
+    assert pixels_of("Photo").shape == (48, 80, 4)
+    adjust(enlarge=4)
+    assert pixels_of("Photo").shape == (96, 160, 4)
+    adjust(enlarge=1, output="NEW")
+    np.testing.assert_array_equal(pixels_of("Photo"), old)

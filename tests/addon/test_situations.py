@@ -59,6 +59,8 @@ ELSEWHERE = {
     # Symmetry and modifiers
     "symmetry": "test_symmetry.py::test_a_symmetric_mesh_stays_symmetric",
     "symmetry-mask": "test_symmetry.py::test_an_asymmetric_mask_is_respected",
+    "new-object": "test_new_object.py::test_it_holds_what_is_seen_and_the_original_stays",
+    "new-object-mode": "test_new_object.py::test_it_is_refused_outside_object_mode",
     # Objects
     "shared-mesh": "test_sharpen_geometry.py::test_a_mesh_with_two_users_is_sharpened_once",
     "linked-mesh": "test_sharpen_geometry.py::test_linked_meshes_are_skipped",

@@ -109,8 +109,8 @@ def shown(call, named):
         if shows and isinstance(text, ast.Constant | ast.IfExp):
             yield from strings(text)
     for keyword in call.keywords:
-        if keyword.arg in {"text", "heading"} and isinstance(keyword.value, ast.Constant):
-            yield keyword.value.value
+        if keyword.arg in {"text", "heading"}:
+            yield from strings(keyword.value) if isinstance(keyword.value, ast.Constant) else ()
 
 
 @functools.cache

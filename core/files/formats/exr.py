@@ -18,6 +18,7 @@ _PLAIN_HEADER = {
     *("screenWindowCenter", "screenWindowWidth", "tiles", "type", "chunkCount", "version"),
 }
 _COLORS = ("RGBA", "RGB", "Y")
+_WINDOWS = ("dataWindow", "displayWindow", "preview")
 
 
 def read_exr(path: Path) -> ImageFile:
@@ -58,6 +59,10 @@ def write_exr(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
     openexr = needed("OpenEXR", path)
     if image_file.format == "EXR":
         header, all_channels, name = image_file.own
+        resized = pixels.shape[:2] != image_file.pixels.shape[:2]
+        if resized:
+            header = {key: value for key, value in header.items() if key not in _WINDOWS}
+            all_channels = {}
     else:
         header = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
         all_channels, name = {}, "Y" if pixels.ndim == 2 else {3: "RGB", 4: "RGBA"}[pixels.shape[2]]
@@ -69,5 +74,6 @@ def write_exr(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
         ) from error
     if image_file.format == "EXR":
         channels = [name for name in image_file.only_own if name not in image_file.own[0]]
-        return [f"{name} stay as they are" for name in channels]
+        fate = "have another size: left behind" if resized else "stay as they are"
+        return [f"{name} {fate}" for name in channels]
     return lost(image_file, path, set())

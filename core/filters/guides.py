@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images whose flow moves the values of others."""
+
+from __future__ import annotations
+
+import numpy.typing as npt
+
+from ..base.checks import checked_image
+from ..errors import InvalidSettings, InvalidSignal
+from ..settings import ImageSettings, TextureSettings
+
+
+def checked_guide(
+    guide: npt.ArrayLike | None, image: npt.NDArray, settings: ImageSettings | TextureSettings
+) -> npt.NDArray | None:
+    """Return a guide as (h, w, c) pixels; None if there is none.
+
+    Raises
+    ------
+    InvalidSignal
+        If it is no image, or has another size than the image.
+    InvalidSettings
+        If it is not clear how it guides.
+    """
+    if guide is None:
+        return None
+    found = checked_image(guide)
+    if found.shape[:2] != image.shape[:2]:
+        raise InvalidSignal(
+            f"The guide has {found.shape[1]} x {found.shape[0]} pixels, the image"
+            f" {image.shape[1]} x {image.shape[0]}; scale it to the same size."
+        )
+    if settings.channels == "independent":
+        raise InvalidSettings(
+            "channels is 'independent', and a guide moves all alike; choose 'coupled' or"
+            " 'luminance'."
+        )
+    scheme = getattr(settings, "scheme", "fixed")
+    if scheme != "fixed":
+        raise InvalidSettings(
+            "scheme is {scheme!r}, which computes the flow anew; choose 'fixed' with a guide.",
+            scheme=scheme,
+        )
+    return found.reshape(*found.shape[:2], -1)

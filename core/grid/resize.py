@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images of one size at another: the mean of what a pixel covers, or linear between pixels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_matrix
+
+Pixels = npt.NDArray[np.float32]
+
+
+def resized(pixels: Pixels, size: tuple[int, int]) -> Pixels:
+    """Bring an image to another height and width.
+
+    Parameters
+    ----------
+    pixels : (h, w, c) float32
+        The last of two or four channels is opacity; transparent pixels lend no color.
+    size : (int, int)
+        Height and width.
+    """
+    if pixels.shape[:2] == size:
+        return pixels
+    colors = pixels.shape[2] - (pixels.shape[2] in (2, 4))
+    large = pixels.copy()
+    large[..., :colors] *= pixels[..., colors:] if colors < pixels.shape[2] else 1.0
+    rows, columns = (_weights(new, old) for new, old in zip(size, pixels.shape, strict=False))
+    out = np.stack(
+        [columns.dot(rows.dot(large[..., c]).T).T for c in range(pixels.shape[2])], axis=-1
+    ).astype(np.float32)
+    if colors < pixels.shape[2]:
+        opacity = out[..., colors:]
+        np.divide(out[..., :colors], opacity, out=out[..., :colors], where=opacity > 0)
+    return out
+
+
+def _weights(new: int, old: int) -> csr_matrix:
+    # A tent around each new pixel's place, as wide as the larger of both kinds of pixels.
+    reach = max(old / new, 1.0)
+    places = (np.arange(new) + 0.5) * old / new - 0.5
+    first = np.floor(places - reach).astype(int)
+    found = first[:, None] + np.arange(math.ceil(2.0 * reach) + 2)
+    weights = np.maximum(1.0 - np.abs(found - places[:, None]) / reach, 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(new), found.shape[1])
+    entries = weights.ravel(), (rows, np.clip(found, 0, old - 1).ravel())
+    return csr_matrix(entries, shape=(new, old), dtype=np.float32)
