@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         meshes,
         original,
         painted,
+        replaced,
         shading,
         shape_keys,
         shown,

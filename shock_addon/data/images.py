@@ -137,7 +137,7 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     else:
         image = _new_like(source, _name(source.name, suffix))
         write_parts(image, parts, pack=True)
-    _written[image.session_uid] = _digest(image)
+    _written[image.session_uid] = digest_of(image)
     return image
 
 
@@ -181,8 +181,8 @@ def _is_like(image: bpy.types.Image, other: bpy.types.Image) -> bool:
     return fits and not refusal(image, tiles=True)
 
 
-def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
-    """Write new parts and keep the old ones for `restore`.
+def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> bytes:
+    """Write new parts and keep the old ones for `restore`; return the digest of the new ones.
 
     Raises
     ------
@@ -195,7 +195,8 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
     _overwritten[image.session_uid], _undone = old, False
     bpy.app.handlers.undo_post.append(_note_undo)
     write_parts(image, new, image.packed_file is not None)
-    _written[image.session_uid] = _digest(image)
+    _written[image.session_uid] = digest_of(image)
+    return _written[image.session_uid]
 
 
 def restore(image: bpy.types.Image) -> None:
@@ -211,10 +212,11 @@ def restore(image: bpy.types.Image) -> None:
 
 def _is_as_written(image: bpy.types.Image) -> bool:
     written = _written.get(image.session_uid)
-    return written is not None and written == _digest(image)
+    return written is not None and written == digest_of(image)
 
 
-def _digest(image: bpy.types.Image) -> bytes:
+def digest_of(image: bpy.types.Image) -> bytes:
+    """Return a word that differs when one bit of an image's pixels does."""
     digest = hashlib.blake2b(digest_size=16)
     for number, pixels in read_parts(image).items():
         digest.update(f"{number} {pixels.shape} ".encode())

@@ -54,6 +54,7 @@ class OneImageOperator(FilterOperator):
             source = data.images.find_image(target)
             data.shown.show(context.space_data, source, image, again=bool(self.result))
             self.result = image.name
+            self._hold(target, source, image)
         return written, skipped
 
     def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
@@ -66,9 +67,19 @@ class OneImageOperator(FilterOperator):
             for each in (source, image):
                 data.images.keep(each)
             return image
+        self._digest = b""
         if any(part.changed for part in self._parts.values()):
-            data.images.overwrite(source, target.parts, new)
+            self._digest = data.images.overwrite(source, target.parts, new)
         return source
+
+    def _hold(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
+        if image != source:
+            objects = target.objects if getattr(self, "assign", False) else []
+            data.replaced.hold([data.replaced.ImageSwap(source, image, objects)])
+        elif self._digest:
+            data.replaced.hold([data.replaced.PixelsSwap(image, target.parts, self._digest)])
+        else:
+            data.replaced.forget()
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count pixels, of all parts."""

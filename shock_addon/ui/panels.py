@@ -13,7 +13,7 @@ from ..data.skipped import Skipped
 from ..flow import overlay as flow_overlay
 from ..modes import Mode, below, find
 from ..operators import base as operators
-from ..operators import drawing, jobs, kernels, preparing, statistics
+from ..operators import comparing, drawing, jobs, kernels, preparing, statistics
 from ..operators import poll as obstacles
 from ..operators.wrapping import draw_text, fit
 
@@ -73,6 +73,8 @@ class _MainPanel(_Panel):
         layout.separator(factor=0.01)
         if obstacle:
             draw_text(layout, context, obstacle, icon="INFO")
+        elif before := comparing.note(context):
+            draw_text(layout, context, before, icon="ERROR")
         elif summary := operators.summary_of(context, mode.key):
             draw_text(layout, context, summary)
 
@@ -235,11 +237,12 @@ def _draw_buttons(
     draw_filter(main, context, mode)
     for other in below(mode):
         draw_filter(runs, context, other)
+    if comparing.is_held(context):
+        column.operator("shock_filter.before_after", icon="ARROW_LEFTRIGHT")
     row = column.row(align=True)
-    if context.mode == "OBJECT" or context.space_data.type == "IMAGE_EDITOR":
-        preview = row.row(align=True)
-        preview.enabled = enabled
-        preview.operator("shock_filter.preview")
+    preview = row.row(align=True)
+    preview.enabled = enabled
+    preview.operator("shock_filter.preview")
     shown = flow_overlay.shown_object()
     is_active = context.object is not None and context.object.name == shown
     if mode.flow and not is_active:
