@@ -55,6 +55,10 @@ class ImageStage:
         self.note = words.format(width=width, height=height) if seen[0].framed else ""
         self._overlay.show(seen)
 
+    def show_before(self) -> None:
+        """Draw nothing for a look."""
+        self._overlay.show([])
+
     def lost(self) -> str:
         """Ask for the image, and for an Image Editor that shows it."""
         image = next((i for i in bpy.data.images if i.session_uid == self._uid), None)

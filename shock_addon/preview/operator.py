@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import bpy
 from bpy.app.handlers import persistent
@@ -29,6 +30,7 @@ _REST_TICKS = 4
 """Ticks that must lie in between, too: a busy Blender tells late of moves."""
 _PASSED_ON = {"MIDDLEMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION", "WINDOW_DEACTIVATE"}
 _CANCELS = {"ESC", "RIGHTMOUSE"}
+_COMPARES = "B"
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
 
 _running: list[SHOCK_FILTER_OT_preview] = []
@@ -50,7 +52,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want an active mesh object in Object Mode or an image, and no run."""
+        """Want an active mesh object or an image, and no run."""
         in_images = data.chosen.in_image_editor(context)
         obstacle = obstacles.of_images(context) if in_images else _of_meshes(context)
         if not obstacle and jobs.is_settling():
@@ -98,8 +100,13 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             return {"CANCELLED"}
         if event.type in _APPLIES and event.value == "PRESS":
             return self._apply(context)
+        if event.type == _COMPARES and event.value == "PRESS":
+            return self._follow(context, self._preview.compare)
         if event.type == "TIMER":
-            return self._tick(context)
+            self._ticks += 1
+            rested = time.perf_counter() - self._last_move > _REST
+            self._arrived |= rested and self._ticks >= _REST_TICKS
+            return self._follow(context, self._preview.tick)
         return self._turn(context, event)
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -130,12 +137,10 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         self._show_text(context)
         return {"RUNNING_MODAL"}
 
-    def _tick(self, context: bpy.types.Context) -> set[str]:
-        self._ticks += 1
-        rested = time.perf_counter() - self._last_move > _REST
-        self._arrived |= rested and self._ticks >= _REST_TICKS
+    def _follow(self, context: bpy.types.Context, step: Callable[[], None]) -> set[str]:
+        """Do what shows something, and say how it stands."""
         try:
-            self._preview.tick()
+            step()
         except Skipped as reason:
             return self._ended_by(str(reason))
         except Exception:
@@ -169,7 +174,8 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     def _show_text(self, context: bpy.types.Context) -> None:
         text = self._preview.text()
         keys = iface_("Shift: small steps | Enter or Click: apply | Esc or Right Click: cancel")
-        self._status.show(context, f"{text} | {keys}", context.area)
+        compare = iface_("B: before / after")
+        self._status.show(context, f"{text} | {compare} | {keys}", context.area)
 
 
 def _shown_mode(context: bpy.types.Context) -> Mode:
@@ -182,8 +188,6 @@ def _of_meshes(context: bpy.types.Context) -> str:
     obstacle = obstacles.of_meshes(context)
     if obstacle:
         return obstacle
-    if context.mode != "OBJECT":
-        return "Switch to Object Mode to preview."
     if context.object not in data.chosen.mesh_objects(context):
         return "Make one of the selected mesh objects the active one."
     mode = _shown_mode(context)

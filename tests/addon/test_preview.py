@@ -95,6 +95,31 @@ def test_what_is_shown_is_what_the_operator_makes(rounded_box):
     assert shown.tobytes() != before[0]
 
 
+def test_before_and_after(rounded_box):
+    box = rounded_box()
+    before = stored(box)
+    running = begun("geometry")
+    settle(running)
+    shown = stored(box)
+    running.compare()
+    assert stored(box) == before
+    assert running.text() == "Before"
+    running.drag(50)  # the dials stand still
+    running.roll(2)
+    settle(running)
+    assert stored(box) == before
+    running.compare()
+    assert stored(box) == shown != before
+    running.drag(50)
+    running.compare()
+    settle(running)  # what is computed meanwhile waits
+    assert stored(box) == before
+    running.compare()
+    assert stored(box) not in (before, shown)
+    running.end()
+    assert stored(box) == before
+
+
 def test_the_panel_is_left_alone_meanwhile(rounded_box):
     rounded_box()
     running = begun("geometry")
