@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         shape_keys,
         shown,
         skipped,
+        stand_in,
         textures,
         tiles,
         vertex_groups,

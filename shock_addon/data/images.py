@@ -135,7 +135,7 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     elif source.source == "TILED":
         image = new_tiled_like(source, _name(source.name, suffix), parts)
     else:
-        image = _new_like(source, _name(source.name, suffix))
+        image = new_like(source, _name(source.name, suffix))
         write_parts(image, parts, pack=True)
     _written[image.session_uid] = digest_of(image)
     return image
@@ -160,7 +160,7 @@ def _name(old: str, suffix: str) -> str:
     return f"{stem if ending.lower() in bpy.path.extensions_image else old} {suffix}"
 
 
-def _new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
+def new_like(image: bpy.types.Image, name: str) -> bpy.types.Image:
     """Add an image of the same size and kind."""
     space = image.colorspace_settings
     new = bpy.data.images.new(

@@ -20,7 +20,7 @@ from ..operators import jobs
 from ..operators import poll as obstacles
 from ..operators.base import can_run
 from ..operators.status import StatusText
-from .pointing import editors_of, is_over_view
+from .pointing import editors_of, is_over_view, views_with_textures
 
 _INTERVAL = 0.03
 _FINE = 0.1
@@ -44,9 +44,9 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     bl_description = (
         "Try settings on the active object or on the image, seen at once: move the mouse to the"
         " right for more Width or Time, turn the wheel for the second setting, hold Shift for small"
-        " steps. Click or Enter applies them, to all that is selected, right click or Esc leaves"
-        " everything as it was. Of large meshes and images a patch is computed, around what the"
-        " mouse or the view points at"
+        " steps; B shows what was there before, and the result again. Click or Enter applies them,"
+        " to all that is selected, right click or Esc leaves everything as it was. Of large"
+        " meshes and images a patch is computed, around what the mouse or the view points at"
     )
     bl_options = {"BLOCKING", "GRAB_CURSOR_X"}
 
@@ -178,6 +178,11 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         self._status.show(context, f"{text} | {compare} | {keys}", context.area)
 
 
+def is_running() -> bool:
+    """Whether a preview is under way."""
+    return bool(_running)
+
+
 def _shown_mode(context: bpy.types.Context) -> Mode:
     chosen = context.scene.shock_filter
     in_images = data.chosen.in_image_editor(context)
@@ -198,9 +203,10 @@ def _of_meshes(context: bpy.types.Context) -> str:
         image = data.chosen.chosen_image(context, settings.image)
     except Skipped:
         return "Add an Image Texture node with an image to the material."
-    if any(editors_of(image.session_uid)):
+    on_model = data.stand_in.is_shown(context.object, image) and any(views_with_textures())
+    if on_model or any(editors_of(image.session_uid)):
         return ""
-    return "Open the texture in an Image Editor, which shows the preview."
+    return "Open the texture in an Image Editor, or choose Material Preview: they show the preview."
 
 
 @persistent

@@ -16,6 +16,7 @@ from ..operators import base as operators
 from ..operators import comparing, drawing, jobs, kernels, preparing, statistics
 from ..operators import poll as obstacles
 from ..operators.wrapping import draw_text, fit
+from ..preview import operator as preview_operator
 
 
 class _Panel:
@@ -199,8 +200,8 @@ def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Say which image will be sharpened."""
-    if not data.chosen.mesh_objects(context):
-        return
+    if preview_operator.is_running() or not data.chosen.mesh_objects(context):
+        return  # a preview lets materials show another image
     try:
         name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why

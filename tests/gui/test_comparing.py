@@ -60,3 +60,13 @@ def test_undo_ends_a_preview_in_edit_mode(report):
     seen = report["undone_meanwhile"]
     assert seen["running"] == 0
     assert seen["end"] == seen["start"]
+
+
+def test_a_texture_is_previewed_on_the_model(report):
+    seen = report["on_the_model"]
+    assert not seen["offered_without_textures"]
+    assert seen["shown"] > 2000
+    assert seen["pixels"] == seen["start"]["pixels"]
+    assert seen["before"] == "Coat"
+    assert seen["dropped"] == seen["start"]
+    assert seen["left"] < 500

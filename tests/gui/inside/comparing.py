@@ -16,11 +16,12 @@ from harness import (
     over,
     park,
     picture,
+    pixels,
     press,
     report,
     run,
 )
-from seeing import drag, middle, object_seen, said, state
+from seeing import drag, middle, object_seen, running_preview, said, state
 
 MODES = {"SCULPT": "geometry", "VERTEX_PAINT": "colors", "EDIT": "geometry"}
 """What is previewed in each of Blender's modes of the 3D view."""
@@ -53,6 +54,8 @@ def scenario() -> Steps:
         bpy.ops.object.mode_set(mode="OBJECT")
         bpy.ops.ed.undo_push(message="Object Mode")
     yield from undone_meanwhile()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    yield from on_the_model()
 
 
 def preview(mode: str, seen: dict) -> Steps:
@@ -106,6 +109,43 @@ def undone_meanwhile() -> Steps:
         bpy.ops.ed.undo()
     yield 2 * DRAWN
     seen["end"], seen["running"] = now(), len(addon("preview.operator")._running)
+
+
+def on_the_model() -> Steps:
+    """Preview a texture in the 3D view alone, which shows it."""
+    image = scene.add_texture(bpy.data.objects["Monkey"])
+    view = area("VIEW_3D").spaces.active
+    bpy.context.scene.shock_filter.mode = "TEXTURE"
+    report["on_the_model"] = seen = {}
+    with over():
+        seen["offered_without_textures"] = bpy.ops.shock_filter.preview.poll()
+    view.shading.color_type = "TEXTURE"
+    yield from park()
+    yield 2 * DRAWN
+    seen["start"], looked = texture(image), object_seen()
+    run("preview")
+    yield from drag(*middle())
+    for _ in range(60):  # seconds
+        if running_preview().updates > 1:
+            break
+        yield DRAWN
+    yield DRAWN
+    seen["shown"], seen["pixels"] = different(looked, object_seen()), texture(image)["pixels"]
+    picture("preview-on-the-model", area("VIEW_3D"), width=1400)
+    yield from press("b")
+    seen["before"] = texture(image)["material"]
+    yield from press("b")
+    yield from press("Escape")
+    yield from park()
+    yield DRAWN
+    seen["dropped"], seen["left"] = texture(image), different(looked, object_seen())
+
+
+def texture(image: bpy.types.Image) -> dict:
+    """Return what a preview of a texture must bring back."""
+    node = bpy.data.materials["Coat"].node_tree.nodes.active
+    state_ = {"pixels": pixels(image), "dirty": image.is_dirty, "users": image.users}
+    return {**state_, "material": node.image.name, "images": sorted(bpy.data.images.keys())}
 
 
 def now() -> dict:
