@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import bpy
@@ -47,11 +47,11 @@ class MeshStage:
         if patch.share < 1.0:
             self.note = iface_(words).format(size=patch.surface.size)
         self._target, self._patch = target, patch
-        self._left = ExitStack()
-        obj = bpy.context.object
+        obj, self._left = bpy.context.object, None
         if obj.mode not in _IN_PLACE:
-            self._left.enter_context(data.meshes.object_mode(bpy.context))
-            self._left.enter_context(_active_key_shown(obj))
+            self._pinned = obj.show_only_shape_key
+            self._left = data.meshes.leave_mode(bpy.context)
+            obj.show_only_shape_key = True  # as Edit Mode shows the active key
         self._mode = obj.mode
         self._original = Original(obj.data, color_attribute(target))
         self._outline = Outline(obj, patch.outline)
@@ -82,19 +82,11 @@ class MeshStage:
         self._outline.end()
         with data.meshes.object_mode(bpy.context) if self.lost() else nullcontext():
             self._original.restore()
-        with suppress(ReferenceError, RuntimeError):  # objects or the window may be gone
-            self._left.close()
-
-
-@contextmanager
-def _active_key_shown(obj: bpy.types.Object) -> Iterator[None]:
-    # As Edit Mode shows it.
-    pinned = obj.show_only_shape_key
-    obj.show_only_shape_key = True
-    try:
-        yield
-    finally:
-        obj.show_only_shape_key = pinned
+        obj = bpy.context.object
+        if self._left is None or obj is None or obj.session_uid != self._target.object_uid:
+            return
+        obj.show_only_shape_key = self._pinned
+        self._left.enter_again(bpy.context)
 
 
 def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
