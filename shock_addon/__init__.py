@@ -43,12 +43,12 @@ def _forget_file(*_: object) -> None:
 def _note_undo(*_: object) -> None:
     # What was undone is not there any more.
     operators.summaries.clear()
-    comparing.look_again()
+    comparing.look_again(-1)
 
 
 @persistent
 def _note_redo(*_: object) -> None:
-    comparing.look_again()
+    comparing.look_again(1)
 
 
 def _handlers() -> list[tuple]:

@@ -23,10 +23,6 @@ from .tiles import Tiles
 
 BEFORE, AFTER = "before", "after"
 
-_CHANGED = (
-    "{name} was changed since the last run, so nothing was swapped; undo that change, or run again."
-)
-
 
 class _Attribute(NamedTuple):
     """An attribute of a mesh, to be written as it was."""
@@ -212,8 +208,11 @@ _held: list[Swap] = []
 _state: str | None = None
 """Which of both is there, as far as it is known."""
 
-_was_swapped = False
-"""Whether they were swapped since the run."""
+_last = AFTER
+"""The one of both that was there last."""
+
+_swaps = 0
+"""How often they were swapped since the run, but for what was undone; -1 if the run itself was."""
 
 
 def of_meshes(targets: Sequence[Target]) -> list[MeshSwap]:
@@ -229,9 +228,9 @@ def of_meshes(targets: Sequence[Target]) -> list[MeshSwap]:
 
 def hold(swaps: Sequence[Swap]) -> None:
     """Keep what a run has replaced, instead of what an earlier one has."""
-    global _state, _was_swapped
+    global _state, _last, _swaps
     _held[:] = [swap for swap in swaps if not swap.is_empty]
-    _state, _was_swapped = AFTER, False
+    _state, _last, _swaps = AFTER, AFTER, 0
 
 
 @forgetting.with_file
@@ -240,10 +239,17 @@ def forget() -> None:
     hold([])
 
 
-def look_again(*_: object) -> None:
-    """Have `state` look at the data: something was undone or redone."""
-    global _state
-    _state = None
+def look_again(step: int) -> None:
+    """Look at the data: something was undone, where `step` is -1, or redone, where it is 1."""
+    global _state, _last, _swaps
+    if not _held:
+        return
+    if bpy.context.mode == "EDIT_MESH":  # in which meshes cannot be read
+        _state = None
+        return
+    _state = _look()
+    if _state and _state != _last:
+        _last, _swaps = _state, _swaps + step
 
 
 def is_held(context: bpy.types.Context) -> bool:
@@ -254,13 +260,13 @@ def is_held(context: bpy.types.Context) -> bool:
 
 def is_before() -> bool:
     """Whether a swap, and not undo, shows what was there before the run."""
-    return _was_swapped and state() == BEFORE
+    return _swaps > 0 and state() == BEFORE
 
 
 def state() -> str:
     """Say which of both is there, `BEFORE` or `AFTER`; empty if something else is."""
     global _state
-    if _state is None and bpy.context.mode != "EDIT_MESH":  # in which meshes cannot be read
+    if _state is None and bpy.context.mode != "EDIT_MESH":
         _state = _look()
     return _state or ""
 
@@ -278,17 +284,21 @@ def swap(context: bpy.types.Context) -> str:
     Refused
         If something has changed since; nothing is swapped then.
     """
-    global _state, _was_swapped
+    global _state, _last, _swaps
     with object_mode(context):
         states = [each.state() for each in _held]
         for each, found in zip(_held, states, strict=True):
             if not found:
-                raise Refused(_CHANGED, name=each.name)
+                raise Refused(
+                    "{name} was changed since the last run, so nothing was swapped; undo that"
+                    " change, or run again.",
+                    name=each.name,
+                )
         new = BEFORE if all(found == AFTER for found in states) else AFTER
         for each, found in zip(_held, states, strict=True):
             if found != new:
                 each.write(new)
-    _state, _was_swapped = new, True
+    _state, _last, _swaps = new, new, _swaps + 1
     return new
 
 

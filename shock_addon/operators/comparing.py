@@ -51,10 +51,10 @@ def note(context: bpy.types.Context) -> str:
     return _SAID[data.replaced.BEFORE] if is_before else ""
 
 
-def look_again(*_: object) -> None:
-    """Look at the data again, after undo and redo."""
+def look_again(step: int) -> None:
+    """Look at the data again, after undo (-1) and redo (1)."""
     if _is_loaded():
-        data.replaced.look_again()
+        data.replaced.look_again(step)
 
 
 def _is_loaded() -> bool:

@@ -164,15 +164,16 @@ def test_undo_and_redo_go_through_swaps(rounded_box):
     after = stored(bpy.data.objects[name])
     swap()
     bpy.ops.ed.undo_push(message="Swap")
-    for step, there, state in (
-        ("undo", after, "after"),
-        ("undo", start, "before"),
-        ("redo", after, "after"),
-        ("redo", start, "before"),
+    for step, there, state, is_said in (
+        ("undo", after, "after", False),
+        ("undo", start, "before", False),  # as undo does
+        ("redo", after, "after", False),
+        ("redo", start, "before", True),
     ):
         getattr(bpy.ops.ed, step)()
         assert stored(bpy.data.objects[name]) == there
         assert replaced.state() == state
+        assert bool(comparing.note(bpy.context)) == is_said
     swap()
     assert stored(bpy.data.objects[name]) == after
 
