@@ -36,7 +36,7 @@ SHOWN_ARGUMENTS = {
 }
 """Functions that look words up or hand them on to Blender, and in which arguments these are."""
 
-SENTENCES = {"operator.py", "jobs.py", "poll.py", "base.py"}
+SENTENCES = {"operator.py", "comparing.py", "jobs.py", "poll.py", "base.py"}
 """Files whose sentences are all shown."""
 
 WORDS = {"panels.py", "drawing.py"}
@@ -110,7 +110,7 @@ def shown(call, named):
             yield from strings(text)
     for keyword in call.keywords:
         if keyword.arg in {"text", "heading"} and isinstance(keyword.value, ast.Constant):
-            yield keyword.value.value
+            yield from strings(keyword.value)
 
 
 @functools.cache
