@@ -13,14 +13,14 @@ Values = npt.NDArray[np.float32]
 
 MOST_ARROWS = 20_000
 
-_SIZES = 0.4, 0.95
-"""Length of the arrows of a weak and a strong flow, in parts of their distance."""
+_SIZES = 0.5, 1.0
+"""Length of the arrows of a slow and a fast flow, in parts of their distance."""
 
 _CELL = 0.7
 """Size of the cells with one arrow each, in parts of their distance."""
 
 _WEAK = 0.01
-"""Flow below this part of a strong one has no arrow."""
+"""Flow below this part of a fast one has no arrow."""
 
 _STRONG = 0.98
 """The part of the vertices, or faces, with any flow beyond which all look alike."""
@@ -103,8 +103,8 @@ def arrows(
         Number of arrows.
     """
     speed = np.linalg.norm(flow, axis=1)
-    strong = _strong(speed)
-    chosen = np.flatnonzero(speed > _WEAK * strong)
+    fast = _strong(speed)
+    chosen = np.flatnonzero(speed > _WEAK * fast)
     chosen = chosen[np.argsort(-speed[chosen], kind="stable")]
     while True:
         kept = _thinned(chosen, centers, _CELL * distance)
@@ -113,7 +113,7 @@ def arrows(
         distance *= 1.5
     along = flow[kept] / speed[kept, None]
     across = np.cross(normals[kept], along)
-    share = np.sqrt(np.minimum(speed[kept] / strong, 1.0))
+    share = np.sqrt(np.minimum(speed[kept] / fast, 1.0))
     half = 0.5 * distance * (_SIZES[0] + (_SIZES[1] - _SIZES[0]) * share)[:, None]
     places = centers[kept], half * along, half * across
     return Arrows(_shapes(*places, _RIM), _shapes(*places, 0.0))

@@ -25,8 +25,14 @@ _LIFT = 0.0025
 """How much nearer to the viewer the surface is drawn than it is, in parts of the distance."""
 
 
-_DISTANCE = 24.0
+_DISTANCE = 22.0
 """Pixels between arrows."""
+
+_STEPS = 3
+"""How many distances there are until they double."""
+
+_KEPT = 8
+"""For so many distances arrows are kept."""
 
 _MOST_ACROSS = 100.0
 """Arrows across an object that fills the view, however close it is."""
@@ -148,6 +154,8 @@ def _draw_surface(overlay: _Overlay) -> None:
         overlay.surface = _surface(obj.data, overlay.found)
     distance = _distance(obj, context.region, context.region_data)
     if distance not in overlay.arrows:
+        if len(overlay.arrows) == _KEPT:
+            overlay.arrows.clear()
         overlay.arrows[distance] = _arrows(obj.data, overlay.found, distance)
     smooth = gpu.shader.from_builtin("SMOOTH_COLOR")
     plain = gpu.shader.from_builtin("UNIFORM_COLOR")
@@ -189,7 +197,7 @@ def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Ma
 def _distance(
     obj: bpy.types.Object, region: bpy.types.Region, view: bpy.types.RegionView3D
 ) -> float:
-    """Say how far apart arrows are in the object's own space: a power of 2, so that few differ."""
+    """Say how far apart arrows are in the object's own space: in steps, so that few differ."""
     corners = [Vector(corner) for corner in obj.bound_box]
     size = max((corner - corners[0]).length for corner in corners)
     # Of the object's middle, seen from the eye; 1 without perspective.
@@ -198,7 +206,7 @@ def _distance(
     pixel = 2.0 * depth / (view.window_matrix[0][0] * region.width * scale)
     wanted = _DISTANCE * bpy.context.preferences.system.ui_scale * pixel
     wanted = max(wanted, size / _MOST_ACROSS, 1e-30)
-    return 2.0 ** round(math.log2(wanted))
+    return 2.0 ** (round(_STEPS * math.log2(wanted)) / _STEPS)
 
 
 def _surface(mesh: bpy.types.Mesh, found: data.flow.FlowOfMesh) -> gpu.types.GPUBatch:

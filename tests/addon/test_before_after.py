@@ -268,3 +268,21 @@ def test_a_new_texture_is_swapped_in_the_material(rounded_box):
     node.image = None
     with pytest.raises(RuntimeError, match="was changed since"):
         swap()
+
+
+def test_other_settings_after_a_swap_begin_with_the_old_shape(rounded_box, over_view):
+    box = rounded_box()
+    name = box.name
+    bpy.ops.ed.undo_push(message="Start")
+    bpy.ops.shock_filter.sharpen_geometry("EXEC_DEFAULT", True, time=16.0)
+    swap("EXEC_DEFAULT", True)
+    start = stored(bpy.data.objects[name])
+    run = bpy.context.window_manager.operators[-2]  # Adjust Last Operation leaves swaps out
+    run.properties.time = 64.0
+    over_view(bpy.ops.ed.undo_redo)
+    adjusted = stored(bpy.data.objects[name])
+    assert adjusted != start
+    assert swap() == {"FINISHED"}
+    assert stored(bpy.data.objects[name]) == start
+    bpy.ops.shock_filter.sharpen_geometry(time=64.0)
+    assert stored(bpy.data.objects[name]) == adjusted

@@ -225,8 +225,8 @@ def test_arrows_are_as_dense_on_screen_however_close_the_view_is(rounded_box, wi
         view = SimpleNamespace(perspective_matrix=window, window_matrix=window)
         return flow_overlay._distance(box, region, view)
 
-    assert distance(0.1 * zoom) == finer * distance(0.1)
-    assert distance(0.1 * zoom, 2.0) == 0.5 * distance(0.1 * zoom)
+    assert distance(0.1 * zoom) == pytest.approx(finer * distance(0.1))
+    assert distance(0.1 * zoom, 2.0) == pytest.approx(0.5 * distance(0.1 * zoom))
     assert distance(1e9) >= 0.01  # a close view has not more arrows than can be drawn
 
 

@@ -70,3 +70,9 @@ def test_a_texture_is_previewed_on_the_model(report):
     assert seen["before"] == "Coat"
     assert seen["dropped"] == seen["start"]
     assert seen["left"] < 500
+
+
+def test_new_images_give_way_to_the_old_ones_where_they_are_seen(report):
+    seen = report["new_images"]
+    assert seen["texture"] == ["Coat sharpened", "Coat", "Coat sharpened"]
+    assert seen["image"] == ["Photo sharpened", "Photo", "Photo sharpened"]

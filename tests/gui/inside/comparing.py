@@ -56,6 +56,7 @@ def scenario() -> Steps:
     yield from undone_meanwhile()
     bpy.ops.object.mode_set(mode="OBJECT")
     yield from on_the_model()
+    yield from new_images()
 
 
 def preview(mode: str, seen: dict) -> Steps:
@@ -139,6 +140,34 @@ def on_the_model() -> Steps:
     yield from park()
     yield DRAWN
     seen["dropped"], seen["left"] = texture(image), different(looked, object_seen())
+
+
+def new_images() -> Steps:
+    """Swap a new texture in the material, and a new image in the Image Editor."""
+    seen = report["new_images"] = {}
+    node = bpy.data.materials["Coat"].node_tree.nodes.active
+    run("sharpen_texture")
+    yield from finished()
+    seen["texture"] = [node.image.name]
+    for _ in range(2):
+        run("before_after")
+        seen["texture"].append(node.image.name)
+    area("VIEW_3D").type = "IMAGE_EDITOR"
+    yield DRAWN
+    editor = area("IMAGE_EDITOR").spaces.active
+    editor.image = scene.add_image("Photo")
+    bpy.context.scene.shock_filter.image_mode = "IMAGE"
+    yield from open_tab("IMAGE_EDITOR")
+    run("sharpen_image", "IMAGE_EDITOR")
+    yield from finished()
+    seen["image"] = [editor.image.name]
+    yield from park("IMAGE_EDITOR")
+    places = yield from buttons("IMAGE_EDITOR")
+    for _ in range(2):
+        yield from click(places[BEFORE_AFTER])
+        yield DRAWN
+        seen["image"].append(editor.image.name)
+        picture(f"image-{len(seen['image'])}", area("IMAGE_EDITOR"))
 
 
 def texture(image: bpy.types.Image) -> dict:

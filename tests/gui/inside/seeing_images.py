@@ -285,4 +285,5 @@ def different_words(before: tuple[np.ndarray, np.ndarray]) -> list[int]:
 def state(name: str) -> dict:
     """Return what a preview must not change."""
     image = bpy.data.images[name]
-    return {"pixels": pixels(image), "dirty": image.is_dirty, "images": len(bpy.data.images)}
+    shown = [each.name for each in bpy.data.images if not each.name.startswith(".")]
+    return {"pixels": pixels(image), "dirty": image.is_dirty, "images": len(shown)}
