@@ -79,6 +79,12 @@ class LeftMode:
             obj.select_set(obj.session_uid not in self.edited)
 
 
+def check_leaving(context: bpy.types.Context) -> None:
+    """Raise `Skipped` if leaving Sculpt Mode would turn dynamic topology off."""
+    if context.mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
+        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
+
+
 def leave_mode(context: bpy.types.Context) -> LeftMode:
     """Go to Object Mode."""
     mode = context.object.mode if context.object is not None else "OBJECT"
@@ -143,9 +149,8 @@ def read_each(
     Skipped
         If leaving Sculpt Mode would turn dynamic topology off.
     """
+    check_leaving(context)
     mode = context.mode
-    if mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
-        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
     found, left = [], []
     with object_mode(context):
         for obj in objects:

@@ -16,7 +16,7 @@ from ...core.base.memo import equal
 from ...core.host import forgetting
 from . import arrays, images, shape_keys, shown, textures
 from .chosen import subjects
-from .meshes import Target, find, object_mode
+from .meshes import Target, check_leaving, find, object_mode
 from .original import color_attribute
 from .skipped import Refused, Skipped
 from .tiles import Tiles
@@ -281,10 +281,11 @@ def swap(context: bpy.types.Context) -> str:
 
     Raises
     ------
-    Refused
-        If something has changed since; nothing is swapped then.
+    Skipped
+        If something has changed since, or the object mode cannot be left; nothing is swapped then.
     """
     global _state, _last, _swaps
+    check_leaving(context)
     with object_mode(context):
         states = [each.state() for each in _held]
         for each, found in zip(_held, states, strict=True):

@@ -6,9 +6,10 @@ from __future__ import annotations
 import sys
 
 import bpy
+from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..data.skipped import Refused
+from ..data.skipped import Refused, Skipped
 from .base import can_run
 
 _SAID = {
@@ -35,6 +36,10 @@ class SHOCK_FILTER_OT_before_after(bpy.types.Operator):
             state = data.replaced.swap(context)
         except Refused as reason:
             self.report({"ERROR"}, str(reason))
+            return {"CANCELLED"}
+        except Skipped as reason:
+            text = pgettext_rpt("Nothing was swapped: {reason}.")
+            self.report({"ERROR"}, text.format(reason=reason))
             return {"CANCELLED"}
         self.report({"INFO"}, _SAID[state])
         return {"FINISHED"}

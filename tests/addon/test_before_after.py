@@ -124,6 +124,16 @@ def test_what_has_changed_since_is_left_alone(rounded_box):
     box.data.vertices[0].co.x -= 1.0
 
 
+def test_dynamic_topology_stays_on(rounded_box):
+    rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    bpy.ops.object.mode_set(mode="SCULPT")
+    bpy.ops.sculpt.dynamic_topology_toggle()
+    with pytest.raises(RuntimeError, match="Nothing was swapped: dynamic topology is on; turn"):
+        swap()
+    assert bpy.context.object.use_dynamic_topology_sculpting
+
+
 def test_one_changed_object_leaves_all_alone(rounded_box, select):
     boxes = [rounded_box(), rounded_box(location=(4, 0, 0))]
     select(*boxes)

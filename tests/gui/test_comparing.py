@@ -56,10 +56,9 @@ def test_the_button_swaps_and_each_swap_is_one_step_of_undo(report, mode, change
     assert seen["undone"] == [start, applied, start]
 
 
-def test_undo_ends_a_preview_in_edit_mode(report):
-    seen = report["undone_meanwhile"]
-    assert seen["running"] == 0
-    assert seen["end"] == seen["start"]
+def test_undo_and_saving_end_a_preview_in_edit_mode(report):
+    seen = report["ended_meanwhile"]
+    assert seen["after"] == 2 * [[seen["start"], 0]]
 
 
 def test_a_texture_is_previewed_on_the_model(report):

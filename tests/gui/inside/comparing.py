@@ -5,6 +5,7 @@ import bpy
 import scene
 from harness import (
     DRAWN,
+    PICTURES,
     Steps,
     addon,
     area,
@@ -53,7 +54,7 @@ def scenario() -> Steps:
         yield from swaps(mode, report[mode])
         bpy.ops.object.mode_set(mode="OBJECT")
         bpy.ops.ed.undo_push(message="Object Mode")
-    yield from undone_meanwhile()
+    yield from ended_meanwhile()
     bpy.ops.object.mode_set(mode="OBJECT")
     yield from on_the_model()
     yield from new_images()
@@ -66,7 +67,8 @@ def preview(mode: str, seen: dict) -> Steps:
     yield from drag(*middle())
     yield 2 * DRAWN  # paint modes draw slowly
     seen["dragged"], seen["shown"] = state(), different(looked, object_seen())
-    picture(f"preview-in-{mode.lower()}", area("VIEW_3D"), width=1400)
+    if mode == "SCULPT":
+        picture("preview-in-sculpt-mode", area("VIEW_3D"), width=1400)
     yield from press("b")
     seen["before"], seen["said_before"] = state(), said()
     yield from press("b")
@@ -90,26 +92,33 @@ def swaps(mode: str, seen: dict) -> Steps:
         yield from park()
         yield DRAWN
         seen["clicked"].append([addon("data.replaced").state(), now()])
-        picture(f"{name}-in-{mode.lower()}", area("VIEW_3D"))
+        if (mode, name) == ("SCULPT", "before"):
+            picture("before-after", area("VIEW_3D"))
     seen["undone"] = []
     for _ in range(3):
         yield from press("ctrl+z")
         seen["undone"].append(now())
 
 
-def undone_meanwhile() -> Steps:
-    """Undo from a script while a preview in Edit Mode is under way."""
+def ended_meanwhile() -> Steps:
+    """Undo, and save the file, from a script while a preview in Edit Mode is under way."""
     bpy.context.scene.shock_filter.mode = "GEOMETRY"
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.ed.undo_push(message="One")
     bpy.ops.ed.undo_push(message="Two")
-    report["undone_meanwhile"] = seen = {"start": now()}
-    run("preview")
-    yield from drag(*middle())
-    with over():
-        bpy.ops.ed.undo()
-    yield 2 * DRAWN
-    seen["end"], seen["running"] = now(), len(addon("preview.operator")._running)
+    seen = report["ended_meanwhile"] = {"start": now()}
+    for end in (bpy.ops.ed.undo, save_file):
+        run("preview")
+        yield from drag(*middle())
+        with over():
+            end()
+        yield 2 * DRAWN
+        seen.setdefault("after", []).append([now(), len(addon("preview.operator")._running)])
+
+
+def save_file() -> None:
+    """Save the file."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(PICTURES / "saved.blend"))
 
 
 def on_the_model() -> Steps:
@@ -167,7 +176,6 @@ def new_images() -> Steps:
         yield from click(places[BEFORE_AFTER])
         yield DRAWN
         seen["image"].append(editor.image.name)
-        picture(f"image-{len(seen['image'])}", area("IMAGE_EDITOR"))
 
 
 def texture(image: bpy.types.Image) -> dict:
