@@ -26,7 +26,7 @@ def test_a_preview_is_seen_and_escape_brings_all_back(report, mode, changed):
     assert seen["shown"] > 2000
     assert seen["dropped"] == seen["start"]
     assert seen["start"]["mode"] == mode
-    assert seen["left"] < 200
+    assert seen["left"] < 1000  # the brush, and words
 
 
 @in_each_mode
@@ -59,19 +59,3 @@ def test_the_button_swaps_and_each_swap_is_one_step_of_undo(report, mode, change
 def test_undo_and_saving_end_a_preview_in_edit_mode(report):
     seen = report["ended_meanwhile"]
     assert seen["after"] == 2 * [[seen["start"], 0]]
-
-
-def test_a_texture_is_previewed_on_the_model(report):
-    seen = report["on_the_model"]
-    assert not seen["offered_without_textures"]
-    assert seen["shown"] > 2000
-    assert seen["pixels"] == seen["start"]["pixels"]
-    assert seen["before"] == "Coat"
-    assert seen["dropped"] == seen["start"]
-    assert seen["left"] < 500
-
-
-def test_new_images_give_way_to_the_old_ones_where_they_are_seen(report):
-    seen = report["new_images"]
-    assert seen["texture"] == ["Coat sharpened", "Coat", "Coat sharpened"]
-    assert seen["image"] == ["Photo sharpened", "Photo", "Photo sharpened"]
