@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's own filters beside ours on the same shapes: pictures, and how far normals are off.
 
-``python demo/compare.py`` writes docs/images/compare and the table in docs/comparison.md. Needs what
-demo/run.py needs. Sculpt Mode's filters are not among them: run by a script, they end Blender.
+``python demo/compare.py`` writes docs/images/compare and the table of docs/comparison.md. It needs
+what demo/run.py needs. Sculpt Mode's filters are not among them: run by a script, they end Blender.
 """
 
 from __future__ import annotations

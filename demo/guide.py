@@ -18,7 +18,7 @@ from picture import PAINT, View, render
 from PIL import Image
 from run import FACE, GEAR, copied, run
 from shock_filter import core
-from shock_filter.core.host.strokes import potential_colors
+from shock_filter.core.host.arrows import potential_colors
 from shock_filter.shock_addon.modes import find
 
 OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "guide"
@@ -92,7 +92,7 @@ def show_flow() -> None:
     obj = shapes.suzanne(subdivisions=2)
     shapes.soften(obj, passes=2)
     shown = copied(obj)
-    run("show_flow", {"mode": "geometry"})
+    run("show_flow", {"mode": "geometry", "attributes": True})
     potential = np.empty(len(shown.data.vertices), dtype=np.float32)
     shown.data.attributes[".shock_potential"].data.foreach_get("value", potential)
     paint = shown.data.color_attributes.new(PAINT, "FLOAT_COLOR", "POINT")

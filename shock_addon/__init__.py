@@ -15,13 +15,14 @@ from .data import shown
 from .flow import operator as flow_operator
 from .flow import overlay as flow_overlay
 from .operators import base as operators
-from .operators import filtering, jobs, kernels, preparing, properties, statistics
+from .operators import comparing, filtering, jobs, kernels, preparing, properties, statistics
 from .preview import operator as preview_operator
 from .ui import manual, menus, panels, presets, translations
 
 _CLASSES = (
     *jobs.CLASSES,
     *filtering.classes(),
+    *comparing.CLASSES,
     *flow_operator.CLASSES,
     *preview_operator.CLASSES,
     *presets.CLASSES,
@@ -39,9 +40,15 @@ def _forget_file(*_: object) -> None:
 
 
 @persistent
-def _forget_summaries(*_: object) -> None:
+def _note_undo(*_: object) -> None:
     # What was undone is not there any more.
     operators.summaries.clear()
+    comparing.look_again(-1)
+
+
+@persistent
+def _note_redo(*_: object) -> None:
+    comparing.look_again(1)
 
 
 def _handlers() -> list[tuple]:
@@ -51,7 +58,8 @@ def _handlers() -> list[tuple]:
     return [
         *((each, preview_operator.stop) for each in changes),
         (handlers.load_pre, _forget_file),
-        (handlers.undo_post, _forget_summaries),
+        (handlers.undo_post, _note_undo),
+        (handlers.redo_post, _note_redo),
         (handlers.undo_pre, shown.note),
         (handlers.undo_post, shown.restore),
         (handlers.redo_pre, shown.note),

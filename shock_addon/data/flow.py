@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between a mesh's attributes and the flow: what Show Flow writes and the overlay reads."""
+"""Between a mesh and the flow: on which faces it lies, and the attributes that hold it if asked."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 import numpy as np
@@ -23,8 +23,27 @@ _POTENTIAL = POTENTIAL, "FLOAT", "POINT"
 _FLOW = FLOW, "FLOAT_VECTOR", "FACE"
 
 
-def write_flow(target: Target, result: Flow) -> bpy.types.Object:
-    """Write both attributes, in Object Mode; a face's flow is the mean of its triangles'.
+class FlowOfMesh(NamedTuple):
+    """The flow of a mesh.
+
+    Attributes
+    ----------
+    potential : (n,) float32
+        Of the vertices.
+    flow : (k, 3) float32
+        Of the faces: the mean of their triangles'.
+    """
+
+    potential: npt.NDArray[np.float32]
+    flow: npt.NDArray[np.float32]
+
+    def fits(self, mesh: bpy.types.Mesh) -> bool:
+        """Whether a mesh has as many vertices and faces."""
+        return (len(mesh.vertices), len(mesh.polygons)) == (len(self.potential), len(self.flow))
+
+
+def flow_of(target: Target, result: Flow) -> tuple[bpy.types.Object, FlowOfMesh]:
+    """Find the object, and bring its flow to the faces, in Object Mode.
 
     Raises
     ------
@@ -43,34 +62,17 @@ def write_flow(target: Target, result: Flow) -> bpy.types.Object:
         np.bincount(faces, column, minlength=len(mesh.polygons)) / counts
         for column in result.flow.T
     ]
-    for about, values in ((_POTENTIAL, result.potential), (_FLOW, np.stack(means, axis=1))):
+    return obj, FlowOfMesh(result.potential, np.stack(means, axis=1).astype(np.float32))
+
+
+def write_flow(mesh: bpy.types.Mesh, found: FlowOfMesh) -> None:
+    """Write it into attributes, in Object Mode."""
+    for about, values in ((_POTENTIAL, found.potential), (_FLOW, found.flow)):
         arrays.write_attribute(arrays.find_or_add_attribute(mesh, *about), values)
     mesh.update()
-    return obj
 
 
-def read_flow(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray] | None:
-    """Read the potential (n,) and the flow of the faces (k, 3); None if they are not there."""
-    potential = arrays.find_attribute(mesh, *_POTENTIAL)
-    flow = arrays.find_attribute(mesh, *_FLOW)
-    if potential is None or flow is None:
-        return None
-    return arrays.read_attribute(potential), arrays.read_attribute(flow)
-
-
-def remove_flow(mesh: bpy.types.Mesh) -> None:
-    """Remove both attributes, in any mode."""
-    for name in (POTENTIAL, FLOW):
-        if name in mesh.attributes:
-            mesh.attributes.remove(mesh.attributes[name])
-    mesh.update()
-
-
-def read_faces(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
-    """Read the centers (k, 3), normals (k, 3) and areas (k,) of the faces."""
+def read_faces(mesh: bpy.types.Mesh) -> tuple[npt.NDArray, npt.NDArray]:
+    """Read the centers (k, 3) and normals (k, 3) of the faces."""
     faces = mesh.polygons
-    return (
-        arrays.read(faces, "center", 3),
-        arrays.read(faces, "normal", 3),
-        arrays.read(faces, "area"),
-    )
+    return arrays.read(faces, "center", 3), arrays.read(faces, "normal", 3)

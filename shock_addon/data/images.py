@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -138,9 +139,10 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     elif source.source == "TILED":
         image = new_tiled_like(source, _name(source.name, suffix), parts)
     else:
-        image = _new_like(source, _name(source.name, suffix), parts[UNTILED])
+        height, width = parts[UNTILED].shape[:2]
+        image = new_like(source, _name(source.name, suffix), (width, height))
         write_parts(image, parts, pack=True)
-    _written[image.session_uid] = _digest(image)
+    _written[image.session_uid] = digest_of(image)
     return image
 
 
@@ -163,15 +165,12 @@ def _name(old: str, suffix: str) -> str:
     return f"{stem if ending.lower() in bpy.path.extensions_image else old} {suffix}"
 
 
-def _new_like(
-    image: bpy.types.Image, name: str, pixels: npt.NDArray[np.float32]
-) -> bpy.types.Image:
-    """Add an image of the same kind that can take the pixels."""
+def new_like(image: bpy.types.Image, name: str, size: Sequence[int]) -> bpy.types.Image:
+    """Add an image of the same kind, of a width and height."""
     space = image.colorspace_settings
     new = bpy.data.images.new(
         name,
-        pixels.shape[1],
-        pixels.shape[0],
+        *size,
         alpha=image.depth in {32, 128},
         float_buffer=image.is_float,
         is_data=space.is_data,
@@ -187,8 +186,10 @@ def _is_like(image: bpy.types.Image, other: bpy.types.Image, parts: Tiles) -> bo
     return fits and not refusal(image, tiles=True)
 
 
-def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
-    """Write new parts and keep the old ones for `restore`; see `forget_overwritten`.
+def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> bytes:
+    """Write new parts and keep the old ones for `restore`; return the digest of the new ones.
+
+    See `forget_overwritten`.
 
     Raises
     ------
@@ -201,7 +202,8 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> None:
     if _note_undo not in bpy.app.handlers.undo_post:
         bpy.app.handlers.undo_post.append(_note_undo)
     write_parts(image, new, image.packed_file is not None)
-    _written[image.session_uid] = _digest(image)
+    _written[image.session_uid] = digest_of(image)
+    return _written[image.session_uid]
 
 
 def restore(image: bpy.types.Image) -> None:
@@ -217,10 +219,11 @@ def restore(image: bpy.types.Image) -> None:
 
 def _is_as_written(image: bpy.types.Image) -> bool:
     written = _written.get(image.session_uid)
-    return written is not None and written == _digest(image)
+    return written is not None and written == digest_of(image)
 
 
-def _digest(image: bpy.types.Image) -> bytes:
+def digest_of(image: bpy.types.Image) -> bytes:
+    """Return a word that differs when one bit of an image's pixels does."""
     digest = hashlib.blake2b(digest_size=16)
     for number, pixels in read_parts(image).items():
         digest.update(f"{number} {pixels.shape} ".encode())

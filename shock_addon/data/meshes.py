@@ -44,23 +44,55 @@ class Target:
 @contextmanager
 def object_mode(context: bpy.types.Context) -> Iterator[None]:
     """Leave the current mode, since mesh data is complete in Object Mode only; then re-enter it."""
-    mode = context.object.mode if context.object is not None else "OBJECT"
-    if mode == "OBJECT":
-        yield
-        return
-    objects = context.view_layer.objects
-    edited = {obj for obj in objects if obj.mode == "EDIT"}
-    bpy.ops.object.mode_set(mode="OBJECT")
+    left = leave_mode(context)
     try:
         yield
     finally:
-        selected = {obj for obj in objects if obj.select_get()}
-        others = selected ^ edited if mode == "EDIT" else set()
+        left.enter_again(context)
+
+
+@dataclass(frozen=True)
+class LeftMode:
+    """A mode that was left for Object Mode.
+
+    Attributes
+    ----------
+    mode : str
+        As in ``obj.mode``.
+    edited : set of int
+        Uids of the objects that were in Edit Mode.
+    """
+
+    mode: str
+    edited: set[int]
+
+    def enter_again(self, context: bpy.types.Context) -> None:
+        """Go back to it."""
+        if self.mode == "OBJECT":
+            return
+        objects = context.view_layer.objects if self.mode == "EDIT" else []
+        others = [obj for obj in objects if obj.select_get() != (obj.session_uid in self.edited)]
         for obj in others:  # Blender edits what is selected
-            obj.select_set(obj in edited)
-        bpy.ops.object.mode_set(mode=mode)
+            obj.select_set(obj.session_uid in self.edited)
+        bpy.ops.object.mode_set(mode=self.mode)
         for obj in others:
-            obj.select_set(obj in selected)
+            obj.select_set(obj.session_uid not in self.edited)
+
+
+def check_leaving(context: bpy.types.Context) -> None:
+    """Raise `Skipped` if leaving Sculpt Mode would turn dynamic topology off."""
+    if context.mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
+        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
+
+
+def leave_mode(context: bpy.types.Context) -> LeftMode:
+    """Go to Object Mode."""
+    mode = context.object.mode if context.object is not None else "OBJECT"
+    if mode == "OBJECT":
+        return LeftMode(mode, set())
+    edited = {obj.session_uid for obj in context.view_layer.objects if obj.mode == "EDIT"}
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return LeftMode(mode, edited)
 
 
 def read_targets(
@@ -141,9 +173,8 @@ def read_each(
     Skipped
         If leaving Sculpt Mode would turn dynamic topology off.
     """
+    check_leaving(context)
     mode = context.mode
-    if mode == "SCULPT" and context.object.use_dynamic_topology_sculpting:
-        raise Skipped("dynamic topology is on; turn Dyntopo off in the header first")
     found, left = [], []
     with object_mode(context):
         for obj in objects:

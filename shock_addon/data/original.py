@@ -33,7 +33,7 @@ class Original:
     Parameters
     ----------
     mesh : bpy.types.Mesh
-        In an object that is in Object Mode.
+        In an object that is not in Edit Mode.
     attribute : str or None
         Name of the color attribute that will change.
 

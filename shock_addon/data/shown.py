@@ -53,6 +53,24 @@ def show(
     _robbed.clear()
 
 
+def images() -> list[bpy.types.Image]:
+    """List the images that Image Editors show."""
+    return [editor.image for editor in _editors() if editor.image is not None]
+
+
+def replace(old: bpy.types.Image, new: bpy.types.Image, only: set[int] | None) -> set[int]:
+    """Show another image in the Image Editors that show `old`; return which these are.
+
+    If `only` is given, others are left alone.
+    """
+    found = set()
+    for editor in _editors():
+        if editor.image == old and (only is None or editor.as_pointer() in only):
+            editor.image = new
+            found.add(editor.as_pointer())
+    return found
+
+
 @persistent
 def note(*_: object) -> None:
     """Note what is shown, before anything is undone or redone."""

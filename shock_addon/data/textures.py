@@ -130,8 +130,8 @@ def read_faces(
     return _joined(faces), list(names), skipped
 
 
-def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) -> list[str]:
-    """Show another image in the materials of the objects that were read, and paint on it.
+def assign(names: list[str], old: bpy.types.Image, new: bpy.types.Image) -> list[str]:
+    """Show another image in the materials of the objects of these names, and paint on it.
 
     Returns
     -------
@@ -139,9 +139,7 @@ def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) ->
         A sentence for each material that could not be changed.
     """
     notes = []
-    objects = [obj for obj in bpy.data.objects if obj.name in target.objects]
-    slots = [slot.material for obj in objects for slot in obj.material_slots]
-    for material in filter(None, dict.fromkeys(slots)):
+    for material in _materials(names):
         nodes = [node for node in image_nodes(material) if node.image == old]
         for node in nodes:
             if node.id_data.library is None and material.library is None:
@@ -157,11 +155,23 @@ def assign(target: TextureTarget, old: bpy.types.Image, new: bpy.types.Image) ->
     return notes
 
 
+def shown_by(names: list[str]) -> list[bpy.types.Image]:
+    """List the images in the materials of the objects of these names."""
+    nodes = [node for material in _materials(names) for node in image_nodes(material)]
+    return [node.image for node in nodes if node.image is not None]
+
+
 def _whole(parts: Tiles, mosaic: Mosaic | None) -> npt.NDArray[np.float32]:
     return parts[image_data.UNTILED] if mosaic is None else mosaic.compose(parts)
 
 
 # ---------------------------------------------------------------------------------------- materials
+
+
+def _materials(names: list[str]) -> list[bpy.types.Material]:
+    objects = [obj for obj in bpy.data.objects if obj.name in names]
+    slots = [slot.material for obj in objects for slot in obj.material_slots]
+    return list(filter(None, dict.fromkeys(slots)))
 
 
 def _shows(material: bpy.types.Material | None, image: bpy.types.Image) -> bool:

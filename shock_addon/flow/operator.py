@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -12,7 +11,7 @@ from bpy.app.translations import pgettext_rpt
 from .. import data
 from ..modes import Mode, choices, find, load
 from ..operators import poll as obstacles
-from ..operators.base import Done, Filter, Written
+from ..operators.base import Done, Filter, Written, write_results
 from ..operators.meshes import MeshOperator
 from ..operators.properties import settings_of
 from . import overlay as flow_overlay
@@ -25,15 +24,18 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
     bl_label = "Show Flow"
     bl_description = (
         "Show where the filter will pull, with the panel's settings: the potential in colors over"
-        " the active object, and strokes that point where values go. Both are kept in the mesh's"
-        " hidden attributes .shock_potential and .shock_flow, until Hide Flow removes them"
+        " the active object, and arrows that point where values go. The mesh stays as it is"
     )
-    bl_options = {"UNDO"}
 
     mode: bpy.props.EnumProperty(
         name="Mode",
         description="Whose flow to show",
         items=[(mode.key, mode.label, mode.flow) for mode in choices() if mode.flow],
+    )
+    attributes: bpy.props.BoolProperty(
+        name="Attributes",
+        description="Write both into the mesh, too, for Geometry Nodes and scripts: into the hidden"
+        " attributes .shock_potential and .shock_flow, which stay there",
     )
 
     @staticmethod
@@ -49,10 +51,6 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         """The mode whose flow it is."""
         return find(self.mode)
 
-    def writer(self) -> Callable:
-        """Write the mesh's attributes."""
-        return data.flow.write_flow
-
     def read_settings(self) -> Any:
         """Read those of the panel."""
         return settings_of(self.row, self._parameters())
@@ -67,17 +65,26 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
         return lambda surface, progress: load(flow)(surface, settings, weld, progress)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Write the attributes, and draw them from now on."""
-        written, skipped = super().write(context, results)
-        for _, obj, _ in written:
-            _end_showing(but=obj)
-            flow_overlay.show(obj)
-        return written, skipped
+        """Draw the flow from now on, and write it if asked to."""
+        with data.meshes.object_mode(context):
+            return write_results(self.targets, results, self._show)
+
+    def _show(self, target: Any, result: Any) -> bpy.types.Object:
+        obj, found = data.flow.flow_of(target, result)
+        if self.attributes:
+            data.flow.write_flow(obj.data, found)
+        flow_overlay.show(obj, found)
+        return obj
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Name the attributes."""
+        """Name the object, and the attributes if they were written."""
         (_, obj, _), *_ = written
-        return pgettext_rpt("Wrote {potential} and {flow} to {name}, {seconds:.1f} s.").format(
+        text = pgettext_rpt(
+            "Wrote {potential} and {flow} to {name}, {seconds:.1f} s."
+            if self.attributes
+            else "Computed the flow of {name}, {seconds:.1f} s."
+        )
+        return text.format(
             potential=data.flow.POTENTIAL, flow=data.flow.FLOW, name=obj.name, seconds=seconds
         )
 
@@ -90,11 +97,10 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
 
 class SHOCK_FILTER_OT_hide_flow(bpy.types.Operator):
-    """Hide the flow, and remove the attributes that hold it"""
+    """Draw the flow no more"""
 
     bl_idname = "shock_filter.hide_flow"
     bl_label = "Hide Flow"
-    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -103,16 +109,8 @@ class SHOCK_FILTER_OT_hide_flow(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Draw it no more."""
-        _end_showing()
+        flow_overlay.hide()
         return {"FINISHED"}
-
-
-def _end_showing(but: bpy.types.Object | None = None) -> None:
-    """Hide what is shown, and remove it from its mesh, unless it is that of the given object."""
-    shown = bpy.data.objects.get(flow_overlay.shown_object() or "")
-    flow_overlay.hide()
-    if shown is not None and shown.type == "MESH" and (but is None or shown.data != but.data):
-        data.flow.remove_flow(shown.data)
 
 
 CLASSES = (SHOCK_FILTER_OT_show_flow, SHOCK_FILTER_OT_hide_flow)

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw an object's potential and flow over it in the 3D views.
 
-Drawn is what the mesh's attributes hold, so that undo and edits show at once. While nothing is
-shown, nothing is registered.
+Drawn is what was computed once, on the mesh as it is now, until that has more or fewer vertices or
+faces. While nothing is shown, nothing is registered.
 """
 
 from __future__ import annotations
+
+import math
 
 import blf
 import bpy
 import gpu
 from bpy.app.translations import pgettext_iface as iface_
 from gpu_extras.batch import batch_for_shader
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from .. import data
 
@@ -23,13 +25,31 @@ _LIFT = 0.0025
 """How much nearer to the viewer the surface is drawn than it is, in parts of the distance."""
 
 
-class _Overlay:
-    """What is shown; `batches` are None until they are drawn, or when the mesh has changed."""
+_DISTANCE = 22.0
+"""Pixels between arrows."""
 
-    def __init__(self, obj: bpy.types.Object) -> None:
+_STEPS = 3
+"""How many distances there are until they double."""
+
+_KEPT = 8
+"""For so many distances arrows are kept."""
+
+_MOST_ACROSS = 100.0
+"""Arrows across an object that fills the view, however close it is."""
+
+
+class _Overlay:
+    """What is shown; batches are made when they are drawn, anew when the mesh has changed.
+
+    Those of arrows are kept by their distance, since each view may be zoomed in its own way.
+    """
+
+    def __init__(self, obj: bpy.types.Object, found: data.flow.FlowOfMesh) -> None:
         self.name = obj.name
         self.uid = obj.session_uid
-        self.batches: list | None = None
+        self.found = found
+        self.surface: gpu.types.GPUBatch | None = None
+        self.arrows: dict[float, list[tuple]] = {}
         add = bpy.types.SpaceView3D.draw_handler_add
         self.drawing = [
             add(_draw_surface, (self,), "WINDOW", "POST_VIEW"),
@@ -45,6 +65,11 @@ class _Overlay:
             self.name = obj.name
         return obj
 
+    def forget_batches(self) -> None:
+        """Have them made anew."""
+        self.surface = None
+        self.arrows.clear()
+
 
 _shown: _Overlay | None = None
 
@@ -54,13 +79,13 @@ def shown_object() -> str | None:
     return None if _shown is None else _shown.name
 
 
-def show(obj: bpy.types.Object) -> None:
+def show(obj: bpy.types.Object, found: data.flow.FlowOfMesh) -> None:
     """Draw the object's flow from now on, instead of another's; without a window do nothing."""
     global _shown
     hide()
     if bpy.app.background:
         return
-    _shown = _Overlay(obj)
+    _shown = _Overlay(obj, found)
     for handlers, function in _handlers():
         handlers.append(function)
     _redraw()
@@ -104,8 +129,8 @@ def _refresh(*_: object) -> None:
     if obj is None or obj.type != "MESH":
         hide()
     elif _is_readable(obj):
-        _shown.batches = None
-        if data.flow.read_flow(obj.data) is None:
+        _shown.forget_batches()
+        if not _shown.found.fits(obj.data):
             hide()
 
 
@@ -125,18 +150,27 @@ def _draw_surface(overlay: _Overlay) -> None:
     context, obj = bpy.context, overlay.object()
     if not _is_seen(obj, context.space_data):
         return
-    if overlay.batches is None:
-        overlay.batches = _batches(obj.data)
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    if overlay.surface is None:
+        overlay.surface = _surface(obj.data, overlay.found)
+    distance = _distance(obj, context.region, context.region_data)
+    if distance not in overlay.arrows:
+        if len(overlay.arrows) == _KEPT:
+            overlay.arrows.clear()
+        overlay.arrows[distance] = _arrows(obj.data, overlay.found, distance)
+    smooth = gpu.shader.from_builtin("SMOOTH_COLOR")
+    plain = gpu.shader.from_builtin("UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.multiply_matrix(obj.matrix_world)
         projection = gpu.matrix.get_projection_matrix()
-        for number, batch in enumerate(overlay.batches):
-            lift = _LIFT * (1 + number)
+        gpu.matrix.load_projection_matrix(_lifted(projection, context.region_data, _LIFT))
+        overlay.surface.draw(smooth)
+        for number, (batch, color) in enumerate(overlay.arrows[distance]):
+            lift = _LIFT * (2 + number)
             gpu.matrix.load_projection_matrix(_lifted(projection, context.region_data, lift))
-            batch.draw(shader)
+            plain.uniform_float("color", color)
+            batch.draw(plain)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 
@@ -160,37 +194,55 @@ def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Ma
     return lifted
 
 
-def _batches(mesh: bpy.types.Mesh) -> list:
-    from ...core.host.strokes import potential_colors, strokes
+def _distance(
+    obj: bpy.types.Object, region: bpy.types.Region, view: bpy.types.RegionView3D
+) -> float:
+    """Say how far apart arrows are in the object's own space: in steps, so that few differ."""
+    corners = [Vector(corner) for corner in obj.bound_box]
+    size = max((corner - corners[0]).length for corner in corners)
+    # Of the object's middle, seen from the eye; 1 without perspective.
+    depth = (view.perspective_matrix @ obj.matrix_world @ (sum(corners, Vector()) / 8).to_4d()).w
+    scale = max(abs(obj.matrix_world.determinant()), 1e-30) ** (1 / 3)
+    pixel = 2.0 * depth / (view.window_matrix[0][0] * region.width * scale)
+    wanted = _DISTANCE * bpy.context.preferences.system.ui_scale * pixel
+    wanted = max(wanted, size / _MOST_ACROSS, 1e-30)
+    return 2.0 ** (round(_STEPS * math.log2(wanted)) / _STEPS)
 
-    found = data.flow.read_flow(mesh)
-    if found is None:
-        return []
-    potential, flow = found
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    triangles = data.meshes.read_triangles(mesh)
+
+def _surface(mesh: bpy.types.Mesh, found: data.flow.FlowOfMesh) -> gpu.types.GPUBatch:
+    from ...core.host.arrows import potential_colors
+
     colored = {
         "pos": data.meshes.read_positions(mesh),
-        "color": potential_colors(potential),
+        "color": potential_colors(found.potential),
     }
-    corners, colors = strokes(*data.flow.read_faces(mesh), flow)
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    return batch_for_shader(shader, "TRIS", colored, indices=data.meshes.read_triangles(mesh))
+
+
+def _arrows(mesh: bpy.types.Mesh, found: data.flow.FlowOfMesh, distance: float) -> list[tuple]:
+    """Make the batches of arrows, their rims first, with their colors."""
+    from ...core.host.arrows import DARK, LIGHT, arrows
+
+    rims, shapes = arrows(*data.flow.read_faces(mesh), found.flow, distance)
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     return [
-        batch_for_shader(shader, "TRIS", colored, indices=triangles),
-        batch_for_shader(shader, "TRIS", {"pos": corners, "color": colors}),
+        (batch_for_shader(shader, "TRIS", {"pos": corners}), color)
+        for corners, color in ((rims, DARK), (shapes, LIGHT))
     ]
 
 
 def _draw_legend(overlay: _Overlay) -> None:
-    from ...core.host.strokes import bar
+    from ...core.host.arrows import bar
 
     context = bpy.context
     if not _is_seen(overlay.object(), context.space_data):
         return
     weak = iface_("{name}: potential weak").format(name=overlay.name)
-    strong = iface_("strong; strokes point where values are pulled")
+    strong = iface_("strong; arrows point where values are pulled")
     scale, font = context.preferences.system.ui_scale, 0
     blf.size(font, 12 * scale)
-    blf.color(font, 1.0, 1.0, 1.0, 1.0)
+    blf.color(font, *context.preferences.themes[0].view_3d.space.text_hi, 1.0)
     words = [blf.dimensions(font, text)[0] for text in (weak, strong)]
     # At the right, since Adjust Last Operation stands at the left.
     x = context.region.width - _covered(context.area, "UI") - 136 * scale - sum(words)

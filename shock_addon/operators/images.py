@@ -64,6 +64,8 @@ class OneImageOperator(FilterOperator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the image, and those that follow it; show it in the Image Editor."""
         self._parts: list[dict[int, Any]] = []
+        self._digests: dict[int, bytes] = {}
+        swaps: list[data.replaced.Swap] = []
         used = dict(zip([t.image_uid for t in self.targets], self.result.split("\n"), strict=False))
         if self.output == "REPLACE":
             data.images.forget_overwritten()
@@ -77,7 +79,9 @@ class OneImageOperator(FilterOperator):
             space = context.space_data if target is self.targets[0] else None
             data.shown.show(space, source, image, again=bool(self.result))
             used[target.image_uid] = image.name
+            swaps += self._swaps(target, source, image)
         self.result = "\n".join(used.get(target.image_uid, "") for target in self.targets)
+        data.replaced.hold(swaps)
         return written, skipped
 
     def _write_one(self, target: Any, result: Any, used: str) -> bpy.types.Image:
@@ -92,8 +96,19 @@ class OneImageOperator(FilterOperator):
                 data.images.keep(each)
             return image
         if any(part.changed for part in parts.values()):
-            data.images.overwrite(source, target.parts, new)
+            digest = data.images.overwrite(source, target.parts, new)
+            self._digests[target.image_uid] = digest
         return source
+
+    def _swaps(
+        self, target: Any, source: bpy.types.Image, image: bpy.types.Image
+    ) -> list[data.replaced.Swap]:
+        if image != source:
+            objects = target.objects if getattr(self, "assign", False) else []
+            return [data.replaced.ImageSwap(source, image, objects)]
+        if digest := self._digests.get(target.image_uid):
+            return [data.replaced.PixelsSwap(image, target.parts, digest)]
+        return []
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count pixels, of all parts."""

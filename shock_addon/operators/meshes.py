@@ -49,7 +49,12 @@ class MeshOperator(FilterOperator):
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write them, and return to the current object mode."""
         with data.meshes.object_mode(context):
-            return write_results(self.targets, results, self.writer())
+            swaps = data.replaced.of_meshes(self.targets)
+            done = write_results(self.targets, results, self.writer())
+            for swap in swaps:
+                swap.note_after()
+            data.replaced.hold(swaps)
+            return done
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count vertices, where positions differ at all, and colors."""

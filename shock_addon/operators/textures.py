@@ -72,7 +72,7 @@ class TextureOperator(OneImageOperator):
         if self.assign:
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.meshes.object_mode(bpy.context):
-                self._notes += data.textures.assign(target, source, image)
+                self._notes += data.textures.assign(target.objects, source, image)
 
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count objects and pixels."""

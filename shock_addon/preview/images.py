@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Previews on images and textures, drawn over the image in the Image Editor."""
+"""Previews on images, drawn over them in Image Editors, and on textures, on the model, too."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
+import numpy as np
+import numpy.typing as npt
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.host.crop import Crop, crop_around, filtered_at_once
@@ -28,6 +30,13 @@ _FIRST_TILE = 1001
 """The number of the first UDIM tile; an image without tiles lies in its place."""
 
 
+class Seen(NamedTuple):
+    """What is shown: over the image, and by materials instead of it, if these are the pixels."""
+
+    pieces: list[Piece]
+    pixels: npt.NDArray[np.float32] | None = None
+
+
 class ImageStage:
     """An image over which the result is drawn; a stage of a `Preview`.
 
@@ -35,38 +44,53 @@ class ImageStage:
     ----------
     image : bpy.types.Image
     part : callable
-        As in `Preview`; what is shown are pieces.
+        As in `Preview`; what is shown is `Seen`.
+    on_model : bool
+        Whether materials that show the image show the result.
     """
 
-    def __init__(self, image: bpy.types.Image, part: Callable[[Any], tuple]) -> None:
+    def __init__(
+        self, image: bpy.types.Image, part: Callable[[Any], tuple], on_model: bool = False
+    ) -> None:
         self.part, self.note = part, ""
         self.chosen = {"image": image.name}
         self._uid, self._size = image.session_uid, tuple(image.size)
         self._overlay = Overlay(image)
+        self._on_model = data.stand_in.StandIn(image) if on_model else None
 
     def settings(self, settings: Any) -> Any:
         """Leave them: pixels are as large in a patch."""
         return settings
 
-    def show(self, seen: list[Piece]) -> None:
+    def show(self, seen: Seen) -> None:
         """Draw it."""
-        height, width = seen[0].colors.shape[:2]
+        height, width = seen.pieces[0].colors.shape[:2]
         words = iface_("patch of {width:,} x {height:,} pixels")
-        self.note = words.format(width=width, height=height) if seen[0].framed else ""
-        self._overlay.show(seen)
+        self.note = words.format(width=width, height=height) if seen.pieces[0].framed else ""
+        self._overlay.show(seen.pieces)
+        if self._on_model is not None:
+            self._on_model.show(seen.pixels)
+
+    def show_before(self) -> None:
+        """Draw nothing for a look."""
+        self._overlay.show([])
+        if self._on_model is not None:
+            self._on_model.show_before()
 
     def lost(self) -> str:
         """Ask for the image, and for an Image Editor that shows it."""
         image = next((i for i in bpy.data.images if i.session_uid == self._uid), None)
         if image is None or tuple(image.size) != self._size:
             return "the image was removed or changed"
-        if not any(editors_of(self._uid)):
+        if self._on_model is None and not any(editors_of(self._uid)):
             return "the image is not shown any more"
         return ""
 
     def end(self) -> None:
         """Draw nothing any more; the image was never touched."""
         self._overlay.end()
+        if self._on_model is not None:
+            self._on_model.end()
 
 
 def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
@@ -95,11 +119,11 @@ def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -
     crop = crop_around(whole, place, size)
     colors = _colors_of(image)
 
-    def part(settings: Any) -> tuple[HostImage, Callable[[Any], list[Piece]]]:
+    def part(settings: Any) -> tuple[HostImage, Callable[[Any], Seen]]:
         smaller = crop.shrunk(place, filtered_at_once(settings))
         from ...core.host.images import with_measures
 
-        return with_measures(smaller.image, whole, settings), partial(_pieces, smaller, colors)
+        return with_measures(smaller.image, whole, settings), partial(_seen, smaller, colors)
 
     return ImageStage(image, part)
 
@@ -109,16 +133,19 @@ def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
     target, _ = data.textures.read_texture(context, image, parameters)
     colors = _colors_of(image)
 
-    def pieces(result: Any) -> list[Piece]:
+    def seen(result: Any) -> Seen:
         whole = result.recolored.colors
         tiles = {_FIRST_TILE: whole} if target.mosaic is None else target.mosaic.cut(whole)
         pictures = {n: replace(target.surface.picture, pixels=tiles[n]) for n in tiles}
-        return [
+        pieces = [
             Piece(_tile_box(number), colors(picture), False, is_transparent(picture))
             for number, picture in pictures.items()
         ]
+        return Seen(pieces, whole)
 
-    return ImageStage(image, lambda settings: (target.surface, pieces))
+    obj = context.object
+    on_model = obj is not None and data.stand_in.is_shown(obj, image)
+    return ImageStage(image, lambda settings: (target.surface, seen), on_model)
 
 
 def _tile_box(number: int) -> tuple[float, float, float, float]:
@@ -131,9 +158,9 @@ def _place(context: bpy.types.Context, event: bpy.types.Event) -> tuple[float, f
     return view.view2d.region_to_view(*mouse)
 
 
-def _pieces(crop: Crop, colors: Callable[[HostImage], Any], result: Any) -> list[Piece]:
+def _seen(crop: Crop, colors: Callable[[HostImage], Any], result: Any) -> Seen:
     part = replace(crop.image, pixels=crop.shown(result.colors))
-    return [Piece(crop.box, colors(part), not crop.is_all, is_transparent(part))]
+    return Seen([Piece(crop.box, colors(part), not crop.is_all, is_transparent(part))])
 
 
 def _colors_of(image: bpy.types.Image) -> Callable[[HostImage], Any]:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Previews on the active mesh object, in Object Mode."""
+"""Previews on the active mesh object."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import bpy
@@ -19,6 +20,9 @@ from ..modes import Mode, load
 from .outline import Outline
 from .pointing import is_over_view, pointed_at
 from .previewing import Preview, parameters_of
+
+_IN_PLACE = {"OBJECT", "SCULPT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
+"""Modes in which the mesh is what is seen; from others a preview goes to Object Mode."""
 
 _QUICK, _SLOW = 50_000, 8_000
 """Vertices that are sharpened, or denoised, in about a quarter of a second."""
@@ -43,7 +47,12 @@ class MeshStage:
         if patch.share < 1.0:
             self.note = iface_(words).format(size=patch.surface.size)
         self._target, self._patch = target, patch
-        obj = data.meshes.find(target)
+        obj, self._left = bpy.context.object, None
+        if obj.mode not in _IN_PLACE:
+            self._pinned = obj.show_only_shape_key
+            self._left = data.meshes.leave_mode(bpy.context)
+            obj.show_only_shape_key = True  # as Edit Mode shows the active key
+        self._mode = obj.mode
         self._original = Original(obj.data, color_attribute(target))
         self._outline = Outline(obj, patch.outline)
 
@@ -55,19 +64,29 @@ class MeshStage:
         """Write it into the mesh."""
         show(self._target, self._original, seen)
 
+    def show_before(self) -> None:
+        """Bring the mesh back for a look."""
+        self._original.check_shown()
+        self._original.restore()
+
     def lost(self) -> str:
-        """Ask for the object, in Object Mode."""
+        """Ask for the object, in the same mode."""
         try:
-            in_object_mode = data.meshes.find(self._target).mode == "OBJECT"
+            is_same = data.meshes.find(self._target).mode == self._mode
         except Skipped:
-            in_object_mode = False
-        return "" if in_object_mode else "the object was removed or left Object Mode"
+            is_same = False
+        return "" if is_same else "the object was removed, or its mode was changed"
 
     def end(self) -> None:
-        """Bring the mesh back, and draw no outline any more."""
+        """Bring the mesh and the mode back, and draw no outline any more."""
         self._outline.end()
-        with data.meshes.object_mode(bpy.context):
+        with data.meshes.object_mode(bpy.context) if self.lost() else nullcontext():
             self._original.restore()
+        obj = bpy.context.object
+        if self._left is None or obj is None or obj.session_uid != self._target.object_uid:
+            return
+        obj.show_only_shape_key = self._pinned
+        self._left.enter_again(bpy.context)
 
 
 def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import bpy
 from bpy.app.handlers import persistent
@@ -19,7 +20,7 @@ from ..operators import jobs
 from ..operators import poll as obstacles
 from ..operators.base import can_run
 from ..operators.status import StatusText
-from .pointing import editors_of, is_over_view
+from .pointing import editors_of, is_over_view, views_with_textures
 
 _INTERVAL = 0.03
 _FINE = 0.1
@@ -29,6 +30,7 @@ _REST_TICKS = 4
 """Ticks that must lie in between, too: a busy Blender tells late of moves."""
 _PASSED_ON = {"MIDDLEMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION", "WINDOW_DEACTIVATE"}
 _CANCELS = {"ESC", "RIGHTMOUSE"}
+_COMPARES = "B"
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
 
 _running: list[SHOCK_FILTER_OT_preview] = []
@@ -42,15 +44,15 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     bl_description = (
         "Try settings on the active object or on the image, seen at once: move the mouse to the"
         " right for more Width or Time, turn the wheel for the second setting, hold Shift for small"
-        " steps. Click or Enter applies them, to all that is selected, right click or Esc leaves"
-        " everything as it was. Of large meshes and images a patch is computed, around what the"
-        " mouse or the view points at"
+        " steps; B shows what was there before, and the result again. Click or Enter applies them,"
+        " to all that is selected, right click or Esc leaves everything as it was. Of large"
+        " meshes and images a patch is computed, around what the mouse or the view points at"
     )
     bl_options = {"BLOCKING", "GRAB_CURSOR_X"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want an active mesh object in Object Mode or an image, and no run."""
+        """Want an active mesh object or an image, and no run."""
         in_images = data.chosen.in_image_editor(context)
         obstacle = obstacles.of_images(context) if in_images else _of_meshes(context)
         if not obstacle and jobs.is_settling():
@@ -98,8 +100,13 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             return {"CANCELLED"}
         if event.type in _APPLIES and event.value == "PRESS":
             return self._apply(context)
+        if event.type == _COMPARES and event.value == "PRESS":
+            return self._follow(context, self._preview.compare)
         if event.type == "TIMER":
-            return self._tick(context)
+            self._ticks += 1
+            rested = time.perf_counter() - self._last_move > _REST
+            self._arrived |= rested and self._ticks >= _REST_TICKS
+            return self._follow(context, self._preview.tick)
         return self._turn(context, event)
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -130,12 +137,10 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         self._show_text(context)
         return {"RUNNING_MODAL"}
 
-    def _tick(self, context: bpy.types.Context) -> set[str]:
-        self._ticks += 1
-        rested = time.perf_counter() - self._last_move > _REST
-        self._arrived |= rested and self._ticks >= _REST_TICKS
+    def _follow(self, context: bpy.types.Context, step: Callable[[], None]) -> set[str]:
+        """Do what shows something, and say how it stands."""
         try:
-            self._preview.tick()
+            step()
         except Skipped as reason:
             return self._ended_by(str(reason))
         except Exception:
@@ -169,7 +174,13 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
     def _show_text(self, context: bpy.types.Context) -> None:
         text = self._preview.text()
         keys = iface_("Shift: small steps | Enter or Click: apply | Esc or Right Click: cancel")
-        self._status.show(context, f"{text} | {keys}", context.area)
+        compare = iface_("B: before / after")
+        self._status.show(context, f"{text} | {compare} | {keys}", context.area)
+
+
+def is_running() -> bool:
+    """Whether a preview is under way."""
+    return bool(_running)
 
 
 def _shown_mode(context: bpy.types.Context) -> Mode:
@@ -182,8 +193,6 @@ def _of_meshes(context: bpy.types.Context) -> str:
     obstacle = obstacles.of_meshes(context)
     if obstacle:
         return obstacle
-    if context.mode != "OBJECT":
-        return "Switch to Object Mode to preview."
     if context.object not in data.chosen.mesh_objects(context):
         return "Make one of the selected mesh objects the active one."
     mode = _shown_mode(context)
@@ -194,9 +203,10 @@ def _of_meshes(context: bpy.types.Context) -> str:
         image = data.chosen.chosen_image(context, settings.image)
     except Skipped:
         return "Add an Image Texture node with an image to the material."
-    if any(editors_of(image.session_uid)):
+    on_model = data.stand_in.is_shown(context.object, image) and any(views_with_textures())
+    if on_model or any(editors_of(image.session_uid)):
         return ""
-    return "Open the texture in an Image Editor, which shows the preview."
+    return "Open the texture in an Image Editor, or choose Material Preview: they show the preview."
 
 
 @persistent

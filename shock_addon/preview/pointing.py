@@ -46,6 +46,21 @@ def editors_of(image_uid: int) -> Iterator[bpy.types.Area]:
                 yield area
 
 
+def views_with_textures() -> Iterator[bpy.types.Area]:
+    """List the 3D views whose shading shows textures."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D" and _shows_textures(area.spaces.active.shading):
+                yield area
+
+
+def _shows_textures(shading: bpy.types.View3DShading) -> bool:
+    is_solid = shading.type == "SOLID" and shading.color_type == "TEXTURE"
+    # In Texture Paint Mode, plain shading does, too.
+    is_painted = shading.type == "SOLID" and bpy.context.mode == "PAINT_TEXTURE"
+    return is_solid or is_painted or shading.type in {"MATERIAL", "RENDERED"}
+
+
 def is_shown_in(image_uid: int, space: bpy.types.SpaceImageEditor) -> bool:
     """Whether an Image Editor shows an image."""
     return space.image is not None and space.image.session_uid == image_uid

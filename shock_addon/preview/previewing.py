@@ -48,8 +48,9 @@ class Preview:
         all. ``settings(settings)`` turns those that are meant for all into those for the patch.
         ``part(settings)`` returns, on any thread, what is filtered with these, and what makes of
         the filter's result what ``show(seen)`` shows instead of what was shown before, or raises
-        `Skipped`. ``lost()`` says what has happened to what is worked on, empty if it is still
-        there; ``end()`` brings everything back bit for bit.
+        `Skipped`. ``show_before()`` shows what was there at first. ``lost()`` says what has
+        happened to what is worked on, empty if it is still there; ``end()`` brings everything back
+        bit for bit.
 
     Attributes
     ----------
@@ -57,13 +58,15 @@ class Preview:
         As given.
     parameters : SimpleNamespace
         As the dials stand now.
+    is_before : bool
+        Whether what was there at first is shown; the dials stand still meanwhile.
     updates : int
         How many results were shown.
     """
 
     def __init__(self, mode: Mode, parameters: SimpleNamespace, stage: Any) -> None:
         self.mode, self.parameters, self.stage = mode, parameters, stage
-        self.updates = 0
+        self.updates, self.is_before = 0, False
         target = mode.target(parameters)
         self.dial = target.dial(parameters)
         self.second = target.prefix + mode.second if mode.second else ""
@@ -80,10 +83,22 @@ class Preview:
         self._began = 0.0
         self._computing: SimpleNamespace | None = None
         self._trouble = ""
+        self._seen: Any = None
+
+    def compare(self) -> None:
+        """Show what was there at first or, if that is shown, the result again.
+
+        Raises
+        ------
+        Skipped
+            As `tick` does.
+        """
+        self.is_before = not self.is_before
+        self._show()
 
     def drag(self, pixels: float) -> None:
         """Change the width or time; 0 pixels leave it as it is, to the last digit."""
-        if pixels == 0 or self._dial is None:
+        if pixels == 0 or self._dial is None or self.is_before:
             return
         self._dial.drag(pixels)
         value = self._dial.value
@@ -95,13 +110,15 @@ class Preview:
     def roll(self, clicks: float) -> None:
         """Change the second setting."""
         name = self.second
-        if not name:
+        if not name or self.is_before:
             return
         kind, _, about = self._about[name]
         setattr(self.parameters, name, turned(getattr(self.parameters, name), kind, about, clicks))
 
     def text(self) -> str:
         """Say in one line how the dials stand."""
+        if self.is_before:
+            return iface_("Before")
         parts = []
         if self.dial.endswith("width"):
             width = getattr(self.parameters, self.dial)
@@ -174,5 +191,12 @@ class Preview:
             result = error
         self._trouble = explain(result) if isinstance(result, ShockError) else ""
         if not self._trouble:
-            self.stage.show(result)
+            self._seen = result
+            self._show()
+
+    def _show(self) -> None:
+        if self.is_before:
+            self.stage.show_before()
+        elif self._seen is not None:
+            self.stage.show(self._seen)
             self.updates += 1

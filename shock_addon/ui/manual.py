@@ -22,6 +22,7 @@ _OPERATORS = {
     "show_flow": "preview#show-flow",
     "hide_flow": "preview#show-flow",
     "cancel": "panel#while-it-runs",
+    "before_after": "panel#before-and-after",
     "use_preset": "presets",
 }
 """The places of the operators that are no filters."""

@@ -13,9 +13,10 @@ from ..data.skipped import Skipped
 from ..flow import overlay as flow_overlay
 from ..modes import Mode, below, find
 from ..operators import base as operators
-from ..operators import drawing, jobs, kernels, preparing, statistics
+from ..operators import comparing, drawing, jobs, kernels, preparing, statistics
 from ..operators import poll as obstacles
 from ..operators.wrapping import draw_text, fit
+from ..preview import operator as preview_operator
 
 
 class _Panel:
@@ -73,6 +74,8 @@ class _MainPanel(_Panel):
         layout.separator(factor=0.01)
         if obstacle:
             draw_text(layout, context, obstacle, icon="INFO")
+        elif before := comparing.note(context):
+            draw_text(layout, context, before, icon="ERROR")
         elif summary := operators.summary_of(context, mode.key):
             draw_text(layout, context, summary)
 
@@ -197,8 +200,8 @@ def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Say which image will be sharpened."""
-    if not data.chosen.mesh_objects(context):
-        return
+    if preview_operator.is_running() or not data.chosen.mesh_objects(context):
+        return  # a preview lets materials show another image
     try:
         name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why
@@ -235,11 +238,12 @@ def _draw_buttons(
     draw_filter(main, context, mode)
     for other in below(mode):
         draw_filter(runs, context, other)
+    if comparing.is_held(context):
+        column.operator("shock_filter.before_after", icon="ARROW_LEFTRIGHT")
     row = column.row(align=True)
-    if context.mode == "OBJECT" or context.space_data.type == "IMAGE_EDITOR":
-        preview = row.row(align=True)
-        preview.enabled = enabled
-        preview.operator("shock_filter.preview")
+    preview = row.row(align=True)
+    preview.enabled = enabled
+    preview.operator("shock_filter.preview")
     shown = flow_overlay.shown_object()
     is_active = context.object is not None and context.object.name == shown
     if mode.flow and not is_active:

@@ -430,11 +430,11 @@ def test_the_flow_can_be_hidden_in_each_mode_whatever_is_selected(monkeypatch, r
     assert bpy.ops.shock_filter.hide_flow.poll()
 
 
-def test_preview_is_offered_in_object_mode_only(rounded_box):
+def test_preview_is_offered_in_other_modes(rounded_box):
     rounded_box()
     bpy.ops.object.mode_set(mode="SCULPT")
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
-    assert ("shock_filter.preview",) not in shown
+    assert ("shock_filter.preview",) in shown
     assert ("shock_filter.show_flow",) in shown
 
 

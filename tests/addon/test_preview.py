@@ -95,6 +95,31 @@ def test_what_is_shown_is_what_the_operator_makes(rounded_box):
     assert shown.tobytes() != before[0]
 
 
+def test_before_and_after(rounded_box):
+    box = rounded_box()
+    before = stored(box)
+    running = begun("geometry")
+    settle(running)
+    shown = stored(box)
+    running.compare()
+    assert stored(box) == before
+    assert running.text() == "Before"
+    running.drag(50)  # the dials stand still
+    running.roll(2)
+    settle(running)
+    assert stored(box) == before
+    running.compare()
+    assert stored(box) == shown != before
+    running.drag(50)
+    running.compare()
+    settle(running)  # what is computed meanwhile waits
+    assert stored(box) == before
+    running.compare()
+    assert stored(box) not in (before, shown)
+    running.end()
+    assert stored(box) == before
+
+
 def test_the_panel_is_left_alone_meanwhile(rounded_box):
     rounded_box()
     running = begun("geometry")
@@ -547,6 +572,48 @@ def test_a_shape_key_that_a_script_moves_meanwhile_stays(keyed):
     assert [one == other for one, other in zip(before, after, strict=True)].count(False) == 1
 
 
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT", "VERTEX_PAINT", "WEIGHT_PAINT"])
+def test_other_modes_see_it_and_are_kept(rounded_box, mode):
+    box = rounded_box()
+    box.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    before = stored(box)
+    bpy.ops.object.mode_set(mode=mode)
+    running = begun("geometry")
+    settle(running)
+    assert box.mode == ("OBJECT" if mode == "EDIT" else mode)  # Edit Mode has a mesh of its own
+    assert stored(box)[0] != before[0]
+    assert running.stage.lost() == ""
+    running.end()
+    assert box.mode == mode
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert stored(box) == before
+
+
+def test_edit_mode_previews_the_selection_and_the_key_that_it_shows(keyed):
+    keyed.active_shape_key_index = 1
+    keyed.active_shape_key.value = 0.0
+    before, shape = stored(keyed), seen(keyed)
+    bpy.ops.object.mode_set(mode="EDIT")
+    running = begun("geometry")
+    settle(running)
+    assert keyed.show_only_shape_key
+    assert (seen(keyed) != shape).any()
+    running.end()
+    assert not keyed.show_only_shape_key
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert stored(keyed) == before
+
+
+def test_an_object_that_goes_while_it_is_previewed_from_edit_mode(rounded_box):
+    box = rounded_box()
+    bpy.ops.object.mode_set(mode="EDIT")
+    running = begun("geometry")
+    settle(running)
+    bpy.data.objects.remove(box)
+    assert running.stage.lost()
+    running.end()
+
+
 def test_leaving_object_mode_ends_it_with_the_old_shape(rounded_box):
     box = rounded_box()
     before = stored(box)
@@ -573,7 +640,7 @@ class _Events:
             show=lambda context, text, area: self.status.append(text),
             clear=lambda context: self.status.append(None),
         )
-        for name in ("modal", "end", "cancel", "_turn", "_tick", "_ended_by", "_apply"):
+        for name in ("modal", "end", "cancel", "_turn", "_follow", "_ended_by", "_apply"):
             setattr(self, name, getattr(cls, name).__get__(self))
         self._show_text = cls._show_text.__get__(self)
         self.report = lambda kind, text: self.reports.append(text)
@@ -619,6 +686,21 @@ def test_mouse_and_wheel_turn_the_dials(events):
     assert events._preview.parameters.feature_threshold == pytest.approx(1.19)
     assert "Threshold 1.19 (wheel)" in events.status[-1]
     assert "Esc or Right Click: cancel" in events.status[-1]
+
+
+def test_a_key_shows_what_was_there_before(events):
+    box = bpy.context.object
+    before = stored(box)
+    shown_by(events)
+    assert stored(box) != before
+    assert "B: before / after" in events.status[-1]
+    assert events.send("B") == {"RUNNING_MODAL"}
+    assert stored(box) == before
+    assert events.status[-1].startswith("Before |")
+    events.send("B", value="RELEASE")
+    assert stored(box) == before
+    events.send("B")
+    assert stored(box) != before
 
 
 def test_values_stay_while_the_mouse_moves_up_or_down(events):
@@ -744,7 +826,7 @@ def test_the_button_says_what_is_missing(rounded_box):
     box = rounded_box()
     assert poll()
     bpy.ops.object.mode_set(mode="EDIT")
-    assert not poll()
+    assert poll()
     bpy.ops.object.mode_set(mode="OBJECT")
     box.select_set(False)
     rounded_box(location=(4, 0, 0))

@@ -13,6 +13,7 @@ from shock_filter.core.host.crop import crop_around, filtered_at_once
 from shock_filter.core.host.inputs import Denoising, HostImage
 from shock_filter.core.host.screen_colors import decoded, screen_colors
 from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data import stand_in
 from shock_filter.shock_addon.data.skipped import Refused
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import images as preview_images
@@ -344,14 +345,67 @@ def test_a_texture_is_drawn_as_the_operator_makes_it(editor):
     try:
         preview.drag(100)
         (piece,) = shown(preview)
-        assert state(wood) == before
+        assert state(wood)[:3] == before[:3]
         assert piece.box == (0, 0, 1, 1)
         assert preview.stage.chosen == {"image": "Wood"}
     finally:
         preview.end()
+    assert state(wood) == before
     bpy.ops.shock_filter.sharpen_texture(output="REPLACE", width=preview.parameters.width)
     made = decoded(image_data.read_pixels(wood)[..., :3])
     np.testing.assert_allclose(piece.colors[..., :3], made, atol=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT", "TEXTURE_PAINT"])
+def test_a_texture_is_shown_on_the_model_and_the_material_comes_back(mode):
+    wood = add_image(soft(64, 64), "Wood")
+    sheet = textured_sheet(wood)
+    twin = sheet.copy()
+    twin.data = sheet.data.copy()
+    bpy.context.collection.objects.link(twin)
+    twin.data.materials[0] = sheet.active_material.copy()
+    twin.select_set(False)
+    nodes = [each.active_material.node_tree.nodes.active for each in (sheet, twin)]
+    bpy.ops.object.mode_set(mode=mode)
+    before, users = state(wood), wood.users
+    preview = preview_images.begin(bpy.context, None, find("texture"))
+    shown(preview)
+    (instead,) = {node.image for node in nodes}
+    assert instead != wood
+    assert instead.colorspace_settings.name == wood.colorspace_settings.name
+    result = image_data.read_pixels(instead)
+    preview.compare()
+    assert [node.image for node in nodes] == [wood, wood]
+    preview.compare()
+    assert [node.image for node in nodes] == [instead, instead]
+    assert preview.stage.lost() == ""  # no editor is needed
+    preview.end()
+    assert [node.image for node in nodes] == [wood, wood]
+    assert (state(wood), wood.users) == (before, users)
+    assert bpy.context.object.mode == mode
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.ops.shock_filter.sharpen_texture(output="REPLACE")
+    np.testing.assert_array_equal(image_data.read_pixels(wood), result)
+
+
+def test_nodes_of_groups_show_it_and_materials_of_other_files_do_not(tmp_path):
+    wood = add_image(soft(16, 16), "Wood")
+    sheet = textured_sheet(wood)
+    group = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    inner = group.nodes.new("ShaderNodeTexImage")
+    inner.image = wood
+    tree = sheet.active_material.node_tree
+    tree.nodes.remove(tree.nodes.active)
+    tree.nodes.new("ShaderNodeGroup").node_tree = group
+    assert stand_in.is_shown(sheet, wood)
+    instead = stand_in.StandIn(wood)
+    instead.show(image_data.read_pixels(wood))
+    assert inner.image != wood
+    bpy.data.images.remove(inner.image)  # whatever happens meanwhile
+    instead.end()
+    wood.source = "TILED"
+    inner.image = wood
+    assert not stand_in.is_shown(sheet, wood)
 
 
 def test_tiles_of_a_texture_are_drawn_side_by_side():
@@ -360,7 +414,7 @@ def test_tiles_of_a_texture_are_drawn_side_by_side():
     assert preview_images._tile_box(1020) == (9, 1, 10, 2)
 
 
-def test_a_texture_needs_an_image_editor_for_its_preview(rounded_box, editor):
+def test_a_texture_needs_an_image_editor_for_its_preview(rounded_box, editor, monkeypatch):
     scene = bpy.context.scene.shock_filter
     scene.mode = "TEXTURE"
     rounded_box()
@@ -370,6 +424,12 @@ def test_a_texture_needs_an_image_editor_for_its_preview(rounded_box, editor):
     wood = add_image(soft(16, 16), "Wood")
     textured_sheet(wood)
     assert "Open the texture in an Image Editor" in obstacle(bpy.context)
+    with monkeypatch.context() as patch:  # or a view that shows textures
+        patch.setattr(preview_operator, "views_with_textures", lambda: ["view"])
+        assert obstacle(bpy.context) == ""
+        bpy.context.object.active_material.node_tree.nodes.active.image.source = "TILED"
+        assert obstacle(bpy.context) != ""
+        wood.source = "GENERATED"
     editor(wood)
     assert obstacle(bpy.context) == ""
 

@@ -77,10 +77,10 @@ print(json.dumps(states))
     assert before["operators"] == []
     assert before["types"] == []
     assert enabled["operators"] == [
-        "cancel", "colors_preset_add", "denoise", "denoise_image", "denoise_image_preset_add",
-        "denoise_preset_add", "dilate_texture", "geometry_preset_add", "hide_flow",
-        "image_preset_add", "preview", "sharpen_colors", "sharpen_geometry", "sharpen_image",
-        "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
+        "before_after", "cancel", "colors_preset_add", "denoise", "denoise_image",
+        "denoise_image_preset_add", "denoise_preset_add", "dilate_texture", "geometry_preset_add",
+        "hide_flow", "image_preset_add", "preview", "sharpen_colors", "sharpen_geometry",
+        "sharpen_image", "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
     names = "", *4 * [".data.shown"], ".ui.translations"

@@ -624,8 +624,7 @@ def test_a_linked_material_keeps_its_image_and_says_so(tmp_path, capfd):
     obj = add_sheet(material=material)
     obj.data.materials.append(add_material(local, name="Own"))
     image = next(n.image for n in material.node_tree.nodes if n.type == "TEX_IMAGE")
-    target = SimpleNamespace(objects=["Sheet"])
-    (note,) = texture_data.assign(target, image, local)
+    (note,) = texture_data.assign(["Sheet"], image, local)
     assert "Paint is linked from another file, so it still shows" in note
 
 

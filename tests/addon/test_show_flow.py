@@ -4,15 +4,17 @@
 import sys
 from types import SimpleNamespace
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter import core
+from shock_filter.core.host.arrows import arrows, potential_colors
 from shock_filter.core.host.flow import flow_of_colors
 from shock_filter.core.host.inputs import ColoredSurface
-from shock_filter.core.host.strokes import MOST_STROKES, potential_colors, strokes
-from shock_filter.shock_addon.data.flow import read_flow
+from shock_filter.shock_addon.data.arrays import read_attribute
+from shock_filter.shock_addon.data.flow import FLOW, POTENTIAL
 from shock_filter.shock_addon.data.meshes import (
     read_corner_vertices,
     read_positions,
@@ -21,7 +23,18 @@ from shock_filter.shock_addon.data.meshes import (
 from shock_filter.shock_addon.flow import overlay as flow_overlay
 from shock_filter.shock_addon.operators import base as operators
 
-show_flow = bpy.ops.shock_filter.show_flow
+
+def show_flow(**choices):
+    """Show the flow, and keep it in attributes, so that it can be read."""
+    return bpy.ops.shock_filter.show_flow(attributes=True, **choices)
+
+
+def read_flow(mesh):
+    """Read the potential and the flow; None if the mesh has no such attributes."""
+    found = [mesh.attributes.get(name) for name in (POTENTIAL, FLOW)]
+    return None if None in found else tuple(read_attribute(each) for each in found)
+
+
 hide_flow = bpy.ops.shock_filter.hide_flow
 
 
@@ -173,20 +186,51 @@ def registered():
     ]
 
 
-def test_what_is_drawn_is_loaded_when_it_is_first_drawn(rounded_box, monkeypatch):
+def test_what_is_drawn_is_loaded_when_it_is_first_drawn(rounded_box, window, monkeypatch):
     box = rounded_box()
     show_flow()
     shader = SimpleNamespace(from_builtin=lambda name: name)
     monkeypatch.setattr(flow_overlay, "gpu", SimpleNamespace(shader=shader))
     monkeypatch.setattr(flow_overlay, "batch_for_shader", lambda *args, **more: (*args, more))
-    monkeypatch.delitem(sys.modules, "shock_filter.core.host.strokes", raising=False)
-    monkeypatch.delattr("shock_filter.core.host.strokes", raising=False)
-    surface, strokes = flow_overlay._batches(box.data)
+    monkeypatch.delitem(sys.modules, "shock_filter.core.host.arrows", raising=False)
+    monkeypatch.delattr("shock_filter.core.host.arrows", raising=False)
+    found = flow_overlay._shown.found
+    surface = flow_overlay._surface(box.data, found)
     assert len(surface[2]["color"]) == len(box.data.vertices)
-    assert len(strokes[2]["pos"]) == len(strokes[2]["color"]) > 0
+    (rims, _), (shapes, _) = flow_overlay._arrows(box.data, found, 0.2)
+    assert len(rims[2]["pos"]) == len(shapes[2]["pos"]) > 0
 
 
-def test_hiding_the_flow_removes_the_attributes(rounded_box, window):
+def test_the_mesh_stays_as_it_is(rounded_box, window):
+    box = rounded_box()
+    names = set(box.data.attributes.keys())
+    assert bpy.ops.shock_filter.show_flow(mode="geometry") == {"FINISHED"}
+    assert set(box.data.attributes.keys()) == names
+    assert operators.summaries["geometry"].startswith(f"Computed the flow of {box.name}, ")
+    hide_flow()
+    assert set(box.data.attributes.keys()) == names
+
+
+@pytest.mark.parametrize(("zoom", "finer"), [(2.0, 0.5), (4.0, 0.25), (0.25, 4.0)])
+def test_arrows_are_as_dense_on_screen_however_close_the_view_is(rounded_box, window, zoom, finer):
+    box = rounded_box()
+    bpy.context.view_layer.update()
+    system = SimpleNamespace(ui_scale=1.0)
+    flow_overlay.bpy.context = SimpleNamespace(preferences=SimpleNamespace(system=system))
+    region = SimpleNamespace(width=1000)
+
+    def distance(size, scale=1.0):
+        box.matrix_world = Matrix.Diagonal((scale, scale, scale, 1.0))
+        window = Matrix.Diagonal((size, size, 0.1, 1.0))  # without perspective
+        view = SimpleNamespace(perspective_matrix=window, window_matrix=window)
+        return flow_overlay._distance(box, region, view)
+
+    assert distance(0.1 * zoom) == pytest.approx(finer * distance(0.1))
+    assert distance(0.1 * zoom, 2.0) == pytest.approx(0.5 * distance(0.1 * zoom))
+    assert distance(1e9) >= 0.01  # a close view has not more arrows than can be drawn
+
+
+def test_hiding_the_flow_draws_nothing_more(rounded_box, window):
     box = rounded_box()
     assert show_flow() == {"FINISHED"}
     assert flow_overlay.shown_object() == box.name
@@ -199,8 +243,7 @@ def test_hiding_the_flow_removes_the_attributes(rounded_box, window):
     assert flow_overlay.shown_object() is None
     assert window.handlers == []
     assert registered() == []
-    assert ".shock_potential" not in box.data.attributes
-    assert ".shock_flow" not in box.data.attributes
+    assert read_flow(box.data) is not None  # as they were asked for
 
 
 def test_another_object_takes_over(rounded_box, select, window):
@@ -211,10 +254,8 @@ def test_another_object_takes_over(rounded_box, select, window):
     assert show_flow() == {"FINISHED"}
     assert flow_overlay.shown_object() == second.name
     assert len(window.handlers) == 2
-    assert read_flow(first.data) is None
-    assert read_flow(second.data) is not None
     assert show_flow() == {"FINISHED"}
-    assert read_flow(second.data) is not None
+    assert len(window.handlers) == 2
 
 
 def test_the_flow_is_not_exported(rounded_box, tmp_path):
@@ -239,10 +280,10 @@ def test_the_overlay_follows_a_new_name_and_ends_with_the_object(rounded_box, wi
     assert window.handlers == []
 
 
-def test_the_overlay_ends_when_its_attributes_or_the_file_go(rounded_box, window):
+def test_the_overlay_ends_when_the_mesh_is_another_one_or_the_file_goes(rounded_box, window):
     box = rounded_box()
     show_flow()
-    box.data.attributes.remove(box.data.attributes[".shock_flow"])
+    box.data.vertices.add(1)
     box.data.update()
     bpy.context.view_layer.update()
     assert flow_overlay.shown_object() is None
@@ -269,11 +310,11 @@ def test_editing_the_mesh_by_another_object_draws_nothing_meanwhile(rounded_box,
     assert box.mode == "OBJECT"
     flow_overlay._refresh()
     assert not flow_overlay._is_seen(seen, view)
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.mesh.delete(type="ONLY_FACE")
-    flow_overlay._shown.batches = ["drawn"]
+    bmesh.from_edit_mesh(twin.data).verts.ensure_lookup_table()
+    bmesh.from_edit_mesh(twin.data).verts[0].co.x += 1.0
+    flow_overlay._shown.surface = "drawn"
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert flow_overlay._shown.batches is None
+    assert flow_overlay._shown.surface is None
     assert flow_overlay._is_seen(seen, view)
 
 
@@ -298,14 +339,14 @@ def test_neither_surface_nor_legend_is_drawn_when_it_is_not_seen(
 def test_edits_are_drawn_anew(rounded_box, window):
     box = rounded_box()
     show_flow()
-    flow_overlay._shown.batches = ["drawn"]
+    flow_overlay._shown.surface = "drawn"
     box.location.x += 1
     bpy.context.view_layer.update()
-    assert flow_overlay._shown.batches == ["drawn"]
+    assert flow_overlay._shown.surface == "drawn"
     box.data.vertices[0].co.x += 1
     box.data.update()
     bpy.context.view_layer.update()
-    assert flow_overlay._shown.batches is None
+    assert flow_overlay._shown.surface is None
 
 
 def test_colors_rise_with_the_potential():
@@ -319,23 +360,56 @@ def test_colors_rise_with_the_potential():
     np.testing.assert_array_equal(flat, np.broadcast_to(flat[0], (3, 4)))
 
 
-def test_strokes_point_along_the_flow_and_are_not_too_many():
-    count = MOST_STROKES + 5000
-    x = np.arange(count, dtype=np.float32) % 160
-    y = np.arange(count, dtype=np.float32) // 160
-    middle = np.stack([x, y, 0 * x], axis=1)
-    up = np.broadcast_to(np.float32([0, 0, 1]), (count, 3))
-    flow = np.broadcast_to(np.float32([0, 2, 0]), (count, 3)).copy()
-    flow[::2] = 0.0
-    corners, colors = strokes(middle, up, np.full_like(x, 9.0), flow)
-    assert len(corners) == 3 * np.count_nonzero(flow.any(axis=1))
-    tips, left, right = corners[0::3], corners[1::3], corners[2::3]
-    assert (tips[:, 1] - y[1::2] > 0).all()
-    assert (left[:, 1] - y[1::2] < 0).all()
-    np.testing.assert_allclose(left[:, 0] + right[:, 0], 2 * tips[:, 0], rtol=1e-6)
-    assert (colors[0::3, 3] > colors[1::3, 3]).all()
-    flow[:] = flow[1]
-    assert len(strokes(middle, up, np.full_like(x, 9.0), flow)[0]) == 3 * MOST_STROKES
-    # Those closer than a 60th of the object are too short to be seen.
-    assert len(strokes(middle, up, np.full_like(x, 0.01), flow)[0]) < 3 * 1000
-    assert len(strokes(middle, up, np.ones_like(x), 0 * flow)[0]) == 0
+def field(count=40, speed=2.0):
+    """Faces of a flat square in rows, and a flow in y: centers, normals, flow."""
+    x, y = np.meshgrid(np.arange(count, dtype=np.float32), np.arange(count, dtype=np.float32))
+    centers = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
+    normals = np.broadcast_to(np.float32([0, 0, 1]), centers.shape)
+    return centers, normals, np.broadcast_to(np.float32([0, speed, 0]), centers.shape).copy()
+
+
+def middles(triangles):
+    """Return where shafts are, and how long each arrow is in y."""
+    corners = triangles.reshape(-1, 9, 3)
+    return corners[:, :6].mean(axis=1), np.ptp(corners[:, :, 1], axis=1)
+
+
+def test_arrows_point_along_the_flow_in_the_faces_plane():
+    shapes = arrows(*field(), 4.0).arrows.reshape(-1, 9, 3)
+    tips, bases = shapes[:, 7], shapes[:, [6, 8]].mean(axis=1)
+    assert (tips[:, 1] > bases[:, 1] + 0.5).all()
+    np.testing.assert_allclose(tips[:, 0], bases[:, 0], atol=1e-5)
+    assert (shapes[..., 2] == 0).all()
+
+
+def test_rims_are_all_around_arrows():
+    rims, shapes = arrows(*field(), 4.0)
+    for axis in (0, 1):
+        inner = shapes.reshape(-1, 9, 3)[..., axis]
+        outer = rims.reshape(-1, 9, 3)[..., axis]
+        assert (outer.min(axis=1) < inner.min(axis=1) - 0.05).all()
+        assert (outer.max(axis=1) > inner.max(axis=1) + 0.05).all()
+
+
+def test_arrows_stand_apart_and_are_not_too_many():
+    places, _ = middles(arrows(*field(), 4.0).arrows)
+    assert 50 < len(places) < 300
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + 9.0 * np.eye(len(places))
+    assert apart.min() >= 1.4
+    places, _ = middles(arrows(*field(), 0.1).arrows)
+    assert len(places) == 1600  # one for each face
+    places, lengths = middles(arrows(*field(), 0.1, most=300).arrows)
+    assert 50 < len(places) <= 300
+    assert lengths.max() > 1.0  # farther from each other, they are longer
+
+
+def test_the_strongest_flow_nearby_has_the_arrow_and_few_fast_faces_leave_others_long():
+    centers, normals, flow = field()
+    flow[820] *= 3.0
+    places, lengths = middles(arrows(centers, normals, flow, 4.0).arrows)
+    assert np.linalg.norm(places[:, :2] - centers[820, :2], axis=1).min() < 1.0
+    flow[820] *= 1e6
+    _, others = middles(arrows(centers, normals, flow, 4.0).arrows)
+    np.testing.assert_allclose(np.sort(others), np.sort(lengths), rtol=1e-5)
+    flow[:] = 0.0
+    assert len(arrows(centers, normals, flow, 4.0).arrows) == 0

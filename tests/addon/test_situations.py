@@ -139,6 +139,11 @@ ELSEWHERE = {
     "texture-outside-tiles": ("test_sharpen_texture.py::test_faces_outside_the_tiles_take_no_part"),
     # Runs
     "undo": "test_sharpen_geometry.py::test_undo_brings_the_old_shape_back",
+    "before-after": "test_before_after.py::test_positions_and_marks",
+    "before-after-images": "test_before_after.py::test_replaced_pixels",
+    "before-after-changed": "test_before_after.py::test_what_has_changed_since_is_left_alone",
+    "before-after-undo": "test_before_after.py::test_undo_and_redo_go_through_swaps",
+    "before-after-saved": "test_before_after.py::test_the_panel_and_the_report_say_what_is_shown",
     "redo": "test_sharpen_geometry.py::test_redo_with_other_settings_starts_from_the_old_shape",
     "esc": "test_jobs.py::test_cancelling_the_filter_leaves_the_mesh_alone",
     "render": "test_jobs.py::test_nothing_is_written_while_a_render_reads_the_scene",
@@ -148,6 +153,11 @@ ELSEWHERE = {
     "removed-meanwhile": "test_jobs.py::test_an_object_that_was_removed_meanwhile_is_skipped",
     # Preview
     "preview-esc": "test_preview.py::test_cancelling_changes_nothing",
+    "preview-before": "test_preview.py::test_a_key_shows_what_was_there_before",
+    "preview-modes": "test_preview.py::test_other_modes_see_it_and_are_kept",
+    "preview-edit-mode": (
+        "test_preview.py::test_edit_mode_previews_the_selection_and_the_key_that_it_shows"
+    ),
     "preview-patch": "test_preview.py::test_a_patch_moves_alone_and_its_border_stays",
     "preview-mirror": "test_preview.py::test_a_patch_holds_its_mirror_images",
     "preview-image": "test_preview_images.py::test_the_image_is_not_touched",
@@ -157,11 +167,17 @@ ELSEWHERE = {
     "preview-texture": (
         "test_preview_images.py::test_a_texture_needs_an_image_editor_for_its_preview"
     ),
+    "preview-texture-model": (
+        "test_preview_images.py::test_a_texture_is_shown_on_the_model_and_the_material_comes_back"
+    ),
     "preview-handlers": "test_preview.py::test_blenders_handlers_end_it_first",
     "preview-gone": "test_preview.py::test_a_removed_object_ends_the_operator",
     "preview-image-gone": (
         "test_preview_images.py::test_it_ends_when_the_image_is_gone_or_seen_no_more"
     ),
+    # Show Flow
+    "flow-mesh": "test_show_flow.py::test_the_mesh_stays_as_it_is",
+    "flow-edits": "test_show_flow.py::test_edits_are_drawn_anew",
 }
 """Rows that other files test."""
 

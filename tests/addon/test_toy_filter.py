@@ -151,9 +151,9 @@ ran.append(list(bpy.ops.shock_filter.invert_texture(image="Plain", output="REPLA
 def tried(name):
     preview = preview_images.begin(bpy.context, None, find(name))
     settings = settings_of(preview.mode, preview.parameters)
-    part, pieces = preview.stage.part(settings)
+    part, seen = preview.stage.part(settings)
     run = filter_of(preview.mode, settings, preview.parameters)
-    (piece,) = pieces(run(part, lambda *_: True))
+    (piece,) = seen(run(part, lambda *_: True)).pieces
     preview.end()
     return [part.size, float(piece.colors[0, 0, 0])]
 

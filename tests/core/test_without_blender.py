@@ -38,8 +38,8 @@ IMPORT_DATA = """
 import importlib, pkgutil, sys
 for name in ("numba", "scipy"):
     sys.modules[name] = None
-from shock_filter.core.host import (crop, dials, edge_marks, inputs, mosaic, patch, recolored,
-                                    screen_colors, strokes)
+from shock_filter.core.host import (arrows, crop, dials, edge_marks, inputs, mosaic, patch,
+                                    recolored, screen_colors)
 """
 
 

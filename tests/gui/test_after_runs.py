@@ -25,7 +25,7 @@ def test_the_flow_can_be_hidden_in_another_mode_with_nothing_selected(report):
 
 
 def test_the_panel_says_that_a_run_was_cancelled(report):
-    assert report["cancelled"]["before"].startswith("Wrote .shock_potential")
+    assert report["cancelled"]["before"].startswith("Computed the flow of Monkey")
     assert report["cancelled"]["after"] == "Cancelled; nothing was changed."
 
 

@@ -19,7 +19,7 @@ def test_scenario_ran_to_its_end(report):
 def test_flow_is_drawn_and_hidden_again(report, mode):
     seen = report[f"flow_{mode}"]
     assert seen["buttons"] == 3
-    assert seen["attributes"] == [".shock_flow", ".shock_potential"]
+    assert seen["attributes"] == []
     assert seen["shown"] == ["Monkey", None, "Monkey"]
     shown, hidden, shown_again = seen["pixels"]
     assert shown > 5000

@@ -36,7 +36,7 @@ SHOWN_ARGUMENTS = {
 }
 """Functions that look words up or hand them on to Blender, and in which arguments these are."""
 
-SENTENCES = {"operator.py", "jobs.py", "poll.py", "base.py"}
+SENTENCES = {"operator.py", "comparing.py", "jobs.py", "poll.py", "base.py"}
 """Files whose sentences are all shown."""
 
 WORDS = {"panels.py", "drawing.py"}
@@ -109,8 +109,8 @@ def shown(call, named):
         if shows and isinstance(text, ast.Constant | ast.IfExp):
             yield from strings(text)
     for keyword in call.keywords:
-        if keyword.arg in {"text", "heading"}:
-            yield from strings(keyword.value) if isinstance(keyword.value, ast.Constant) else ()
+        if keyword.arg in {"text", "heading"} and isinstance(keyword.value, ast.Constant):
+            yield from strings(keyword.value)
 
 
 @functools.cache

@@ -28,8 +28,8 @@ from harness import (
     run,
 )
 
-PREVIEW, FLOW = 1, 2
-"""Numbers of buttons in the tab, from the top; 0 is the main one."""
+PREVIEW, FLOW = {"geometry": -2, "colors": -2, "denoise": -1}, -1
+"""Numbers of buttons in the tab, from the bottom, where these two are."""
 
 
 def scenario() -> Steps:
@@ -81,11 +81,11 @@ def preview(mode: str, seen: dict) -> Steps:
     """Drag and press Esc; then drag, turn the wheel and press Enter, and undo."""
     settings = getattr(bpy.context.scene.shock_filter, mode)
     places = yield from buttons()
-    yield from click(places[PREVIEW])
+    yield from click(places[PREVIEW[mode]])
     yield DRAWN
     seen["start_values"] = values()
     for way in (0.2, 0.4, 0.6, 0.8, 1.0):
-        (left, bottom, *_), (x, y) = places[PREVIEW], middle()
+        (left, bottom, *_), (x, y) = places[PREVIEW[mode]], middle()
         move(left + way * (x - left), bottom + way * (y - bottom))
         yield 0.05
     yield DRAWN

@@ -31,8 +31,8 @@ from harness import (
     screen,
 )
 
-PREVIEW = {"image": 1, "denoise_image": 1, "texture": 2}
-"""Number of the button in the tab, from the top; 0 is the main one."""
+PREVIEW = -1
+"""Number of the button in the tab, from the bottom."""
 
 OCTAVE = 50
 
@@ -71,7 +71,7 @@ def preview(mode: str, name: str, seen: dict) -> Steps:
     places = yield from buttons("IMAGE_EDITOR")
     yield from park("IMAGE_EDITOR")
     seen["start"], before = state(name), image_seen()
-    yield from click(places[PREVIEW[mode]])
+    yield from click(places[PREVIEW])
     move(*middle())
     yield 2 * DRAWN  # only when it has rested there, the mouse counts
     yield from drag(*middle(), 4 * OCTAVE if mode != "denoise_image" else OCTAVE)
@@ -285,4 +285,5 @@ def different_words(before: tuple[np.ndarray, np.ndarray]) -> list[int]:
 def state(name: str) -> dict:
     """Return what a preview must not change."""
     image = bpy.data.images[name]
-    return {"pixels": pixels(image), "dirty": image.is_dirty, "images": len(bpy.data.images)}
+    shown = [each.name for each in bpy.data.images if not each.name.startswith(".")]
+    return {"pixels": pixels(image), "dirty": image.is_dirty, "images": len(shown)}

@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the last run has replaced, to be swapped with its result and back, bit for bit.
+
+Which of both is there now is told from the data themselves, so that it holds after undo and redo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import bpy
+import numpy.typing as npt
+
+from ...core.base.memo import equal
+from ...core.host import forgetting
+from . import arrays, images, shape_keys, shown, textures
+from .chosen import subjects
+from .meshes import Target, check_leaving, find, object_mode
+from .original import color_attribute
+from .skipped import Refused, Skipped
+from .tiles import Tiles
+
+BEFORE, AFTER = "before", "after"
+
+
+class _Attribute(NamedTuple):
+    """An attribute of a mesh, to be written as it was."""
+
+    data_type: str
+    domain: str
+    values: npt.NDArray
+
+
+class _Key(NamedTuple):
+    """A shape key."""
+
+    positions: npt.NDArray
+    mute: bool
+
+
+Contents = dict[tuple[str, str], _Attribute | _Key | None]
+"""What a mesh holds, by kind and name; None for what is not there."""
+
+
+class MeshSwap:
+    """A mesh before and after a run: made before it, completed by `note_after`.
+
+    Parameters
+    ----------
+    target : Target
+        In Object Mode.
+    """
+
+    def __init__(self, target: Target) -> None:
+        obj = find(target)
+        self.name, self.uids = obj.name, {target.object_uid}
+        self._mesh = target.mesh_uid
+        self._attributes = ["position", "sharp_edge", "custom_normal"]
+        if color := color_attribute(target):
+            self._attributes.append(color)
+        self._before = self._after = self._read(obj.data)
+        place = target.place[0] if isinstance(target.place, tuple) else target.place
+        turned = getattr(place, "custom_normals", "KEEP") != "KEEP"
+        self._is_whole = not (turned and _has_hidden_normals(obj.data))
+
+    def note_after(self) -> None:
+        """Take what the mesh holds now as the result; what has not changed is forgotten."""
+        mesh = self._find()
+        before, after = self._before, self._read(mesh)
+        for part, new in after.items():
+            if isinstance(new, _Key) and part not in before:  # muted, it does not show
+                before[part] = new._replace(mute=True)
+        changed = [part for part, new in after.items() if not _same(before.get(part), new)]
+        self._before = {part: before.get(part) for part in changed}
+        self._after = {part: after[part] for part in changed}
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the run has changed nothing, or something that cannot be swapped."""
+        return not (self._after and self._is_whole)
+
+    def state(self) -> str:
+        """Say which of both is there now, `BEFORE` or `AFTER`; empty if neither is."""
+        mesh = self._find()
+        if mesh is None or mesh.is_editmode:
+            return ""
+        now = self._read(mesh)
+        for state, contents in ((AFTER, self._after), (BEFORE, self._before)):
+            if all(_same(now.get(part), kept) for part, kept in contents.items()):
+                return state
+        return ""
+
+    def write(self, state: str) -> None:
+        """Bring one of both back, in Object Mode."""
+        mesh = self._find()
+        for (_, name), kept in (self._before if state == BEFORE else self._after).items():
+            if isinstance(kept, _Key):
+                key = mesh.shape_keys.key_blocks[name]
+                shape_keys.write(key, kept.positions)
+                key.mute = kept.mute
+            elif kept is None:
+                mesh.attributes.remove(mesh.attributes[name])
+            else:
+                attribute = arrays.find_or_add_attribute(mesh, name, kept.data_type, kept.domain)
+                arrays.write_attribute(attribute, kept.values)
+        if mesh.shape_keys is not None:
+            mesh.shape_keys.update_tag()
+        mesh.update()
+
+    def _find(self) -> bpy.types.Mesh | None:
+        return next((mesh for mesh in bpy.data.meshes if mesh.session_uid == self._mesh), None)
+
+    def _read(self, mesh: bpy.types.Mesh) -> Contents:
+        found: Contents = {}
+        for name in self._attributes:
+            each = mesh.attributes.get(name)
+            found["attribute", name] = each and _Attribute(
+                each.data_type, each.domain, arrays.read_attribute(each)
+            )
+        for key in mesh.shape_keys.key_blocks if mesh.shape_keys else []:
+            found["key", key.name] = _Key(shape_keys.read(key), key.mute)
+        return found
+
+
+class PixelsSwap:
+    """An image whose pixels a run has replaced.
+
+    Parameters
+    ----------
+    image : bpy.types.Image
+        With the result.
+    before : Tiles
+        What was there, as `images.read_parts` gives it.
+    after : bytes
+        Digest of the result.
+    """
+
+    is_empty = False
+
+    def __init__(self, image: bpy.types.Image, before: Tiles, after: bytes) -> None:
+        self.name, self.uids = image.name, {image.session_uid}
+        self._image = image.session_uid
+        self._digests = {AFTER: after}
+        self._other = before
+
+    def state(self) -> str:
+        """Say which of both is there now; see `MeshSwap`."""
+        image = _image(self._image)
+        if image is None:
+            return ""
+        now = images.digest_of(image)
+        return next((state for state, digest in self._digests.items() if digest == now), "")
+
+    def write(self, state: str) -> None:
+        """Bring the other one back."""
+        image = _image(self._image)
+        now = images.read_parts(image)
+        images.write_parts(image, self._other, image.packed_file is not None)
+        self._digests[state] = images.digest_of(image)
+        self._other = now
+
+
+class ImageSwap:
+    """An image that a run has added: what editors and materials show is swapped.
+
+    Parameters
+    ----------
+    source, result : bpy.types.Image
+    objects : list of str
+        Names of the objects whose materials show the result.
+    """
+
+    def __init__(
+        self, source: bpy.types.Image, result: bpy.types.Image, objects: Sequence[str]
+    ) -> None:
+        self.name, self._objects = result.name, list(objects)
+        self.uids = {source.session_uid, result.session_uid}
+        self.uids |= {bpy.data.objects[name].session_uid for name in objects}
+        self._images = {BEFORE: source.session_uid, AFTER: result.session_uid}
+        self._editors: set[int] = set()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the result is not seen anywhere."""
+        return self.state() != AFTER
+
+    def state(self) -> str:
+        """Say which of both is seen now; see `MeshSwap`."""
+        seen = shown.images() + textures.shown_by(self._objects)
+        uids = {image.session_uid for image in seen}
+        return next((state for state in (AFTER, BEFORE) if self._images[state] in uids), "")
+
+    def write(self, state: str) -> None:
+        """Show one of both wherever the other one is seen."""
+        other = _image(self._images[BEFORE if state == AFTER else AFTER])
+        image = _image(self._images[state])
+        only = None if state == BEFORE else self._editors
+        self._editors = shown.replace(other, image, only)
+        textures.assign(self._objects, other, image)
+
+
+Swap = MeshSwap | PixelsSwap | ImageSwap
+
+_held: list[Swap] = []
+"""What the last run has replaced."""
+
+_state: str | None = None
+"""Which of both is there, as far as it is known."""
+
+_last = AFTER
+"""The one of both that was there last."""
+
+_swaps = 0
+"""How often they were swapped since the run, but for what was undone; -1 if the run itself was."""
+
+
+def of_meshes(targets: Sequence[Target]) -> list[MeshSwap]:
+    """Read what a run may replace, in Object Mode."""
+    found = []
+    for target in targets:
+        try:
+            found.append(MeshSwap(target))
+        except Skipped:  # it will say so when the result is written
+            continue
+    return found
+
+
+def hold(swaps: Sequence[Swap]) -> None:
+    """Keep what a run has replaced, instead of what an earlier one has."""
+    global _state, _last, _swaps
+    _held[:] = [swap for swap in swaps if not swap.is_empty]
+    _state, _last, _swaps = AFTER, AFTER, 0
+
+
+@forgetting.with_file
+def forget() -> None:
+    """Keep nothing any more."""
+    hold([])
+
+
+def look_again(step: int) -> None:
+    """Look at the data: something was undone, where `step` is -1, or redone, where it is 1."""
+    global _state, _last, _swaps
+    if not _held:
+        return
+    if bpy.context.mode == "EDIT_MESH":  # in which meshes cannot be read
+        _state = None
+        return
+    _state = _look()
+    if _state and _state != _last:
+        _last, _swaps = _state, _swaps + step
+
+
+def is_held(context: bpy.types.Context) -> bool:
+    """Whether the last run has replaced something of what is chosen now."""
+    chosen = subjects(context)
+    return any(swap.uids & chosen for swap in _held)
+
+
+def is_before() -> bool:
+    """Whether a swap, and not undo, shows what was there before the run."""
+    return _swaps > 0 and state() == BEFORE
+
+
+def state() -> str:
+    """Say which of both is there, `BEFORE` or `AFTER`; empty if something else is."""
+    global _state
+    if _state is None and bpy.context.mode != "EDIT_MESH":
+        _state = _look()
+    return _state or ""
+
+
+def swap(context: bpy.types.Context) -> str:
+    """Bring back what was before the last run or, if that is there, its result.
+
+    Returns
+    -------
+    str
+        What is there now.
+
+    Raises
+    ------
+    Skipped
+        If something has changed since, or the object mode cannot be left; nothing is swapped then.
+    """
+    global _state, _last, _swaps
+    check_leaving(context)
+    with object_mode(context):
+        states = [each.state() for each in _held]
+        for each, found in zip(_held, states, strict=True):
+            if not found:
+                raise Refused(
+                    "{name} was changed since the last run, so nothing was swapped; undo that"
+                    " change, or run again.",
+                    name=each.name,
+                )
+        new = BEFORE if all(found == AFTER for found in states) else AFTER
+        for each, found in zip(_held, states, strict=True):
+            if found != new:
+                each.write(new)
+    _state, _last, _swaps = new, new, _swaps + 1
+    return new
+
+
+def _look() -> str:
+    states = {each.state() for each in _held}
+    return states.pop() if len(states) == 1 else ""
+
+
+def _same(one: Any, other: Any) -> bool:
+    return (one is None) == (other is None) and (one is None or equal(one, other))
+
+
+def _has_hidden_normals(mesh: bpy.types.Mesh) -> bool:
+    # Custom normals that are no attribute, as before Blender 4.5: they cannot be put back exactly.
+    return mesh.has_custom_normals and "custom_normal" not in mesh.attributes
+
+
+def _image(uid: int) -> bpy.types.Image | None:
+    return next((image for image in bpy.data.images if image.session_uid == uid), None)
