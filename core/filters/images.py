@@ -119,8 +119,13 @@ def sharpen_image(
 def _large(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
     # As floats in the range of colors, so that soft slopes do not become stairs.
     alpha = opacity_channel(pixels.shape[2], settings.alpha)
-    pixels = _opacity_in_range(pixels, alpha)
-    return enlarged(pixels, settings.enlarge, SCALES[pixels.dtype.name], alpha)
+    weighing = _opacity_in_range(pixels, alpha)
+    scale = SCALES[pixels.dtype.name]
+    large = enlarged(weighing, settings.enlarge, scale, alpha)
+    if weighing is not pixels:  # it stays as it is
+        own = np.ascontiguousarray(pixels[..., alpha, None])
+        large[..., alpha] = enlarged(own, settings.enlarge, scale)[..., 0]
+    return large
 
 
 def _filter_into(

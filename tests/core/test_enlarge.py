@@ -179,10 +179,13 @@ def test_transparent_pixels_lend_no_color():
     assert np.isfinite(result).all()
 
 
-def test_opacity_beyond_its_range_counts_as_one():
+def test_opacity_beyond_its_range_counts_as_one_and_stays():
     image = noise(8, 8, 4)
     image[..., 3] = 3.0
-    np.testing.assert_array_equal(enlarged(image)[..., 3], 1.0)
+    result = enlarged(image)
+    np.testing.assert_array_equal(result[..., 3], 3.0)
+    image[..., 3] = 1.0
+    np.testing.assert_array_equal(result[..., :3], enlarged(image)[..., :3])
 
 
 def test_values_beyond_one_stay_finite():

@@ -41,15 +41,21 @@ def check_image(result, image, mask, keeps_all, alpha):
 @given(st.data(), images(), settings_of(core.ImageSettings), STOPS)
 def test_sharpen_image(data, image, settings, stop_at):
     mask = data.draw(masks(*image.shape[:2]))
-    out = data.draw(st.sampled_from([None, np.empty_like(image)]))
+    times = settings.enlarge
+    shape = (times * image.shape[0], times * image.shape[1], *image.shape[2:])
+    out = data.draw(st.sampled_from([None, np.empty(shape, image.dtype)]))
     given_arrays = [image] if mask is None else [image, mask]
     result = call(
         lambda watch: core.sharpen_image(image, settings, mask, watch, out=out), *given_arrays,
         stop_at=stop_at)  # fmt: skip
-    if out is None:
+    if out is not None:
+        assert np.shares_memory(result, out)
+    elif times == 1:
         check_image(result, image, mask, settings.time == 0, settings.alpha)
     else:
-        assert np.shares_memory(result, out)
+        assert (result.dtype, result.shape) == (image.dtype, shape)
+        flat = (-1, *image.shape[2:])
+        assert_within(result.reshape(flat), image.reshape(flat), slack=1e-6)
 
 
 @examples(60)
