@@ -68,6 +68,11 @@ def write(
     collection.foreach_set(name, np.ascontiguousarray(values, dtype=dtype).reshape(-1))
 
 
+def is_readable(attribute: bpy.types.Attribute) -> bool:
+    """Whether its type is known here."""
+    return attribute.data_type in _STORED
+
+
 def stored(attribute: bpy.types.Attribute) -> tuple[Any, str, int, npt.DTypeLike]:
     """Return what `read` wants for an attribute."""
     return attribute.data, *_STORED[attribute.data_type]

@@ -70,7 +70,8 @@ class MeshSwap:
         before, after = self._before, self._read(mesh)
         for part, new in after.items():
             if isinstance(new, _Key) and part not in before:  # muted, it does not show
-                before[part] = new._replace(mute=True)
+                is_basis = part[1] == mesh.shape_keys.reference_key.name
+                before[part] = new._replace(mute=not is_basis)
         changed = [part for part, new in after.items() if not _same(before.get(part), new)]
         self._before = {part: before.get(part) for part in changed}
         self._after = {part: after[part] for part in changed}
@@ -115,6 +116,8 @@ class MeshSwap:
         found: Contents = {}
         for name in self._attributes:
             each = mesh.attributes.get(name)
+            if each is not None and not arrays.is_readable(each):  # somebody's own, of that name
+                continue
             found["attribute", name] = each and _Attribute(
                 each.data_type, each.domain, arrays.read_attribute(each)
             )

@@ -105,12 +105,23 @@ def test_shape_keys(rounded_box, output, keyed):
     bpy.ops.shock_filter.sharpen_geometry(output=output)
     result = seen(box)
     swap()
+    assert not box.data.shape_keys or not box.data.shape_keys.reference_key.mute
     np.testing.assert_array_equal(seen(box), start)
     if output == "MESH":
         assert {name: stored(box)[name] for name in bare} == bare
     swap()
     np.testing.assert_array_equal(seen(box), result)
     assert (result != start).any()
+
+
+def test_other_attributes_of_these_names_are_left_alone(rounded_box):
+    box = rounded_box()
+    start = read_positions(box.data)
+    box.data.attributes.new("custom_normal", "STRING", "POINT")
+    bpy.ops.shock_filter.sharpen_geometry()
+    swap()
+    np.testing.assert_array_equal(read_positions(box.data), start)
+    assert box.data.attributes["custom_normal"].data_type == "STRING"
 
 
 def test_what_has_changed_since_is_left_alone(rounded_box):
