@@ -28,7 +28,7 @@ from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings
 from ..fit import moved_vertices, refitted
 from ..signals import from_own_corners, like, to_own_corners
 from .mesh_smoothing import smooth_graph
-from .normals import noise_of_normals, smoothed_normals
+from .normals import noise_of_normals, smoothed_normals, turns_of
 
 
 def beltrami_vertex_signal(
@@ -360,7 +360,7 @@ def _displacement(
     def denoise(current: TriangleMesh) -> Floats:
         return smoothed_normals(current, settings, noise)
 
-    return refitted(mesh, denoise, settings, weights, "Denoising")
+    return refitted(mesh, denoise, turns_of(settings, noise), weights, "Denoising")
 
 
 def _moves_to(points: Floats, mesh: TriangleMesh, weights: Floats | None) -> Floats:

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 
 from ...base.parallel import kernel, run
@@ -11,6 +14,7 @@ from ...mesh.calculus import average_to_faces, make_unit
 from ...mesh.geodesics import face_stencils
 from ...mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ...settings import BeltramiGeometrySettings
+from ..creases import consistent_normals
 from .mesh_smoothing import smooth_graph
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
@@ -28,35 +32,70 @@ _MOST_AROUND = 1024
 """Most faces that are looked at around one."""
 
 _BUMPS = 3.0
-"""How many times more the noise of scans counts whose bumps are wider than a face."""
+"""How many times more noise counts that is between white noise and that of scans."""
 
-# Where it begins to count, and where it counts in full: the share of noise in what normals differ
-# by over two rings; and the ratio of squared differences over one ring and over two, which is lower
-# for relief, and higher for noise that differs from vertex to vertex. Where there is little relief,
-# a lower ratio does.
-_SHARE, _WIDER, _WHITE = (0.4, 0.6), (0.53, 0.57), (0.73, 0.85)
+# In normals that differ by noise, its share of what they differ by over two rings is at least
+# _SHARE. The ratio of squared differences over one ring and over two is higher for white noise,
+# which differs from vertex to vertex, and lower for relief; where there is little of that, a lower
+# ratio does. Chosen on virtual scans; see `benchmarks/scans.py`.
+_SHARE, _RELIEF, _WHITE = 0.5, 0.47, (0.79, 0.9)
 _LOWER = 0.8
 
+_SPREAD = 0.25
+"""Normals of scans that differ by this much count by exp(-1/2); for _LOOSE, by so many times it."""
 
-def noise_of_normals(mesh: TriangleMesh) -> float:
-    """How much the normals of neighbouring faces differ where the surface is calm.
+_LOOSE = 4.0
+_BETA = 0.9
 
-    The lower quartile over all edges: creases and relief have little say. Noise of real scans has
-    bumps wider than a face, over which neighbours differ less than by the whole of it: it counts
-    more. Between bounds, so that a clean mesh is not all noise, and a right angle never is.
+_QUANTILE, _CALM = 0.2, (0.18, 0.155)
+"""What this share of the angles between neighbours stays below after _LOOSE smoothing, relative to
+their median before: on relief, and on calm surfaces between creases."""
+
+
+class Noise(NamedTuple):
+    """The noise of a mesh's normals.
+
+    Attributes
+    ----------
+    size : float
+        How much the normals of neighbouring faces differ where the surface is calm. Between
+        bounds, so that a clean mesh is not all noise, and a right angle never is.
+    wide : bool
+        Whether it has bumps wider than a face, as that of scans has.
+    calm : float
+        For such noise, whether the surface below it is calm, as that of machine parts is between
+        their creases, 1, or is relief, 0.
     """
-    steps = np.empty(3 * mesh.face_count)
-    run(_normal_steps, mesh.face_count, mesh.twins, mesh.areas, mesh.normals, steps)
-    steps = steps[steps >= 0]
+
+    size: float
+    wide: bool = False
+    calm: float = 0.0
+
+
+def noise_of_normals(mesh: TriangleMesh) -> Noise:
+    """Measure the noise of the normals of a mesh's faces.
+
+    Its size is the lower quartile over all edges: creases and relief have little say.
+    """
+    steps = _steps_of(mesh, mesh.normals)
     if not len(steps):
-        return MOST_NOISE
-    quartile = float(np.quantile(steps, 0.25, overwrite_input=True))
-    return min(max(quartile * _bump_factor(mesh), LEAST_NOISE), MOST_NOISE)
+        return Noise(MOST_NOISE)
+    quartile, typical = np.quantile(steps, (0.25, 0.5))
+    whiteness = _whiteness(mesh)
+    wide = whiteness < _WHITE[0]
+    calm = 0.0
+    if wide and typical > 0:
+        smooth = _means(mesh, mesh.normals, 3, 2.0 * _SPREAD)
+        left = float(np.quantile(_steps_of(mesh, smooth), _QUANTILE)) / float(typical)
+        calm = float(np.interp(left, _CALM[::-1], (1.0, 0.0)))
+    size = float(quartile * np.interp(whiteness, _WHITE, (_BUMPS, 1.0)))
+    return Noise(min(max(size, LEAST_NOISE), MOST_NOISE), wide, calm)
 
 
-def _bump_factor(mesh: TriangleMesh) -> float:
+def _whiteness(mesh: TriangleMesh) -> float:
     # Squared differences of normals over k rings are those of the noise, which are all there from
-    # the bumps' width on, plus k^2 times those of the bending surface.
+    # the bumps' width on, plus k^2 times those of the bending surface. The ratio over one ring and
+    # over two is 1 for white noise; also where there is little noise.
     count = min(_SEEDS, mesh.face_count)
     seeds = np.linspace(0, mesh.face_count - 1, count).astype(np.int32)
     found = np.empty((count, len(_RINGS)))
@@ -68,18 +107,32 @@ def _bump_factor(mesh: TriangleMesh) -> float:
     one, two, _ = np.median(found, axis=0)
     bend = max(np.median(found[:, 2] - found[:, 1]) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
     noise = two - _RINGS[1] ** 2 * bend
-    if not noise > _SHARE[0] * two:
+    if not noise > _SHARE * two:
         return 1.0
-    share, ratio = noise / two, (one - bend) / noise
-    wider = np.interp(ratio + _LOWER * (share - 0.75), _WIDER, (0.0, 1.0))
-    wider *= np.interp(ratio, _WHITE, (1.0, 0.0)) * np.interp(share, _SHARE, (0.0, 1.0))
-    return 1.0 + (_BUMPS - 1.0) * float(wider)
+    ratio = float((one - bend) / noise)
+    return ratio if ratio + _LOWER * (noise / two - 0.75) > _RELIEF else 1.0
+
+
+def _steps_of(mesh: TriangleMesh, normals: Floats) -> Floats:
+    # How far normals are apart, edge by edge.
+    steps = np.empty(3 * mesh.face_count)
+    run(_normal_steps, mesh.face_count, mesh.twins, mesh.areas, normals, steps)
+    return steps[steps >= 0]
+
+
+def turns_of(settings: BeltramiGeometrySettings, noise: Noise) -> BeltramiGeometrySettings:
+    """Give the settings for a noise: on relief with that of scans, the filter is applied once."""
+    if not noise.wide:
+        return settings
+    return replace(settings, repeat=max(round(noise.calm * settings.repeat), 1))
 
 
 def smoothed_normals(
-    mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: float
+    mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise
 ) -> Floats:
     """Smooth the normals of the faces, `noise` being what `noise_of_normals` says: (m, 3)."""
+    if noise.wide:
+        return _smoothed_scan(mesh, settings, noise)
     embedding = np.empty((mesh.face_count, 6))
     with aside("Denoising"):
         embedding[:, :3] = average_to_faces(mesh, mesh.scaled_vertices)
@@ -87,8 +140,8 @@ def smoothed_normals(
     for turn in range(settings.iterations):
         with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
             with aside("Denoising"):
-                guide = _mollified(mesh, normals, settings.mollify_passes, MOLLIFIED * noise)
-                np.multiply(guide, settings.beta / noise, out=embedding[:, 3:])
+                guide = _means(mesh, normals, settings.mollify_passes, MOLLIFIED * noise.size)
+                np.multiply(guide, settings.beta / noise.size, out=embedding[:, 3:])
                 ask()
                 graph = face_stencils(mesh, embedding)
             normals = smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
@@ -97,13 +150,40 @@ def smoothed_normals(
     return normals
 
 
-def _mollified(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> Floats:
-    for _ in range(passes):
-        smooth = np.empty_like(normals)
-        run(_mollify, mesh.face_count, mesh.faces, *mesh.corners, mesh.areas, normals, spread,
-            smooth)  # fmt: skip
-        normals = smooth
+def _smoothed_scan(
+    mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise
+) -> Floats:
+    # Steps of the kernel so short that they reach the faces around only. On calm surfaces the
+    # distances are those between the normals of even patches, which makes creases straight.
+    loose = round(noise.calm * settings.repeat) == 0
+    spread = _SPREAD * _BETA / max(settings.beta, 1e-6)
+    passes = max(round((2 if loose else 4) * settings.time), 1)
+    if loose:
+        with aside("Denoising"):
+            return _means(mesh, mesh.normals, passes, _LOOSE * spread)
+    everywhere = np.ones(mesh.face_count, dtype=np.bool_)
+    normals = mesh.normals
+    for turn in range(settings.iterations):
+        with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
+            with phase(0.0, 0.5, "Denoising"):
+                guide = consistent_normals(mesh, normals, everywhere, 1)
+            with phase(0.5, 1.0, "Denoising"):
+                for _ in range(passes):
+                    normals = _mean(mesh, normals, guide, spread)
     return normals
+
+
+def _means(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> Floats:
+    for _ in range(passes):
+        normals = _mean(mesh, normals, normals, spread)
+    return normals
+
+
+def _mean(mesh: TriangleMesh, normals: Floats, guide: Floats, spread: float) -> Floats:
+    smooth = np.empty_like(normals)
+    run(_average, mesh.face_count, mesh.faces, *mesh.corners, mesh.areas, normals, guide, spread,
+        smooth)  # fmt: skip
+    return smooth
 
 
 @kernel
@@ -170,8 +250,8 @@ def _make_unit(start, stop, vectors):
 
 
 @kernel
-def _mollify(start, stop, faces, corner_start, corners, areas, normals, spread, out):
-    # Means over the faces that share a vertex, those of similar normals; all for zero-area faces.
+def _average(start, stop, faces, corner_start, corners, areas, normals, guide, spread, out):
+    # Means over the faces that share a vertex, those of similar guides; all for zero-area faces.
     # At a hub some stand for all.
     for f in range(start, stop):
         out[f] = 0.0
@@ -183,7 +263,7 @@ def _mollify(start, stop, faces, corner_start, corners, areas, normals, spread, 
                 g = corners[i] // 3
                 square = 0.0
                 for x in range(3):
-                    square += (normals[f, x] - normals[g, x]) ** 2
+                    square += (guide[f, x] - guide[g, x]) ** 2
                 weight = stride * areas[g]
                 if areas[f] > 0:
                     weight *= np.exp(-0.5 * square / (spread * spread))
