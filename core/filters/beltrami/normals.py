@@ -31,25 +31,25 @@ _RINGS = 1, 2, 6
 _MOST_AROUND = 1024
 """Most faces that are looked at around one."""
 
-_BUMPS = 3.0
-"""How many times more noise counts that is between white noise and that of scans."""
-
-# In normals that differ by noise, its share of what they differ by over two rings is at least
-# _SHARE. The ratio of squared differences over one ring and over two is higher for white noise,
-# which differs from vertex to vertex, and lower for relief; where there is little of that, a lower
-# ratio does. Chosen on virtual scans; see `benchmarks/scans.py`.
-_SHARE, _RELIEF, _WHITE = 0.5, 0.47, (0.79, 0.9)
-_LOWER = 0.8
-
 _SPREAD = 0.25
-"""Normals of scans that differ by this much count by exp(-1/2); for _LOOSE, by so many times it."""
+"""In scans, normals that are this far apart count by exp(-1/2)."""
 
-_LOOSE = 4.0
+_LOOSE, _STRICT = 4.0, 0.5
+"""On relief, so many times that: in the first steps, and in those that follow."""
+
 _BETA = 0.9
+"""The `beta` that these are for."""
 
-_QUANTILE, _CALM = 0.2, (0.18, 0.155)
-"""What this share of the angles between neighbours stays below after _LOOSE smoothing, relative to
-their median before: on relief, and on calm surfaces between creases."""
+# Which noise it is, chosen on virtual scans; see `benchmarks/scans.py`. Noise is at least the share
+# _SHARE of what normals differ by over two rings; for relief without noise, the ratio of squared
+# differences over one ring and over two is below _RELIEF, or lower where there is little relief.
+# What smoothing leaves of the differences: much of relief, little of noise; and after one pass less
+# of white noise, which differs from vertex to vertex, than of that of scans. Where most of what is
+# left lies in few creases, the surface is calm between them.
+_SHARE, _RELIEF, _LOWER = 0.5, 0.45, 0.8
+_LEFT = 0.39, 0.32
+_WHITE = 0.185
+_CREASED = 0.081, 0.075
 
 
 class Noise(NamedTuple):
@@ -60,15 +60,16 @@ class Noise(NamedTuple):
     size : float
         How much the normals of neighbouring faces differ where the surface is calm. Between
         bounds, so that a clean mesh is not all noise, and a right angle never is.
-    wide : bool
-        Whether it has bumps wider than a face, as that of scans has.
+    of_scan : bool
+        Whether it is like that of scans, whose bumps are wider than a face, or lies on relief that
+        is as strong as the noise.
     calm : float
-        For such noise, whether the surface below it is calm, as that of machine parts is between
-        their creases, 1, or is relief, 0.
+        If so, whether the surface below is calm, as that of machine parts is between their
+        creases, 1, or relief, 0.
     """
 
     size: float
-    wide: bool = False
+    of_scan: bool = False
     calm: float = 0.0
 
 
@@ -81,36 +82,43 @@ def noise_of_normals(mesh: TriangleMesh) -> Noise:
     if not len(steps):
         return Noise(MOST_NOISE)
     quartile, typical = np.quantile(steps, (0.25, 0.5))
-    whiteness = _whiteness(mesh)
-    wide = whiteness < _WHITE[0]
-    calm = 0.0
-    if wide and typical > 0:
-        smooth = _means(mesh, mesh.normals, 3, 2.0 * _SPREAD)
-        left = float(np.quantile(_steps_of(mesh, smooth), _QUANTILE)) / float(typical)
-        calm = float(np.interp(left, _CALM[::-1], (1.0, 0.0)))
-    size = float(quartile * np.interp(whiteness, _WHITE, (_BUMPS, 1.0)))
-    return Noise(min(max(size, LEAST_NOISE), MOST_NOISE), wide, calm)
+    size = min(max(float(quartile), LEAST_NOISE), MOST_NOISE)
+    rings = _over_rings(mesh, mesh.normals)
+    if not _has_noise(rings):
+        return Noise(size)
+    smooth = _means(mesh, mesh.normals, 3, 2.0 * _SPREAD)
+    few, many = np.quantile(_steps_of(mesh, smooth), (0.2, 0.95))
+    smooth = _means(mesh, smooth, 3, 2.0 * _SPREAD)
+    left = float(np.sqrt(_over_rings(mesh, smooth)[1] / rings[1]))
+    calm = float(np.interp(left, _LEFT[::-1], (1.0, 0.0)))
+    if calm > 0.5:
+        blurred = _steps_of(mesh, _means(mesh, mesh.normals, 1, np.inf))
+        if np.quantile(blurred, 0.2) < _WHITE * typical:
+            return Noise(size)
+    creased = float(np.interp(few, np.multiply(many, _CREASED[::-1]), (1.0, 0.0)))
+    return Noise(size, True, max(calm, creased))
 
 
-def _whiteness(mesh: TriangleMesh) -> float:
-    # Squared differences of normals over k rings are those of the noise, which are all there from
-    # the bumps' width on, plus k^2 times those of the bending surface. The ratio over one ring and
-    # over two is 1 for white noise; also where there is little noise.
+def _has_noise(rings: Floats) -> bool:
+    # Squared differences over k rings are those of the noise, which are all there from the bumps'
+    # width on, plus k^2 times those of the bending surface.
+    one, two, six = rings
+    bend = max((six - two) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
+    noise = two - _RINGS[1] ** 2 * bend
+    if not noise > _SHARE * two:
+        return False
+    return bool((one - bend) / noise + _LOWER * (noise / two - 0.75) > _RELIEF)
+
+
+def _over_rings(mesh: TriangleMesh, normals: Floats) -> Floats:
+    # Medians of squared differences of normals over some numbers of rings.
     count = min(_SEEDS, mesh.face_count)
     seeds = np.linspace(0, mesh.face_count - 1, count).astype(np.int32)
     found = np.empty((count, len(_RINGS)))
-    run(_differences, count, mesh.faces, *mesh.corners, mesh.areas, mesh.normals, seeds, found,
+    run(_differences, count, mesh.faces, *mesh.corners, mesh.areas, normals, seeds, found,
         chunk=_SEEDS // 8)  # fmt: skip
     found = found[np.isfinite(found).all(axis=1)]
-    if not len(found):
-        return 1.0
-    one, two, _ = np.median(found, axis=0)
-    bend = max(np.median(found[:, 2] - found[:, 1]) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
-    noise = two - _RINGS[1] ** 2 * bend
-    if not noise > _SHARE * two:
-        return 1.0
-    ratio = float((one - bend) / noise)
-    return ratio if ratio + _LOWER * (noise / two - 0.75) > _RELIEF else 1.0
+    return np.median(found, axis=0) if len(found) else np.zeros(len(_RINGS))
 
 
 def _steps_of(mesh: TriangleMesh, normals: Floats) -> Floats:
@@ -122,7 +130,7 @@ def _steps_of(mesh: TriangleMesh, normals: Floats) -> Floats:
 
 def turns_of(settings: BeltramiGeometrySettings, noise: Noise) -> BeltramiGeometrySettings:
     """Give the settings for a noise: on relief with that of scans, the filter is applied once."""
-    if not noise.wide:
+    if not noise.of_scan:
         return settings
     return replace(settings, repeat=max(round(noise.calm * settings.repeat), 1))
 
@@ -131,7 +139,7 @@ def smoothed_normals(
     mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise
 ) -> Floats:
     """Smooth the normals of the faces, `noise` being what `noise_of_normals` says: (m, 3)."""
-    if noise.wide:
+    if noise.of_scan:
         return _smoothed_scan(mesh, settings, noise)
     embedding = np.empty((mesh.face_count, 6))
     with aside("Denoising"):
@@ -153,24 +161,32 @@ def smoothed_normals(
 def _smoothed_scan(
     mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise
 ) -> Floats:
-    # Steps of the kernel so short that they reach the faces around only. On calm surfaces the
-    # distances are those between the normals of even patches, which makes creases straight.
-    loose = round(noise.calm * settings.repeat) == 0
+    # Steps of the kernel so short that they reach the faces around only.
     spread = _SPREAD * _BETA / max(settings.beta, 1e-6)
-    passes = max(round((2 if loose else 4) * settings.time), 1)
-    if loose:
-        with aside("Denoising"):
-            return _means(mesh, mesh.normals, passes, _LOOSE * spread)
+    if round(noise.calm * settings.repeat) == 0:
+        return _smoothed_relief(mesh, settings, spread)
     everywhere = np.ones(mesh.face_count, dtype=np.bool_)
     normals = mesh.normals
     for turn in range(settings.iterations):
         with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
+            # Distances are those between the normals of even patches: creases become straight.
             with phase(0.0, 0.5, "Denoising"):
                 guide = consistent_normals(mesh, normals, everywhere, 1)
             with phase(0.5, 1.0, "Denoising"):
-                for _ in range(passes):
+                for _ in range(max(round(4 * settings.time), 1)):
                     normals = _mean(mesh, normals, guide, spread)
     return normals
+
+
+def _smoothed_relief(
+    mesh: TriangleMesh, settings: BeltramiGeometrySettings, spread: float
+) -> Floats:
+    # What is left after the first steps is smoothed where it bends little.
+    passes = max(round(2 * settings.time), 1)
+    with phase(0.0, 0.3, "Denoising"):
+        normals = _means(mesh, mesh.normals, passes, _LOOSE * spread)
+    with phase(0.3, 1.0, "Denoising"):
+        return _means(mesh, normals, passes * settings.iterations, _STRICT * spread)
 
 
 def _means(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> Floats:
