@@ -223,7 +223,9 @@ def fused(data: Path | None, name: str, voxels: int, amount: float, seed: int) -
         weight[empty] += 0.5
     sure = weight > 0.3
     field = np.where(sure, total / np.maximum(weight, 1e-12), -band).reshape((len(line),) * 3)
-    points, faces, _, _ = marching_cubes(field, 0, spacing=(step,) * 3, mask=sure.reshape(field.shape))
+    points, faces, _, _ = marching_cubes(
+        field, 0, spacing=(step,) * 3, mask=sure.reshape(field.shape)
+    )
     points = points.astype(np.float64) + line[0]
     tree, _ = _finely(data, name)
     near = tree.query(points[faces].mean(axis=1))[0] < 2 * step
@@ -327,7 +329,9 @@ def _cleaned(points: Floats, faces: Floats, data: Path | None, name: str) -> cor
     points, faces = points[used][kept], same[index.reshape(faces.shape)]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
-    pieces = trimesh.graph.connected_component_labels(trimesh.graph.face_adjacency(faces), len(faces))
+    pieces = trimesh.graph.connected_component_labels(
+        trimesh.graph.face_adjacency(faces), len(faces)
+    )
     faces = faces[np.bincount(pieces)[pieces] >= LEAST_PIECE]
     used, index = np.unique(faces, return_inverse=True)
     points, faces = np.ascontiguousarray(points[used]), index.reshape(faces.shape)

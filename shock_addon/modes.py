@@ -332,7 +332,7 @@ MODES: list[Mode] = [
         "Remove noise from meshes and their colors; creases and edges between colors stay",
         (
             Target(
-                "beltrami_mesh",
+                "denoise_geometry",
                 "geometry",
                 "Geometry",
                 "Move vertices so that the surface becomes smooth between its creases",

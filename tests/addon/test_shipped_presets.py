@@ -55,7 +55,7 @@ def denoised(name, vertices, faces):
     settings = use("denoise", name)
     time = settings.sharpen_time if settings.then_sharpen else None
     kernel = settings_from(BeltramiGeometrySettings, settings)
-    denoise = registry.find("beltrami_mesh").function(time)
+    denoise = registry.find("denoise_geometry").function(time)
     return denoise(core.TriangleMesh(vertices, faces), settings=kernel)
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -42,14 +41,17 @@ _BETA = 0.9
 
 # Which noise it is, chosen on virtual scans; see `benchmarks/scans.py`. Noise is at least the share
 # _SHARE of what normals differ by over two rings; for relief without noise, the ratio of squared
-# differences over one ring and over two is below _RELIEF, or lower where there is little relief.
+# differences over one ring and over two is below _CLEAN, or lower where there is little relief.
 # What smoothing leaves of the differences: much of relief, little of noise; and after one pass less
 # of white noise, which differs from vertex to vertex, than of that of scans. Where most of what is
 # left lies in few creases, the surface is calm between them.
-_SHARE, _RELIEF, _LOWER = 0.5, 0.45, 0.8
+_SHARE, _CLEAN, _LOWER = 0.5, 0.45, 0.8
 _LEFT = 0.39, 0.32
 _WHITE = 0.185
 _CREASED = 0.081, 0.075
+
+_CALM_FROM = 1 / 6
+"""Below this `calm`, a scan is treated as relief."""
 
 
 class Noise(NamedTuple):
@@ -107,7 +109,7 @@ def _has_noise(rings: Floats) -> bool:
     noise = two - _RINGS[1] ** 2 * bend
     if not noise > _SHARE * two:
         return False
-    return bool((one - bend) / noise + _LOWER * (noise / two - 0.75) > _RELIEF)
+    return bool((one - bend) / noise + _LOWER * (noise / two - 0.75) > _CLEAN)
 
 
 def _over_rings(mesh: TriangleMesh, normals: Floats) -> Floats:
@@ -128,11 +130,11 @@ def _steps_of(mesh: TriangleMesh, normals: Floats) -> Floats:
     return steps[steps >= 0]
 
 
-def turns_of(settings: BeltramiGeometrySettings, noise: Noise) -> BeltramiGeometrySettings:
-    """Give the settings for a noise: on relief with that of scans, the filter is applied once."""
+def repeats(settings: BeltramiGeometrySettings, noise: Noise) -> int:
+    """How often the filter is applied: on scans of relief by a third of what the settings say."""
     if not noise.of_scan:
-        return settings
-    return replace(settings, repeat=max(round(noise.calm * settings.repeat), 1))
+        return settings.repeat
+    return max(round(max(noise.calm, 1 / 3) * settings.repeat), 1)
 
 
 def smoothed_normals(
@@ -158,12 +160,10 @@ def smoothed_normals(
     return normals
 
 
-def _smoothed_scan(
-    mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise
-) -> Floats:
+def _smoothed_scan(mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise) -> Floats:
     # Steps of the kernel so short that they reach the faces around only.
     spread = _SPREAD * _BETA / max(settings.beta, 1e-6)
-    if round(noise.calm * settings.repeat) == 0:
+    if noise.calm < _CALM_FROM:
         return _smoothed_relief(mesh, settings, spread)
     everywhere = np.ones(mesh.face_count, dtype=np.bool_)
     normals = mesh.normals
