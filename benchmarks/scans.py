@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,8 +13,20 @@ import peers
 import scipy.sparse as sp
 from report import Target, table, targets
 from shock_filter import core
+from shock_filter.core.filters.beltrami.normals import Noise, noise_of_normals, smoothed_normals
 from shock_filter.core.filters.creases import consistent_normals
-from virtual_scans import Errors, Floats, Scan, errors, fused, range_image, with_white_noise
+from shock_filter.core.filters.fit import refitted
+from virtual_scans import (
+    MADE,
+    VIEWS,
+    Errors,
+    Floats,
+    Scan,
+    errors,
+    fused,
+    range_image,
+    with_white_noise,
+)
 
 Filter = Callable[[core.TriangleMesh], Floats]
 
@@ -129,3 +141,136 @@ def normals_averaged(mesh: core.TriangleMesh, spread: float, guided: bool) -> Fl
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     normals[mesh.areas == 0] = 0.0
     return core.fit_to_normals(mesh, normals, core.FitSettings(screening_radius=5.0))
+
+
+def as_white_noise(mesh: core.TriangleMesh) -> Floats:
+    """Our default as if all noise were white, which is how earlier versions were."""
+    settings = core.BeltramiGeometrySettings()
+    noise = Noise(noise_of_normals(mesh).size)
+    moved = refitted(mesh, lambda m: smoothed_normals(m, settings, noise), settings, None, "")
+    return mesh.vertices + moved
+
+
+def sharpened_everywhere(mesh: core.TriangleMesh) -> Floats:
+    """What the preset Scan Cleanup was."""
+    settings = core.GeometrySettings.of_paper(time=64.0, mollify_passes=2)
+    return core.sharpen_geometry(mesh, settings)
+
+
+def two_steps(steps: int, turns: int, fits: int) -> Filter:
+    """MeshLab's two-step smoothing."""
+    settings = {"stepsmoothnum": steps, "stepnormalnum": turns, "stepfitnum": fits}
+    settings["normalthr"] = 60.0
+
+    def apply(mesh: core.TriangleMesh) -> Floats:
+        name = "apply_coord_two_steps_smoothing"
+        return peers.apply("MeshLab", name, settings, mesh.vertices, mesh.faces)[0]
+
+    return apply
+
+
+OURS = "ours"
+MESHLAB = "MeshLab two-step, best of 3"
+METHODS: dict[str, list[Filter]] = {
+    OURS: [core.denoise_geometry],
+    "scan itself": [lambda mesh: mesh.vertices],
+    "Laplacian, 3 passes": [lambda mesh: smoothed(mesh, 3)],
+    "Taubin, 10 passes": [lambda mesh: smoothed(mesh, 10, back=-0.53)],
+    MESHLAB: [two_steps(3, 20, 20), two_steps(3, 5, 5), two_steps(1, 5, 5)],
+    "bilateral normals": [lambda mesh: normals_averaged(mesh, 0.35, guided=False)],
+    "guided normals": [lambda mesh: normals_averaged(mesh, 0.35, guided=True)],
+    "ours, as if noise were white": [as_white_noise],
+    "sharpened as Scan Cleanup was": [sharpened_everywhere],
+}
+"""What is compared, and the settings of each of which the best counts."""
+
+SMOOTHERS = "Laplacian, 3 passes", "Taubin, 10 passes", "sharpened as Scan Cleanup was"
+WORST, MEDIAN, RANGE_PART = 1.2, 1.04, 4.5
+HALVES = {"tuned": (DEVELOPED, 1), "held out": (HELD_OUT, 2), "other noise": (HELD_OUT, 3)}
+
+
+def errors_of(data: Path | None, case: Case, seed: int) -> dict[str, Errors]:
+    """Errors of all methods on a scan."""
+    scan = scan_of(data, case, seed)
+    found = {}
+    for title, filters in METHODS.items():
+        if title != MESHLAB or peers.installed("MeshLab"):
+            tried = (core.TriangleMesh(scan.mesh.vertices, scan.mesh.faces) for _ in filters)
+            results = [function(mesh) for function, mesh in zip(filters, tried, strict=True)]
+            found[title] = min(errors(data, case.shape, scan, result) for result in results)
+    return found
+
+
+class Half(NamedTuple):
+    """What was measured on some scans: by scan the errors, by method."""
+
+    name: str
+    cases: list[Case]
+    found: list[dict[str, Errors]]
+
+    def ratios(self, title: str) -> Floats:
+        """How far a method's normals are from the best of the others."""
+        best = [min(e.normal for name, e in row.items() if name != OURS) for row in self.found]
+        return np.array([row[title].normal for row in self.found]) / best
+
+    def mean(self, title: str, field: str, chosen: Callable[[Case], bool]) -> float:
+        """The mean of a method's errors over some of the scans."""
+        pairs = zip(self.cases, self.found, strict=True)
+        return float(np.mean([getattr(row[title], field) for case, row in pairs if chosen(case)]))
+
+    def table(self) -> str:
+        """All scans."""
+        titles = list(self.found[0])
+        pairs = zip(self.cases, self.found, strict=True)
+        rows = [[c.label, *(f"{row[title].normal:.2f}" for title in titles)] for c, row in pairs]
+        return table(["scan", *titles], rows)
+
+    def summary(self) -> list[list[str]]:
+        """A row of each method."""
+        return [
+            [
+                self.name,
+                title,
+                f"{self.mean(title, 'normal', lambda case: True):.2f}",
+                f"{np.median(self.ratios(title)):.3f}",
+                f"{self.ratios(title).max():.2f}",
+                f"{self.mean(title, 'scabs', lambda case: True):.2f}",
+            ]
+            for title in self.found[0]
+        ]
+
+    def goals(self) -> list[Target]:
+        """What our default is to reach."""
+        ratios = self.ratios(OURS)
+        seen = self.mean(OURS, "normal", lambda case: case.part and case.scanner == RANGE)
+        goals = [
+            Target(f"{self.name}: worst / best", float(ratios.max()), WORST),
+            Target(f"{self.name}: median / best", float(np.median(ratios)), MEDIAN),
+            Target(f"{self.name}: parts in range images, degrees", seen, RANGE_PART),
+        ]
+        for name, part in (("parts", True), ("statues", False)):
+            cases = [case for case in self.cases if case.part == part]
+            off = {title: self.mean(title, "scabs", cases.__contains__) for title in self.found[0]}
+            least = min(off[title] for title in SMOOTHERS)
+            goals.append(Target(f"{self.name}: {name}, % 45 degrees off", off[OURS], least))
+        return goals
+
+
+def scans(job: common.Job) -> None:
+    """Errors on virtual scans, and how far each method is from the best of the others."""
+    halves = []
+    for name, (cases, seed) in HALVES.items():
+        known = [case for case in cases if job.data or case.shape in MADE]
+        found = [common.in_own_process(errors_of, job.data, case, seed) for case in known]
+        halves.append(Half(name, known, found))
+    head = ["half", "filter", "mean degrees", "median / best", "worst / best", "45 off, %"]
+    text = [
+        "Scans made by code of known shapes: range images from one side, range images fused from"
+        f" {VIEWS} sides, and shapes with white noise; numbers are the noise in pixels, voxels or"
+        " mean edge lengths. *Best* is the best of all filters but ours on each scan.",
+        table(head, [row for half in halves for row in half.summary()], words=2),
+        targets(goal for half in halves[1:] for goal in half.goals()),
+    ]
+    for half in halves:
+        text += [f"Mean angle to the true normals, degrees, {half.name}:", half.table()]
+    job.page.write("scans", "\n\n".join(text))
