@@ -175,7 +175,7 @@ METHODS: dict[str, list[Filter]] = {
     OURS: [core.denoise_geometry],
     "scan itself": [lambda mesh: mesh.vertices],
     "Laplacian, 3 passes": [lambda mesh: smoothed(mesh, 3)],
-    "Taubin, 10 passes": [lambda mesh: smoothed(mesh, 10, back=-0.53)],
+    "Taubin, 10 passes": [lambda mesh: smoothed(mesh, 10, back=0.53)],
     MESHLAB: [two_steps(3, 20, 20), two_steps(3, 5, 5), two_steps(1, 5, 5)],
     "bilateral normals": [lambda mesh: normals_averaged(mesh, 0.35, guided=False)],
     "guided normals": [lambda mesh: normals_averaged(mesh, 0.35, guided=True)],
@@ -189,8 +189,12 @@ WORST, MEDIAN, RANGE_PART = 1.2, 1.04, 4.5
 HALVES = {"tuned": (DEVELOPED, 1), "held out": (HELD_OUT, 2), "other noise": (HELD_OUT, 3)}
 
 
-def errors_of(data: Path | None, case: Case, seed: int) -> dict[str, Errors]:
-    """Errors of all methods on a scan."""
+def errors_of_all(data: Path | None, cases: list[Case], seed: int) -> list[dict[str, Errors]]:
+    """Errors of all methods on some scans."""
+    return [_errors_of(data, case, seed) for case in cases]
+
+
+def _errors_of(data: Path | None, case: Case, seed: int) -> dict[str, Errors]:
     scan = scan_of(data, case, seed)
     found = {}
     for title, filters in METHODS.items():
@@ -261,7 +265,7 @@ def scans(job: common.Job) -> None:
     halves = []
     for name, (cases, seed) in HALVES.items():
         known = [case for case in cases if job.data or case.shape in MADE]
-        found = [common.in_own_process(errors_of, job.data, case, seed) for case in known]
+        found = common.in_own_process(errors_of_all, job.data, known, seed)
         halves.append(Half(name, known, found))
     head = ["half", "filter", "mean degrees", "median / best", "worst / best", "45 off, %"]
     text = [

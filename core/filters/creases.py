@@ -47,7 +47,8 @@ _SURE = (0.94, 0.98), 0.15  # such a share makes sure, and lets a part be so muc
 _CLEARLY_OUT, _CLEARLY_TURNS = (1.3, 3.5), (4.0, 16.0)  # a crease where parts are not of creases
 _WIDE, _WIDE_PART = (1.18, 1.26), (1.19, 1.24)  # D_8 / D_2 around a vertex, median of a part
 _NOISY = 0.95, 1.0  # D_8 / D_2, median of a part
-_FAINT, _ALIKE = (13.3, 15.3), (0.72, 0.78)  # D_2 of the faintest creases, in degrees; over median
+_FAINT, _ALIKE = (13.3, 15.3), (0.5, 0.6)  # D_2 of faint creases, in degrees; over that of strong
+_ONLY = 0.87, 0.92  # share of the bending in ridges that leaves nothing for relief
 _WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
 """Radii of fillets between two planes, in edges, and D_8 / D_2 there, after a remesh."""
 
@@ -141,8 +142,7 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     on_crest = weight > 0.5
     typical_bend = np.sqrt(_quantiles(part, bend, count, 0.5))
     typical_width = _quantiles(part[on_crest], width[on_crest], count, 0.5)
-    typical_turn = _quantiles(part[on_crest], turn[on_crest], count, 0.5)
-    least_turn = _quantiles(part[on_crest], turn[on_crest], count, 0.1)
+    faint, strong = (_quantiles(part[on_crest], turn[on_crest], count, q) for q in (0.1, 0.9))
     typical_jag = _quantiles(part[on_crest], jagged[on_crest], count, 0.5)
     worse_jag = _quantiles(part[on_crest], jagged[on_crest], count, _MOST_SHARP)
     share = _ratio(np.bincount(part, energy * out, count), np.bincount(part, energy, count))
@@ -150,8 +150,8 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     blunt = ramp(worse_jag, _JAGGED_PART)[part]
     creased = (ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE)))[part]
     # Denoising leaves relief with facets, whose edges are of all angles, down to faint ones.
-    alike = ramp(_ratio(least_turn, typical_turn), _ALIKE)
-    creased *= np.maximum(alike, ramp(np.degrees(least_turn), _FAINT))[part]
+    alike = np.maximum(ramp(_ratio(faint, strong), _ALIKE), ramp(share, _ONLY))
+    creased *= np.maximum(alike, ramp(np.degrees(faint), _FAINT))[part]
     # Ridges that smoothing takes away are noise; where there is none, D_8 / D_2 is 1 at least.
     creased *= ramp(typical_width, _NOISY)[part]
     wide = np.where(creased > 0, ramp(typical_width, _WIDE_PART)[part], 0.0)
