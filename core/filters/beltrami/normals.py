@@ -269,20 +269,22 @@ def _make_unit(start, stop, vectors):
 def _average(start, stop, faces, corner_start, corners, areas, normals, guide, spread, out):
     # Means over the faces that share a vertex, those of similar guides; all for zero-area faces.
     # At a hub some stand for all.
+    rate = -0.5 / (spread * spread)
     for f in range(start, stop):
-        out[f] = 0.0
+        gx, gy, gz = guide[f, 0], guide[f, 1], guide[f, 2]
+        x = y = z = 0.0
         for k in range(3):
             v = faces[f, k]
             count = corner_start[v + 1] - corner_start[v]
             stride = 1 if count <= HUB else 1 + count // HUB
             for i in range(corner_start[v], corner_start[v + 1], stride):
                 g = corners[i] // 3
-                square = 0.0
-                for x in range(3):
-                    square += (guide[f, x] - guide[g, x]) ** 2
                 weight = stride * areas[g]
                 if areas[f] > 0:
-                    weight *= np.exp(-0.5 * square / (spread * spread))
-                for x in range(3):
-                    out[f, x] += weight * normals[g, x]
+                    dx, dy, dz = guide[g, 0] - gx, guide[g, 1] - gy, guide[g, 2] - gz
+                    weight *= np.exp(rate * (dx * dx + dy * dy + dz * dz))
+                x += weight * normals[g, 0]
+                y += weight * normals[g, 1]
+                z += weight * normals[g, 2]
+        out[f, 0], out[f, 1], out[f, 2] = x, y, z
         make_unit(out[f])
