@@ -15,6 +15,7 @@ from denoise_images import betas, images, kernels, manifold
 from denoise_meshes import meshes, noise
 from denoise_pictures import draw_scans, joint, painted, pictures
 from denoise_speed import speed
+from scans import scans
 
 SECTIONS = {
     "speed": speed,
@@ -26,6 +27,7 @@ SECTIONS = {
     "manifold": manifold,
     "meshes": meshes,
     "noise": noise,
+    "scans": scans,
     "pictures": pictures,
     "painted": painted,
     "joint": joint,

@@ -53,13 +53,24 @@ def cone_grid(n: int, shear: float) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(around, axis=-1), exact
 
 
+def grid_distances(
+    points: np.ndarray, y: int, x: int, radius: float, flat: bool = False
+) -> np.ndarray:
+    """Distances on a grid of points from one of them, infinite beyond the radius.
+
+    With `flat`, places in the plane, a pixel apart, are added to the coordinates.
+    """
+    guide, square = np.ascontiguousarray(points, dtype=np.float32), np.float32(radius**2)
+    height, width = guide.shape[0], guide.shape[1] + 2
+    band, front = open_band(guide, np.float32(flat), square, 0, height)
+    march((y + 1) * width + x + 1, square, band, front)
+    return np.sqrt(front.final.reshape(height + 2, width)[1:-1, 1:-1])
+
+
 def grid_error(shape: Callable, shear: float, n: int) -> Measurement:
     """Errors within a radius of 0.4 on a parametric manifold of n x n squares."""
     points, exact = shape(n, shear)
-    guide, square, width = points.astype(np.float32), np.float32(0.4**2), n + 3
-    band, front = open_band(guide, np.float32(0.0), square, 0, n + 1)
-    march((n // 2 + 1) * width + n // 2 + 1, square, band, front)
-    found = np.sqrt(front.final.reshape(width, width)[1:-1, 1:-1])
+    found = grid_distances(points, n // 2, n // 2, 0.4)
     errors = abs(found - exact)[exact < 0.38]
     return 2 / n, float(errors.max()), float(errors.mean())
 

@@ -32,7 +32,7 @@ Filter = Callable[[core.TriangleMesh], np.ndarray]
 
 def denoised(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:
     """Denoise; without settings, with the defaults."""
-    return core.beltrami_mesh(mesh, core.BeltramiGeometrySettings(**settings))
+    return core.denoise_geometry(mesh, core.BeltramiGeometrySettings(**settings))
 
 
 def sharpened(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:

@@ -59,12 +59,12 @@ def filter_paint(mesh: core.TriangleMesh, distance: str) -> None:
 def filter_shape(mesh: core.TriangleMesh, distance: str) -> None:
     """Filter the surface once: the normals, and the fit to them."""
     settings = core.BeltramiGeometrySettings(iterations=1, repeat=1, distance=distance)
-    core.beltrami_mesh(mesh, settings)
+    core.denoise_geometry(mesh, settings)
 
 
 def filter_shape_fully(mesh: core.TriangleMesh, distance: str) -> None:
     """Filter the surface with the default settings."""
-    core.beltrami_mesh(mesh, core.BeltramiGeometrySettings(distance=distance))
+    core.denoise_geometry(mesh, core.BeltramiGeometrySettings(distance=distance))
 
 
 WHOLE = "surface, defaults"

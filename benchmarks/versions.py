@@ -56,7 +56,7 @@ def work(case: str, arrays: dict[str, np.ndarray]) -> Callable[[Callable | None]
     if case.startswith("normals"):
         return lambda p: core.sharpen_normals(core.TriangleMesh(vertices, faces, p), long, p)
     if case.startswith("denoising geometry"):
-        return lambda p: core.beltrami_mesh(core.TriangleMesh(vertices, faces, p), progress=p)
+        return lambda p: core.denoise_geometry(core.TriangleMesh(vertices, faces, p), progress=p)
     if case.startswith("texture"):
         uv, image = arrays["uv"], arrays["image"]
         texture = core.TextureSettings(time=1024.0)

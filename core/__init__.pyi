@@ -23,6 +23,7 @@ from .filters.beltrami.meshes import (
     beltrami_joint,
     beltrami_mesh,
     beltrami_vertex_signal,
+    denoise_geometry,
 )
 from .filters.fit import (
     fit_to_normals,
@@ -94,6 +95,7 @@ __all__ = [
     "beltrami_manifold",
     "beltrami_mesh",
     "beltrami_vertex_signal",
+    "denoise_geometry",
     "dilate_texture",
     "fit_to_normals",
     "flow_field",

@@ -139,7 +139,7 @@ class Filter(NamedTuple):
 
 FILTERS: tuple[Filter, ...] = (
     Filter(
-        "beltrami_mesh",
+        "denoise_geometry",
         "filters.beltrami.meshes",
         _settings.BeltramiGeometrySettings,
         GEOMETRY,
@@ -234,7 +234,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "atlas": ("TextureAtlas", "UVReport"),
     "flow.potential": ("flow_field",),
     "filters.beltrami.images": ("beltrami_manifold",),
-    "filters.beltrami.meshes": ("beltrami_joint",),
+    "filters.beltrami.meshes": ("beltrami_joint", "beltrami_mesh"),
     "filters.fit": ("fit_to_normals",),
     "filters.geometry": ("geometry_flow", "sharpen_normals"),
     "filters.pde": ("osher_rudin_image",),

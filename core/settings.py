@@ -681,7 +681,7 @@ class BeltramiMeshSettings(_KernelSettings):
 
 @dataclass(kw_only=True, repr=False, eq=False)
 class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
-    """Settings of :func:`shock_filter.core.beltrami_mesh`."""
+    """Settings of :func:`shock_filter.core.denoise_geometry`."""
 
     time: float = _changed(
         _KernelSettings,

@@ -336,7 +336,7 @@ MODES: list[Mode] = [
         "Remove noise from meshes and their colors; creases and edges between colors stay",
         (
             Target(
-                "beltrami_mesh",
+                "denoise_geometry",
                 "geometry",
                 "Geometry",
                 "Move vertices so that the surface becomes smooth between its creases",
@@ -369,7 +369,7 @@ MODES: list[Mode] = [
                 "Light Scan Noise",
                 "For noise that is hardly seen: one short round, which keeps the fine relief that"
                 " the default flattens",
-                {"repeat": 1},
+                {"iterations": 1, "repeat": 1},
             ),
             Preset(
                 "Strong Scan Noise",
@@ -456,12 +456,6 @@ MODES: list[Mode] = [
                 "For machine parts with rounded or smoothed edges: flows longer and fits in more"
                 " steps, so that wider roundings become creases, too",
                 {"time": 1024.0, "fit_steps": 25},
-            ),
-            Preset(
-                "Scan Cleanup",
-                "For scans with light noise: smooths the normals first, so that creases are found"
-                " in it, then sharpens a little. Faster than Denoise",
-                {**OF_PAPER, "time": 64.0, "mollify_passes": 2},
             ),
             Preset(
                 "Carved Facets",

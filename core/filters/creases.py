@@ -49,6 +49,8 @@ _SURE = (0.94, 0.98), 0.15  # such a share makes sure, and lets a part be so muc
 _CLEARLY_OUT, _CLEARLY_TURNS = (1.3, 3.5), (4.0, 16.0)  # a crease where parts are not of creases
 _WIDE, _WIDE_PART = (1.18, 1.26), (1.19, 1.24)  # D_8 / D_2 around a vertex, median of a part
 _NOISY = 0.95, 1.0  # D_8 / D_2, median of a part
+_FAINT, _ALIKE = (13.3, 15.3), (0.5, 0.6)  # D_2 of faint creases, in degrees; over that of strong
+_ONLY = 0.87, 0.92  # share of the bending in ridges that leaves nothing for relief
 _WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
 """Radii of fillets between two planes, in edges, and D_8 / D_2 there, after a remesh."""
 
@@ -141,12 +143,17 @@ def _find_regions(mesh: TriangleMesh, widest: float) -> Regions:
     part_of_crest = part[on_crest]
     typical_bend = np.sqrt(_quantiles(part, bend, parts, 0.5))
     typical_width = _quantiles(part_of_crest, width[on_crest], parts, 0.5)
+    faint, strong = (_quantiles(part_of_crest, turn[on_crest], parts, q) for q in (0.1, 0.9))
     typical_jag = _quantiles(part_of_crest, jagged[on_crest], parts, 0.5)
     worse_jag = _quantiles(part_of_crest, jagged[on_crest], parts, _MOST_SHARP)
     share = _ratio(np.bincount(part, energy * out, parts), np.bincount(part, energy, parts))
     finer = typical_bend - _SURE[1] * ramp(share, _SURE[0])
+    creased_part = ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE))
+    # Denoising leaves relief with facets, whose edges are of all angles, down to faint ones.
+    alike = np.maximum(ramp(_ratio(faint, strong), _ALIKE), ramp(share, _ONLY))
+    creased_part *= np.maximum(alike, ramp(np.degrees(faint), _FAINT))
     # Ridges that smoothing takes away are noise; where there is none, D_8 / D_2 is 1 at least.
-    creased_part = ramp(share, _SHARE) * (1.0 - ramp(finer, _COARSE)) * ramp(typical_width, _NOISY)
+    creased_part *= ramp(typical_width, _NOISY)
     wide_part = np.where(creased_part > 0, ramp(typical_width, _WIDE_PART), 0.0)
     blunt_part = ramp(worse_jag, _JAGGED_PART)
     # In parts that are sharp for the most, corners are not to be taken for blunt.

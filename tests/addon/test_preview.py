@@ -392,8 +392,8 @@ KERNEL = BeltramiGeometrySettings(repeat=1)
         ("sharpen_geometry", GeometrySettings.of_paper(time=16.0, screening_radius=1.0)),
         ("sharpen_geometry", GeometrySettings.of_paper(time=16.0, fidelity=2000.0)),
         ("sharpen_geometry", GeometrySettings.of_paper(time=16.0, max_displacement=0.01)),
-        ("beltrami_mesh", Denoising(KERNEL, None)),
-        ("beltrami_mesh", Denoising(KERNEL, 16.0)),
+        ("denoise_geometry", Denoising(KERNEL, None)),
+        ("denoise_geometry", Denoising(KERNEL, 16.0)),
     ],
     ids=["time", "radius", "fidelity", "displacement", "denoising", "sharpened"],
 )

@@ -22,7 +22,7 @@ def _on_files(pipeline, name, places=2):
 
 
 sharpen_file = _on_files(filter_mesh_file, "sharpen_geometry")
-denoise_file = _on_files(filter_mesh_file, "beltrami_mesh")
+denoise_file = _on_files(filter_mesh_file, "denoise_geometry")
 sharpen_colors_file = _on_files(filter_colors_file, "sharpen_vertex_signal")
 denoise_colors_file = _on_files(filter_colors_file, "beltrami_vertex_signal")
 sharpen_image_file = _on_files(filter_image_file, "sharpen_image")

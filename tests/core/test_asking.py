@@ -96,7 +96,7 @@ RUNS = {
     "colors of corners": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
         mesh, colors, None, mask, ask
     ),
-    "denoising": lambda mesh, colors, mask, ask: find("beltrami_mesh").function(16.0)(
+    "denoising": lambda mesh, colors, mask, ask: find("denoise_geometry").function(16.0)(
         mesh, mask=mask, progress=ask
     ),
     "denoising both": lambda mesh, colors, mask, ask: BOTH(mesh, colors, mask=mask, progress=ask),

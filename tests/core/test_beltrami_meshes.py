@@ -6,6 +6,7 @@ from scipy.sparse.csgraph import dijkstra
 from shapes import Counting, angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
 from shock_filter.core.filters.beltrami import mesh_smoothing
+from shock_filter.core.filters.beltrami import meshes as meshes_module
 from shock_filter.core.filters.beltrami import normals as normals_module
 from shock_filter.core.filters.beltrami.normals import noise_of_normals
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass, smooth_vertices
@@ -262,7 +263,7 @@ def test_large_fans_are_denoised_in_few_iterations(height, caplog):
     clean, _ = fan(20_000)
     vertices[0, 2] = clean[0, 2] = height
     with caplog.at_level("INFO"):
-        out = core.beltrami_mesh(core.TriangleMesh(vertices, faces))
+        out = core.denoise_geometry(core.TriangleMesh(vertices, faces))
     iterations = [record.args[0] for record in caplog.records if "Refit" in record.message]
     assert len(iterations) == 3
     assert max(iterations) < 150
@@ -352,12 +353,12 @@ def test_nothing_crosses_where_corners_differ():
 def test_positions_of_a_plane_stay_in_it():
     mesh = core.TriangleMesh(*grid(12, 12, jitter=0.3))
     settings = core.BeltramiGeometrySettings(filtered="positions", iterations=1)
-    out = core.beltrami_mesh(mesh, settings)
+    out = core.denoise_geometry(mesh, settings)
     assert (out[:, 2] == 0).all()
     inner = (abs(mesh.vertices[:, :2] - 6) < 3).all(axis=1)
     assert abs(out - mesh.vertices)[inner].max() < 0.5
     rough = noisy(*grid(12, 12), 0.2)
-    assert core.beltrami_mesh(rough, settings)[:, 2].var() < rough.vertices[:, 2].var() / 6
+    assert core.denoise_geometry(rough, settings)[:, 2].var() < rough.vertices[:, 2].var() / 6
 
 
 def test_mesh_and_signal_are_filtered_together():
@@ -376,7 +377,7 @@ def test_mesh_and_signal_are_filtered_together():
         assert positions[side, 2].var() < height[side].var() / 4
         assert values[side].var() < paint[side].var() / 4
     unpainted = core.BeltramiGeometrySettings(filtered="positions", time=0.7, iterations=1)
-    alone = core.beltrami_mesh(mesh, unpainted)
+    alone = core.denoise_geometry(mesh, unpainted)
     edge = abs(sheet[:, 0] - 12.5) < 1
     lost = [abs(z - clean)[edge].mean() for z in (positions[:, 2], alone[:, 2])]
     assert lost[0] < 0.3 * lost[1]
@@ -386,7 +387,7 @@ def test_mesh_and_signal_are_filtered_together():
 def test_one_setting_cleans_light_and_strong_noise_and_keeps_creases(amount):
     vertices, faces = cube(16)
     clean, mesh = core.TriangleMesh(vertices, faces), noisy(vertices, faces, amount)
-    out = core.TriangleMesh(core.beltrami_mesh(mesh), faces)
+    out = core.TriangleMesh(core.denoise_geometry(mesh), faces)
     before = angles(mesh.normals, clean.normals)
     after = angles(out.normals, clean.normals)
     assert after.mean() < 0.25 * before.mean()
@@ -402,7 +403,7 @@ def test_filtering_positions_rounds_creases():
     clean, mesh = core.TriangleMesh(vertices, faces), noisy(vertices, faces, 0.2)
     error = {}
     for filtered in ("normals", "positions"):
-        out = core.beltrami_mesh(mesh, core.BeltramiGeometrySettings(filtered=filtered))
+        out = core.denoise_geometry(mesh, core.BeltramiGeometrySettings(filtered=filtered))
         error[filtered] = angles(core.TriangleMesh(out, faces).normals, clean.normals).mean()
     assert error["normals"] < 0.5 * error["positions"]
 
@@ -410,7 +411,7 @@ def test_filtering_positions_rounds_creases():
 @pytest.mark.parametrize("shape", [cube(8), icosphere(4)])
 def test_clean_meshes_hardly_change(shape):
     mesh = core.TriangleMesh(*shape)
-    moved = np.linalg.norm(core.beltrami_mesh(mesh) - mesh.vertices, axis=1)
+    moved = np.linalg.norm(core.denoise_geometry(mesh) - mesh.vertices, axis=1)
     assert moved.max() < 0.02 * mesh.mean_edge_length
 
 
@@ -419,33 +420,68 @@ def test_faint_relief_on_a_clean_mesh_stays():
     vertices, faces = grid(40, 20)
     vertices[:, 2] = 0.35 * abs(np.minimum(vertices[:, 0], 13) % 4 - 2)
     mesh = core.TriangleMesh(vertices, faces)
-    moved = np.linalg.norm(core.beltrami_mesh(mesh) - vertices, axis=1)
+    moved = np.linalg.norm(core.denoise_geometry(mesh) - vertices, axis=1)
     assert moved.max() < 0.01 * mesh.mean_edge_length
 
 
-def test_noise_that_is_wider_than_a_face_counts_more(monkeypatch):
-    clean = core.TriangleMesh(*cube(20))
-    for mesh in (clean, core.TriangleMesh(*icosphere(4)), noisy(*cube(20), 0.15)):
-        assert normals_module._bump_factor(mesh) == 1
-    rough = noisy(*cube(20), 0.15, passes=1)
-    assert normals_module._bump_factor(rough) > 2.5
+def test_noise_of_scans_is_told_from_white_noise():
+    for mesh in (core.TriangleMesh(*cube(20)), core.TriangleMesh(*icosphere(4))):
+        assert not noise_of_normals(mesh).of_scan
+    assert not noise_of_normals(noisy(*cube(20), 0.15)).of_scan
+    scan = noise_of_normals(noisy(*cube(20), 0.15, passes=1))
+    assert scan.of_scan and scan.calm == 1
+
+
+def test_noise_of_scans_on_a_machine_part_is_removed(monkeypatch):
+    clean, scan = core.TriangleMesh(*cube(20)), noisy(*cube(20), 0.15, passes=1)
 
     def error():
-        again = core.TriangleMesh(rough.vertices, rough.faces)
-        return angles(clean.moved_to(core.beltrami_mesh(again)).normals, clean.normals).mean()
+        again = core.TriangleMesh(scan.vertices, scan.faces)
+        return angles(clean.moved_to(core.denoise_geometry(again)).normals, clean.normals).mean()
 
-    wide = error()
-    monkeypatch.setattr(normals_module, "_bump_factor", lambda mesh: 1.0)
-    assert wide < 0.8 * error()
+    found = error()
+    white = normals_module.Noise(noise_of_normals(scan).size)
+    monkeypatch.setattr(meshes_module, "noise_of_normals", lambda mesh: white)
+    assert found < 0.5 * error()
+
+
+def relief(passes):
+    """A sphere with waves about ten edges long, and noise on it."""
+    vertices, faces = icosphere(5)
+    waves = 1 + 0.02 * np.sin(12 * vertices).sum(axis=1, keepdims=True)
+    return core.TriangleMesh(vertices * waves, faces), noisy(vertices * waves, faces, 0.1, passes)
+
+
+def test_relief_of_scans_stays():
+    clean, scan = relief(passes=1)
+    noise = noise_of_normals(scan)
+    assert noise.of_scan and noise.calm == 0
+    after = clean.moved_to(core.denoise_geometry(scan))
+    before = angles(scan.normals, clean.normals).mean()
+    assert angles(after.normals, clean.normals).mean() < 0.6 * before
+
+
+def test_settings_count_for_scans_too():
+    scans = noisy(*cube(12), 0.15, passes=1), relief(passes=1)[1]
+    changes = {"time": 2.0}, {"iterations": 9}, {"repeat": 9}, {"beta": 3.0}
+    for scan in scans:
+        default = core.denoise_geometry(scan)
+        for changed in changes:
+            other = core.denoise_geometry(scan, core.BeltramiGeometrySettings(**changed))
+            assert abs(other - default).max() > 1e-3 * scan.mean_edge_length, changed
 
 
 def test_noise_of_normals_grows_with_the_noise():
-    assert noise_of_normals(core.TriangleMesh(*cube(16))) < 1e-3
-    levels = [noise_of_normals(noisy(*cube(16), amount)) for amount in (0.05, 0.1, 0.2)]
+    assert noise_of_normals(core.TriangleMesh(*cube(16))).size < 1e-3
+    levels = [noise_of_normals(noisy(*cube(16), amount)).size for amount in (0.05, 0.1, 0.2)]
     assert levels[1] == pytest.approx(2 * levels[0], rel=0.1)
     assert levels[2] == pytest.approx(2 * levels[1], rel=0.2)
     single = core.TriangleMesh(np.eye(3), [[0, 1, 2]])
-    assert noise_of_normals(single) < 1
+    assert noise_of_normals(single).size < 1
+
+
+def test_the_papers_name_means_the_same():
+    assert core.beltrami_mesh is core.denoise_geometry
 
 
 def all_filters(mesh, values, **settings):
@@ -453,7 +489,7 @@ def all_filters(mesh, values, **settings):
     signal = core.BeltramiMeshSettings(**settings)
     joint = core.beltrami_joint(mesh, values, signal)
     kinds = [
-        core.beltrami_mesh(mesh, core.BeltramiGeometrySettings(filtered=filtered, **settings))
+        core.denoise_geometry(mesh, core.BeltramiGeometrySettings(filtered=filtered, **settings))
         for filtered in ("normals", "positions")
     ]
     return [*kinds, joint[0]], [joint[1], core.beltrami_vertex_signal(mesh, values, signal)]
@@ -500,7 +536,7 @@ def test_masks_keep_bit_for_bit_and_mix():
     kept = mask == 0
     for filtered in ("normals", "positions"):
         settings = core.BeltramiGeometrySettings(filtered=filtered)
-        out = core.beltrami_mesh(mesh, settings, mask=mask)
+        out = core.denoise_geometry(mesh, settings, mask=mask)
         assert np.array_equal(out[kept], mesh.vertices[kept])
         assert np.linalg.norm(out - mesh.vertices, axis=1)[~kept].mean() > 0.05
     full = core.beltrami_joint(mesh, values)
@@ -512,7 +548,7 @@ def test_masks_keep_bit_for_bit_and_mix():
     assert np.allclose(half, 0.5 * (values + core.beltrami_vertex_signal(mesh, values)))
     once = core.BeltramiGeometrySettings(repeat=1)
     moves = [
-        np.linalg.norm(core.beltrami_mesh(mesh, once, mask=m) - mesh.vertices, axis=1).mean()
+        np.linalg.norm(core.denoise_geometry(mesh, once, mask=m) - mesh.vertices, axis=1).mean()
         for m in (np.full(len(values), 0.5), None)
     ]
     assert 0.4 < moves[0] / moves[1] < 0.8
@@ -592,7 +628,7 @@ def test_values_of_any_size_stay_finite(scale):
             mesh, values[mesh.faces], progress=ask
         ),
         lambda mesh, values, ask: core.beltrami_joint(mesh, values, progress=ask),
-        lambda mesh, values, ask: core.beltrami_mesh(mesh, progress=ask),
+        lambda mesh, values, ask: core.denoise_geometry(mesh, progress=ask),
     ],
 )
 def test_progress_rises_and_cancels(apply):
@@ -626,7 +662,7 @@ def test_bad_input_is_refused_with_a_name():
     with pytest.raises(core.InvalidSignal, match="shape"):
         core.beltrami_corner_signal(mesh, values)
     with pytest.raises(core.InvalidSignal, match="0 to 1"):
-        core.beltrami_mesh(mesh, mask=np.full(mesh.vertex_count, 2.0))
+        core.denoise_geometry(mesh, mask=np.full(mesh.vertex_count, 2.0))
     for bad in ({"time": -1}, {"time": np.nan}, {"beta": -1}, {"threshold": 0}, {"iterations": 0},
                 {"filtered": "faces"}, {"distance": "far"}):  # fmt: skip
         with pytest.raises(core.InvalidSettings, match=next(iter(bad))):

@@ -248,3 +248,21 @@ def test_flying_points_of_a_scan_are_not_taken_for_creases():
     )
     rough = mesh.moved_to(vertices * (1.0 + 0.2 * mesh.mean_edge_length * off))
     assert not find_regions(rough).creased.any()
+
+
+def test_facets_of_denoised_relief_are_no_creases():
+    ball, faces = icosphere(5)
+    waves = 0.05 * np.sin(5 * ball).sum(axis=1) + 0.02 * np.sin(13 * ball).sum(axis=1)
+    steps = 0.15 * (abs(ball[:, 0]) < 0.08) * (ball[:, 2] > 0)
+    statue = core.TriangleMesh(ball * (1 + waves + steps)[:, None], faces)
+    along = np.random.default_rng(0).normal(size=(len(ball), 1)) * ball
+    noisy = statue.moved_to(statue.vertices + 0.3 * statue.mean_edge_length * along)
+    denoised = noisy.moved_to(core.denoise_geometry(noisy))
+    assert not find_regions(denoised).creased.any()
+    sharp = denoised.moved_to(core.sharpen_geometry(denoised))
+
+    def off(mesh):
+        cosines = np.clip((mesh.normals * statue.normals).sum(axis=1), -1, 1)
+        return np.degrees(np.arccos(cosines)).mean()
+
+    assert off(sharp) < 1.06 * off(denoised)

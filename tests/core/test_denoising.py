@@ -49,7 +49,7 @@ def joint(time):
     return then_sharpen(beltrami_joint_corners, sharpen_both, sharpening)
 
 
-@pytest.mark.parametrize("name", ["beltrami_mesh", "beltrami_vertex_signal", "beltrami_image"])
+@pytest.mark.parametrize("name", ["denoise_geometry", "beltrami_vertex_signal", "beltrami_image"])
 def test_a_time_is_checked_before_work_begins(name):
     assert find(name).function(None) is getattr(core, name)
     for time, reason in ((-1.0, "time is -1"), (float("nan"), "time is nan"), ("1", "a number")):
@@ -76,11 +76,11 @@ def test_sharpening_works_on_the_result():
     mesh = core.TriangleMesh(vertices, faces)
     colors, _ = painted(vertices)
     close = np.testing.assert_allclose
-    denoised = core.TriangleMesh(core.beltrami_mesh(mesh, GEOMETRY), faces)
+    denoised = core.TriangleMesh(core.denoise_geometry(mesh, GEOMETRY), faces)
     settings = core.GeometrySettings.of_paper(time=16, sampling="linear")
     sharp = core.sharpen_geometry(denoised, settings)
     assert abs(sharp - denoised.vertices).max() > 0.01
-    close(find("beltrami_mesh").function(16.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
+    close(find("denoise_geometry").function(16.0)(mesh, settings=GEOMETRY), sharp, atol=1e-9)
 
     smooth = core.beltrami_vertex_signal(mesh, colors, SIGNAL)
     sharp = core.sharpen_vertex_signal(mesh, smooth, core.ShockSettings(time=64))
@@ -139,7 +139,7 @@ def test_weight_zero_stays_bit_for_bit(sharpen_time):
     mesh = core.TriangleMesh(vertices, faces)
     colors, right = painted(vertices)
     mask = np.where(right, 1.0, 0.0)
-    denoise = find("beltrami_mesh").function(sharpen_time)
+    denoise = find("denoise_geometry").function(sharpen_time)
     positions = denoise(mesh, settings=GEOMETRY, mask=mask)
     np.testing.assert_array_equal(positions[~right], vertices[~right])
     assert (positions[right] != vertices[right]).any(axis=1).mean() > 0.9
@@ -156,7 +156,7 @@ def test_weight_zero_keeps_the_sign_of_zero(sharpen_time):
     mesh = core.TriangleMesh(vertices, faces)
     nothing = np.zeros(len(vertices))
     colors = np.random.default_rng(0).random((len(faces), 3))
-    denoise = find("beltrami_mesh").function(sharpen_time)
+    denoise = find("denoise_geometry").function(sharpen_time)
     positions = denoise(mesh, settings=GEOMETRY, mask=nothing)
     assert positions.tobytes() == vertices.tobytes()
     both = joint(sharpen_time)
@@ -169,7 +169,7 @@ def test_progress_rises_to_one_and_cancels(sharpen_time):
     _, vertices, faces = noisy_cube()
     mesh = core.TriangleMesh(vertices, faces)
     colors, _ = painted(vertices)
-    geometry = find("beltrami_mesh").function(sharpen_time)
+    geometry = find("denoise_geometry").function(sharpen_time)
     both = joint(sharpen_time)
     image = find("beltrami_image").function(sharpen_time)
     runs = [

@@ -20,7 +20,7 @@ def textured():
 def denoised():
     mesh = core.TriangleMesh(VERTICES, FACES)
     settings = core.BeltramiGeometrySettings(repeat=1, iterations=1)
-    core.beltrami_mesh(mesh, settings)
+    core.denoise_geometry(mesh, settings)
 
 
 RUNS = {

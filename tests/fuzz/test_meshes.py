@@ -198,7 +198,7 @@ def test_flow_field(data, settings, stop_at):
 def test_denoise_geometry(data, settings, sharpen_time, stop_at):
     mesh = data.draw(meshes())
     mask = data.draw(masks(mesh.vertex_count))
-    function = find("beltrami_mesh").function(sharpen_time)
+    function = find("denoise_geometry").function(sharpen_time)
     positions = call_on(
         mesh, lambda m, watch: function(m, settings=settings, mask=mask, progress=watch), mask,
         stop_at=stop_at)  # fmt: skip
@@ -292,7 +292,7 @@ def test_what_does_not_fit_is_refused(data):
         lambda: core.sharpen_corner_signal(mesh, corners, mask=bad_mask),
         lambda: core.beltrami_vertex_signal(mesh, signal, mask=bad_mask),
         lambda: core.sharpen_geometry(mesh, mask=bad_mask),
-        lambda: core.beltrami_mesh(mesh, mask=bad_mask),
+        lambda: core.denoise_geometry(mesh, mask=bad_mask),
     ]
     function = data.draw(st.sampled_from(filters))
     try:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ...base.parallel import kernel, run
@@ -11,6 +13,7 @@ from ...mesh.calculus import average_to_faces, make_unit
 from ...mesh.geodesics import face_stencils
 from ...mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ...settings import BeltramiGeometrySettings
+from ..creases import consistent_normals
 from .mesh_smoothing import smooth_graph
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
@@ -27,59 +30,119 @@ _RINGS = 1, 2, 6
 _MOST_AROUND = 1024
 """Most faces that are looked at around one."""
 
-_BUMPS = 3.0
-"""How many times more the noise of scans counts whose bumps are wider than a face."""
+_SPREAD = 0.25
+"""In scans, normals that are this far apart count by exp(-1/2)."""
 
-# Where it begins to count, and where it counts in full: the share of noise in what normals differ
-# by over two rings; and the ratio of squared differences over one ring and over two, which is lower
-# for relief, and higher for noise that differs from vertex to vertex. Where there is little relief,
-# a lower ratio does.
-_SHARE, _WIDER, _WHITE = (0.4, 0.6), (0.53, 0.57), (0.73, 0.85)
-_LOWER = 0.8
+_LOOSE, _STRICT = 4.0, 0.5
+"""On relief, so many times that: in the first steps, and in those that follow."""
+
+_BETA = 0.9
+"""The `beta` that these are for."""
+
+# Which noise it is, chosen on virtual scans; see `benchmarks/scans.py`. Noise is at least the share
+# _SHARE of what normals differ by over two rings; for relief without noise, the ratio of squared
+# differences over one ring and over two is below _CLEAN, or lower where there is little relief.
+# What smoothing leaves of the differences: much of relief, little of noise; and after one pass less
+# of white noise, which differs from vertex to vertex, than of that of scans. Where most of what is
+# left lies in few creases, the surface is calm between them.
+_SHARE, _CLEAN, _LOWER = 0.5, 0.45, 0.8
+_LEFT = 0.39, 0.32
+_WHITE = 0.185
+_CREASED = 0.081, 0.075
+
+_CALM_FROM = 1 / 6
+"""Below this `calm`, a scan is treated as relief."""
 
 
-def noise_of_normals(mesh: TriangleMesh) -> float:
-    """How much the normals of neighbouring faces differ where the surface is calm.
+class Noise(NamedTuple):
+    """The noise of a mesh's normals.
 
-    The lower quartile over all edges: creases and relief have little say. Noise of real scans has
-    bumps wider than a face, over which neighbours differ less than by the whole of it: it counts
-    more. Between bounds, so that a clean mesh is not all noise, and a right angle never is.
+    Attributes
+    ----------
+    size : float
+        How much the normals of neighbouring faces differ where the surface is calm. Between
+        bounds, so that a clean mesh is not all noise, and a right angle never is.
+    of_scan : bool
+        Whether it is like that of scans, whose bumps are wider than a face, or lies on relief that
+        is as strong as the noise.
+    calm : float
+        If so, whether the surface below is calm, as that of machine parts is between their
+        creases, 1, or relief, 0.
     """
-    steps = np.empty(3 * mesh.face_count)
-    run(_normal_steps, mesh.face_count, mesh.twins, mesh.areas, mesh.normals, steps)
-    steps = steps[steps >= 0]
+
+    size: float
+    of_scan: bool = False
+    calm: float = 0.0
+
+
+def noise_of_normals(mesh: TriangleMesh) -> Noise:
+    """Measure the noise of the normals of a mesh's faces.
+
+    Its size is the lower quartile over all edges: creases and relief have little say.
+    """
+    steps = _steps_of(mesh, mesh.normals)
     if not len(steps):
-        return MOST_NOISE
-    quartile = float(np.quantile(steps, 0.25, overwrite_input=True))
-    return min(max(quartile * _bump_factor(mesh), LEAST_NOISE), MOST_NOISE)
+        return Noise(MOST_NOISE)
+    quartile, typical = np.quantile(steps, (0.25, 0.5))
+    size = min(max(float(quartile), LEAST_NOISE), MOST_NOISE)
+    rings = _over_rings(mesh, mesh.normals)
+    if not _has_noise(rings):
+        return Noise(size)
+    smooth = _means(mesh, mesh.normals, 3, 2.0 * _SPREAD)
+    few, many = np.quantile(_steps_of(mesh, smooth), (0.2, 0.95))
+    smooth = _means(mesh, smooth, 3, 2.0 * _SPREAD)
+    left = float(np.sqrt(_over_rings(mesh, smooth)[1] / rings[1]))
+    calm = float(np.interp(left, _LEFT[::-1], (1.0, 0.0)))
+    if calm > 0.5:
+        blurred = _steps_of(mesh, _means(mesh, mesh.normals, 1, np.inf))
+        if np.quantile(blurred, 0.2) < _WHITE * typical:
+            return Noise(size)
+    creased = float(np.interp(few, np.multiply(many, _CREASED[::-1]), (1.0, 0.0)))
+    return Noise(size, True, max(calm, creased))
 
 
-def _bump_factor(mesh: TriangleMesh) -> float:
-    # Squared differences of normals over k rings are those of the noise, which are all there from
-    # the bumps' width on, plus k^2 times those of the bending surface.
+def _has_noise(rings: Floats) -> bool:
+    # Squared differences over k rings are those of the noise, which are all there from the bumps'
+    # width on, plus k^2 times those of the bending surface.
+    one, two, six = rings
+    bend = max((six - two) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
+    noise = two - _RINGS[1] ** 2 * bend
+    if not noise > _SHARE * two:
+        return False
+    return bool((one - bend) / noise + _LOWER * (noise / two - 0.75) > _CLEAN)
+
+
+def _over_rings(mesh: TriangleMesh, normals: Floats) -> Floats:
+    # Medians of squared differences of normals over some numbers of rings.
     count = min(_SEEDS, mesh.face_count)
     seeds = np.linspace(0, mesh.face_count - 1, count).astype(np.int32)
     found = np.empty((count, len(_RINGS)))
-    run(_differences, count, mesh.faces, *mesh.corners, mesh.areas, mesh.normals, seeds, found,
+    run(_differences, count, mesh.faces, *mesh.corners, mesh.areas, normals, seeds, found,
         chunk=_SEEDS // 8)  # fmt: skip
     found = found[np.isfinite(found).all(axis=1)]
-    if not len(found):
-        return 1.0
-    one, two, _ = np.median(found, axis=0)
-    bend = max(np.median(found[:, 2] - found[:, 1]) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
-    noise = two - _RINGS[1] ** 2 * bend
-    if not noise > _SHARE[0] * two:
-        return 1.0
-    share, ratio = noise / two, (one - bend) / noise
-    wider = np.interp(ratio + _LOWER * (share - 0.75), _WIDER, (0.0, 1.0))
-    wider *= np.interp(ratio, _WHITE, (1.0, 0.0)) * np.interp(share, _SHARE, (0.0, 1.0))
-    return 1.0 + (_BUMPS - 1.0) * float(wider)
+    return np.median(found, axis=0) if len(found) else np.zeros(len(_RINGS))
+
+
+def _steps_of(mesh: TriangleMesh, normals: Floats) -> Floats:
+    # How far normals are apart, edge by edge.
+    steps = np.empty(3 * mesh.face_count)
+    run(_normal_steps, mesh.face_count, mesh.twins, mesh.areas, normals, steps)
+    return steps[steps >= 0]
+
+
+def repeats(settings: BeltramiGeometrySettings, noise: Noise) -> int:
+    """How often the filter is applied: on scans of relief by a third of what the settings say."""
+    if not noise.of_scan:
+        return settings.repeat
+    return max(round(max(noise.calm, 1 / 3) * settings.repeat), 1)
 
 
 def smoothed_normals(
-    mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: float
+    mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise
 ) -> Floats:
     """Smooth the normals of the faces, `noise` being what `noise_of_normals` says: (m, 3)."""
+    if noise.of_scan:
+        return _smoothed_scan(mesh, settings, noise)
     embedding = np.empty((mesh.face_count, 6))
     with aside("Denoising"):
         embedding[:, :3] = average_to_faces(mesh, mesh.scaled_vertices)
@@ -87,8 +150,8 @@ def smoothed_normals(
     for turn in range(settings.iterations):
         with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
             with aside("Denoising"):
-                guide = _mollified(mesh, normals, settings.mollify_passes, MOLLIFIED * noise)
-                np.multiply(guide, settings.beta / noise, out=embedding[:, 3:])
+                guide = _means(mesh, normals, settings.mollify_passes, MOLLIFIED * noise.size)
+                np.multiply(guide, settings.beta / noise.size, out=embedding[:, 3:])
                 ask()
                 graph = face_stencils(mesh, embedding)
             normals = smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
@@ -97,13 +160,46 @@ def smoothed_normals(
     return normals
 
 
-def _mollified(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> Floats:
-    for _ in range(passes):
-        smooth = np.empty_like(normals)
-        run(_mollify, mesh.face_count, mesh.faces, *mesh.corners, mesh.areas, normals, spread,
-            smooth)  # fmt: skip
-        normals = smooth
+def _smoothed_scan(mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise: Noise) -> Floats:
+    # Steps of the kernel so short that they reach the faces around only.
+    spread = _SPREAD * _BETA / max(settings.beta, 1e-6)
+    if noise.calm < _CALM_FROM:
+        return _smoothed_relief(mesh, settings, spread)
+    everywhere = np.ones(mesh.face_count, dtype=np.bool_)
+    normals = mesh.normals
+    for turn in range(settings.iterations):
+        with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
+            # Distances are those between the normals of even patches: creases become straight.
+            with phase(0.0, 0.5, "Denoising"):
+                guide = consistent_normals(mesh, normals, everywhere, 1)
+            with phase(0.5, 1.0, "Denoising"):
+                for _ in range(max(round(4 * settings.time), 1)):
+                    normals = _mean(mesh, normals, guide, spread)
     return normals
+
+
+def _smoothed_relief(
+    mesh: TriangleMesh, settings: BeltramiGeometrySettings, spread: float
+) -> Floats:
+    # What is left after the first steps is smoothed where it bends little.
+    passes = max(round(2 * settings.time), 1)
+    with phase(0.0, 0.3, "Denoising"):
+        normals = _means(mesh, mesh.normals, passes, _LOOSE * spread)
+    with phase(0.3, 1.0, "Denoising"):
+        return _means(mesh, normals, passes * settings.iterations, _STRICT * spread)
+
+
+def _means(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> Floats:
+    for _ in range(passes):
+        normals = _mean(mesh, normals, normals, spread)
+    return normals
+
+
+def _mean(mesh: TriangleMesh, normals: Floats, guide: Floats, spread: float) -> Floats:
+    smooth = np.empty_like(normals)
+    run(_average, mesh.face_count, mesh.faces, *mesh.corners, mesh.areas, normals, guide, spread,
+        smooth)  # fmt: skip
+    return smooth
 
 
 @kernel
@@ -170,23 +266,25 @@ def _make_unit(start, stop, vectors):
 
 
 @kernel
-def _mollify(start, stop, faces, corner_start, corners, areas, normals, spread, out):
-    # Means over the faces that share a vertex, those of similar normals; all for zero-area faces.
+def _average(start, stop, faces, corner_start, corners, areas, normals, guide, spread, out):
+    # Means over the faces that share a vertex, those of similar guides; all for zero-area faces.
     # At a hub some stand for all.
+    rate = -0.5 / (spread * spread)
     for f in range(start, stop):
-        out[f] = 0.0
+        gx, gy, gz = guide[f, 0], guide[f, 1], guide[f, 2]
+        x = y = z = 0.0
         for k in range(3):
             v = faces[f, k]
             count = corner_start[v + 1] - corner_start[v]
             stride = 1 if count <= HUB else 1 + count // HUB
             for i in range(corner_start[v], corner_start[v + 1], stride):
                 g = corners[i] // 3
-                square = 0.0
-                for x in range(3):
-                    square += (normals[f, x] - normals[g, x]) ** 2
                 weight = stride * areas[g]
                 if areas[f] > 0:
-                    weight *= np.exp(-0.5 * square / (spread * spread))
-                for x in range(3):
-                    out[f, x] += weight * normals[g, x]
+                    dx, dy, dz = guide[g, 0] - gx, guide[g, 1] - gy, guide[g, 2] - gz
+                    weight *= np.exp(rate * (dx * dx + dy * dy + dz * dz))
+                x += weight * normals[g, 0]
+                y += weight * normals[g, 1]
+                z += weight * normals[g, 2]
+        out[f, 0], out[f, 1], out[f, 2] = x, y, z
         make_unit(out[f])
