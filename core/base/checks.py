@@ -81,8 +81,11 @@ BAND = 256
 """Rows of an image that numpy gets at once."""
 
 
-def checked_image(image: npt.ArrayLike) -> npt.NDArray:
-    """Return the image as a contiguous array; raises `InvalidSignal` if it cannot be filtered."""
+def checked_image(image: npt.ArrayLike, largest: float | None = None) -> npt.NDArray:
+    """Return the image as a contiguous array; raises `InvalidSignal` if it cannot be filtered.
+
+    Values up to `largest` are taken; None sets no limit.
+    """
     array = as_array(image, "image")
     if array.dtype.name not in SCALES:
         raise InvalidSignal(
@@ -95,6 +98,10 @@ def checked_image(image: npt.ArrayLike) -> npt.NDArray:
         for start in range(0, len(array), BAND):
             if not np.isfinite(array[start : start + BAND]).all():
                 raise InvalidSignal("The image holds NaN or infinity; replace these values first.")
+        if largest is not None and max(-float(array.min()), float(array.max())) > largest:
+            raise InvalidSignal(
+                "The image holds values beyond {most:g}; scale or clip them.", most=largest
+            )
     return array
 
 

@@ -21,6 +21,9 @@ from .guides import checked_guide
 from .images_by_width import Measured, follow_by_width, measured, sharpen_by_width
 from .signals import step_durations
 
+_LARGEST = 1e15
+"""Beyond, squares of what borders are measured by leave the range of float32."""
+
 
 def sharpen_image(
     image: npt.ArrayLike,
@@ -64,8 +67,8 @@ def sharpen_image(
     Raises
     ------
     InvalidSignal
-        If the image's shape or type is not supported, it holds NaN or infinity, or mask, out or
-        guide do not fit it.
+        If the image's shape or type is not supported, it holds NaN or infinity (by width: values
+        beyond 1e15), or mask, out or guide do not fit it.
     InvalidSettings
         If they leave it open what the guide does.
     Cancelled
@@ -90,8 +93,8 @@ def sharpen_image(
     ((8, 32), True)
     """
     with reporting(progress):
-        given = checked_image(image)
         settings = settings or ImageSettings()
+        given = checked_image(image, _LARGEST if settings.by_width else None)
         result = checked_out(out, given, settings.enlarge)
         weights = checked_weights(mask, given)
         pixels = given.reshape(*given.shape[:2], -1)
@@ -184,8 +187,8 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     >>> found.what, round(found.width)
     ('drawing', 5)
     """
-    given = checked_image(image)
     settings = settings or ImageSettings()
+    given = checked_image(image, _LARGEST)
     pixels = given.reshape(*given.shape[:2], -1)
     if settings.enlarge > 1:
         pixels = _large(pixels, settings)

@@ -116,12 +116,12 @@ def sharpen_texture(
     >>> [round(float(np.diff(rows[16]).max()), 1) for rows in (image, sharp)]
     [0.1, 0.3]
     """
-    given = _checked_texture(image)
+    given = checked_image(image, LARGEST)
     settings = settings or TextureSettings()
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
     alpha, normals = _checked_content(settings, pixels)
-    lead = checked_guide(None if guide is None else _checked_texture(guide), given, settings)
+    lead = checked_guide(None if guide is None else checked_image(guide, LARGEST), given, settings)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
             texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
@@ -187,7 +187,7 @@ def dilate_texture(
     >>> core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=1))[4]
     array([255, 255, 255, 255, 255, 255, 255, 255], dtype=uint8)
     """
-    given = _checked_texture(image)
+    given = checked_image(image, LARGEST)
     settings = settings or DilateSettings()
     pixels = given.reshape(*given.shape[:2], -1)
     with reporting(progress):
@@ -342,15 +342,6 @@ def _written(
 def _fill_ghosts(texture: _Texture, values: npt.NDArray[np.float32]) -> None:
     atlas, _, alpha, normals = texture
     fill_ghosts(atlas.sheet, atlas.sources, values, alpha, 0.5 if normals else None)
-
-
-def _checked_texture(image: npt.ArrayLike) -> npt.NDArray:
-    given = checked_image(image)
-    if given.dtype.kind == "f" and max(-float(given.min()), float(given.max())) > LARGEST:
-        raise InvalidSignal(
-            "The image holds values beyond {most:g}; scale or clip them.", most=LARGEST
-        )
-    return given
 
 
 def _checked_atlas(
