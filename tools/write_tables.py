@@ -78,21 +78,6 @@ def window_picture(name: str) -> str:
     return "\n".join(map(_picture, named[-1:]))
 
 
-def gallery(_: str) -> str:
-    """Return a section with the pictures of all modes, in each Blender."""
-    versions: dict[str, list[Path]] = {}
-    for path in sorted(WINDOW.glob("*.png")):
-        versions.setdefault(path.stem.partition("-")[0], []).append(path)
-    return "\n\n".join(
-        f"## Blender {version}\n\n" + "\n\n".join(map(_captioned, paths))
-        for version, paths in versions.items()
-    )
-
-
-def _captioned(path: Path) -> str:
-    return f"{_picture(path)}\n\n*{_title(path)}*"
-
-
 def _picture(path: Path) -> str:
     version = path.stem.partition("-")[0]
     return f"![{_title(path)} in Blender {version}](images/window/{path.name})"
@@ -167,7 +152,6 @@ _WRITERS: dict[str, Callable[[str], str]] = {
     "operators": operator_tables,
     "presets": preset_tables,
     "window": window_picture,
-    "gallery": gallery,
 }
 
 

@@ -45,6 +45,33 @@ def add_monkey(name: str, levels: int) -> bpy.types.Object:
     return monkey
 
 
+def add_remeshed_part(name: str) -> None:
+    """Add a box with a cut corner and a channel, out of Blender's voxel remesh, askew to it."""
+    bpy.ops.mesh.primitive_cube_add(size=1.6)
+    part = bpy.context.object
+    part.name = name
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.8, -0.8, 0.8))
+    corner = bpy.context.object
+    bpy.ops.mesh.primitive_cylinder_add(
+        vertices=96, radius=0.4, depth=4.0, location=(-0.2, 0.0, 0.8), rotation=(np.pi / 2, 0, 0)
+    )
+    for tool in (corner, bpy.context.object):
+        cut = part.modifiers.new("Cut", "BOOLEAN")
+        cut.operation, cut.object = "DIFFERENCE", tool
+    bpy.context.view_layer.objects.active = part
+    for cut in list(part.modifiers):
+        bpy.ops.object.modifier_apply(modifier=cut.name)
+    for tool in (corner, *(obj for obj in bpy.data.objects if obj.name.startswith("Cylinder"))):
+        bpy.data.objects.remove(tool)
+    part.select_set(True)
+    part.data.transform(Euler((0.3, 0.5, 0.2)).to_matrix().to_4x4())
+    voxel = part.modifiers.new("Remesh", "REMESH")
+    voxel.mode, voxel.voxel_size = "VOXEL", 0.035
+    bpy.ops.object.modifier_apply(modifier="Remesh")
+    part.data.transform(Euler((0.3, 0.5, 0.2)).to_matrix().to_4x4().inverted())
+    part.data.shade_smooth()
+
+
 def add_bumpy_grid(name: str, side: int) -> None:
     """Add a grid of ``side * side`` vertices with bumps."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=side - 1, y_subdivisions=side - 1)

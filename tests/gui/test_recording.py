@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The loop that the README shows: Preview in use."""
+
+
+def test_it_shows_a_part_that_becomes_sharp(play):
+    report = play("recording")
+    assert report["code"] == 0, report["output"]
+    assert report.get("ended"), report.get("traceback")
+    assert report["changed"]
+    assert report["frames"] == 29
+    assert report["differ"] > 5000
