@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import scene
 from harness import (
+    DRAWN,
     PICTURES,
     Steps,
     addon,
@@ -59,17 +60,20 @@ def scenario() -> Steps:
 
 
 def to_the_part(start: tuple[int, int, int, int]) -> Steps:
-    """Move the mouse from the button into the view, and wait until it counts."""
+    """Move the mouse from the button into the view, wait until it counts, and turn the dial."""
     place = region("VIEW_3D")
     x, y = place.x + place.width * 0.3, place.y + place.height * 0.55
-    for way in np.linspace(0.1, 1.0, 8):
+    for way in (0.2, 0.4, 0.6, 0.8, 1.0):
         move(start[0] + way * (x - start[0]), start[1] + way * (y - start[1]))
-        yield 0.1
+        yield 0.05
     for _ in range(60):
+        yield DRAWN
         if addon("preview.operator")._running[0]._arrived:
-            return
+            break
         move(x, y)
-        yield 0.5
+    for step in range(8):
+        move(x + 5 * step, y)
+        yield 0.2
 
 
 def shown(before: object) -> Steps:
