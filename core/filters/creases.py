@@ -197,7 +197,10 @@ def tell_creases(regions: Regions) -> None:
         if regions.too_wide:
             tell("The creases are rounded more widely than Widest Fillet, and stay.")
         elif regions.use.any():
-            tell("Not made of creases: only what stands out clearly was sharpened, by half.")
+            tell(
+                "Not made of creases: only what stands out clearly was sharpened. For more, set Where"
+                " to Everywhere."
+            )
         elif regions.creased.any():
             tell("The creases are sharp already.")
     elif regions.radius < 1:

@@ -213,6 +213,8 @@ def counted_width(width: float, measured: float, what: str = "drawing", enlarge:
     rounded = _ROUNDED if enlarge > 1 and what == "drawing" else 0.0
     if width > 0:
         return math.hypot(enlarge * width, rounded)
+    if rounded > 0 and 0 < measured <= SHARP:
+        measured = enlarge  # thin lines read as sharp, but nothing is that was enlarged
     if measured <= SHARP or not math.isfinite(measured):
         return 0.0
     return min(math.hypot(measured, rounded), enlarge * WIDEST[what])

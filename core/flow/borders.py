@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.parallel import kernel, run
@@ -78,7 +79,8 @@ def measured(mesh: TriangleMesh, values: Floats) -> Borders:
 
     Where a Gaussian has blurred a step, smoothing makes the slope the gentler the sharper it was:
     with R the squared ratio of slopes after 2 and 8 passes, the variance is that of
-    (8 - 2 R) / (R - 1) passes. Read where the slope is greatest around.
+    (8 - 2 R) / (R - 1) passes. Read where the slope is greatest around; of a border that gets
+    steadily steeper along its length these are few places, so then where it is greatest across.
     """
     with phase(0.0, 0.3, _MEASURING):
         noise = noise_of(mesh, values)
@@ -87,26 +89,47 @@ def measured(mesh: TriangleMesh, values: Floats) -> Borders:
         far = smooth_vertices(mesh, near, _FAR - _NEAR)
     with phase(0.7, 1.0, _MEASURING):
         steep = flow_potential(mesh, near, 0)
+        spread = smooth_vertices(mesh, _spread(mesh), _NEAR)[:, 0]
+        least = max(_LEAST, _STRAY * noise)
+        most = float(np.linalg.norm(np.ptp(values, axis=0)))
         crests = np.flatnonzero((steep >= 0.999 * dilation(mesh, steep, 2)) & (steep > 0))
-        gentle = np.empty(len(crests))
-        run(_potential_at, len(crests), mesh.scaled_vertices, mesh.faces, mesh.areas,
-            *mesh.corners, far, crests, gentle)  # fmt: skip
-        are_borders = steep[crests] > _ENDLESS * gentle
-        crests, gentle = crests[are_borders], gentle[are_borders]
-        spread = smooth_vertices(mesh, _spread(mesh), _NEAR)[crests, 0]
-        ratio = steep[crests] / np.maximum(gentle, 1e-300)
-        passes = np.maximum((_FAR - _NEAR * ratio) / (ratio - 1.0), 0.0)
-        contrasts = np.sqrt(2.0 * math.pi * spread * (passes + _NEAR) * steep[crests])
-        # At needle-like faces slopes are far too steep.
-        contrasts = np.minimum(contrasts, np.linalg.norm(np.ptp(values, axis=0)))
-        strong = contrasts > max(_LEAST, _STRAY * noise)
-        widths = WIDTH_OF_SIGMA * np.sqrt(spread * np.maximum(passes - 0.5, 0.0))[strong]
+        widths, contrasts = _widths_at(mesh, crests, steep, far, spread, (least, most))
+        if len(widths) < _FEWEST:
+            across = np.zeros(mesh.vertex_count, dtype=np.bool_)
+            run(_is_crest, mesh.vertex_count, mesh.scaled_vertices, *mesh.neighbours, near, steep,
+                across)  # fmt: skip
+            crests = np.flatnonzero(across)
+            widths, contrasts = _widths_at(mesh, crests, steep, far, spread, (least, most))
         if len(widths) < _FEWEST:
             return Borders(0.0, 0, noise)
         order = np.argsort(widths)
-        total = np.cumsum(contrasts[strong][order])
+        total = np.cumsum(contrasts[order])
         width = np.interp(_QUANTILE * total[-1], total, widths[order])
         return Borders(float(width), len(widths), noise)
+
+
+def _widths_at(
+    mesh: TriangleMesh,
+    crests: npt.NDArray[np.integer],
+    steep: Floats,
+    far: Floats,
+    spread: Floats,
+    limits: tuple[float, float],
+) -> tuple[Floats, Floats]:
+    # Widths and contrasts of borders whose slope is greatest at some vertices, if that is one.
+    gentle = np.empty(len(crests))
+    run(_potential_at, len(crests), mesh.scaled_vertices, mesh.faces, mesh.areas, *mesh.corners,
+        far, crests, gentle)  # fmt: skip
+    are_borders = steep[crests] > _ENDLESS * gentle
+    crests, gentle = crests[are_borders], gentle[are_borders]
+    ratio = steep[crests] / np.maximum(gentle, 1e-300)
+    passes = np.maximum((_FAR - _NEAR * ratio) / (ratio - 1.0), 0.0)
+    contrasts = np.sqrt(2.0 * math.pi * spread[crests] * (passes + _NEAR) * steep[crests])
+    # At needle-like faces slopes are far too steep.
+    contrasts = np.minimum(contrasts, limits[1])
+    strong = contrasts > limits[0]
+    widths = WIDTH_OF_SIGMA * np.sqrt(spread[crests] * np.maximum(passes - 0.5, 0.0))
+    return widths[strong], contrasts[strong]
 
 
 def noise_of(mesh: TriangleMesh, values: Floats) -> float:
@@ -192,6 +215,26 @@ def diffused(mesh: TriangleMesh, values: Floats, sigma: float) -> Floats:
             run(_legendre, mesh.vertex_count, share, 2.0 - 1.0 / term, newest, older, out)
         older, newest = newest, out
     return newest
+
+
+@kernel
+def _is_crest(start, stop, vertices, ring_start, ring, values, steep, out):
+    # Whether no slope is greater across the border, two edges far: where values differ by as much
+    # as the slope says, within 45 degrees of it.
+    for v in range(start, stop):
+        out[v] = steep[v] > 0
+        for i in range(ring_start[v], ring_start[v + 1]):
+            u = ring[i]
+            for k in range(ring_start[u], ring_start[u + 1]):
+                for w in (u, ring[k]):
+                    if steep[v] >= 0.999 * steep[w]:
+                        continue
+                    e = edge(vertices, v, w)
+                    change = 0.0
+                    for j in range(values.shape[1]):
+                        change += (values[w, j] - values[v, j]) ** 2
+                    if change > 0.5 * steep[v] * dot(e, e):
+                        out[v] = False
 
 
 @kernel

@@ -127,7 +127,8 @@ def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
     if kind == "geometry":
         return [partial(_on_mesh, filter_shape, surface) for surface in _both_ways(_shape())]
     if kind == "colors":
-        surfaces = [*_both_ways(_painted()), *_both_ways(_at_corners())]
+        ramp = replace(_painted(), mask=None, colors=0.5 + 0.4 * _painted().positions)
+        surfaces = [*_both_ways(_painted()), *_both_ways(_at_corners()), ramp]
         return [partial(_on_mesh, filter_colors, surface) for surface in surfaces]
     if kind == "image":
         return [partial(filter_image, _image(opacity)) for opacity in ("STRAIGHT", "NONE")]

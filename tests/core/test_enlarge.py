@@ -133,6 +133,16 @@ def test_drawings_come_near_to_what_they_were(times, least, contrast):
         assert gain > least
 
 
+def test_thin_lines_are_not_taken_for_sharp():
+    fine = np.zeros((8 * SIZE, 8 * SIZE, 1))
+    y, x = np.mgrid[: 8 * SIZE, : 8 * SIZE] / 8.0
+    for radius in (10.0, 18.0, 26.0):
+        fine[abs(np.hypot(x - 0.5 * SIZE, 0.8 * (y - 0.5 * SIZE)) - radius) < 0.7] = 1.0
+    small, wanted = (reduced(fine, times).astype(np.float32) for times in (8, 4))
+    gain = fidelity(enlarged(small, 2), wanted) - fidelity(cubic(small, 2), wanted)
+    assert gain > 2.0
+
+
 def test_widths_are_those_of_the_image_as_it_is_given():
     # Borders of 6 pixels are closed, and as many of 24 are left alone.
     places = np.arange(-40, 40)

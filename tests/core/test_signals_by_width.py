@@ -97,6 +97,16 @@ def test_width_is_measured_at_any_contrast(meridian, width):
     assert meridian.width(sharpened(meridian.mesh, meridian.border(width, 0.15))) < 2.0
 
 
+def test_width_is_measured_of_a_border_that_widens_along_its_length():
+    vertices, faces = grid(60, 60)
+    x, y, _ = vertices.T
+    sigma = 1.5 + 0.02 * y
+    values = 0.5 + 0.5 * erf((x - 30.0) / (math.sqrt(2.0) * sigma))
+    found = borders.borders_of(core.TriangleMesh(vertices, faces), values[:, None])
+    assert found.seen > 30
+    assert found.width == pytest.approx(2.5631 * np.median(sigma), rel=0.2)
+
+
 def test_width_is_measured_where_edges_are_shorter_than_elsewhere():
     vertices, faces = grid(90, 90, 0.2)
     growing = Meridian(vertices * np.exp(2.0 * vertices[:, :1] / 90), faces, False)

@@ -17,7 +17,6 @@ from harness import (
     finished,
     move,
     open_tab,
-    park,
     positions,
     press_key,
     region,
