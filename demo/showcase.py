@@ -65,17 +65,12 @@ def show_remeshed() -> None:
 
 
 def show_scan() -> None:
-    """A gear as a scanner may have seen it, denoised, and sharpened after that."""
+    """A gear as a scanner may have seen it, denoised."""
     part = shapes.gear(spacing=0.05)
     shapes.remesh(part, SCANNED, TURNED)
     add_noise(part)
     part.data.shade_smooth()
-    columns = [
-        ("Scan", part.data),
-        ("Denoised", filtered(part, "denoise")),
-        ("Denoised, then sharpened", filtered(part, "denoise", then_sharpen=True)),
-    ]
-    draw("scan", GEAR, columns)
+    draw("scan", GEAR, [("Scan", part.data), ("Denoised", filtered(part, "denoise"))])
 
 
 def add_noise(obj: bpy.types.Object) -> None:
