@@ -198,8 +198,8 @@ def tell_creases(regions: Regions) -> None:
             tell("The creases are rounded more widely than Widest Fillet, and stay.")
         elif regions.use.any():
             tell(
-                "Not made of creases: only what stands out clearly was sharpened. For more, set Where"
-                " to Everywhere."
+                "Not made of creases: only what stands out clearly was sharpened. For more, set"
+                " Where to Everywhere."
             )
         elif regions.creased.any():
             tell("The creases are sharp already.")
