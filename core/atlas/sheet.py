@@ -86,7 +86,7 @@ def lay_out(charts: Charts, height: int, width: int) -> Sheet:
     shifts, shape = _places(charts, height, width)
     points = charts.points + shifts[charts.labels][:, None]
     with aside("Finding texels"):
-        faces = _faces_by_rows(points, shape[0])
+        faces = faces_by_rows(points, shape[0])
     nodes, cells = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.int32)
     overlapping = np.zeros(len(points), dtype=np.bool_)
     with phase(0.4, 0.8, "Finding texels"):
@@ -134,7 +134,7 @@ def _clashing(charts: Charts, away: npt.NDArray, shape: tuple[int, int]) -> npt.
     claims = np.empty(shape, dtype=np.int32)
     points = charts.points + 1.0  # nodes begin one row and one column before the image
     with aside("Finding texels"):
-        faces = _faces_by_rows(points, shape[0])
+        faces = faces_by_rows(points, shape[0])
     clashes = np.zeros(len(charts.boxes), dtype=np.bool_)
     for check in (False, True):
         with phase(0.5 * check, 0.5 + 0.5 * check, "Finding texels"):
@@ -165,7 +165,8 @@ def _shelve(
     return shifts, (int(row + tallest), columns)
 
 
-def _faces_by_rows(points: Floats, rows: int) -> _FacesByRows:
+def faces_by_rows(points: Floats, rows: int) -> _FacesByRows:
+    """List the faces that touch the nodes of each chunk of `ROWS` rows."""
     low, high = points[..., 0].min(axis=1), points[..., 0].max(axis=1)
     bands = np.floor(np.stack([low - _SLACK, high + _SLACK], axis=1)).astype(np.int64)
     ask()

@@ -1,0 +1,460 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finite elements on the texels of a surface: mass and stiffness across seams (paper B, section 5).
+
+The unknowns are the values of the texels whose centers lie in charts, and those of points along
+the seams, which both sides share (see `cut`). Functions are bilinear in cells that no end of a
+chart touches, as linear sampling shows them; in the pieces of the others they are linear on each
+triangle of a fan around the piece's middle, whose value is the mean of the corners'. So they are
+continuous across seams, hold the constants exactly, and linear functions where the surface is flat.
+
+Paper B takes the exterior texels of both sides for unknowns, and quadratic elements on a
+triangulation of the cut cells. Here no texel outside a chart is one: their sums alone would count.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse
+
+from ..base.checks import Floats
+from ..base.parallel import kernel, run
+from ..base.progress import aside, ask
+from .atlas import TextureAtlas
+from .cut import CutCells, find_cut_cells, tempered_jacobians
+from .multigrid import SheetMatrix
+from .sheet import NOTHING, ROWS, faces_by_rows, span
+
+_Single = npt.NDArray[np.float32]
+
+
+class TextureSpace:
+    """Functions on the surface that the texels of an atlas hold.
+
+    Vectors over it are (n, c): first the sheet's nodes row by row, then the points along seams.
+    Rows that are no unknowns stay 0.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+
+    Attributes
+    ----------
+    size : int
+        Length of vectors.
+    labels : (rows, columns) int32
+        The chart of each node that is an unknown; `NOTHING` at all others.
+    cells : (rows, columns, 4) float32
+        Integrals over each uncut cell of sqrt(det h) h^-1 (row row, row column, column column)
+        and of sqrt(det h), in mean texel sizes.
+    fans : (v, 4) float64
+        For each corner of the pieces the triangle to the next corner and the middle: half the
+        cotangents opposite to the sides corner-next, corner-middle and next-middle; its area.
+    cut_cells : CutCells
+    """
+
+    def __init__(self, atlas: TextureAtlas) -> None:
+        self.atlas = atlas
+        jacobians = tempered_jacobians(atlas.metric)
+        self.cut_cells = find_cut_cells(atlas, jacobians)
+        self.size = atlas.sheet.nodes.size + int(
+            np.count_nonzero(self.cut_cells.unknowns >= atlas.sheet.nodes.size)
+        )
+        with aside("Measuring texels"):
+            self.labels, self.cells = _measure_cells(atlas, jacobians, self.cut_cells)
+            pieces = self.cut_cells.pieces
+            self.fans = np.zeros((len(pieces.points), 4))
+            run(_measure_fans, len(pieces.faces), pieces, self.fans)
+
+    @property
+    def area(self) -> float:
+        """Area of the surface, in mean texel sizes squared."""
+        return float(self.cells[..., 3].sum(dtype=np.float64) + self.fans[:, 3].sum())
+
+    def weighted(self, weights: _Single) -> TextureSpace:
+        """Count each cell and piece as much as the mean of its corners' weights (n,) says."""
+        other = copy(self)
+        other.cells = np.empty_like(self.cells)
+        run(_weigh_cells, len(self.cells), self.cells, weights, other.cells, chunk=ROWS)
+        pieces = self.cut_cells.pieces
+        other.fans = self.fans * np.repeat(self._piece_means(weights), np.diff(pieces.start))[:, None]
+        return other
+
+    def matrix(self, screen: float) -> SheetMatrix:
+        """Assemble stiffness plus `screen` times mass."""
+        rows, columns = self.labels.shape
+        stencil = np.zeros((4, rows, columns), dtype=np.float32)
+        screens = np.zeros(self.size, dtype=np.float32)
+        with aside("Assembling"):
+            run(_assemble_cells, rows, self.cells, screen, stencil, screens, chunk=ROWS)
+        ask()
+        seam, masses = self._assemble_pieces(screen)
+        unknowns = self.cut_cells.unknowns
+        screens[unknowns] += (screen * masses).astype(np.float32)
+        return SheetMatrix(
+            stencil, self.labels, screens, unknowns, seam.indptr, seam.indices, seam.data
+        )
+
+    def _assemble_pieces(self, screen: float) -> tuple[scipy.sparse.csr_matrix, Floats]:
+        # The couplings of seam unknowns, and their masses.
+        pieces, interpolation = self.cut_cells.pieces, self.cut_cells.interpolation
+        sizes = np.diff(pieces.start)
+        first = np.concatenate([[0], np.cumsum(sizes * sizes)])
+        i, j = np.empty(first[-1], dtype=np.int32), np.empty(first[-1], dtype=np.int32)
+        entries, masses = np.empty(first[-1]), np.zeros(len(pieces.points))
+        with aside("Assembling"):
+            run(_assemble_fans, len(sizes), pieces, self.fans, first, screen, i, j, entries, masses)
+        count = interpolation.shape[0]
+        local = scipy.sparse.csr_matrix((entries, (i, j)), shape=(count, count))
+        ask()
+        matrix = (interpolation.T @ (local @ interpolation)).tocsr()
+        ask()
+        matrix.setdiag(0.0)
+        matrix.eliminate_zeros()
+        matrix.sort_indices()
+        at_points = np.bincount(pieces.points, weights=masses, minlength=count)
+        return matrix, interpolation.T @ at_points
+
+    def at_corners(self, values: _Single) -> Floats:
+        """Evaluate vectors (n, c) at the corners of the pieces: (v, c)."""
+        cut = self.cut_cells
+        return (cut.interpolation @ values[cut.unknowns].astype(np.float64))[cut.pieces.points]
+
+    def apply_stiffness(
+        self, values: _Single, weights: _Single, corners: Floats | None = None
+    ) -> _Single:
+        """Multiply with the stiffness, in which cells and pieces count as much as weights say.
+
+        Parameters
+        ----------
+        values : (n, c) float32
+        weights : (n,) float32
+            Cells and pieces have the mean of their corners' weights.
+        corners : (v, c) float64, optional
+            Values at the corners of the pieces, if these differ from side to side of a seam.
+        """
+        return self._apply(_apply_stiffness, _apply_fan_stiffness, values, weights, corners)
+
+    def apply_mass(
+        self, values: _Single, weights: _Single, corners: Floats | None = None
+    ) -> _Single:
+        """Multiply with the mass; see `apply_stiffness`."""
+        return self._apply(_apply_mass, _apply_fan_mass, values, weights, corners)
+
+    def _apply(self, on_cells, on_fans, values, weights, corners):  # type: ignore[no-untyped-def]
+        result = np.zeros_like(values)
+        with aside("Comparing texels"):
+            run(on_cells, len(self.cells), self.cells, weights, values, result, chunk=ROWS)
+        cut = self.cut_cells
+        given = self.at_corners(values) if corners is None else corners
+        found = np.zeros_like(given)
+        with aside("Comparing texels"):
+            run(on_fans, len(cut.pieces.faces), cut.pieces.start, self.fans,
+                self._piece_means(weights), given, found)  # fmt: skip
+        result[cut.unknowns] += (cut.interpolation.T @ self._sum_at_points(found)).astype(np.float32)
+        return result
+
+    def _sum_at_points(self, at_corners: Floats) -> Floats:
+        pieces, count = self.cut_cells.pieces, self.cut_cells.interpolation.shape[0]
+        columns = [np.bincount(pieces.points, column, count) for column in at_corners.T]
+        return np.stack(columns, axis=1)
+
+    def _piece_means(self, weights: _Single) -> Floats:
+        start = self.cut_cells.pieces.start
+        if len(start) == 1:
+            return np.zeros(0)
+        sums = np.add.reduceat(self.at_corners(weights[:, None])[:, 0], start[:-1])
+        return sums / np.diff(start)
+
+
+def _measure_cells(
+    atlas: TextureAtlas, jacobians: Floats, cut_cells: CutCells
+) -> tuple[npt.NDArray[np.int32], _Single]:
+    # The labels of the nodes, and the integrals over uncut cells.
+    shape = atlas.sheet.nodes.shape
+    with np.errstate(all="ignore"):
+        metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
+        areas = np.abs(np.linalg.det(jacobians))
+        integrals = np.stack(
+            [
+                metrics[:, 1, 1] / areas,
+                -metrics[:, 0, 1] / areas,
+                metrics[:, 0, 0] / areas,
+                areas,
+            ],
+            axis=1,
+        )
+    integrals[~(areas > 0)] = 0.0
+    cells = np.zeros((*shape, 4), dtype=np.float32)
+    faces = np.full(shape, NOTHING, dtype=np.int32)
+    by_rows = faces_by_rows(atlas.sheet.points, shape[0])
+    run(_integrate_cells, shape[0], atlas.sheet.points, by_rows, integrals, cut_cells.cut, faces,
+        cells, chunk=ROWS)  # fmt: skip
+    labels = np.full(shape, NOTHING, dtype=np.int32)
+    run(_label_nodes, shape[0], faces, atlas.charts.labels, labels, chunk=ROWS)
+    pieces = cut_cells.pieces
+    own = np.flatnonzero(cut_cells.kinds[pieces.points] == 0)
+    piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))[own]
+    y, x = np.round(pieces.places[own]).astype(np.int64).T
+    labels[y, x] = atlas.charts.labels[pieces.faces[piece]]
+    return labels, cells
+
+
+@kernel
+def _clipped_area(triangle, row, column, one, two):
+    # Area of a triangle within a cell (Sutherland, Hodgman 1974); one and two are scratch.
+    count = 3
+    for k in range(3):
+        one[k, 0] = triangle[k, 0] - row
+        one[k, 1] = triangle[k, 1] - column
+    for side in range(4):
+        axis = side >> 1
+        kept = 0
+        for n in range(count):
+            m = n + 1 if n + 1 < count else 0
+            a = 1.0 - one[n, axis] if side & 1 else one[n, axis]
+            b = 1.0 - one[m, axis] if side & 1 else one[m, axis]
+            if a >= 0:
+                two[kept, 0] = one[n, 0]
+                two[kept, 1] = one[n, 1]
+                kept += 1
+            if (a > 0 and b < 0) or (a < 0 and b > 0):
+                share = a / (a - b)
+                two[kept, 0] = one[n, 0] + share * (one[m, 0] - one[n, 0])
+                two[kept, 1] = one[n, 1] + share * (one[m, 1] - one[n, 1])
+                kept += 1
+        count = kept
+        if count < 3:
+            return 0.0
+        one[:count] = two[:count]
+    area = 0.0
+    for n in range(1, count - 1):
+        area += (one[n, 0] - one[0, 0]) * (one[n + 1, 1] - one[0, 1])
+        area -= (one[n, 1] - one[0, 1]) * (one[n + 1, 0] - one[0, 0])
+    return 0.5 * abs(area)
+
+
+@kernel
+def _integrate_cells(start, stop, points, by_rows, integrals, cut, faces, cells):
+    one, two = np.empty((12, 2)), np.empty((12, 2))
+    bands, listed, in_rows = by_rows
+    chunk = start // ROWS
+    for f in in_rows[listed[chunk] : listed[chunk + 1]]:
+        triangle = points[f]
+        if integrals[f, 3] == 0:
+            continue
+        for row in range(max(bands[f, 0], start), min(bands[f, 1] + 1, stop)):
+            first, last = span(triangle, row, row + 1)
+            if last < first:
+                continue
+            # Cells between these columns lie in the face with all corners, and so as a whole.
+            top_first, top_last = span(triangle, row, row)
+            low_first, low_last = span(triangle, row + 1, row + 1)
+            left = np.ceil(max(top_first, low_first))
+            right = np.floor(min(top_last, low_last)) - 1
+            for column in range(int(np.floor(first)), int(np.floor(last)) + 1):
+                if cut[row, column]:
+                    continue
+                share = 1.0
+                if not left <= column <= right:
+                    share = _clipped_area(triangle, row, column, one, two)
+                if share > 0:
+                    faces[row, column] = f
+                    for n in range(4):
+                        cells[row, column, n] += share * integrals[f, n]
+
+
+@kernel
+def _label_nodes(start, stop, faces, charts, labels):
+    for y in range(max(start, 1), stop):
+        for x in range(1, labels.shape[1]):
+            for n in range(4):
+                face = faces[y - (n >> 1), x - (n & 1)]
+                if face >= 0:
+                    labels[y, x] = charts[face]
+
+
+@kernel
+def _measure_fans(start, stop, pieces, fans):
+    frame = pieces.frame
+    for piece in range(start, stop):
+        first, last = pieces.start[piece], pieces.start[piece + 1]
+        mx, my = 0.0, 0.0
+        for n in range(first, last):
+            mx += frame[n, 0] / (last - first)
+            my += frame[n, 1] / (last - first)
+        for n in range(first, last):
+            m = n + 1 if n + 1 < last else first
+            ax, ay = frame[n, 0] - mx, frame[n, 1] - my
+            bx, by = frame[m, 0] - mx, frame[m, 1] - my
+            double = abs(ax * by - ay * bx)
+            fans[n, 3] = 0.5 * double
+            if double < 1e-18:
+                continue
+            # Half the cotangent at a corner is the product of its sides over four times the area.
+            fans[n, 0] = 0.5 * (ax * bx + ay * by) / double
+            fans[n, 1] = 0.5 * (bx * (bx - ax) + by * (by - ay)) / double
+            fans[n, 2] = 0.5 * (ax * (ax - bx) + ay * (ay - by)) / double
+
+
+@kernel
+def _mean_of(cells, weights, y, x):
+    # The mean weight of a cell's nodes.
+    first = y * cells.shape[1] + x
+    second = first + cells.shape[1]
+    return 0.25 * (weights[first] + weights[first + 1] + weights[second] + weights[second + 1])
+
+
+@kernel
+def _weigh_cells(start, stop, cells, weights, out):
+    for y in range(start, stop):
+        for x in range(cells.shape[1]):
+            share = 0.0
+            if cells[y, x, 3] > 0:
+                share = _mean_of(cells, weights, y, x)
+            for n in range(4):
+                out[y, x, n] = share * cells[y, x, n]
+
+
+@kernel
+def _assemble_cells(start, stop, cells, screen, stencil, screens):
+    columns = cells.shape[1]
+    for y in range(max(start, 1), stop):
+        for x in range(1, columns):
+            # Cells above left, above right, below left and below right of the node.
+            a, b, c, d = cells[y - 1, x - 1], cells[y - 1, x], cells[y, x - 1], cells[y, x]
+            mass = screen * (a[3] + b[3] + c[3] + d[3])
+            if mass == 0:
+                continue
+            screens[y * columns + x] = 0.25 * mass
+            stencil[0, y, x] = (b[0] + d[0]) / 6 - (b[2] + d[2]) / 3 + screen * (b[3] + d[3]) / 18
+            stencil[2, y, x] = (c[2] + d[2]) / 6 - (c[0] + d[0]) / 3 + screen * (c[3] + d[3]) / 18
+            stencil[1, y, x] = -(c[0] + c[2]) / 6 + c[1] / 2 + screen * c[3] / 36
+            stencil[3, y, x] = -(d[0] + d[2]) / 6 - d[1] / 2 + screen * d[3] / 36
+
+
+@kernel
+def _assemble_fans(start, stop, pieces, fans, first, screen, rows, columns, entries, masses):
+    for piece in range(start, stop):
+        low, high = pieces.start[piece], pieces.start[piece + 1]
+        n = high - low
+        out = entries[first[piece] : first[piece + 1]].reshape(n, n)
+        out[:] = 0.0
+        # To the middle: couplings of the corners, which share its value in equal parts.
+        centre = np.zeros(n)
+        total = 0.0
+        total_mass = 0.0
+        for i in range(n):
+            j = i + 1 if i + 1 < n else 0
+            w, p, q, area = fans[low + i]
+            mass = screen * area / 12
+            out[i, i] += w + p + 2 * mass
+            out[j, j] += w + q + 2 * mass
+            out[i, j] += mass - w
+            out[j, i] += mass - w
+            centre[i] += mass - p
+            centre[j] += mass - q
+            total += p + q + 2 * mass
+            masses[low + i] += area / 3
+            masses[low + j] += area / 3
+            total_mass += area / 3
+        for i in range(n):
+            masses[low + i] += total_mass / n
+            for j in range(n):
+                out[i, j] += (centre[i] + centre[j]) / n + total / (n * n)
+                rows[first[piece] + i * n + j] = pieces.points[low + i]
+                columns[first[piece] + i * n + j] = pieces.points[low + j]
+
+
+@kernel
+def _apply_stiffness(start, stop, cells, weights, values, out):
+    # Adds to the nodes in rows start .. stop - 1.
+    columns = cells.shape[1]
+    for y in range(max(start - 1, 0), stop):
+        for x in range(columns - 1):
+            rr, rc, cc, area = cells[y, x]
+            if area == 0:
+                continue
+            weight = _mean_of(cells, weights, y, x)
+            rr *= weight
+            rc *= weight
+            cc *= weight
+            top = y * columns + x
+            low = top + columns
+            for c in range(values.shape[1]):
+                left = values[low, c] - values[top, c]
+                right = values[low + 1, c] - values[top + 1, c]
+                above = values[top + 1, c] - values[top, c]
+                below = values[low + 1, c] - values[low, c]
+                on_left = rr * (left / 3 + right / 6)
+                on_right = rr * (left / 6 + right / 3)
+                on_top = cc * (above / 3 + below / 6)
+                on_low = cc * (above / 6 + below / 3)
+                mixed = 0.25 * rc * (above + below)
+                other = 0.25 * rc * (left + right)
+                if y >= start:
+                    out[top, c] -= on_left + on_top + mixed + other
+                    out[top + 1, c] += on_top - on_right + other - mixed
+                if y + 1 < stop:
+                    out[low, c] += on_left - on_low + mixed - other
+                    out[low + 1, c] += on_right + on_low + mixed + other
+
+
+@kernel
+def _apply_mass(start, stop, cells, weights, values, out):
+    columns = cells.shape[1]
+    for y in range(max(start - 1, 0), stop):
+        for x in range(columns - 1):
+            if cells[y, x, 3] == 0:
+                continue
+            mass = _mean_of(cells, weights, y, x) * cells[y, x, 3] / 36
+            top = y * columns + x
+            low = top + columns
+            for c in range(values.shape[1]):
+                a, b = values[top, c], values[top + 1, c]
+                d, e = values[low, c], values[low + 1, c]
+                if y >= start:
+                    out[top, c] += mass * (4 * a + 2 * (b + d) + e)
+                    out[top + 1, c] += mass * (4 * b + 2 * (a + e) + d)
+                if y + 1 < stop:
+                    out[low, c] += mass * (4 * d + 2 * (a + e) + b)
+                    out[low + 1, c] += mass * (4 * e + 2 * (b + d) + a)
+
+
+@kernel
+def _apply_fan_stiffness(start, stop, starts, fans, weights, values, out):
+    for piece in range(start, stop):
+        low, high = starts[piece], starts[piece + 1]
+        for c in range(values.shape[1]):
+            middle = values[low:high, c].mean()
+            centre = 0.0
+            for i in range(low, high):
+                j = i + 1 if i + 1 < high else low
+                along = fans[i, 0] * (values[i, c] - values[j, c])
+                here = fans[i, 1] * (values[i, c] - middle)
+                there = fans[i, 2] * (values[j, c] - middle)
+                out[i, c] += along + here
+                out[j, c] += there - along
+                centre -= here + there
+            for i in range(low, high):
+                out[i, c] = weights[piece] * (out[i, c] + centre / (high - low))
+
+
+@kernel
+def _apply_fan_mass(start, stop, starts, fans, weights, values, out):
+    for piece in range(start, stop):
+        low, high = starts[piece], starts[piece + 1]
+        for c in range(values.shape[1]):
+            middle = values[low:high, c].mean()
+            centre = 0.0
+            for i in range(low, high):
+                j = i + 1 if i + 1 < high else low
+                mass = fans[i, 3] / 12
+                total = values[i, c] + values[j, c] + middle
+                out[i, c] += mass * (values[i, c] + total)
+                out[j, c] += mass * (values[j, c] + total)
+                centre += mass * (middle + total)
+            for i in range(low, high):
+                out[i, c] = weights[piece] * (out[i, c] + centre / (high - low))
