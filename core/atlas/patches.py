@@ -111,10 +111,9 @@ def cut_tiles(atlas: TextureAtlas, size: int, reach: int) -> Tiles:
     first, last = np.maximum(first, 0), np.minimum(last, (rows - 1, columns - 1))
     down, across = np.maximum(last - first + 1, 0).T
     # One entry for each tile that an edge is near to.
-    edge = np.repeat(np.arange(len(borders)), down * across)
-    number = np.arange(len(edge)) - np.repeat(
-        np.cumsum(down * across) - down * across, down * across
-    )
+    near = down * across
+    edge = np.repeat(np.arange(len(borders)), near)
+    number = np.arange(len(edge)) - np.repeat(np.cumsum(near) - near, near)
     row, column = np.divmod(number, across[edge])
     tile = (first[edge, 0] + row) * columns + first[edge, 1] + column
     counts = np.bincount(tile, minlength=rows * columns)

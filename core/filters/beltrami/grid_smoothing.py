@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 _ROWS = 16  # most rows that are smoothed at once
 
 REACHED = 2_000_000
-"""About how many pixels are reached by the kernels of those smoothed at once: tenths of a second."""
+"""About how many pixels the kernels of those smoothed at once reach: tenths of a second."""
 
 FASTEST = 1e38
 """Near the end of float32."""

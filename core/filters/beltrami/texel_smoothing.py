@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weighted means over the texels of an atlas, across seams: those of `grid_smoothing` on patches."""
+"""Weighted means over an atlas's texels, across seams: those of `grid_smoothing` on patches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TIMES = 3.0
 """How many times more texels than on average a kernel reaches where texels are small."""
 
 _TILE = 64
-"""Most texels along a tile; where kernels are large, tiles are small, so that cancelling is fast."""
+"""Most texels along a tile; tiles are small where kernels are large, so that cancelling is fast."""
 
 _FARTHEST = np.float32(1e15)  # its square is far from the ends of float32
 
