@@ -172,6 +172,16 @@ FILTERS: tuple[Filter, ...] = (
         then_time=16.0,
     ),
     Filter(
+        "beltrami_texture",
+        "filters.beltrami.textures",
+        _settings.BeltramiTextureSettings,
+        TEXTURE,
+        "denoise-texture",
+        "remove noise from textures on the surface of a mesh, across seams; edges stay",
+        then="sharpen_texture",
+        then_time=16.0,
+    ),
+    Filter(
         "sharpen_geometry",
         "filters.geometry",
         _settings.GeometrySettings,

@@ -347,6 +347,19 @@ class DilateSettings(_Settings):
     )
 
 
+def _content() -> Any:
+    return _setting(
+        "values",
+        "What the texture holds",
+        choices={
+            "values": "Colors or other values that do not depend on the texture's layout",
+            "normals": "Tangent-space normals, as colors: they are turned where values cross to"
+            " a chart that lies turned, and made unit length again",
+        },
+        advanced=True,
+    )
+
+
 @dataclass(kw_only=True, repr=False, eq=False)
 class TextureSettings(DilateSettings, _SignalSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
@@ -360,16 +373,7 @@ class TextureSettings(DilateSettings, _SignalSettings):
     what: str = _what("auto")
     width: float = _changed(_SignalSettings, "width", 0.0, unit="mean texel sizes on the surface")
     alpha: str = _alpha()
-    content: str = _setting(
-        "values",
-        "What the texture holds",
-        choices={
-            "values": "Colors or other values that do not depend on the texture's layout",
-            "normals": "Tangent-space normals, as colors: they are turned where values cross to"
-            " a chart that lies turned, and made unit length again",
-        },
-        advanced=True,
-    )
+    content: str = _content()
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
@@ -672,6 +676,38 @@ class BeltramiSettings(_KernelSettings):
         """About how many pixels each one is averaged over in one iteration."""
         reach = max(-4.0 * math.pi * self.time * math.log(self.threshold), 1.0)
         return min(reach, self.window**2) if self.window else reach
+
+
+@dataclass(kw_only=True, repr=False, eq=False)
+class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
+    """Settings of :func:`shock_filter.core.beltrami_texture`."""
+
+    time: float = _changed(
+        BeltramiSettings,
+        "time",
+        1.0,
+        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
+        " is a Gaussian of variance 2 * time; 10 averages over 14 texels around, slowly",
+        unit="squared mean texel sizes on the surface",
+    )
+    beta: float = _changed(
+        BeltramiSettings,
+        "beta",
+        7.0,
+        "How much values count against lengths: a step from 0 to 1 is as far as this many"
+        " texels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
+        unit="mean texel sizes on the surface a unit of value",
+    )
+    window: int = _changed(
+        BeltramiSettings,
+        "window",
+        0,
+        "Width of the square of texels that a kernel may reach, an odd number. 0 goes as far"
+        " as weights count; 21 goes ten texels each way",
+        unit="texels",
+    )
+    alpha: str = _alpha()
+    content: str = _content()
 
 
 @dataclass(kw_only=True, repr=False, eq=False)

@@ -18,7 +18,16 @@ from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
 from .metric import Ways, measure_metric
-from .sheet import NOTHING, ROWS, clearly_within, ends, lay_out, nearest_on_edge, span
+from .sheet import (
+    NOTHING,
+    ROWS,
+    clearly_within,
+    ends,
+    lay_out,
+    nearest_on_edge,
+    shares_of_corners,
+    span,
+)
 
 
 @dataclass(frozen=True)
@@ -382,21 +391,11 @@ def _bake(start, stop, owners, nodes, points, corners, out):
             f = nodes[y, x]
             if f < 0:
                 continue
-            ay = points[f, 1, 0] - points[f, 0, 0]
-            ax = points[f, 1, 1] - points[f, 0, 1]
-            by = points[f, 2, 0] - points[f, 0, 0]
-            bx = points[f, 2, 1] - points[f, 0, 1]
-            dy = y - points[f, 0, 0]
-            dx = x - points[f, 0, 1]
-            det = ay * bx - ax * by
-            second = min(max((dy * bx - dx * by) / det, 0.0), 1.0) if det != 0 else 0.0
-            third = min(max((ay * dx - ax * dy) / det, 0.0), 1.0) if det != 0 else 0.0
-            first = max(1.0 - second - third, 0.0)
-            total = first + second + third
+            first, second, third = shares_of_corners(points, f, y, x)
             for c in range(out.shape[2]):
                 out[row, column, c] = (
                     first * corners[f, 0, c] + second * corners[f, 1, c] + third * corners[f, 2, c]
-                ) / total
+                )
 
 
 @kernel

@@ -356,3 +356,20 @@ def _find_edges(start, stop, borders, points, labels, nodes, cells, nearest, edg
                 if distance < nearest[ghost]:
                     nearest[ghost] = distance
                     edges[ghost] = edge
+
+
+@kernel
+def shares_of_corners(points, f, y, x):
+    """Shares of a face's corners in a place in or near it, of (row, column) in the sheet."""
+    ay = points[f, 1, 0] - points[f, 0, 0]
+    ax = points[f, 1, 1] - points[f, 0, 1]
+    by = points[f, 2, 0] - points[f, 0, 0]
+    bx = points[f, 2, 1] - points[f, 0, 1]
+    dy = y - points[f, 0, 0]
+    dx = x - points[f, 0, 1]
+    det = ay * bx - ax * by
+    second = min(max((dy * bx - dx * by) / det, 0.0), 1.0) if det != 0 else 0.0
+    third = min(max((ay * dx - ax * dy) / det, 0.0), 1.0) if det != 0 else 0.0
+    first = max(1.0 - second - third, 0.0)
+    total = first + second + third
+    return first / total, second / total, third / total

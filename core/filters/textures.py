@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,14 +11,10 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.advect import advect_texels
 from ..atlas.ghosts import fill_ghosts
-from ..atlas.gutter import unit_normals, write_texels
 from ..atlas.potential import texel_potential
-from ..atlas.seam_fit import stitch
 from ..atlas.seams import settle_seams
-from ..atlas.sheet import ROWS
 from ..atlas.walk import shock_flow
-from ..base.checks import BAND, LARGEST, SCALES, checked_image, checked_weights
-from ..base.parallel import blocks, run
+from ..base.checks import LARGEST, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
 from ..grid.channels import channel_groups, opacity_channel
@@ -27,17 +22,17 @@ from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings
 from .guides import checked_guide
-from .signals import mix_rows
+from .texels import (
+    Texture,
+    checked_atlas,
+    gathered,
+    least_step,
+    mix_texels,
+    read_ghosts,
+    values_of,
+    written,
+)
 from .textures_by_width import follow_texels_by_width, sharpen_texels_by_width
-
-
-class _Texture(NamedTuple):
-    # The texels (h, w, c) of an atlas, and what their channels hold: the one of opacity, -1 if none
-    # is; and whether the first ones are tangent-space normals, as colors.
-    atlas: TextureAtlas
-    pixels: npt.NDArray
-    alpha: int = -1
-    normals: bool = False
 
 
 def sharpen_texture(
@@ -124,19 +119,19 @@ def sharpen_texture(
     lead = checked_guide(None if guide is None else checked_image(guide, LARGEST), given, settings)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
-            texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
         if settings.is_neutral:
             return given.copy()
         with phase(0.3, 0.9, "Sharpening"):
             if lead is None:
-                texture, values = _gathered(texture, settings)
+                texture, values = gathered(texture, settings)
                 values = _sharpened(texture, values, settings, weights)
             else:
                 texture, values, leading = _gathered_with(texture, lead, settings)
                 values = _following(texture, values, leading, settings, weights)
         with phase(0.9, 1.0, "Filling the gutter"):
             keep = None if weights is None else weights == 0
-            return _written(texture, values, settings, keep).reshape(given.shape)
+            return written(texture, values, settings, keep).reshape(given.shape)
 
 
 def dilate_texture(
@@ -192,59 +187,32 @@ def dilate_texture(
     pixels = given.reshape(*given.shape[:2], -1)
     with reporting(progress):
         with phase(0.0, 0.7, "Finding texels"):
-            texture = _Texture(_checked_atlas(atlas, mesh, uv, pixels), pixels)
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
         with phase(0.7, 1.0, "Filling the gutter"):
-            texture, values = _gathered(texture, settings)
+            texture, values = gathered(texture, settings)
             inside = texture.atlas.inside
-            return _written(texture, values, settings, inside).reshape(given.shape)
-
-
-def _gathered(
-    texture: _Texture, settings: DilateSettings
-) -> tuple[_Texture, npt.NDArray[np.float32]]:
-    # The texture with its seams settled, and the values of the nodes inside charts.
-    atlas, pixels, alpha, normals = texture
-    with aside("Comparing the seams"):
-        values = _values_of(atlas, pixels, alpha)
-        atlas = settle_seams(
-            atlas, values, settings.seams, _step(pixels), alpha=alpha, normals=normals
-        )
-    return texture._replace(atlas=atlas), values
+            return written(texture, values, settings, inside).reshape(given.shape)
 
 
 def _gathered_with(
-    texture: _Texture, lead: npt.NDArray, settings: TextureSettings
-) -> tuple[_Texture, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    # As above, with the guide's values; both say where seams are closed.
+    texture: Texture, lead: npt.NDArray, settings: TextureSettings
+) -> tuple[Texture, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    # As `gathered`, with the guide's values; both say where seams are closed.
     atlas, pixels, alpha, normals = texture
     guiding = opacity_channel(lead.shape[2], "auto")
     with aside("Comparing the seams"):
-        values, leading = _values_of(atlas, pixels, alpha), _values_of(atlas, lead, guiding)
+        values, leading = values_of(atlas, pixels, alpha), values_of(atlas, lead, guiding)
         colors = leading
         if guiding >= 0:
             colors = leading[..., :guiding] * leading[..., guiding, None]
         both = np.concatenate([values, colors], axis=2)
-        step = max(_step(pixels), _step(lead))
+        step = max(least_step(pixels), least_step(lead))
         atlas = settle_seams(atlas, both, settings.seams, step, alpha=alpha, normals=normals)
     return texture._replace(atlas=atlas), values, leading
 
 
-def _values_of(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int) -> npt.NDArray[np.float32]:
-    values = atlas.gather(pixels)
-    if alpha >= 0:
-        opacity = values[..., alpha]
-        for rows in blocks(len(values), BAND):
-            np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
-    return values
-
-
-def _step(pixels: npt.NDArray) -> float:
-    # What whole numbers count in; 0 for floats.
-    return SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0
-
-
 def _sharpened(
-    texture: _Texture,
+    texture: Texture,
     values: npt.NDArray[np.float32],
     settings: TextureSettings,
     weights: npt.NDArray[np.float64] | None,
@@ -252,7 +220,7 @@ def _sharpened(
     # The new values of the nodes inside charts.
     atlas, normals = texture.atlas, texture.normals
     with aside("Computing the flow"):
-        _fill_ghosts(texture, values)
+        read_ghosts(texture, values)
         result = copied(values)
     groups = channel_groups(values.shape[2], settings)
     for number, channels in enumerate(groups):
@@ -269,12 +237,12 @@ def _sharpened(
                 advect_texels(atlas, values, channels, flow, settings.time, result,
                               nearest=settings.sampling == "nearest",
                               normals=normals)  # fmt: skip
-    _mix(atlas, values, settings.amount, weights, result)
+    mix_texels(atlas, values, settings.amount, weights, result)
     return result
 
 
 def _following(
-    texture: _Texture,
+    texture: Texture,
     values: npt.NDArray[np.float32],
     leading: npt.NDArray[np.float32],
     settings: TextureSettings,
@@ -285,7 +253,7 @@ def _following(
     (channels,) = channel_groups(values.shape[2], replace(settings, channels="coupled"))
     (guides,) = channel_groups(leading.shape[2], replace(settings, alpha="auto"))
     with aside("Computing the flow"):
-        _fill_ghosts(texture, values)
+        read_ghosts(texture, values)
         fill_ghosts(atlas.sheet, atlas.sources, leading, guides.alpha, None)
         result = copied(values)
     if settings.by_width:
@@ -299,63 +267,8 @@ def _following(
             flow = shock_flow(atlas, potential)
             advect_texels(atlas, values, channels, flow, settings.time, result,
                           nearest=settings.sampling == "nearest", normals=normals)  # fmt: skip
-    _mix(atlas, values, settings.amount, weights, result)
+    mix_texels(atlas, values, settings.amount, weights, result)
     return result
-
-
-def _mix(
-    atlas: TextureAtlas,
-    values: npt.NDArray[np.float32],
-    amount: float,
-    weights: npt.NDArray[np.float64] | None,
-    result: npt.NDArray[np.float32],
-) -> None:
-    if weights is not None or amount < 1.0:
-        with phase(1.0, 1.0, "Filling the gutter"):
-            if weights is None:
-                shares = np.full(atlas.sheet.nodes.size, amount, dtype=np.float32)
-            else:
-                shares = amount * atlas.gather(weights[..., None]).reshape(-1)
-            flat = result.reshape(len(shares), -1)
-            run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
-
-
-def _written(
-    texture: _Texture,
-    values: npt.NDArray[np.float32],
-    settings: DilateSettings,
-    keep: npt.NDArray[np.bool_] | None,
-) -> npt.NDArray:
-    # The image with the values of the nodes inside charts, and what follows from them beside.
-    atlas, pixels, alpha, normals = texture
-    with aside("Filling the gutter"):
-        _fill_ghosts(texture, values)
-        if normals:
-            run(unit_normals, len(values), values, chunk=ROWS)
-        else:
-            stitch(atlas, values, _step(pixels))
-        out = copied(pixels)
-    write_texels(atlas, values, settings, keep, out, opacity=alpha, normals=normals)
-    return out
-
-
-def _fill_ghosts(texture: _Texture, values: npt.NDArray[np.float32]) -> None:
-    atlas, _, alpha, normals = texture
-    fill_ghosts(atlas.sheet, atlas.sources, values, alpha, 0.5 if normals else None)
-
-
-def _checked_atlas(
-    atlas: TextureAtlas | None, mesh: TriangleMesh, uv: npt.ArrayLike, pixels: npt.NDArray
-) -> TextureAtlas:
-    height, width = pixels.shape[:2]
-    if atlas is None:
-        return TextureAtlas(mesh, uv, height, width)
-    if atlas.mesh is not mesh or (atlas.height, atlas.width) != (height, width):
-        raise InvalidSignal(
-            f"The atlas is for {atlas.width} x {atlas.height} texels of its own mesh, the image"
-            f" has {width} x {height}; make an atlas for this mesh and size."
-        )
-    return atlas
 
 
 def _checked_content(settings: TextureSettings, pixels: npt.NDArray) -> tuple[int, bool]:

@@ -16,8 +16,12 @@ from ...settings import BeltramiSettings
 log = logging.getLogger(__name__)
 
 _ROWS = 16  # most rows that are smoothed at once
-_REACHED = 2_000_000  # about how many pixels their kernels reach: tenths of a second
-_FASTEST = 1e38  # near the end of float32
+
+REACHED = 2_000_000
+"""About how many pixels the kernels of those smoothed at once reach: tenths of a second."""
+
+FASTEST = 1e38
+"""Near the end of float32."""
 
 Coordinates = npt.NDArray[np.float32]
 
@@ -51,16 +55,17 @@ def smooth_grid(
     out = np.empty_like(signal)
     limit = -4.0 * settings.time * math.log(settings.threshold)
     rows = _reachable_rows(guide, flat, math.sqrt(limit), settings.window)
-    smooth_rows = _smooth_rows if settings.distance == "geodesic" else _bilateral_rows
-    rate = np.float32(min(0.25 / settings.time, _FASTEST))
+    smooth = smooth_rows if settings.distance == "geodesic" else bilateral_rows
+    rate = np.float32(min(0.25 / settings.time, FASTEST))
     half_window = settings.window // 2 if settings.window else -1
     around = math.pi * limit + 1.0
     if settings.window:
         around = min(around, settings.window**2)
-    chunk = max(min(int(_REACHED / (around * signal.shape[1])), _ROWS), 1)
+    chunk = max(min(int(REACHED / (around * signal.shape[1])), _ROWS), 1)
     unsplit = np.zeros(len(signal), dtype=np.int64)  # in the bands that begin there
-    run(smooth_rows, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
-        half_window, rows, unsplit, out, chunk=chunk)  # fmt: skip
+    wanted = np.zeros((0, 0), dtype=np.bool_)
+    run(smooth, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
+        half_window, rows, unsplit, wanted, out, chunk=chunk)  # fmt: skip
     if unsplit.any():
         log.info("Some obtuse triangles of pixels are split into %d parts, and not to the end:"
                  " distances through them are too long.", MOST_SPLITS)  # fmt: skip
@@ -70,18 +75,23 @@ def smooth_grid(
 def surface_areas(guide: Coordinates, flat: bool) -> npt.NDArray[np.float32]:
     """Compute the area element, sqrt(det g), from central differences; parameters as above."""
     areas = np.empty(guide.shape[:2], dtype=np.float32)
-    run(_area_rows, len(guide), guide, np.float32(flat), areas, chunk=_ROWS)
+    run(area_rows, len(guide), guide, np.float32(flat), areas, chunk=_ROWS)
     return areas
 
 
 @kernel
-def _area_rows(start, stop, guide, spacing, areas):
+def area_rows(start, stop, guide, spacing, areas):
+    """Compute `surface_areas` in rows ``start <= y < stop``; differences leave NaN out."""
     height, width = areas.shape
     for y in range(start, stop):
-        up, down = max(y - 1, 0), min(y + 1, height - 1)
-        rows = np.float32(max(down - up, 1))
         for x in range(width):
+            up, down = max(y - 1, 0), min(y + 1, height - 1)
             left, right = max(x - 1, 0), min(x + 1, width - 1)
+            up = y if np.isnan(guide[up, x, 0]) else up
+            down = y if np.isnan(guide[down, x, 0]) else down
+            left = x if np.isnan(guide[y, left, 0]) else left
+            right = x if np.isnan(guide[y, right, 0]) else right
+            rows = np.float32(max(down - up, 1))
             columns = np.float32(max(right - left, 1))
             g_yy = np.float64(spacing)  # squares of squares leave float32
             g_xx = np.float64(spacing)
@@ -126,9 +136,30 @@ def _row_gaps(guide: Coordinates) -> npt.NDArray[np.float64]:
 
 
 @kernel
-def _smooth_rows(
-    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, out
+def smooth_rows(
+    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, wanted, out
 ):
+    """Average in rows ``start <= y < stop``, with weights of distances along the surface.
+
+    Parameters
+    ----------
+    signal, guide, areas
+        As in `smooth_grid`. The guide is NaN where there is nothing.
+    spacing : float32
+        1 if the pixel's x and y are further coordinates, 0 if not.
+    limit, rate : float32
+        Squared distance beyond which weights are 0, and the one by which they fall: exp(-rate d^2).
+    half_window : int
+        How many pixels the kernel reaches each way; -1: as far as the limit.
+    rows : (h, 2) int64
+        For each row the first one that its pixels reach, and the end of these rows.
+    unsplit : (h,) int64
+        Where it is counted, at `start`, which triangles were not split to the end.
+    wanted : (h, w) bool
+        Pixels that are averaged; empty: all.
+    out : array like `signal`
+        Set for these.
+    """
     first, last = rows[start, 0], rows[stop - 1, 1]
     columns = guide.shape[1]
     width = columns + 2
@@ -156,6 +187,8 @@ def _smooth_rows(
                 window[:, x + half_window : x + half_window + 1] = np.inf
                 if x > half_window:
                     window[:, x - half_window - 1] = -1.0
+            if wanted.size > 0 and not wanted[y, x]:
+                continue
             count = march(source, limit, band, front)
             total[:] = 0.0
             weight = 0.0
@@ -172,19 +205,22 @@ def _smooth_rows(
 
 
 @kernel
-def _bilateral_rows(
-    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, out
+def bilateral_rows(
+    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, wanted, out
 ):
+    """Average as `smooth_rows` does, with weights of distances straight through space."""
     reach = half_window if half_window >= 0 else int(np.sqrt(limit))
     total = np.empty(signal.shape[2])
     for y in range(start, stop):
         for x in range(guide.shape[1]):
+            if wanted.size > 0 and not wanted[y, x]:
+                continue
             total[:] = 0.0
             weight = 0.0
             for down in range(rows[y, 0], rows[y, 1]):
                 for right in range(max(x - reach, 0), min(x + reach + 1, guide.shape[1])):
                     square = chord(guide, spacing, y, x, down, right)
-                    if square > limit:
+                    if not square <= limit:  # nor NaN
                         continue
                     share = areas[down, right] * np.exp(-rate * square)
                     weight += share

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The way of a texture through a filter: into the sheet of its atlas, and back into its image."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.ghosts import fill_ghosts
+from ..atlas.gutter import unit_normals, write_texels
+from ..atlas.seam_fit import stitch
+from ..atlas.seams import settle_seams
+from ..atlas.sheet import ROWS
+from ..base.checks import BAND, SCALES
+from ..base.parallel import blocks, run
+from ..base.progress import aside, phase
+from ..errors import InvalidSignal
+from ..grid.pixels import copied
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import DilateSettings
+from .signals import mix_rows
+
+
+class Texture(NamedTuple):
+    """The texels of an atlas, and what their channels hold.
+
+    Attributes
+    ----------
+    atlas : TextureAtlas
+    pixels : (h, w, c) array
+    alpha : int
+        The channel of opacity; -1: none.
+    normals : bool
+        Whether the first channels are tangent-space normals, as colors.
+    """
+
+    atlas: TextureAtlas
+    pixels: npt.NDArray
+    alpha: int = -1
+    normals: bool = False
+
+
+def gathered(texture: Texture, settings: DilateSettings) -> tuple[Texture, npt.NDArray[np.float32]]:
+    """Return the texture with its seams settled, and the values of the nodes inside charts."""
+    atlas, pixels, alpha, normals = texture
+    with aside("Comparing the seams"):
+        values = values_of(atlas, pixels, alpha)
+        atlas = settle_seams(
+            atlas, values, settings.seams, least_step(pixels), alpha=alpha, normals=normals
+        )
+    return texture._replace(atlas=atlas), values
+
+
+def values_of(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int) -> npt.NDArray[np.float32]:
+    """Return an image's values at the nodes inside charts, opacity clipped to [0, 1]."""
+    values = atlas.gather(pixels)
+    if alpha >= 0:
+        opacity = values[..., alpha]
+        for rows in blocks(len(values), BAND):
+            np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
+    return values
+
+
+def least_step(pixels: npt.NDArray) -> float:
+    """Return what whole numbers count in; 0 for floats."""
+    return SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0
+
+
+def mix_texels(
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    amount: float,
+    weights: npt.NDArray[np.float64] | None,
+    result: npt.NDArray[np.float32],
+) -> None:
+    """Mix a result with the values that it was made from, in place; `weights` are a mask (h, w)."""
+    if weights is not None or amount < 1.0:
+        with phase(1.0, 1.0, "Filling the gutter"):
+            if weights is None:
+                shares = np.full(atlas.sheet.nodes.size, amount, dtype=np.float32)
+            else:
+                shares = amount * atlas.gather(weights[..., None]).reshape(-1)
+            flat = result.reshape(len(shares), -1)
+            run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
+
+
+def written(
+    texture: Texture,
+    values: npt.NDArray[np.float32],
+    settings: DilateSettings,
+    keep: npt.NDArray[np.bool_] | None,
+) -> npt.NDArray:
+    """Return the image with the values of the nodes inside charts, and what follows beside them.
+
+    Parameters
+    ----------
+    texture : Texture
+    values : (rows, columns, c) float32
+        Overwritten.
+    settings : DilateSettings
+    keep : (h, w) bool, optional
+        Texels inside charts that stay as they are.
+    """
+    atlas, pixels, alpha, normals = texture
+    with aside("Filling the gutter"):
+        read_ghosts(texture, values)
+        if normals:
+            run(unit_normals, len(values), values, chunk=ROWS)
+        else:
+            stitch(atlas, values, least_step(pixels))
+        out = copied(pixels)
+    write_texels(atlas, values, settings, keep, out, opacity=alpha, normals=normals)
+    return out
+
+
+def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:
+    """Read the ghosts' values from across the seams, in place."""
+    atlas, _, alpha, normals = texture
+    fill_ghosts(atlas.sheet, atlas.sources, values, alpha, 0.5 if normals else None)
+
+
+def checked_atlas(
+    atlas: TextureAtlas | None, mesh: TriangleMesh, uv: npt.ArrayLike, pixels: npt.NDArray
+) -> TextureAtlas:
+    """Return the atlas that was given, if it fits the image, or a new one."""
+    height, width = pixels.shape[:2]
+    if atlas is None:
+        return TextureAtlas(mesh, uv, height, width)
+    if atlas.mesh is not mesh or (atlas.height, atlas.width) != (height, width):
+        raise InvalidSignal(
+            f"The atlas is for {atlas.width} x {atlas.height} texels of its own mesh, the image"
+            f" has {width} x {height}; make an atlas for this mesh and size."
+        )
+    return atlas
