@@ -377,6 +377,36 @@ class TextureSettings(DilateSettings, _SignalSettings):
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
+class FilterSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.filter_texture`."""
+
+    gain: float = _setting(
+        2.0,
+        "How strong detail becomes. 0 smooths it away, 1 returns the input, 2 doubles it",
+        unit="times the gradients",
+        maximum=10.0,
+        soft_maximum=4.0,
+    )
+    radius: float = _setting(
+        30.0,
+        "What counts as detail: differences over fewer texels than about this. What is larger stays"
+        " as it is. 2 reaches fine grain only, 200 nearly all of a texture",
+        unit="mean texel sizes on the surface",
+        minimum=0.1,
+        maximum=1e5,
+        soft_minimum=2.0,
+        soft_maximum=200.0,
+        length_power=1,
+    )
+    alpha: str = _alpha()
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether nothing changes, unless gains are painted."""
+        return self.gain == 1
+
+
+@dataclass(kw_only=True, repr=False, eq=False)
 class MaskSettings(_Settings):
     """Settings of the command ``texture-mask``."""
 

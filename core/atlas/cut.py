@@ -555,9 +555,9 @@ def _cut(
         piece, corner = 0, 0
         if not counting:
             piece, corner = first[f]
+        if shapes[f, 2] == 0:
+            continue  # no area in space
         if flat[f]:
-            if shapes[f, 2] == 0:
-                continue
             count = _shape_of(polygon, shapes, seams, corners, f)
             if counting:
                 sizes[f, 0] += 1

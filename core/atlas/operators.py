@@ -23,9 +23,12 @@ from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask
 from .atlas import TextureAtlas
-from .cut import CutCells, find_cut_cells, tempered_jacobians
-from .multigrid import SheetMatrix
+from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
+from .sheet_matrix import SheetMatrix
 from .sheet import NOTHING, ROWS, faces_by_rows, span
+
+_LEAST_MASS = 1e-12
+"""Least mass of an unknown, so that each has an equation, if only slivers lie around it."""
 
 _Single = npt.NDArray[np.float32]
 
@@ -115,7 +118,7 @@ class TextureSpace:
         matrix.eliminate_zeros()
         matrix.sort_indices()
         at_points = np.bincount(pieces.points, weights=masses, minlength=count)
-        return matrix, interpolation.T @ at_points
+        return matrix, np.maximum(interpolation.T @ at_points, _LEAST_MASS)
 
     def at_corners(self, values: _Single) -> Floats:
         """Evaluate vectors (n, c) at the corners of the pieces: (v, c)."""
@@ -195,7 +198,7 @@ def _measure_cells(
     labels = np.full(shape, NOTHING, dtype=np.int32)
     run(_label_nodes, shape[0], faces, atlas.charts.labels, labels, chunk=ROWS)
     pieces = cut_cells.pieces
-    own = np.flatnonzero(cut_cells.kinds[pieces.points] == 0)
+    own = np.flatnonzero(cut_cells.kinds[pieces.points] == NODE)
     piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))[own]
     y, x = np.round(pieces.places[own]).astype(np.int64).T
     labels[y, x] = atlas.charts.labels[pieces.faces[piece]]

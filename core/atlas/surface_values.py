@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Values of a texture as a function on its surface, and back (see `operators`)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import Floats
+from ..base.parallel import kernel, run
+from ..base.progress import aside
+from .ghosts import interpolate
+from .operators import TextureSpace
+from .sheet import NOTHING
+
+_Single = npt.NDArray[np.float32]
+
+_ROUNDS = 20
+"""How many faces without area in the texture may lie in a row for all to get a value."""
+
+
+def surface_values(
+    space: TextureSpace, values: _Single, known: npt.NDArray[np.bool_], alpha: int = -1
+) -> _Single:
+    """Read a sheet's values as a function on the surface.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    values : (rows, columns, c) float32
+        Of nodes and ghosts.
+    known : (g,) bool
+        Ghosts that count.
+    alpha : int
+        The channel that is opacity: other channels count as much as it says. -1: none.
+
+    Returns
+    -------
+    (n, c) float32
+        A point on a seam has the mean of what its sides show there.
+    """
+    cut = space.cut_cells
+    corners = corner_values(space, values, known, alpha)
+    at_points = _means(cut.pieces.points, corners, len(cut.kinds))
+    _spread(space, at_points)
+    flat = values.reshape(-1, values.shape[2])
+    result = np.zeros((space.size, flat.shape[1]), dtype=np.float32)
+    is_node = space.labels.reshape(-1) != NOTHING
+    result[: len(flat)][is_node] = flat[is_node]
+    free = np.flatnonzero(np.diff(cut.interpolation.indptr) == 1)
+    column = cut.interpolation.indices[cut.interpolation.indptr[free]]
+    result[cut.unknowns[column]] = at_points[free]
+    return result
+
+
+def corner_values(
+    space: TextureSpace, values: _Single, known: npt.NDArray[np.bool_], alpha: int = -1
+) -> Floats:
+    """Read a sheet's values at the corners of the pieces, as each piece's chart shows them.
+
+    Parameters are those of `surface_values`.
+
+    Returns
+    -------
+    (v, c) float64
+        NaN where nothing is known: faces without area in the texture show none.
+    """
+    pieces = space.cut_cells.pieces
+    flat = values.reshape(-1, values.shape[2])
+    found = np.full((len(pieces.points), flat.shape[1]), np.nan)
+    with aside("Comparing texels"):
+        run(_read_corners, len(pieces.faces), pieces, space.atlas.sheet.nodes, known, flat, alpha,
+            found)  # fmt: skip
+    return found
+
+
+@kernel
+def _read_corners(start, stop, pieces, nodes, known, values, alpha, out):
+    columns = nodes.shape[1]
+    for piece in range(start, stop):
+        cell = pieces.cells[piece]
+        if cell < 0:
+            continue
+        row, column = divmod(cell, columns)
+        for n in range(pieces.start[piece], pieces.start[piece + 1]):
+            down = min(max(pieces.places[n, 0] - row, 0.0), 1.0)
+            across = min(max(pieces.places[n, 1] - column, 0.0), 1.0)
+            out[n] = 0.0
+            if interpolate(nodes, known, values, cell, down, across, alpha, out[n]) <= 0:
+                out[n] = np.nan
+
+
+def _means(points: npt.NDArray[np.int64], corners: Floats, count: int) -> Floats:
+    # Of the corners at each point; NaN where none is known.
+    known = ~np.isnan(corners[:, 0])
+    numbers = np.bincount(points[known], minlength=count)
+    sums = [np.bincount(points[known], column[known], count) for column in corners.T]
+    with np.errstate(invalid="ignore"):
+        return np.stack(sums, axis=1) / numbers[:, None]
+
+
+def _spread(space: TextureSpace, at_points: Floats) -> None:
+    # Points without a value get the mean of those around them.
+    pieces = space.cut_cells.pieces
+    piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
+    for _ in range(_ROUNDS):
+        missing = np.isnan(at_points[:, 0])
+        if not missing.any():
+            return
+        means = _means(piece, at_points[pieces.points], len(pieces.faces))
+        found = _means(pieces.points, means[piece], len(at_points))
+        at_points[missing] = found[missing]
+    at_points[np.isnan(at_points[:, 0])] = 0.0
+
+
+def sheet_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
+    """Write a function on the surface into a sheet, where it has a value: nodes inside charts.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    values : (n, c) float32
+    sheet : (rows, columns, c) float32
+        Overwritten at nodes inside charts.
+    """
+    flat = sheet.reshape(-1, sheet.shape[2])
+    is_node = space.labels.reshape(-1) != NOTHING
+    flat[is_node] = values[: len(flat)][is_node]
+    cut = space.cut_cells
+    at_points = cut.interpolation[cut.hidden[:, 1]] @ values[cut.unknowns]
+    flat[cut.hidden[:, 0]] = at_points

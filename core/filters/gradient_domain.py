@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Gradient-domain filters of textures, across seams (paper B, sections 6 and 7)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.ghosts import fill_ghosts
+from ..atlas.multigrid import SheetSolver
+from ..atlas.operators import TextureSpace
+from ..atlas.surface_values import sheet_values, surface_values
+from ..base.checks import LARGEST, as_array, checked_image, checked_weights
+from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..errors import InvalidSignal
+from ..grid.channels import opacity_channel
+from ..grid.pixels import copied
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import FilterSettings
+from .texels import Texture, checked_atlas, gathered, mix_texels, written
+
+_TOLERANCE = 1e-3
+"""Residual of the solution relative to the right-hand side; its error is far below what 8 bits
+show."""
+
+_LEAST_OPACITY = 1e-3
+"""Transparent texels count as much as this, so that they get colors."""
+
+_MOST_GAIN = 100.0
+
+
+def filter_texture(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    image: npt.ArrayLike,
+    settings: FilterSettings | None = None,
+    gain: npt.ArrayLike | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    atlas: TextureAtlas | None = None,
+) -> npt.NDArray:
+    """Raise or smooth the detail of a texture on its surface, across seams.
+
+    The gradients of the result are those of the texture times a gain, as nearly as values allow
+    that must not drift: what is larger than the settings' radius stays.
+
+    Parameters
+    ----------
+    mesh, uv, image, progress, atlas
+        As in `sharpen_texture`.
+    settings : FilterSettings, optional
+    gain : (h, w) array of float in [0, 100], optional
+        The gain of each texel, instead of that in the settings; 1 where nothing is to change.
+    mask : (h, w) array of float in [0, 1], optional
+        1 takes the change fully, less mixes with the input, 0 keeps it bit for bit.
+
+    Returns
+    -------
+    array like `image`
+        Opacity stays. Whole numbers are clipped to their range; floats may go beyond the input's.
+        Around the charts the gutter is filled anew; what the image held there does not count. A
+        gain of 1 returns the input bit for bit.
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, Cancelled
+        As in `sharpen_texture`; also if gains do not fit the image.
+    SolverError
+        If no solution is found.
+
+    Notes
+    -----
+    Paper B, sections 6 and 7.1: x minimizes ``|x - y|^2 / radius^2 + |grad x - gain grad y|^2`` on
+    the surface, lengths in mean texel sizes, for the texture y. It is solved for the correction
+    x - y. Where the paper's elements differ is said in `core.atlas.operators`. Where texels are
+    transparent, both terms count as much as these are opaque.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> image = np.tile(0.5 + 0.2 * np.sin(np.arange(32.0)), (32, 1))
+    >>> strong = core.filter_texture(mesh, uv, image, core.FilterSettings(gain=2.0))
+    >>> [round(float(np.ptp(rows[16])), 1) for rows in (image, strong)]
+    [0.4, 0.8]
+    """
+    given = checked_image(image, LARGEST)
+    settings = settings or FilterSettings()
+    gains = _checked_gain(gain, given)
+    weights = checked_weights(mask, given)
+    with reporting(progress):
+        with phase(0.0, 0.6, "Finding texels"):
+            if gains is None and settings.is_neutral:
+                pixels = given.reshape(*given.shape[:2], -1)
+                checked_atlas(atlas, mesh, uv, pixels)
+                return given.copy()
+            solver = TextureSolver(mesh, uv, given, settings, atlas=atlas)
+        with phase(0.6, 1.0, "Filtering"):
+            return solver.filtered(gains, weights)
+
+
+class TextureSolver:
+    """What the gradient-domain filter of one texture needs, kept for many gains.
+
+    The first result takes as long as `filter_texture`; each further one, for other gains, a
+    fraction: one gain for all texels costs no solution, as the change is proportional to gain - 1.
+
+    Parameters
+    ----------
+    mesh, uv, image, progress, atlas
+        As in `filter_texture`.
+    settings : FilterSettings, optional
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, SolverError, Cancelled
+        As in `filter_texture`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> image = np.tile(0.5 + 0.2 * np.sin(np.arange(32.0)), (32, 1))
+    >>> solver = core.TextureSolver(mesh, uv, image)
+    >>> [round(float(np.ptp(solver.filtered(gain)[16])), 1) for gain in (0.0, 1.0, 2.0)]
+    [0.0, 0.4, 0.8]
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        uv: npt.ArrayLike,
+        image: npt.ArrayLike,
+        settings: FilterSettings | None = None,
+        progress: ProgressCallback | None = None,
+        *,
+        atlas: TextureAtlas | None = None,
+    ) -> None:
+        given = checked_image(image, LARGEST)
+        self._image = given
+        self._settings = settings = settings or FilterSettings()
+        pixels = given.reshape(*given.shape[:2], -1)
+        alpha = opacity_channel(pixels.shape[2], settings.alpha)
+        with reporting(progress):
+            with phase(0.0, 0.4, "Finding texels"):
+                texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels, alpha)
+                self._texture, self._values = gathered(texture, settings)
+            with phase(0.4, 0.7, "Measuring texels"):
+                sheet = self._texture.atlas.sheet
+                known = fill_ghosts(sheet, self._texture.atlas.sources, self._values, alpha)
+                space = TextureSpace(self._texture.atlas)
+                values = surface_values(space, self._values, known, alpha)
+                if alpha >= 0:
+                    space = space.weighted(np.maximum(values[:, alpha], _LEAST_OPACITY))
+                    values = np.delete(values, alpha, axis=1)
+                self._space, self._input = space, np.ascontiguousarray(values)
+            with phase(0.7, 1.0, "Coarsening"):
+                self._solver = SheetSolver(space.matrix(settings.radius**-2.0))
+        self._change = np.zeros_like(self._input)
+        self._of_unit: npt.NDArray[np.float32] | None = None
+
+    def filtered(
+        self,
+        gain: npt.ArrayLike | None = None,
+        mask: npt.ArrayLike | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> npt.NDArray:
+        """Return the texture with its gradients multiplied.
+
+        Parameters
+        ----------
+        gain : float or (h, w) array of float in [0, 100], optional
+            For all texels, or for each; left out, that of the settings.
+        mask, progress
+            As in `filter_texture`.
+
+        Raises
+        ------
+        InvalidSignal, SolverError, Cancelled
+            As in `filter_texture`.
+        """
+        if gain is None:
+            gain = self._settings.gain
+        gains = _checked_gain(gain, self._image)
+        assert gains is not None
+        weights = checked_weights(mask, self._image)
+        if (gains == 1).all():
+            return self._image.copy()
+        with reporting(progress):
+            with phase(0.0, 0.7, "Filtering"):
+                change = self._changed(gains)
+            with phase(0.7, 1.0, "Filling the gutter"):
+                return self._written(change, weights)
+
+    def _changed(self, gains: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        # What is to be added to the input; painted gains go on from the last ones' solution.
+        if gains.ndim:
+            on_nodes = self._texture.atlas.gather(gains[..., None] - np.float32(1.0))
+            sheet, sources = self._texture.atlas.sheet, self._texture.atlas.sources
+            known = fill_ghosts(sheet, sources, on_nodes)
+            shares = surface_values(self._space, on_nodes, known)[:, 0]
+            self._solve(shares, self._change)
+            return self._change
+        if self._of_unit is None:
+            self._of_unit = np.zeros_like(self._input)
+            try:
+                self._solve(np.ones(self._space.size, dtype=np.float32), self._of_unit)
+            except BaseException:
+                self._of_unit = None
+                raise
+        return self._of_unit * np.float32(gains - 1.0)
+
+    def _solve(self, gains: npt.NDArray[np.float32], change: npt.NDArray[np.float32]) -> None:
+        rhs = self._space.apply_stiffness(self._input, gains)
+        self._solver.solve(rhs, change, _TOLERANCE, message="Filtering")
+
+    def _written(
+        self, change: npt.NDArray[np.float32], weights: npt.NDArray[np.float64] | None
+    ) -> npt.NDArray:
+        atlas, alpha = self._texture.atlas, self._texture.alpha
+        with aside("Filling the gutter"):
+            result = copied(self._values)
+            filtered = change + self._input
+            if alpha >= 0:
+                opacity = np.zeros((len(change), 1), dtype=np.float32)
+                nodes = atlas.sheet.nodes.size
+                opacity[:nodes, 0] = self._values[..., alpha].reshape(-1)
+                filtered = np.insert(filtered, [alpha], opacity, axis=1)
+            sheet_values(self._space, filtered, result)
+        keep = None
+        if weights is not None:
+            mix_texels(atlas, self._values, 1.0, weights, result)
+            keep = weights == 0
+        return written(self._texture, result, self._settings, keep).reshape(self._image.shape)
+
+
+def _checked_gain(gain: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArray | None:
+    # As float32: (), or (h, w) of the image.
+    if gain is None:
+        return None
+    gains = as_array(gain, "gain")
+    if gains.ndim and gains.shape != given.shape[:2]:
+        raise InvalidSignal(f"The gain has the shape {gains.shape}; give {given.shape[:2]}.")
+    if gains.dtype.kind not in "fiu" or not np.isfinite(gains).all():
+        raise InvalidSignal("The gain holds NaN, infinity or no numbers; give 1 for no change.")
+    if gains.min() < 0 or gains.max() > _MOST_GAIN:
+        raise InvalidSignal(f"The gain leaves the range 0 to {_MOST_GAIN:g}; clip or rescale it.")
+    return gains.astype(np.float32)
