@@ -25,6 +25,9 @@ from .filters.beltrami.meshes import (
     beltrami_vertex_signal,
     denoise_geometry,
 )
+from .filters.beltrami.textures import (
+    beltrami_texture,
+)
 from .filters.fit import (
     fit_to_normals,
 )
@@ -32,6 +35,10 @@ from .filters.geometry import (
     geometry_flow,
     sharpen_geometry,
     sharpen_normals,
+)
+from .filters.gradient_domain import (
+    TextureSolver,
+    filter_texture,
 )
 from .filters.images import (
     sharpen_image,
@@ -61,7 +68,9 @@ from .settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,
+    BeltramiTextureSettings,
     DilateSettings,
+    FilterSettings,
     FitSettings,
     GeometrySettings,
     ImageSettings,
@@ -73,8 +82,10 @@ __all__ = [
     "BeltramiGeometrySettings",
     "BeltramiMeshSettings",
     "BeltramiSettings",
+    "BeltramiTextureSettings",
     "Cancelled",
     "DilateSettings",
+    "FilterSettings",
     "FitSettings",
     "GeometrySettings",
     "ImageSettings",
@@ -87,6 +98,7 @@ __all__ = [
     "SolverError",
     "TextureAtlas",
     "TextureSettings",
+    "TextureSolver",
     "TriangleMesh",
     "UVReport",
     "beltrami_corner_signal",
@@ -94,9 +106,11 @@ __all__ = [
     "beltrami_joint",
     "beltrami_manifold",
     "beltrami_mesh",
+    "beltrami_texture",
     "beltrami_vertex_signal",
     "denoise_geometry",
     "dilate_texture",
+    "filter_texture",
     "fit_to_normals",
     "flow_field",
     "geometry_flow",

@@ -217,6 +217,14 @@ FILTERS: tuple[Filter, ...] = (
         takes_guide=True,
     ),
     Filter(
+        "filter_texture",
+        "filters.gradient_domain",
+        _settings.FilterSettings,
+        TEXTURE,
+        "filter-texture",
+        "raise or smooth the detail of textures on the surface of a mesh, across seams",
+    ),
+    Filter(
         "dilate_texture",
         "filters.textures",
         _settings.DilateSettings,
@@ -247,6 +255,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "filters.beltrami.meshes": ("beltrami_joint", "beltrami_mesh"),
     "filters.fit": ("fit_to_normals",),
     "filters.geometry": ("geometry_flow", "sharpen_normals"),
+    "filters.gradient_domain": ("TextureSolver",),
     "filters.pde": ("osher_rudin_image",),
 }
 """The public names that no row gives, by their modules."""
