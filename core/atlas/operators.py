@@ -328,10 +328,10 @@ def _assemble_cells(start, stop, cells, screen, stencil, screens):
         for x in range(1, columns):
             # Cells above left, above right, below left and below right of the node.
             a, b, c, d = cells[y - 1, x - 1], cells[y - 1, x], cells[y, x - 1], cells[y, x]
-            mass = screen * (a[3] + b[3] + c[3] + d[3])
-            if mass == 0:
+            area = a[3] + b[3] + c[3] + d[3]
+            if area == 0:
                 continue
-            screens[y * columns + x] = 0.25 * mass
+            screens[y * columns + x] = 0.25 * screen * area
             stencil[0, y, x] = (b[0] + d[0]) / 6 - (b[2] + d[2]) / 3 + screen * (b[3] + d[3]) / 18
             stencil[2, y, x] = (c[2] + d[2]) / 6 - (c[0] + d[0]) / 3 + screen * (c[3] + d[3]) / 18
             stencil[1, y, x] = -(c[0] + c[2]) / 6 + c[1] / 2 + screen * c[3] / 36

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of the finite elements on texels: cut cells, mass and stiffness across seams."""
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg
+from surface_spaces import in_full, positions, space_of, square
+
+from shock_filter import core
+
+
+def aligned(off):
+    # Puts the seams onto lines between texel centers, or beside by so many texels.
+    def change(uv):
+        size = 4 * (2 * 16 + 16)
+        return np.round(uv * size) / size + (0.5 + off) / size
+
+    return change
+
+
+def mirrored(uv):
+    return uv * [-1.0, 1.0] + [1.0, 0.0]
+
+
+def some_shrunk(share):
+    def change(uv):
+        moved = uv.copy()
+        blocks = moved.reshape(16, -1, 3, 2) if len(uv) % 16 == 0 else None
+        assert blocks is not None
+        number = (np.floor(uv.mean(axis=1)[:, ::-1] * 4) @ [4, 1]).astype(int)
+        for b in range(0, 16, 2):
+            middle = uv[number == b].reshape(-1, 2).mean(axis=0)
+            moved[number == b] = middle + share * (uv[number == b] - middle)
+        return moved
+
+    return change
+
+
+def one_face_flat(uv):
+    moved = uv.copy()
+    moved[40, 2] = moved[40, 1]
+    return moved
+
+
+LAYOUTS = {
+    "one chart": (False, 0.4, lambda uv: uv),
+    "turned charts": (True, 0.4, lambda uv: uv),
+    "right angles and mirrored": (True, None, lambda uv: uv),
+    "seams on lattice lines": (True, None, aligned(0.0)),
+    "1e-7 texels beside": (True, None, aligned(1e-7)),
+    "1e-4 texels beside": (True, None, aligned(1e-4)),
+    "all mirrored": (True, 0.4, mirrored),
+    "another density": (True, 0.4, some_shrunk(0.31)),
+    "charts of a third of a texel": (True, 0.4, some_shrunk(0.02)),
+    "a face without area in the texture": (True, 0.4, one_face_flat),
+    "stretched": (False, 0.4, lambda uv: (uv - 0.5) * [1.0, 0.3] + 0.5),
+}
+
+
+@pytest.fixture(params=LAYOUTS, scope="module")
+def space(request):
+    charts, angle, change = LAYOUTS[request.param]
+    return space_of(*square(64, charts, angle, change))
+
+
+def vectors(space, columns=1, seed=0):
+    values = np.random.default_rng(seed).normal(size=(space.size, columns)).astype(np.float32)
+    values[: space.labels.size][space.labels.reshape(-1) < 0] = 0.0
+    return values
+
+
+def test_mass_adds_up_to_the_area(space):
+    area = space.area * space.atlas.texel_size**2
+    assert area == pytest.approx(64.0 * 64.0, rel=1e-6)
+    ones = np.ones(space.size, dtype=np.float32)
+    masses = space.apply_mass(ones[:, None], ones)
+    assert masses.sum(dtype=np.float64) == pytest.approx(space.area, rel=1e-5)
+
+
+def test_the_stiffness_of_a_constant_is_zero(space):
+    ones = np.ones(space.size, dtype=np.float32)
+    assert np.abs(space.apply_stiffness(3.0 * ones[:, None], ones)).max() < 1e-6
+    couplings, _ = in_full(space, 0.0)
+    assert np.abs(couplings.sum(axis=1)).max() < 1e-11 * np.abs(couplings).max()
+
+
+def test_matrices_are_symmetric_and_definite(space):
+    matrix, _ = in_full(space, 0.1)
+    assert np.abs(matrix - matrix.T).max() < 1e-9 * np.abs(matrix).max()
+    values = np.random.default_rng(1).normal(size=(matrix.shape[0], 5))
+    assert (np.einsum("ij,ij->j", values, matrix @ values) > 0).all()
+
+
+def test_products_are_those_of_the_assembled_matrix(space):
+    screen = 0.3
+    matrix, used = in_full(space, screen)
+    values, ones = vectors(space, 2), np.ones(space.size, dtype=np.float32)
+    product = space.apply_stiffness(values, ones) + screen * space.apply_mass(values, ones)
+    expected = matrix @ values[used].astype(np.float64)
+    scale = np.abs(matrix) @ np.abs(values[used])
+    assert (np.abs(product[used] - expected) <= 3e-6 * scale + 1e-9).all()
+
+
+def test_linear_functions_have_the_energy_of_the_surface(space):
+    places = positions(space)
+    ways = (places[:, :2] @ [0.6, 0.8] / space.atlas.texel_size)[:, None]
+    ways = np.nan_to_num(ways - np.nanmean(ways))  # 0 at what is no unknown
+    result = space.apply_stiffness(ways.astype(np.float32), one(space))
+    assert (ways * result).sum() == pytest.approx(space.area, rel=2e-5)
+
+
+def one(space):
+    return np.ones(space.size, dtype=np.float32)
+
+
+def poisson_error(space, n):
+    """Root mean square error of a solution on the square, and the largest."""
+    matrix, used = in_full(space, (space.atlas.texel_size / n) ** 2)
+    x, y, _ = positions(space)[used].T / n
+    exact = np.cos(np.pi * x) * np.cos(2 * np.pi * y)
+    values = np.zeros((space.size, 1), dtype=np.float32)
+    values[used, 0] = (1 + 5 * np.pi**2) * exact
+    mass = space.apply_mass(values, one(space))[used, 0] * (space.atlas.texel_size / n) ** 2
+    error = scipy.sparse.linalg.spsolve(matrix.tocsc(), mass.astype(np.float64)) - exact
+    return np.sqrt(np.mean(error**2)), np.max(np.abs(error))
+
+
+@pytest.mark.parametrize(
+    ("charts", "angle"), [(False, 0.4), (False, 0.0), (True, 0.4), (True, None)]
+)
+def test_solutions_converge_with_second_order_however_it_is_cut(charts, angle):
+    errors = [poisson_error(space_of(*square(n, charts, angle)), n)[0] for n in (32, 64)]
+    assert errors[1] < 5e-4
+    assert np.log2(errors[0] / errors[1]) > 1.9
+
+
+@pytest.mark.parametrize(
+    ("layout", "most"),
+    [
+        ("seams on lattice lines", 5e-4),
+        ("1e-7 texels beside", 5e-4),
+        ("1e-4 texels beside", 5e-4),
+        ("all mirrored", 5e-4),
+        ("another density", 4e-3),
+        ("charts of a third of a texel", 0.3),
+        ("a face without area in the texture", 1e-2),
+    ],
+)
+def test_unusual_layouts_give_the_solution_too(layout, most):
+    charts, angle, change = LAYOUTS[layout]
+    error, largest = poisson_error(space_of(*square(64, charts, angle, change)), 64)
+    assert error < most
+    assert largest < 12 * most
+
+
+def test_nothing_crosses_closed_seams():
+    space = space_of(*square(64), closed=True)
+    labels = np.zeros((space.size, 1), dtype=np.float32)
+    nodes = space.labels.reshape(-1)
+    labels[: len(nodes), 0] = np.where(nodes >= 0, nodes, 0)
+    couplings, used = in_full(space, 0.0)
+    count, parts = scipy.sparse.csgraph.connected_components(couplings, directed=False)
+    assert count == 16
+    own = used < len(nodes)
+    pairs = {(int(p), int(label)) for p, label in zip(parts[own], nodes[used[own]], strict=True)}
+    assert len(pairs) == 16
+    whole, _ = in_full(space_of(*square(64)), 0.0)
+    assert scipy.sparse.csgraph.connected_components(whole, directed=False)[0] == 1
+
+
+def test_weights_scale_cells_and_pieces():
+    space = space_of(*square(64))
+    values, half = vectors(space), np.full(space.size, 0.5, dtype=np.float32)
+    expected = 0.5 * space.apply_stiffness(values, one(space))
+    for result in (
+        space.apply_stiffness(values, half),
+        space.weighted(half).apply_stiffness(values, one(space)),
+    ):
+        assert np.allclose(result, expected, atol=1e-5)
+
+
+def test_faces_without_area_in_space_are_left_out():
+    mesh, uv, size = square(64)
+    vertices = mesh.vertices.copy()
+    vertices[mesh.faces[40, 2]] = vertices[mesh.faces[40, 1]]
+    space = space_of(core.TriangleMesh(vertices, mesh.faces), uv, size)
+    matrix, _ = in_full(space, 0.1)
+    assert np.isfinite(matrix.data).all()
+    assert (matrix.diagonal() > 0).all()
