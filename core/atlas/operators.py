@@ -77,12 +77,14 @@ class TextureSpace:
         return float(self.cells[..., 3].sum(dtype=np.float64) + self.fans[:, 3].sum())
 
     def weighted(self, weights: _Single) -> TextureSpace:
-        """Count each cell and piece as much as the mean of its corners' weights (n,) says."""
+        """Count each cell and piece as much as the least of its corners' weights (n,) says."""
         other = copy(self)
         other.cells = np.empty_like(self.cells)
         run(_weigh_cells, len(self.cells), self.cells, weights, other.cells, chunk=ROWS)
-        pieces = self.cut_cells.pieces
-        other.fans = self.fans * np.repeat(self._piece_means(weights), np.diff(pieces.start))[:, None]
+        start = self.cut_cells.pieces.start
+        if len(start) > 1:
+            least = np.minimum.reduceat(self.at_corners(weights[:, None])[:, 0], start[:-1])
+            other.fans = self.fans * np.repeat(least, np.diff(start))[:, None]
         return other
 
     def matrix(self, screen: float) -> SheetMatrix:
@@ -314,9 +316,13 @@ def _mean_of(cells, weights, y, x):
 def _weigh_cells(start, stop, cells, weights, out):
     for y in range(start, stop):
         for x in range(cells.shape[1]):
-            share = 0.0
+            share = np.float32(0.0)
             if cells[y, x, 3] > 0:
-                share = _mean_of(cells, weights, y, x)
+                top = y * cells.shape[1] + x
+                low = top + cells.shape[1]
+                share = min(
+                    min(weights[top], weights[top + 1]), min(weights[low], weights[low + 1])
+                )
             for n in range(4):
                 out[y, x, n] = share * cells[y, x, n]
 
