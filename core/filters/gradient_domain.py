@@ -24,7 +24,7 @@ _TOLERANCE = 1e-3
 """Residual of the solution relative to the right-hand side; its error is far below what 8 bits
 show."""
 
-_LEAST_OPACITY = 1e-3
+_LEAST_OPACITY = 1e-4
 """Transparent texels count as much as this, so that they get colors."""
 
 _MOST_GAIN = 100.0
