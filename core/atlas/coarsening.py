@@ -21,7 +21,7 @@ from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix
 _KEPT = 8
 """Most coarse nodes that an unknown is interpolated from."""
 
-_SWEEPS = 5
+_SWEEPS = 2
 """Rounds of averaging after the one that reached the last unknown."""
 
 _CANDIDATES = 64

@@ -24,8 +24,15 @@ Singles = npt.NDArray[np.float32]
 NONE, REGULAR, STENCILED, LOOSE = 0, 1, 2, 3
 """Kinds of nodes: no unknown; regular; in the block, with all of its coarse parents; without."""
 
-_STRETCHED = 0.4
-"""Nodes with a coupling of the wrong sign of so large a share of the diagonal are in the block."""
+_STRETCHED_NODE = 4
+_STRETCHED = 0.22
+"""Nodes with a coupling above 0 of so large a share of the diagonal are in the block, too.
+
+Their texels are so stretched that smoothing hardly helps; the share is 0.25 at most.
+"""
+
+_MOST_STRETCHED = 0.05
+"""Share of nodes above which they are left to smoothing: the block would be no strip any more."""
 
 
 class SheetMatrix(NamedTuple):
@@ -96,7 +103,12 @@ def kinds_of(matrix: SheetMatrix, whole: bool) -> npt.NDArray[np.uint8]:
     """Sort the nodes into kinds: (rows, columns); `whole` puts all unknowns into the block."""
     rows, columns = matrix.labels.shape
     kinds = np.zeros((rows, columns), dtype=np.uint8)
-    run(_sort, rows, matrix.labels, matrix.stencil, matrix.screen, whole, kinds, chunk=ROWS)
+    counts = np.zeros((rows, 2), dtype=np.int64)
+    run(_sort, rows, matrix.labels, matrix.stencil, matrix.screen, whole, kinds, counts,
+        chunk=ROWS)  # fmt: skip
+    unknowns, stretched = counts.sum(axis=0)
+    few = stretched <= _MOST_STRETCHED * unknowns
+    kinds[kinds == _STRETCHED_NODE] = STENCILED if few else REGULAR
     nodes = matrix.seam[: np.searchsorted(matrix.seam, rows * columns)]
     run(_put_into_block, len(nodes), nodes, matrix.labels, kinds)
     return kinds
@@ -168,7 +180,7 @@ def diagonal_of(stencil, screen, y, x):
 
 
 @kernel
-def _sort(start, stop, labels, stencil, screen, whole, kinds):
+def _sort(start, stop, labels, stencil, screen, whole, kinds, counts):
     for y in range(max(start, 1), min(stop, labels.shape[0] - 1)):
         for x in range(1, labels.shape[1] - 1):
             label = labels[y, x]
@@ -177,14 +189,18 @@ def _sort(start, stop, labels, stencil, screen, whole, kinds):
             alone = labels[y, x - 1] != label or labels[y, x + 1] != label
             for u in range(x - 1, x + 2):
                 alone |= labels[y - 1, u] != label or labels[y + 1, u] != label
-            if not (alone or whole):
-                worst = max(stencil[0, y, x], stencil[0, y, x - 1])
-                worst = max(worst, max(stencil[2, y, x], stencil[2, y - 1, x]))
-                worst = max(worst, max(stencil[1, y, x], stencil[1, y - 1, x + 1]))
-                worst = max(worst, max(stencil[3, y, x], stencil[3, y - 1, x - 1]))
-                if worst > 0:
-                    alone = worst > _STRETCHED * diagonal_of(stencil, screen, y, x)
-            kinds[y, x] = _in_block(labels, y, x) if alone or whole else REGULAR
+            counts[y, 0] += 1
+            if alone or whole:
+                kinds[y, x] = _in_block(labels, y, x)
+                continue
+            most = max(stencil[0, y, x], stencil[0, y, x - 1])
+            most = max(most, max(stencil[1, y, x], stencil[1, y - 1, x + 1]))
+            most = max(most, max(stencil[2, y, x], stencil[2, y - 1, x]))
+            most = max(most, max(stencil[3, y, x], stencil[3, y - 1, x - 1]))
+            kinds[y, x] = REGULAR
+            if most > 0 and most > _STRETCHED * diagonal_of(stencil, screen, y, x):
+                kinds[y, x] = _STRETCHED_NODE
+                counts[y, 1] += 1
 
 
 @kernel
