@@ -21,15 +21,13 @@ from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix
 _KEPT = 8
 """Most coarse nodes that an unknown is interpolated from."""
 
-_SWEEPS = 5
+_SWEEPS = 2
 """Rounds of averaging after the one that reached the last unknown."""
 
 _CANDIDATES = 64
 
 
-def coarsened(
-    matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows
-) -> SheetMatrix:
+def coarsened(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows) -> SheetMatrix:
     """Make the matrix of the next level."""
     shape = kinds.shape[0] // 2 + 1, kinds.shape[1] // 2 + 1
     labels = np.full(shape, -1, dtype=np.int32)
@@ -113,7 +111,10 @@ def _coarsen_seam(
     coarse_columns = matrix.labels.shape[1] // 2 + 1
     run(_inherit, len(others), np.arange(len(others)), others, kinds.shape[1], coarse_columns,
         their_parents, their_shares)  # fmt: skip
-    parents, shares = np.concatenate([parents, their_parents]), np.concatenate([shares, their_shares])
+    parents, shares = (
+        np.concatenate([parents, their_parents]),
+        np.concatenate([shares, their_shares]),
+    )
     used = np.zeros(len(parents), dtype=bool)
     used[of] = True
     held = (parents >= 0) & used[:, None]
@@ -285,9 +286,7 @@ def _coarsen_stencil(start, stop, stencil, kinds, coarse):
                     lower += quarter * _kept(kinds, y, x, y, x + 1, stencil[0, y, x])
                     lower += quarter * _kept(kinds, y, x + 1, y, x + 2, stencil[0, y, x + 1])
                 if y + 1 < rows - 1:
-                    upper, _, left, right, falling, rising = _in_cell(
-                        stencil, kinds, y + 1, x + 1
-                    )
+                    upper, _, left, right, falling, rising = _in_cell(stencil, kinds, y + 1, x + 1)
             if y + 1 < rows - 1 and 0 < x < columns:
                 left += quarter * _kept(kinds, y, x, y + 1, x, stencil[2, y, x])
                 left += quarter * _kept(kinds, y + 1, x, y + 2, x, stencil[2, y + 1, x])

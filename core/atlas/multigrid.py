@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import Floats
-from ..base.parallel import chunk_size, kernel, run, sum_kernel
+from ..base.parallel import chunk_size, run, sum_kernel
 from ..base.progress import aside, phase
 from ..errors import SolverError
 from ..linear.cg import SolveReport
@@ -29,13 +28,12 @@ from .sheet_matrix import (
     Runs,
     SheetMatrix,
     Singles,
+    add_block,
+    add_regular,
     block_rows,
     inverse_diagonal,
     kinds_of,
-    require_positive,
     runs_of,
-    subtract_block,
-    subtract_regular,
 )
 
 DIRECT = 1500
@@ -43,6 +41,9 @@ DIRECT = 1500
 
 LIMIT = 200
 """Most iterations of conjugate gradients."""
+
+_ROUNDING = float(np.finfo(np.float32).eps)
+"""Residuals below this share of the solution come from its rounding: no solution is better."""
 
 _PAIRS = 16
 """Rows of one parity that a sweep gets at once."""
@@ -100,10 +101,7 @@ class SheetSolver:
 
     def apply(self, x: Singles, out: Singles) -> None:
         """Put ``A x`` (n, c) into `out`; where there is no unknown, that stays as it is."""
-        level = self._levels[0]
-        nothing = np.broadcast_to(np.float32(0), x.shape)
-        self._residual(level, nothing, x, out)
-        run(_negate, len(out), out)
+        self._add_product(1.0, x, np.broadcast_to(np.float32(0), x.shape), out)
 
     def solve(
         self,
@@ -136,32 +134,31 @@ class SheetSolver:
         ------
         SolverError
             If the matrix is not positive definite, the right-hand side is not finite, or the
-            tolerance is not reached within `limit` iterations.
+            tolerance is not reached within `limit` iterations, though single precision could.
         """
-        level = self._levels[0]
         r = np.zeros_like(x)
         with aside(message):
             scale = self._norm(rhs)
-            self._residual(level, rhs, x, r)
+            self._add_product(-1.0, x, rhs, r)
             relative = self._norm(r) / scale if scale > 0 else 0.0
         if not np.isfinite(scale):
             raise SolverError("The right-hand side of the linear system is not finite.")
         if scale == 0:
             x[:] = 0.0
         iterations = 0
-        while relative > tolerance and iterations < limit:
+        reachable = 0.0
+        while relative > max(tolerance, reachable) and iterations < limit:
             wanted = max(0.9 * tolerance / relative, 1e-7)
             with phase(0.0, 1.0, message):
-                count, sound = self._conjugate_gradients(
-                    r, x, wanted, limit - iterations, message
-                )
+                count, sound = self._conjugate_gradients(r, x, wanted, limit - iterations, message)
             iterations += count
             with aside(message):
-                self._residual(level, rhs, x, r)
+                self._add_product(-1.0, x, rhs, r)
                 before, relative = relative, self._norm(r) / scale
+                reachable = _ROUNDING * self._norm(x, solution=True) / scale
             if not sound or not relative <= 0.5 * before:
                 break
-        if not relative <= tolerance:
+        if not relative <= max(tolerance, reachable):
             raise SolverError(
                 "The linear solve stopped at a relative residual of {relative:.1e} after"
                 " {iterations} iterations ({tolerance:.1e} is needed).",
@@ -179,7 +176,6 @@ class SheetSolver:
         self, r: Singles, x: Singles, tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as a positive one.
-        level = self._levels[0]
         z, p, q = (np.zeros_like(x) for _ in range(3))
         first = self._norm(r)
         size = chunk_size(len(x))
@@ -204,7 +200,9 @@ class SheetSolver:
             before = product
             if norm <= tolerance * first:
                 break
-            done = max(done, (iteration + 1) / limit, float(np.log(norm / first) / np.log(tolerance)))
+            done = max(
+                done, (iteration + 1) / limit, float(np.log(norm / first) / np.log(tolerance))
+            )
             done = min(done, 1.0)
         return iteration + 1, True
 
@@ -222,8 +220,8 @@ class SheetSolver:
         run(_sweep, half, 1, False, *smoother, chunk=_PAIRS)
         level.block.solve(b, x)
         r = vectors[depth].r
-        run(subtract_regular, height, level.matrix.stencil, level.matrix.screen, level.runs, b, x,
-            r, channels, chunk=ROWS)  # fmt: skip
+        run(add_regular, height, np.float32(-1), level.matrix.stencil, level.matrix.screen,
+            level.runs, x, b, r, channels, chunk=ROWS)  # fmt: skip
         below, coarse = self._levels[depth + 1], vectors[depth + 1]
         rows, columns = below.matrix.labels.shape
         run(restrict, rows, r, width, coarse.b, columns, below.spans, channels, chunk=ROWS)
@@ -233,18 +231,20 @@ class SheetSolver:
         run(_sweep, half, 1, True, *smoother, chunk=_PAIRS)
         run(_sweep, half, 0, True, *smoother, chunk=_PAIRS)
 
-    def _residual(self, level: _Level, rhs: npt.NDArray, x: Singles, out: Singles) -> None:
+    def _add_product(self, factor: float, x: Singles, b: npt.NDArray, out: Singles) -> None:
+        # b + factor * A x
+        matrix, rows, _, runs, _, _ = self._levels[0]
         channels = (np.float32(0),) * x.shape[1]
-        matrix, rows = level.matrix, level.rows
-        run(subtract_regular, len(matrix.labels), matrix.stencil, matrix.screen, level.runs, rhs,
-            x, out, channels, chunk=ROWS)  # fmt: skip
-        run(subtract_block, len(rows.unknowns), rows, rhs, x, out)
+        run(add_regular, len(matrix.labels), np.float32(factor), matrix.stencil, matrix.screen,
+            runs, x, b, out, channels, chunk=ROWS)  # fmt: skip
+        run(add_block, len(rows.unknowns), factor, rows, x, b, out)
 
-    def _norm(self, r: Singles) -> float:
-        # In the unknowns in which the diagonal is 1.
-        size = chunk_size(len(r))
-        sums = np.zeros(-(-len(r) // size))
-        run(_add_squares, len(r), size, self._levels[0].inverse, r, sums, chunk=size)
+    def _norm(self, values: Singles, solution: bool = False) -> float:
+        # Of a residual, or of a solution, in the unknowns in which the diagonal is 1.
+        size = chunk_size(len(values))
+        sums = np.zeros(-(-len(values) // size))
+        inverse = self._levels[0].inverse
+        run(_add_squares, len(values), size, solution, inverse, values, sums, chunk=size)
         return float(np.sqrt(sums.sum()))
 
     def _buffers(self, channels: int) -> list[_Vectors]:
@@ -307,21 +307,16 @@ def _sweep(start, stop, parity, backward, runs, stencil, inverse, b, x, channels
                 i += step
 
 
-@kernel
-def _negate(start, stop, values):
-    for i in range(start, stop):
-        for j in range(values.shape[1]):
-            values[i, j] = -values[i, j]
-
-
 @sum_kernel
-def _add_squares(start, stop, chunk, inverse, r, sums):
+def _add_squares(start, stop, chunk, solution, inverse, values, sums):
     total = 0.0
     for i in range(start, stop):
+        if inverse[i] == 0:
+            continue
         part = 0.0
-        for j in range(r.shape[1]):
-            part += np.float64(r[i, j]) * r[i, j]
-        total += part * inverse[i]
+        for j in range(values.shape[1]):
+            part += np.float64(values[i, j]) * values[i, j]
+        total += part / inverse[i] if solution else part * inverse[i]
     sums[start // chunk] = total
 
 

@@ -13,7 +13,7 @@ import scipy.sparse.linalg
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import ask
-from .sheet_matrix import BlockRows, Singles
+from .sheet_matrix import BlockRows, Singles, require_positive
 
 
 class SeamBlock:
@@ -41,12 +41,15 @@ class SeamBlock:
         ask()
         self._factors = None
         if n:
-            self._factors = scipy.sparse.linalg.splu(
-                matrix,
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
+            try:
+                self._factors = scipy.sparse.linalg.splu(
+                    matrix,
+                    permc_spec="MMD_AT_PLUS_A",
+                    diag_pivot_thresh=0.0,
+                    options={"SymmetricMode": True},
+                )
+            except RuntimeError:  # exactly singular
+                require_positive(np.zeros(1))
 
     def solve(self, b: Singles, x: Singles) -> None:
         """Solve for the block's unknowns in `x`, all others held: (n, c)."""

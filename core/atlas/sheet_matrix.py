@@ -24,8 +24,15 @@ Singles = npt.NDArray[np.float32]
 NONE, REGULAR, STENCILED, LOOSE = 0, 1, 2, 3
 """Kinds of nodes: no unknown; regular; in the block, with all of its coarse parents; without."""
 
-_STRETCHED = 0.4
-"""Nodes with a coupling of the wrong sign of so large a share of the diagonal are in the block."""
+_STRETCHED_NODE = 4
+_STRETCHED = 0.22
+"""Nodes with a coupling above 0 of so large a share of the diagonal are in the block, too.
+
+Their texels are so stretched that smoothing hardly helps; the share is 0.25 at most.
+"""
+
+_MOST_STRETCHED = 0.05
+"""Share of nodes above which they are left to smoothing: the block would be no strip any more."""
 
 
 class SheetMatrix(NamedTuple):
@@ -96,7 +103,12 @@ def kinds_of(matrix: SheetMatrix, whole: bool) -> npt.NDArray[np.uint8]:
     """Sort the nodes into kinds: (rows, columns); `whole` puts all unknowns into the block."""
     rows, columns = matrix.labels.shape
     kinds = np.zeros((rows, columns), dtype=np.uint8)
-    run(_sort, rows, matrix.labels, matrix.stencil, matrix.screen, whole, kinds, chunk=ROWS)
+    counts = np.zeros((rows, 2), dtype=np.int64)
+    run(_sort, rows, matrix.labels, matrix.stencil, matrix.screen, whole, kinds, counts,
+        chunk=ROWS)  # fmt: skip
+    unknowns, stretched = counts.sum(axis=0)
+    few = stretched <= _MOST_STRETCHED * unknowns
+    kinds[kinds == _STRETCHED_NODE] = STENCILED if few else REGULAR
     nodes = matrix.seam[: np.searchsorted(matrix.seam, rows * columns)]
     run(_put_into_block, len(nodes), nodes, matrix.labels, kinds)
     return kinds
@@ -130,9 +142,7 @@ def block_rows(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8]) -> BlockRows:
     return rows
 
 
-def inverse_diagonal(
-    matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows
-) -> Singles:
+def inverse_diagonal(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows) -> Singles:
     """Invert the diagonal: (n,), 0 where there is no unknown."""
     inverse = np.zeros(len(matrix.screen), dtype=np.float32)
     run(_invert, len(kinds), matrix.stencil, matrix.screen, kinds, inverse, chunk=ROWS)
@@ -170,7 +180,7 @@ def diagonal_of(stencil, screen, y, x):
 
 
 @kernel
-def _sort(start, stop, labels, stencil, screen, whole, kinds):
+def _sort(start, stop, labels, stencil, screen, whole, kinds, counts):
     for y in range(max(start, 1), min(stop, labels.shape[0] - 1)):
         for x in range(1, labels.shape[1] - 1):
             label = labels[y, x]
@@ -179,14 +189,18 @@ def _sort(start, stop, labels, stencil, screen, whole, kinds):
             alone = labels[y, x - 1] != label or labels[y, x + 1] != label
             for u in range(x - 1, x + 2):
                 alone |= labels[y - 1, u] != label or labels[y + 1, u] != label
-            if not (alone or whole):
-                worst = max(stencil[0, y, x], stencil[0, y, x - 1])
-                worst = max(worst, max(stencil[2, y, x], stencil[2, y - 1, x]))
-                worst = max(worst, max(stencil[1, y, x], stencil[1, y - 1, x + 1]))
-                worst = max(worst, max(stencil[3, y, x], stencil[3, y - 1, x - 1]))
-                if worst > 0:
-                    alone = worst > _STRETCHED * diagonal_of(stencil, screen, y, x)
-            kinds[y, x] = _in_block(labels, y, x) if alone or whole else REGULAR
+            counts[y, 0] += 1
+            if alone or whole:
+                kinds[y, x] = _in_block(labels, y, x)
+                continue
+            most = max(stencil[0, y, x], stencil[0, y, x - 1])
+            most = max(most, max(stencil[1, y, x], stencil[1, y - 1, x + 1]))
+            most = max(most, max(stencil[2, y, x], stencil[2, y - 1, x]))
+            most = max(most, max(stencil[3, y, x], stencil[3, y - 1, x - 1]))
+            kinds[y, x] = REGULAR
+            if most > 0 and most > _STRETCHED * diagonal_of(stencil, screen, y, x):
+                kinds[y, x] = _STRETCHED_NODE
+                counts[y, 1] += 1
 
 
 @kernel
@@ -291,8 +305,8 @@ def _find_runs(start, stop, kinds, runs):
 
 
 @sum_kernel
-def subtract_regular(start, stop, stencil, screen, runs, b, x, out, channels):
-    """Put ``b - A x`` into `out` at the regular nodes of some rows."""
+def add_regular(start, stop, factor, stencil, screen, runs, x, b, out, channels):
+    """Put ``b + factor * A x`` into `out` at the regular nodes of some rows."""
     columns = stencil.shape[2]
     total = np.empty(len(channels), dtype=np.float32)
     here = np.empty(len(channels), dtype=np.float32)
@@ -303,33 +317,33 @@ def subtract_regular(start, stop, stencil, screen, runs, b, x, out, channels):
                 a = np.float32(screen[i])
                 for j in range(len(channels)):
                     here[j] = x[i, j]
-                    total[j] = b[i, j] - a * here[j]
+                    total[j] = a * here[j]
                 a, c = stencil[0, y, u], stencil[0, y, u - 1]
                 for j in range(len(channels)):
-                    total[j] -= a * (x[i + 1, j] - here[j]) + c * (x[i - 1, j] - here[j])
+                    total[j] += a * (x[i + 1, j] - here[j]) + c * (x[i - 1, j] - here[j])
                 p = i + columns
                 a, c, d = stencil[1, y, u], stencil[2, y, u], stencil[3, y, u]
                 for j in range(len(channels)):
-                    total[j] -= a * (x[p - 1, j] - here[j]) + c * (x[p, j] - here[j])
-                    total[j] -= d * (x[p + 1, j] - here[j])
+                    total[j] += a * (x[p - 1, j] - here[j]) + c * (x[p, j] - here[j])
+                    total[j] += d * (x[p + 1, j] - here[j])
                 p = i - columns
                 a, c = stencil[3, y - 1, u - 1], stencil[2, y - 1, u]
                 d = stencil[1, y - 1, u + 1]
                 for j in range(len(channels)):
-                    total[j] -= a * (x[p - 1, j] - here[j]) + c * (x[p, j] - here[j])
-                    total[j] -= d * (x[p + 1, j] - here[j])
+                    total[j] += a * (x[p - 1, j] - here[j]) + c * (x[p, j] - here[j])
+                    total[j] += d * (x[p + 1, j] - here[j])
                 for j in range(len(channels)):
-                    out[i, j] = total[j]
+                    out[i, j] = b[i, j] + factor * total[j]
 
 
 @kernel
-def subtract_block(start, stop, rows, b, x, out):
-    """Put ``b - A x`` into `out` at some unknowns of the block."""
+def add_block(start, stop, factor, rows, x, b, out):
+    """Put ``b + factor * A x`` into `out` at some unknowns of the block, by double precision."""
     for p in range(start, stop):
         i = rows.unknowns[p]
         for j in range(x.shape[1]):
             here = np.float64(x[i, j])
-            total = b[i, j] - rows.screen[p] * here
+            total = rows.screen[p] * here
             for e in range(rows.start[p], rows.start[p + 1]):
-                total -= rows.values[e] * (x[rows.columns[e], j] - here)
-            out[i, j] = total
+                total += rows.values[e] * (x[rows.columns[e], j] - here)
+            out[i, j] = b[i, j] + factor * total
