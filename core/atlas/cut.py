@@ -370,9 +370,7 @@ def _add(polygon, count, name, y, x):
 
 @kernel
 def _within_cell(y, x, row, column):
-    return (
-        row - _NEAR <= y <= row + 1 + _NEAR and column - _NEAR <= x <= column + 1 + _NEAR
-    )
+    return row - _NEAR <= y <= row + 1 + _NEAR and column - _NEAR <= x <= column + 1 + _NEAR
 
 
 @kernel

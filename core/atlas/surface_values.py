@@ -19,20 +19,16 @@ _ROUNDS = 20
 """How many faces without area in the texture may lie in a row for all to get a value."""
 
 
-def surface_values(
-    space: TextureSpace, values: _Single, known: npt.NDArray[np.bool_], alpha: int = -1
-) -> _Single:
+def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Single:
     """Read a sheet's values as a function on the surface.
 
     Parameters
     ----------
     space : TextureSpace
     values : (rows, columns, c) float32
-        Of nodes and ghosts.
-    known : (g,) bool
-        Ghosts that count.
-    alpha : int
-        The channel that is opacity: other channels count as much as it says. -1: none.
+        Of the nodes.
+    corners : (v, c) float64
+        Those at the corners of the pieces; see `corner_values`.
 
     Returns
     -------
@@ -40,7 +36,6 @@ def surface_values(
         A point on a seam has the mean of what its sides show there.
     """
     cut = space.cut_cells
-    corners = corner_values(space, values, known, alpha)
     at_points = _means(cut.pieces.points, corners, len(cut.kinds))
     _spread(space, at_points)
     flat = values.reshape(-1, values.shape[2])
@@ -58,7 +53,15 @@ def corner_values(
 ) -> Floats:
     """Read a sheet's values at the corners of the pieces, as each piece's chart shows them.
 
-    Parameters are those of `surface_values`.
+    Parameters
+    ----------
+    space : TextureSpace
+    values : (rows, columns, c) float32
+        Of nodes and ghosts.
+    known : (g,) bool
+        Ghosts that count.
+    alpha : int
+        The channel that is opacity: other channels count as much as it says. -1: none.
 
     Returns
     -------

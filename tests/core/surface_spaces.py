@@ -5,7 +5,6 @@ import numpy as np
 import scipy.sparse
 from atlases import Blocks
 from shapes import grid
-
 from shock_filter import core
 from shock_filter.core.atlas.operators import TextureSpace
 

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from atlases import Blocks, sample
 from shapes import grid
-from surface_spaces import square
-
 from shock_filter import core
+from surface_spaces import square
 
 
 def picture(n, channels=3):

@@ -4,9 +4,8 @@
 import numpy as np
 import pytest
 import scipy.sparse.linalg
-from surface_spaces import in_full, positions, space_of, square
-
 from shock_filter import core
+from surface_spaces import in_full, positions, space_of, square
 
 
 def aligned(off):
@@ -72,14 +71,13 @@ def vectors(space, columns=1, seed=0):
 def test_mass_adds_up_to_the_area(space):
     area = space.area * space.atlas.texel_size**2
     assert area == pytest.approx(64.0 * 64.0, rel=1e-6)
-    ones = np.ones(space.size, dtype=np.float32)
-    masses = space.apply_mass(ones[:, None], ones)
+    masses = space.apply_mass(np.ones((space.size, 1), dtype=np.float32))
     assert masses.sum(dtype=np.float64) == pytest.approx(space.area, rel=1e-5)
 
 
 def test_the_stiffness_of_a_constant_is_zero(space):
-    ones = np.ones(space.size, dtype=np.float32)
-    assert np.abs(space.apply_stiffness(3.0 * ones[:, None], ones)).max() < 1e-6
+    constant = np.full((space.size, 1), 3.0, dtype=np.float32)
+    assert np.abs(space.apply_stiffness(constant)).max() < 1e-6
     couplings, _ = in_full(space, 0.0)
     assert np.abs(couplings.sum(axis=1)).max() < 1e-11 * np.abs(couplings).max()
 
@@ -94,8 +92,8 @@ def test_matrices_are_symmetric_and_definite(space):
 def test_products_are_those_of_the_assembled_matrix(space):
     screen = 0.3
     matrix, used = in_full(space, screen)
-    values, ones = vectors(space, 2), np.ones(space.size, dtype=np.float32)
-    product = space.apply_stiffness(values, ones) + screen * space.apply_mass(values, ones)
+    values = vectors(space, 2)
+    product = space.apply_stiffness(values) + screen * space.apply_mass(values)
     expected = matrix @ values[used].astype(np.float64)
     scale = np.abs(matrix) @ np.abs(values[used])
     assert (np.abs(product[used] - expected) <= 3e-6 * scale + 1e-9).all()
@@ -105,12 +103,8 @@ def test_linear_functions_have_the_energy_of_the_surface(space):
     places = positions(space)
     ways = (places[:, :2] @ [0.6, 0.8] / space.atlas.texel_size)[:, None]
     ways = np.nan_to_num(ways - np.nanmean(ways))  # 0 at what is no unknown
-    result = space.apply_stiffness(ways.astype(np.float32), one(space))
+    result = space.apply_stiffness(ways.astype(np.float32))
     assert (ways * result).sum() == pytest.approx(space.area, rel=2e-5)
-
-
-def one(space):
-    return np.ones(space.size, dtype=np.float32)
 
 
 def poisson_error(space, n):
@@ -120,7 +114,7 @@ def poisson_error(space, n):
     exact = np.cos(np.pi * x) * np.cos(2 * np.pi * y)
     values = np.zeros((space.size, 1), dtype=np.float32)
     values[used, 0] = (1 + 5 * np.pi**2) * exact
-    mass = space.apply_mass(values, one(space))[used, 0] * (space.atlas.texel_size / n) ** 2
+    mass = space.apply_mass(values)[used, 0] * (space.atlas.texel_size / n) ** 2
     error = scipy.sparse.linalg.spsolve(matrix.tocsc(), mass.astype(np.float64)) - exact
     return np.sqrt(np.mean(error**2)), np.max(np.abs(error))
 
@@ -171,12 +165,13 @@ def test_nothing_crosses_closed_seams():
 def test_weights_scale_cells_and_pieces():
     space = space_of(*square(64))
     values, half = vectors(space), np.full(space.size, 0.5, dtype=np.float32)
-    expected = 0.5 * space.apply_stiffness(values, one(space))
-    for result in (
-        space.apply_stiffness(values, half),
-        space.weighted(half).apply_stiffness(values, one(space)),
-    ):
-        assert np.allclose(result, expected, atol=1e-5)
+    expected = 0.5 * space.apply_stiffness(values)
+    for weights in (space.means(half), space.least(half)):
+        assert np.allclose(space.apply_stiffness(values, weights), expected, atol=1e-5)
+        assert np.allclose(space.weighted(weights).apply_stiffness(values), expected, atol=1e-5)
+    only_mass = space.weighted(space.means(half), only_mass=True)
+    assert (only_mass.apply_stiffness(values) == space.apply_stiffness(values)).all()
+    assert np.allclose(only_mass.apply_mass(values), 0.5 * space.apply_mass(values), atol=1e-5)
 
 
 def test_faces_without_area_in_space_are_left_out():
