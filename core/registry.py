@@ -225,6 +225,14 @@ FILTERS: tuple[Filter, ...] = (
         "raise or smooth the detail of textures on the surface of a mesh, across seams",
     ),
     Filter(
+        "stitch_textures",
+        "filters.stitching",
+        _settings.StitchSettings,
+        TEXTURE,
+        "stitch-textures",
+        "take the steps at seams away: baked light, scans, projected photos",
+    ),
+    Filter(
         "dilate_texture",
         "filters.textures",
         _settings.DilateSettings,

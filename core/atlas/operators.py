@@ -15,17 +15,20 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse
+from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask
+from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
 from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
+from .metric import open_places
 from .sheet import NOTHING, ROWS, faces_by_rows, span
 from .sheet_matrix import SheetMatrix
 
@@ -98,15 +101,17 @@ class TextureSpace:
         at_corners, start = self.at_corners(values[:, None])[:, 0], self.cut_cells.pieces.start
         return CellWeights(cells, _reduced(np.add, at_corners, start) / np.diff(start))
 
-    def least(self, values: _Single, corners: Floats | None = None) -> CellWeights:
-        """Weigh cells and pieces by the least of their corners' values (n,).
+    def least(self, values: _Single) -> CellWeights:
+        """Weigh cells and pieces by the least of the values (n,) at nodes inside their chart.
 
-        `corners` (v,) are those of the pieces, if they differ from side to side of a seam.
+        Pieces at whose cell no node lies inside have the least of their corners.
         """
+        nodes, pieces = self.atlas.sheet.nodes, self.cut_cells.pieces
         cells = np.zeros(self.labels.shape, dtype=np.float32)
         run(_least_in_cells, len(cells), self.cells, values, cells, chunk=ROWS)
-        at_corners = self.at_corners(values[:, None])[:, 0] if corners is None else corners
-        return CellWeights(cells, _reduced(np.minimum, at_corners, self.cut_cells.pieces.start))
+        on_pieces = _reduced(np.minimum, self.at_corners(values[:, None])[:, 0], pieces.start)
+        run(_least_in_pieces, len(on_pieces), pieces.cells, nodes, values, on_pieces)
+        return CellWeights(cells, on_pieces)
 
     def weighted(self, weights: CellWeights, only_mass: bool = False) -> TextureSpace:
         """Count each cell and piece as much as its weight says; in the mass alone, if wanted."""
@@ -117,6 +122,39 @@ class TextureSpace:
         repeats = np.diff(self.cut_cells.pieces.start)
         other.fans[:, first:] *= np.repeat(weights.pieces, repeats)[:, None]
         return other
+
+    @cached_property
+    def _components(self) -> Ints:
+        # The connected part of the surface on which each unknown lies: (n,), -1 at no unknowns.
+        charts, ways = self.atlas.charts, self.atlas.metric.ways
+        edges = np.flatnonzero(ways.twins.reshape(-1) >= 0)
+        edges = edges[open_places(ways, edges, np.full(len(edges), 0.5))]
+        links = charts.labels[edges // 3], charts.labels[ways.twins.reshape(-1)[edges] // 3]
+        count = len(charts.boxes)
+        ones = np.ones(len(edges), dtype=np.bool_)
+        graph = scipy.sparse.csr_matrix((ones, links), shape=(count, count))
+        _, parts = connected_components(graph, directed=False)
+        found = np.full(self.size, NOTHING, dtype=np.int32)
+        labels = self.labels.reshape(-1)
+        found[: labels.size] = np.where(labels >= 0, parts[labels], NOTHING)
+        cut = self.cut_cells
+        at_points = np.empty(len(cut.kinds), dtype=np.int32)
+        pieces = cut.pieces
+        at_points[pieces.points] = np.repeat(
+            parts[charts.labels[pieces.faces]], np.diff(pieces.start)
+        )
+        found[cut.unknowns] = at_points[cut.free]
+        return found
+
+    def without_means(self, values: _Single, weights: npt.NDArray[np.floating]) -> _Single:
+        """Take the weighted mean (n,) off each column, on each connected part by itself."""
+        parts = self._components + 1
+        sums = np.bincount(parts, weights)
+        sums[sums == 0] = 1.0
+        means = [np.bincount(parts, weights * column) / sums for column in values.T]
+        shifts = np.stack(means, axis=1).astype(np.float32)
+        shifts[0] = 0.0
+        return values - shifts[parts]
 
     def matrix(self, screen: float) -> SheetMatrix:
         """Assemble stiffness plus `screen` times mass."""
@@ -178,9 +216,14 @@ class TextureSpace:
         """Multiply with the mass; see `apply_stiffness`."""
         return self._apply(_apply_mass, _apply_fan_mass, values, weights, corners)
 
-    def _apply(  # type: ignore[no-untyped-def]
-        self, on_cells, on_fans, values, weights, corners
-    ):
+    def _apply(
+        self,
+        on_cells: Any,
+        on_fans: Any,
+        values: _Single,
+        weights: CellWeights | None,
+        corners: Floats | None,
+    ) -> _Single:
         weights = self.alike if weights is None else weights
         result = np.zeros_like(values)
         with aside("Comparing texels"):
@@ -357,6 +400,22 @@ def _least_in_cells(start, stop, cells, values, out):
                 low = top + columns
                 above = min(values[top], values[top + 1])
                 out[y, x] = min(above, min(values[low], values[low + 1]))
+
+
+@kernel
+def _least_in_pieces(start, stop, cells, nodes, values, out):
+    columns = nodes.shape[1]
+    for piece in range(start, stop):
+        if cells[piece] < 0:
+            continue
+        least = np.inf
+        row, column = divmod(cells[piece], columns)
+        for y in range(row, row + 2):
+            for x in range(column, column + 2):
+                if nodes[y, x] >= 0:
+                    least = min(least, values[y * columns + x])
+        if least < np.inf:
+            out[piece] = least
 
 
 @kernel

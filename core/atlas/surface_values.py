@@ -42,9 +42,7 @@ def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Si
     result = np.zeros((space.size, flat.shape[1]), dtype=np.float32)
     is_node = space.labels.reshape(-1) != NOTHING
     result[: len(flat)][is_node] = flat[is_node]
-    free = np.flatnonzero(np.diff(cut.interpolation.indptr) == 1)
-    column = cut.interpolation.indices[cut.interpolation.indptr[free]]
-    result[cut.unknowns[column]] = at_points[free]
+    result[cut.unknowns] = at_points[cut.free]
     return result
 
 
