@@ -328,7 +328,7 @@ def restrict(start, stop, stencil, screen, runs, b, x, coarse):
     above = np.zeros((x.shape[0], columns), dtype=np.float32)
     here = np.zeros_like(above)
     below = np.zeros_like(above)
-    sums = np.zeros(columns + 1, dtype=np.float32)
+    sums = np.zeros(columns + 2, dtype=np.float32)
     if start > 0:
         _subtract_row(2 * start - 1, stencil, screen, runs, b, x, above)
     for row in range(start, stop):
@@ -344,13 +344,19 @@ def restrict(start, stop, stencil, screen, runs, b, x, coarse):
             if runs.start[v] < runs.start[v + 1]:
                 first = min(first, runs.columns[runs.start[v], 0])
                 last = max(last, runs.columns[runs.start[v + 1] - 1, 1])
+        if first > last:
+            above, below = below, above
+            continue
+        low = first >> 1
+        n = (last >> 1) + 1 - low
         for j in range(x.shape[0]):
             one, two, three = above[j], here[j], below[j]
             for u in range(columns):
-                sums[u] = two[u] + half * (one[u] + three[u])
-            out = coarse[j, row * coarse_columns : (row + 1) * coarse_columns]
-            for u in range(first >> 1, (last >> 1) + 1 if first < last else 0):
-                out[u] = sums[2 * u] + half * (sums[2 * u - 1] + sums[2 * u + 1])
+                sums[u + 1] = two[u] + half * (one[u] + three[u])
+            part = sums[2 * low : 2 * low + 2 * n + 1]
+            out = coarse[j, row * coarse_columns + low : row * coarse_columns + low + n]
+            for u in range(n):
+                out[u] = part[2 * u + 1] + half * (part[2 * u] + part[2 * u + 2])
         above, below = below, above
 
 
@@ -373,7 +379,7 @@ def prolong(start, stop, runs, coarse, fine, columns):
     """Add the coarse solution to the regular nodes of some rows: (c, n)."""
     coarse_columns = columns // 2 + 1
     half = np.float32(0.5)
-    mean = np.empty(coarse_columns + 1, dtype=np.float32)
+    mean = np.empty(coarse_columns, dtype=np.float32)
     for y in range(start, stop):
         i = (y >> 1) * coarse_columns
         k = i + (y & 1) * coarse_columns
@@ -385,11 +391,14 @@ def prolong(start, stop, runs, coarse, fine, columns):
                 first, last = runs.columns[r]
                 low = first >> 1
                 n = (last >> 1) + 1 - low
-                part = mean[low : low + n]
+                part = mean[:n]
                 a, b = one[low : low + n], two[low : low + n]
                 for u in range(n):
                     part[u] = half * (a[u] + b[u])
-                for u in range((first + 1) >> 1, (last + 1) >> 1):
-                    row[2 * u] += mean[u]
-                for u in range(first >> 1, last >> 1):
-                    row[2 * u + 1] += half * (mean[u] + mean[u + 1])
+                skip = first & 1
+                even = row[first + skip : last]
+                for u in range((last - first - skip + 1) >> 1):
+                    even[2 * u] += part[u + skip]
+                odd = row[first + 1 - skip : last]
+                for u in range((last - first - 1 + skip + 1) >> 1):
+                    odd[2 * u] += half * (part[u] + part[u + 1])

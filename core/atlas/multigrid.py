@@ -46,8 +46,8 @@ LIMIT = 200
 _ROUNDING = float(np.finfo(np.float32).eps)
 """Residuals below this share of the solution come from its rounding: no solution is better."""
 
-_PAIRS = 16
-"""Rows of one parity that a sweep gets at once."""
+_NODES = 1 << 15
+"""Nodes that a thread gets at once: waking it takes as long as a thousand of them."""
 
 
 class _Level(NamedTuple):
@@ -220,19 +220,20 @@ class SheetSolver:
             return
         height, width = matrix.labels.shape
         pairs = (height + 1) // 2
+        chunk = max(_NODES // width, 2)
         smoother = runs, matrix.stencil, inverse, b, x
         x[:, height * width :] = 0.0
-        run(_begin, pairs, *smoother, chunk=_PAIRS)
-        run(_sweep, pairs, 1, False, *smoother, chunk=_PAIRS)
+        run(_begin, pairs, *smoother, chunk=chunk // 2)
+        run(_sweep, pairs, 1, False, *smoother, chunk=chunk // 2)
         block.solve(b, x)
         coarse = vectors[depth]
         run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
-            chunk=_PAIRS)  # fmt: skip
+            chunk=chunk // 2)  # fmt: skip
         self._cycle(depth + 1, coarse.b, coarse.x, vectors)
-        run(prolong, height, runs, coarse.x, x, width, chunk=ROWS)
+        run(prolong, height, runs, coarse.x, x, width, chunk=chunk)
         block.solve(b, x)
-        run(_sweep, pairs, 1, True, *smoother, chunk=_PAIRS)
-        run(_sweep, pairs, 0, True, *smoother, chunk=_PAIRS)
+        run(_sweep, pairs, 1, True, *smoother, chunk=chunk // 2)
+        run(_sweep, pairs, 0, True, *smoother, chunk=chunk // 2)
 
     def _multiply(self, x: Singles, out: Singles) -> None:
         # A x at the unknowns: (c, n)
@@ -272,6 +273,8 @@ def _dot(u: Singles, v: Singles) -> float:
 def _begin(start, stop, runs, stencil, inverse, b, x):
     # The sweep of the even rows from zero, in pairs of rows: only the node before has a value.
     columns = stencil.shape[2]
+    rest = np.empty(columns, dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
     for pair in range(start, stop):
         y = 2 * pair
         x[:, y * columns : min(y + 2, stencil.shape[1]) * columns] = 0
@@ -281,12 +284,29 @@ def _begin(start, stop, runs, stencil, inverse, b, x):
             n = last - first
             behind = stencil[0, y, first - 1 : last - 1]
             scale = inverse[i : i + n]
+            for u in range(n):
+                pull[u] = scale[u] * behind[u]
             for j in range(x.shape[0]):
-                here, rhs = x[j, i : i + n], b[j, i : i + n]
-                before = np.float32(0)
+                rhs = b[j, i : i + n]
                 for u in range(n):
-                    before = scale[u] * rhs[u] - scale[u] * behind[u] * before
-                    here[u] = before
+                    rest[u] = scale[u] * rhs[u]
+                _recur(rest, pull, x[j, i - 1 : i + n + 1], False)
+
+
+@sum_kernel
+def _recur(rest, pull, here, backward):
+    # Nodes of a run one by one, each from the one before; the row begins and ends one beside it.
+    n = len(here) - 2
+    if backward:
+        before = here[n + 1]
+        for u in range(n - 1, -1, -1):
+            before = rest[u] - pull[u] * before
+            here[u + 1] = before
+    else:
+        before = here[0]
+        for u in range(n):
+            before = rest[u] - pull[u] * before
+            here[u + 1] = before
 
 
 @sum_kernel
@@ -326,16 +346,7 @@ def _sweep(start, stop, parity, backward, runs, stencil, inverse, b, x):
                     total -= q[u] * upper[u] + c[u] * upper[u + 1] + d[u] * upper[u + 2]
                     total -= e[u] * lower[u] + f[u] * lower[u + 1] + g[u] * lower[u + 2]
                     rest[u] = scale[u] * total
-                if backward:
-                    before = here[n + 1]
-                    for u in range(n - 1, -1, -1):
-                        before = rest[u] - pull[u] * before
-                        here[u + 1] = before
-                else:
-                    before = here[0]
-                    for u in range(n):
-                        before = rest[u] - pull[u] * before
-                        here[u + 1] = before
+                _recur(rest, pull, here, backward)
 
 
 @kernel

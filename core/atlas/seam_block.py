@@ -11,10 +11,12 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from ..base.checks import Floats
-from ..base.parallel import kernel, run
+from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import ask
 from ..mesh.triangle_mesh import Ints
 from .sheet_matrix import BlockRows, Singles, require_positive
+
+_CHUNK = 1 << 13
 
 
 class SeamBlock:
@@ -60,7 +62,10 @@ class SeamBlock:
             require_positive(np.zeros(1))
         # Its own solve takes four times as long as ours, on one core.
         lower = factors.L
-        self._start, self._below, self._values = lower.indptr, lower.indices, lower.data
+        of = np.repeat(places, np.diff(lower.indptr))
+        entries = np.flatnonzero(lower.indices != of)
+        self._start = np.searchsorted(entries, lower.indptr).astype(np.int32)
+        self._below, self._values = lower.indices[entries], lower.data[entries]
         self._diagonal = factors.U.diagonal()
         self._place = factors.perm_r
         if not (self._place == factors.perm_c).all():
@@ -72,10 +77,11 @@ class SeamBlock:
         n = len(self._rows.unknowns)
         if n == 0:
             return
-        y: Floats = np.empty((len(x), n))
-        run(_subtract_regular, n, self._rows, self._place, b, x, y)
-        run(_substitute, len(y), self._start, self._below, self._values, self._diagonal, y, chunk=1)
-        run(_scatter, n, self._rows.unknowns, self._place, y, x)
+        y: Floats = np.empty((n, len(x)))
+        run(_subtract_regular, n, self._rows, self._place, b, x, y, chunk=_CHUNK)
+        channels = (0.0,) * len(x)
+        _substitute(self._start, self._below, self._values, self._diagonal, y, channels)
+        run(_scatter, n, self._rows.unknowns, self._place, y, x, chunk=_CHUNK)
 
 
 @kernel
@@ -85,29 +91,37 @@ def _subtract_regular(start, stop, rows, place, b, x, y):
             total = np.float64(b[j, rows.unknowns[p]])
             for e in range(rows.middle[p], rows.start[p + 1]):
                 total -= rows.values[e] * x[j, rows.columns[e]]
-            y[j, place[p]] = total
+            y[place[p], j] = total
 
 
-@kernel
-def _substitute(start, stop, row_start, below, values, diagonal, y):
-    # Some channels. L comes by columns and may hold its ones.
+@sum_kernel
+def _substitute(start, below, values, diagonal, y, channels):
+    # L comes by columns, without its ones. As many channels as a tuple is long: known to the
+    # compiler, which takes half of the time.
     n = len(diagonal)
-    for x in y[start:stop]:
-        for k in range(n):
-            value = x[k]
-            for e in range(row_start[k], row_start[k + 1]):
-                if below[e] != k:
-                    x[below[e]] -= values[e] * value
-        for k in range(n - 1, -1, -1):
-            value = x[k] / diagonal[k]
-            for e in range(row_start[k], row_start[k + 1]):
-                if below[e] != k:
-                    value -= values[e] * x[below[e]]
-            x[k] = value
+    part = np.empty(len(channels))
+    for k in range(n):
+        for j in range(len(channels)):
+            part[j] = y[k, j]
+        for e in range(start[k], start[k + 1]):
+            i = below[e]
+            value = values[e]
+            for j in range(len(channels)):
+                y[i, j] -= value * part[j]
+    for k in range(n - 1, -1, -1):
+        for j in range(len(channels)):
+            part[j] = y[k, j] / diagonal[k]
+        for e in range(start[k], start[k + 1]):
+            i = below[e]
+            value = values[e]
+            for j in range(len(channels)):
+                part[j] -= value * y[i, j]
+        for j in range(len(channels)):
+            y[k, j] = part[j]
 
 
 @kernel
 def _scatter(start, stop, unknowns, place, y, x):
     for p in range(start, stop):
         for j in range(len(x)):
-            x[j, unknowns[p]] = y[j, place[p]]
+            x[j, unknowns[p]] = y[place[p], j]
