@@ -6,7 +6,7 @@ import pytest
 import scipy.sparse
 import scipy.sparse.linalg
 from shock_filter.core import SolverError
-from shock_filter.core.atlas import multigrid
+from shock_filter.core.atlas import multigrid, seam_block
 from shock_filter.core.atlas.coarsening import coarsened
 from shock_filter.core.atlas.multigrid import SheetSolver
 from shock_filter.core.atlas.sheet_matrix import SheetMatrix, block_rows, kinds_of
@@ -263,6 +263,17 @@ def test_charts_of_any_shape_are_solved_for(small, name, points):
     expected = directly(matrix, rhs)
     assert abs(x - expected).max() <= 1e-4 * abs(expected).max()
     assert report.iterations <= 20
+
+
+def test_a_block_too_large_to_factor_is_solved_for(small, monkeypatch):
+    monkeypatch.setattr(seam_block, "MOST", 50)
+    for labels in (two_charts(), ODD["small charts"]):
+        matrix = sheet(labels)
+        rhs = random_values(matrix)
+        x, report = solved(matrix, rhs)
+        expected = directly(matrix, rhs)
+        assert abs(x - expected).max() <= 1e-4 * abs(expected).max()
+        assert report.iterations <= 60
 
 
 def test_no_unknowns_have_the_empty_solution():
