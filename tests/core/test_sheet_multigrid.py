@@ -6,7 +6,7 @@ import pytest
 import scipy.sparse
 import scipy.sparse.linalg
 from shock_filter.core import SolverError
-from shock_filter.core.atlas import multigrid
+from shock_filter.core.atlas import multigrid, seam_block
 from shock_filter.core.atlas.coarsening import coarsened
 from shock_filter.core.atlas.multigrid import SheetSolver
 from shock_filter.core.atlas.sheet_matrix import SheetMatrix, block_rows, kinds_of
@@ -182,7 +182,7 @@ def test_the_coarse_matrix_is_the_galerkin_product():
     # On a function that the coarse nodes hold, and that is 0 where the chart ends.
     matrix = sheet(np.zeros((41, 37)), most=4.0, points=False)
     kinds = kinds_of(matrix, False)
-    coarse = coarsened(matrix, kinds, block_rows(matrix, kinds))
+    coarse = coarsened(matrix, kinds, *block_rows(matrix, kinds))
 
     def energy(level, step):
         y, x = step * np.indices(level.labels.shape).reshape(2, -1)
@@ -199,7 +199,7 @@ def test_constants_cost_nothing_on_coarse_levels():
     for _ in range(3):
         kinds = kinds_of(matrix, False)
         before = matrix.screen[assembled(matrix)[1]].sum()
-        matrix = coarsened(matrix, kinds, block_rows(matrix, kinds))
+        matrix = coarsened(matrix, kinds, *block_rows(matrix, kinds))
         whole, unknowns = assembled(matrix)
         ones = unknowns.astype(float)
         np.testing.assert_allclose((whole @ ones)[unknowns], matrix.screen[unknowns], atol=1e-9)
@@ -211,8 +211,8 @@ def test_constants_cost_nothing_on_coarse_levels():
 def test_the_cycle_is_symmetric_and_positive(small):
     matrix = sheet(two_charts(), most=10.0)
     solver = SheetSolver(matrix)
-    one, two = random_values(matrix, seed=2), random_values(matrix, seed=3)
-    from_one, from_two = np.zeros_like(one), np.zeros_like(one)
+    one, two = (np.ascontiguousarray(random_values(matrix, seed=seed).T) for seed in (2, 3))
+    from_one, from_two = np.empty_like(one), np.empty_like(one)
     solver.cycle(one, from_one)
     solver.cycle(two, from_two)
     assert np.vdot(two, from_one) == pytest.approx(np.vdot(one, from_two), rel=1e-4)
@@ -263,6 +263,17 @@ def test_charts_of_any_shape_are_solved_for(small, name, points):
     expected = directly(matrix, rhs)
     assert abs(x - expected).max() <= 1e-4 * abs(expected).max()
     assert report.iterations <= 20
+
+
+def test_a_block_too_large_to_factor_is_solved_for(small, monkeypatch):
+    monkeypatch.setattr(seam_block, "MOST", 50)
+    for labels in (two_charts(), ODD["small charts"]):
+        matrix = sheet(labels)
+        rhs = random_values(matrix)
+        x, report = solved(matrix, rhs)
+        expected = directly(matrix, rhs)
+        assert abs(x - expected).max() <= 1e-4 * abs(expected).max()
+        assert report.iterations <= 60
 
 
 def test_no_unknowns_have_the_empty_solution():
