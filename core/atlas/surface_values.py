@@ -109,8 +109,10 @@ def _spread(space: TextureSpace, at_points: Floats) -> None:
         if not missing.any():
             return
         means = _means(piece, at_points[pieces.points], len(pieces.faces))
-        found = _means(pieces.points, means[piece], len(at_points))
-        at_points[missing] = found[missing]
+        found = _means(pieces.points, means[piece], len(at_points))[missing]
+        if np.isnan(found[:, 0]).all():
+            break
+        at_points[missing] = found
     at_points[np.isnan(at_points[:, 0])] = 0.0
 
 

@@ -147,6 +147,108 @@ def test_unusual_layouts_give_the_solution_too(layout, most):
     assert largest < 12 * most
 
 
+def cube_ball(n):
+    """A ball of six turned charts in an image of n x n texels, its faces as large as a texel."""
+    ticks = np.linspace(-1.0, 1.0, n // 3 + 1)
+    steps = len(ticks) - 1
+    flat = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    first = (np.arange(steps) + (steps + 1) * np.arange(steps)[:, None]).reshape(-1, 1)
+    quads = first[:, None] + np.array([[0, 1, steps + 2], [0, steps + 2, steps + 1]])
+    vertices, faces, uv = [], [], []
+    for side in range(6):
+        corner = np.empty((len(flat), 3))
+        corner[:, side % 3] = 1.0 if side < 3 else -1.0
+        corner[:, (side + 1) % 3] = flat[:, 0] * corner[:, side % 3]
+        corner[:, (side + 2) % 3] = flat[:, 1]
+        vertices.append(np.tan(np.pi / 4 * corner))  # squares of about one size on the ball
+        faces.append(quads.reshape(-1, 3) + side * len(flat))
+        c, s = np.cos(0.35 * (side + 1)), np.sin(0.35 * (side + 1))
+        place = np.array([side % 3 + 0.5, side // 3 + 0.75]) / 3
+        uv.append(place + flat @ np.array([[c, s], [-s, c]]) * 0.112)
+    kept, index = core.weld(np.round(np.concatenate(vertices), 9))
+    points = np.concatenate(vertices)[kept]
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    corners = np.concatenate(faces)
+    return core.TriangleMesh(points, index[corners]), np.concatenate(uv)[corners], n
+
+
+def ring(n):
+    """A torus in 2 x 2 charts, in an image of n x n texels; and the angles at its vertices."""
+    steps = n // 2
+    angle = 2 * np.pi * np.arange(steps) / steps
+    around, across = np.meshgrid(angle, angle, indexing="ij")
+    radius = 2.0 + np.cos(across)
+    points = np.stack(
+        [radius * np.cos(around), radius * np.sin(around), np.sin(across)], axis=-1
+    ).reshape(-1, 3)
+    i, j = (a.reshape(-1) for a in np.mgrid[:steps, :steps])
+    squares = [(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]
+    faces, uv = [], []
+    chart = np.stack([2 * i // steps, 2 * j // steps], axis=-1)
+    for triangle in squares:
+        corner = [(i + a, j + b) for a, b in triangle]
+        faces.append(np.stack([(a % steps) * steps + b % steps for a, b in corner], axis=-1))
+        place = np.stack([np.stack(ab, axis=-1) for ab in corner], axis=1) / steps
+        uv.append(0.45 * place + 0.02 + 0.5 * chart[:, None] - 0.45 * 0.5 * chart[:, None])
+    return core.TriangleMesh(points, np.concatenate(faces)), np.concatenate(uv), n
+
+
+def on_ball(places):
+    # A harmonic of degree 2, and (1 - Laplacian) of it.
+    x, y, z = (places / np.linalg.norm(places, axis=1, keepdims=True)).T
+    value = x * y + 0.3 * (z * z - x * x)
+    return value, 7 * value
+
+
+def on_ring(places):
+    # sin(2 around) cos(across); the metric is (2 + cos across)^2 and 1.
+    x, y, z = places.T
+    radius = np.hypot(x, y)
+    around, across = np.arctan2(y, x), np.arctan2(z, radius - 2.0)
+    radius = 2.0 + np.cos(across)
+    value = np.sin(2 * around) * np.cos(across)
+    laplacian = -4 * value / radius**2 - value
+    laplacian += np.sin(2 * around) * np.sin(across) ** 2 / radius
+    return value, value - laplacian
+
+
+@pytest.mark.parametrize(
+    ("surface", "function", "sizes"), [(cube_ball, on_ball, (36, 72)), (ring, on_ring, (40, 80))]
+)
+def test_solutions_on_curved_surfaces_converge_with_second_order(surface, function, sizes):
+    errors = []
+    for n in sizes:
+        space = space_of(*surface(n))
+        scale = space.atlas.texel_size**2
+        matrix, used = in_full(space, scale)
+        exact, source = function(positions(space)[used])
+        values = np.zeros((space.size, 1), dtype=np.float32)
+        values[used, 0] = source
+        mass = scale * space.apply_mass(values)[used, 0].astype(np.float64)
+        found = scipy.sparse.linalg.spsolve(matrix.tocsc(), mass)
+        errors.append(np.sqrt(np.mean((found - exact) ** 2)))
+    assert np.log2(errors[0] / errors[1]) > 1.85
+    assert errors[1] < 0.01
+
+
+def test_the_ball_has_its_spectrum():
+    off = []
+    for n in (36, 72):
+        space = space_of(*cube_ball(n))
+        stiffness, mass = (in_full(space, screen)[0] for screen in (0.0, 1.0))
+        mass -= stiffness
+        found = scipy.sparse.linalg.eigsh(
+            stiffness, k=16, M=mass, sigma=-1e-3, return_eigenvectors=False
+        )
+        off.append(
+            np.sort(found) / space.atlas.texel_size**2 - np.repeat([0, 2, 6, 12], [1, 3, 5, 7])
+        )
+    coarse, fine = np.abs(off)
+    assert coarse[0] < 1e-4
+    for first, last in ((1, 4), (4, 9), (9, 16)):
+        assert np.log2(coarse[first:last].max() / fine[first:last].max()) > 1.8
+
+
 def test_nothing_crosses_closed_seams():
     space = space_of(*square(64), closed=True)
     labels = np.zeros((space.size, 1), dtype=np.float32)
