@@ -46,7 +46,7 @@ LIMIT = 200
 _ROUNDING = float(np.finfo(np.float32).eps)
 """Residuals below this share of the solution come from its rounding: no solution is better."""
 
-_NODES = 1 << 15
+NODES = 1 << 15
 """Nodes that a thread gets at once: waking it takes as long as a thousand of them."""
 
 
@@ -220,7 +220,7 @@ class SheetSolver:
             return
         height, width = matrix.labels.shape
         pairs = (height + 1) // 2
-        chunk = max(_NODES // width, 2)
+        chunk = max(NODES // width, 2)
         smoother = runs, matrix.stencil, inverse, b, x
         x[:, height * width :] = 0.0
         run(_begin, pairs, *smoother, chunk=chunk // 2)
