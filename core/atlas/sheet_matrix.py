@@ -97,16 +97,27 @@ class Runs(NamedTuple):
 
 
 def kinds_of(matrix: SheetMatrix, whole: bool) -> npt.NDArray[np.uint8]:
-    """Sort the nodes into kinds: (rows, columns); `whole` puts all unknowns into the block."""
+    """Sort the nodes into kinds: (rows, columns); `whole` puts all unknowns into the block.
+
+    Raises
+    ------
+    ValueError
+        If what is no unknown is coupled, or an unknown lies in the first or last row or column.
+    """
     rows, columns = matrix.labels.shape
     kinds = np.zeros((rows, columns), dtype=np.uint8)
-    counts = np.zeros((rows, 2), dtype=np.int64)
+    counts = np.zeros((rows, 3), dtype=np.int64)
     run(_sort, rows, matrix.labels, matrix.stencil, matrix.screen, whole, kinds, counts,
         chunk=ROWS)  # fmt: skip
-    unknowns, stretched = counts.sum(axis=0)
+    unknowns, stretched, wrong = counts.sum(axis=0)
     few = stretched <= _MOST_STRETCHED * unknowns
     kinds[kinds == _STRETCHED_NODE] = STENCILED if few else REGULAR
     nodes = matrix.seam[: np.searchsorted(matrix.seam, rows * columns)]
+    edges = matrix.labels[[0, -1]], matrix.labels[:, [0, -1]]
+    if wrong or (matrix.labels.reshape(-1)[nodes] < 0).any():
+        raise ValueError("A node that is no unknown is coupled; give it the label of its chart.")
+    if any((edge >= 0).any() for edge in edges):
+        raise ValueError("The sheet's first and last row and column may hold no unknown.")
     run(_put_into_block, len(nodes), nodes, matrix.labels, kinds)
     return kinds
 
@@ -182,6 +193,9 @@ def _sort(start, stop, labels, stencil, screen, whole, kinds, counts):
         for x in range(1, labels.shape[1] - 1):
             label = labels[y, x]
             if label < 0:
+                for k in range(8):
+                    if _beside(stencil, y, x, k)[2] != 0:
+                        counts[y, 2] += 1
                 continue
             alone = labels[y, x - 1] != label or labels[y, x + 1] != label
             for u in range(x - 1, x + 2):

@@ -220,12 +220,15 @@ def test_the_cycle_is_symmetric_and_positive(small):
 
 
 def test_results_are_the_same_on_any_number_of_threads(small, monkeypatch):
+    monkeypatch.setattr(multigrid, "NODES", 1000)
     matrix = sheet(two_charts(200, 160))
     rhs = random_values(matrix)
-    many, _ = solved(matrix, rhs)
-    monkeypatch.setattr(parallel, "thread_count", lambda: 1)
-    one, _ = solved(matrix, rhs)
-    np.testing.assert_array_equal(one, many)
+    results = []
+    for threads in (1, 2, 4):
+        monkeypatch.setattr(parallel, "thread_count", lambda count=threads: count)
+        results.append(solved(matrix, rhs)[0])
+    np.testing.assert_array_equal(results[0], results[1])
+    np.testing.assert_array_equal(results[0], results[2])
 
 
 def test_a_second_solve_is_as_good_as_the_first(small):
@@ -313,6 +316,19 @@ def test_too_few_iterations_are_an_error(small):
     rhs = random_values(matrix)
     with pytest.raises(SolverError, match="after 2 iterations"):
         SheetSolver(matrix).solve(rhs, np.zeros_like(rhs), 1e-6, limit=2)
+
+
+def test_what_is_no_unknown_may_not_be_coupled():
+    matrix = sheet(two_charts())
+    for place in (matrix.seam[0], np.flatnonzero(matrix.stencil[3].reshape(-1))[0]):
+        labels = matrix.labels.copy()
+        labels.reshape(-1)[place] = -1
+        with pytest.raises(ValueError, match="coupled"):
+            SheetSolver(matrix._replace(labels=labels))
+    labels = matrix.labels.copy()
+    labels[0, 3] = 0
+    with pytest.raises(ValueError, match="first and last row"):
+        SheetSolver(matrix._replace(labels=labels))
 
 
 @pytest.mark.parametrize("answers", [1, 5, 40])
