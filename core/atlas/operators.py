@@ -148,13 +148,14 @@ class TextureSpace:
 
     def without_means(self, values: _Single, weights: npt.NDArray[np.floating]) -> _Single:
         """Take the weighted mean (n,) off each column, on each connected part by itself."""
-        parts = self._components + 1
-        sums = np.bincount(parts, weights)
-        sums[sums == 0] = 1.0
-        means = [np.bincount(parts, weights * column) / sums for column in values.T]
-        shifts = np.stack(means, axis=1).astype(np.float32)
-        shifts[0] = 0.0
-        return values - shifts[parts]
+        parts = self._components
+        sums = np.zeros((int(parts.max(initial=0)) + 1, values.shape[1] + 1))
+        result = np.empty_like(values)
+        with aside("Comparing texels"):
+            _add_weighted(parts, weights, values, sums)
+            means = sums[:, :-1] / np.where(sums[:, -1:] > 0, sums[:, -1:], 1.0)
+            run(_subtract_means, len(values), parts, means, values, result)
+        return result
 
     def matrix(self, screen: float) -> SheetMatrix:
         """Assemble stiffness plus `screen` times mass."""
@@ -469,15 +470,34 @@ def _assemble_fans(start, stop, pieces, fans, first, screen, rows, columns, entr
 
 
 @kernel
+def _add_weighted(parts, weights, values, sums):
+    last = values.shape[1]
+    for i in range(len(parts)):
+        if parts[i] >= 0:
+            weight = np.float64(weights[i])
+            sums[parts[i], last] += weight
+            for c in range(last):
+                sums[parts[i], c] += weight * values[i, c]
+
+
+@kernel
+def _subtract_means(start, stop, parts, means, values, out):
+    for i in range(start, stop):
+        for c in range(values.shape[1]):
+            mean = means[parts[i], c] if parts[i] >= 0 else 0.0
+            out[i, c] = values[i, c] - mean
+
+
+@kernel
 def _apply_stiffness(start, stop, cells, weights, values, out):
     # Adds to the nodes in rows start .. stop - 1.
     columns = cells.shape[1]
     for y in range(max(start - 1, 0), stop):
         for x in range(columns - 1):
             rr, rc, cc, area = cells[y, x]
-            if area == 0:
-                continue
             weight = weights[y, x]
+            if area == 0 or weight == 0:
+                continue
             rr *= weight
             rc *= weight
             cc *= weight

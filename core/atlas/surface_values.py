@@ -40,8 +40,7 @@ def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Si
     _spread(space, at_points)
     flat = values.reshape(-1, values.shape[2])
     result = np.zeros((space.size, flat.shape[1]), dtype=np.float32)
-    is_node = space.labels.reshape(-1) != NOTHING
-    result[: len(flat)][is_node] = flat[is_node]
+    run(_copy_nodes, len(flat), space.labels.reshape(-1), flat, result)
     result[cut.unknowns] = at_points[cut.free]
     return result
 
@@ -127,8 +126,15 @@ def sheet_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
         Overwritten at nodes inside charts.
     """
     flat = sheet.reshape(-1, sheet.shape[2])
-    is_node = space.labels.reshape(-1) != NOTHING
-    flat[is_node] = values[: len(flat)][is_node]
+    run(_copy_nodes, len(flat), space.labels.reshape(-1), values, flat)
     cut = space.cut_cells
     at_points = cut.interpolation[cut.hidden[:, 1]] @ values[cut.unknowns]
     flat[cut.hidden[:, 0]] = at_points
+
+
+@kernel
+def _copy_nodes(start, stop, labels, values, out):
+    for i in range(start, stop):
+        if labels[i] != NOTHING:
+            for c in range(out.shape[1]):
+                out[i, c] = values[i, c]
