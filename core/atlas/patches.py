@@ -18,7 +18,7 @@ from ..base.parallel import kernel
 from ..base.vectors import after
 from ..mesh.triangle_mesh import Floats, Ints
 from .atlas import TextureAtlas
-from .ghosts import place_beyond
+from .ghosts import walk_beyond
 from .metric import AtlasMetric, is_closed, store
 from .sheet import NOTHING, Sheet, ends, nearest_on_edge, shares_of_corners
 
@@ -282,8 +282,8 @@ def _offer(points, edge, top, left, margin, nodes, squares, edges):
 def _look_beyond(surface, edge, top, left, i, j, origin, b, turn, patch):
     # Find the texel of a place beyond a seam; none where the surface ends before it.
     sheet, metric = surface.sheet, surface.metric
-    face, row, column, _, _ = place_beyond(
-        sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, edge,
+    face, row, column, _, _ = walk_beyond(
+        sheet.points, metric.ways, metric.shapes, metric.jacobians, edge,
         float(top + i), float(left + j), b, turn,
     )  # fmt: skip
     if face < 0 or _is_at_end(metric.ways, face, b):
