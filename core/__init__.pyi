@@ -25,6 +25,9 @@ from .filters.beltrami.meshes import (
     beltrami_vertex_signal,
     denoise_geometry,
 )
+from .filters.beltrami.textures import (
+    beltrami_texture,
+)
 from .filters.fit import (
     fit_to_normals,
 )
@@ -61,6 +64,7 @@ from .settings import (
     BeltramiGeometrySettings,
     BeltramiMeshSettings,
     BeltramiSettings,
+    BeltramiTextureSettings,
     DilateSettings,
     FitSettings,
     GeometrySettings,
@@ -73,6 +77,7 @@ __all__ = [
     "BeltramiGeometrySettings",
     "BeltramiMeshSettings",
     "BeltramiSettings",
+    "BeltramiTextureSettings",
     "Cancelled",
     "DilateSettings",
     "FitSettings",
@@ -94,6 +99,7 @@ __all__ = [
     "beltrami_joint",
     "beltrami_manifold",
     "beltrami_mesh",
+    "beltrami_texture",
     "beltrami_vertex_signal",
     "denoise_geometry",
     "dilate_texture",

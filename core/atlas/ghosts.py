@@ -148,9 +148,7 @@ def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, turn):
     face, row, column, cosine, sine
         As there; `face` is -1 where there is no such cell, too.
     """
-    g, row, column, cosine, sine = walk_beyond(
-        points, ways, shapes, jacobians, edge, y, x, b, turn
-    )
+    g, row, column, cosine, sine = walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, turn)
     if g < 0 or cells[int(row), int(column)] == NOTHING:
         return -1, 0.0, 0.0, 1.0, 0.0
     return g, row, column, cosine, sine
