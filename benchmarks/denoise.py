@@ -15,6 +15,7 @@ from denoise_images import betas, images, kernels, manifold
 from denoise_meshes import meshes, noise
 from denoise_pictures import draw_scans, joint, painted, pictures
 from denoise_speed import speed
+from denoise_textures import textures
 from scans import scans
 
 SECTIONS = {
@@ -25,6 +26,7 @@ SECTIONS = {
     "betas": betas,
     "kernels": kernels,
     "manifold": manifold,
+    "textures": textures,
     "meshes": meshes,
     "noise": noise,
     "scans": scans,
