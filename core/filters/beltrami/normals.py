@@ -10,11 +10,10 @@ import numpy as np
 from ...base.parallel import kernel, run
 from ...base.progress import aside, ask, phase
 from ...mesh.calculus import average_to_faces, make_unit
-from ...mesh.geodesics import face_stencils
 from ...mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ...settings import BeltramiGeometrySettings
 from ..creases import consistent_normals
-from .mesh_smoothing import smooth_graph
+from .mesh_smoothing import decay, smooth_faces
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
 """Bounds of what the normals of neighbouring faces differ by for noise."""
@@ -143,20 +142,15 @@ def smoothed_normals(
     """Smooth the normals of the faces, `noise` being what `noise_of_normals` says: (m, 3)."""
     if noise.of_scan:
         return _smoothed_scan(mesh, settings, noise)
-    embedding = np.empty((mesh.face_count, 6))
     with aside("Denoising"):
-        embedding[:, :3] = average_to_faces(mesh, mesh.scaled_vertices)
-    normals = mesh.normals
+        centres = average_to_faces(mesh, mesh.scaled_vertices)
+    normals, beta = mesh.normals, settings.beta / noise.size
     for turn in range(settings.iterations):
         with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
             with aside("Denoising"):
                 guide = _means(mesh, normals, settings.mollify_passes, MOLLIFIED * noise.size)
-                np.multiply(guide, settings.beta / noise.size, out=embedding[:, 3:])
-                ask()
-                graph = face_stencils(mesh, embedding)
-            normals = smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
-            with phase(1.0, 1.0, "Denoising"):
-                run(_make_unit, mesh.face_count, normals)
+            ask()
+            normals = smooth_faces(mesh, centres, guide, beta, normals, settings)
     return normals
 
 
@@ -196,9 +190,9 @@ def _means(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> F
 
 
 def _mean(mesh: TriangleMesh, normals: Floats, guide: Floats, spread: float) -> Floats:
-    smooth = np.empty_like(normals)
-    run(_average, mesh.face_count, mesh.faces, *mesh.corners, mesh.areas, normals, guide, spread,
-        smooth)  # fmt: skip
+    smooth, (start, corners) = np.empty_like(normals), mesh.corners
+    run(_average, mesh.face_count, mesh.faces, start, corners.view(np.uint32), mesh.areas, normals,
+        guide, spread, smooth)  # fmt: skip
     return smooth
 
 
@@ -207,6 +201,7 @@ def _differences(start, stop, faces, corner_start, corners, areas, normals, seed
     # Around each seed, the median squared difference of its normal to those some rings away, a ring
     # being all faces that share a vertex with the last; NaN where there are none.
     seen = np.full(faces.shape[0], -1, np.int32)
+    passed = np.full(corner_start.shape[0], -1, np.int32)
     queue = np.empty(_MOST_AROUND, np.int32)
     squares = np.empty(_MOST_AROUND)
     for s in range(start, stop):
@@ -222,6 +217,9 @@ def _differences(start, stop, faces, corner_start, corners, areas, normals, seed
             for i in range(first, end):
                 for k in range(3):
                     v = faces[queue[i], k]
+                    if passed[v] == s:
+                        continue
+                    passed[v] = s
                     stride = 1 + (corner_start[v + 1] - corner_start[v] - 1) // HUB
                     for j in range(corner_start[v], corner_start[v + 1], stride):
                         g = corners[j] // 3
@@ -260,29 +258,22 @@ def _normal_steps(start, stop, twins, areas, normals, steps):
 
 
 @kernel
-def _make_unit(start, stop, vectors):
-    for f in range(start, stop):
-        make_unit(vectors[f])
-
-
-@kernel
 def _average(start, stop, faces, corner_start, corners, areas, normals, guide, spread, out):
     # Means over the faces that share a vertex, those of similar guides; all for zero-area faces.
-    # At a hub some stand for all.
+    # At a hub some stand for all. Corners are unsigned, which makes dividing them faster.
     rate = -0.5 / (spread * spread)
     for f in range(start, stop):
         gx, gy, gz = guide[f, 0], guide[f, 1], guide[f, 2]
         x = y = z = 0.0
+        like = rate if areas[f] > 0 else 0.0
         for k in range(3):
             v = faces[f, k]
             count = corner_start[v + 1] - corner_start[v]
             stride = 1 if count <= HUB else 1 + count // HUB
             for i in range(corner_start[v], corner_start[v + 1], stride):
-                g = corners[i] // 3
-                weight = stride * areas[g]
-                if areas[f] > 0:
-                    dx, dy, dz = guide[g, 0] - gx, guide[g, 1] - gy, guide[g, 2] - gz
-                    weight *= np.exp(rate * (dx * dx + dy * dy + dz * dz))
+                g = corners[i] // np.uint32(3)
+                dx, dy, dz = guide[g, 0] - gx, guide[g, 1] - gy, guide[g, 2] - gz
+                weight = stride * areas[g] * decay(like * (dx * dx + dy * dy + dz * dz))
                 x += weight * normals[g, 0]
                 y += weight * normals[g, 1]
                 z += weight * normals[g, 2]
