@@ -486,7 +486,8 @@ def test_faint_relief_on_a_clean_mesh_stays():
 def test_noise_of_scans_is_told_from_white_noise():
     for mesh in (core.TriangleMesh(*cube(20)), core.TriangleMesh(*icosphere(4))):
         assert not noise_of_normals(mesh).of_scan
-    assert not noise_of_normals(noisy(*cube(20), 0.15)).of_scan
+    for amount in (0.15, 0.5, 0.7, 1.0):
+        assert not noise_of_normals(noisy(*cube(20), amount)).of_scan, amount
     scan = noise_of_normals(noisy(*cube(20), 0.15, passes=1))
     assert scan.of_scan and scan.calm == 1
 

@@ -43,8 +43,10 @@ _BETA = 0.9
 # differences over one ring and over two is below _CLEAN, or lower where there is little relief.
 # What smoothing leaves of the differences: much of relief, little of noise; and after one pass less
 # of white noise, which differs from vertex to vertex, than of that of scans. Where most of what is
-# left lies in few creases, the surface is calm between them.
+# left lies in few creases, the surface is calm between them. Squared differences over two rings above
+# _WILD are no scanner's; and smoothing leaves more of them than of lesser noise.
 _SHARE, _CLEAN, _LOWER = 0.5, 0.45, 0.8
+_WILD = 0.4
 _LEFT = 0.39, 0.32
 _WHITE = 0.185
 _CREASED = 0.081, 0.075
@@ -85,7 +87,7 @@ def noise_of_normals(mesh: TriangleMesh) -> Noise:
     quartile, typical = np.quantile(steps, (0.25, 0.5))
     size = min(max(float(quartile), LEAST_NOISE), MOST_NOISE)
     rings = _over_rings(mesh, mesh.normals)
-    if not _has_noise(rings):
+    if not _may_be_scan(rings):
         return Noise(size)
     smooth = _means(mesh, mesh.normals, 3, 2.0 * _SPREAD)
     few, many = np.quantile(_steps_of(mesh, smooth), (0.2, 0.95))
@@ -100,13 +102,13 @@ def noise_of_normals(mesh: TriangleMesh) -> Noise:
     return Noise(size, True, max(calm, creased))
 
 
-def _has_noise(rings: Floats) -> bool:
+def _may_be_scan(rings: Floats) -> bool:
     # Squared differences over k rings are those of the noise, which are all there from the bumps'
     # width on, plus k^2 times those of the bending surface.
     one, two, six = rings
     bend = max((six - two) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
     noise = two - _RINGS[1] ** 2 * bend
-    if not noise > _SHARE * two:
+    if not noise > _SHARE * two or two > _WILD:
         return False
     return bool((one - bend) / noise + _LOWER * (noise / two - 0.75) > _CLEAN)
 
