@@ -43,8 +43,8 @@ _BETA = 0.9
 # differences over one ring and over two is below _CLEAN, or lower where there is little relief.
 # What smoothing leaves of the differences: much of relief, little of noise; and after one pass less
 # of white noise, which differs from vertex to vertex, than of that of scans. Where most of what is
-# left lies in few creases, the surface is calm between them. Squared differences over two rings above
-# _WILD are no scanner's; and smoothing leaves more of them than of lesser noise.
+# left lies in few creases, the surface is calm between them. Squared differences over two rings
+# above _WILD are no scanner's; and smoothing leaves more of them than of lesser noise.
 _SHARE, _CLEAN, _LOWER = 0.5, 0.45, 0.8
 _WILD = 0.4
 _LEFT = 0.39, 0.32
