@@ -521,6 +521,19 @@ def test_relief_of_scans_stays():
     assert angles(after.normals, clean.normals).mean() < 0.6 * before
 
 
+def test_spikes_on_relief_are_levelled_and_folds_stay():
+    vertices, faces = grid(12, 12)
+    vertices[:, 2] = 2 * abs(vertices[:, 0] - 6)  # a fold of 53 degrees
+    mesh = core.TriangleMesh(vertices, faces)
+    assert np.array_equal(normals_module._without_spikes(mesh, mesh.normals), mesh.normals)
+    rough = mesh.normals.copy()
+    spike = 101
+    rough[spike] *= -1.0
+    level = normals_module._without_spikes(mesh, rough)
+    assert np.allclose(level[spike], mesh.normals[spike], atol=0.2)
+    assert np.array_equal(np.delete(level, spike, 0), np.delete(mesh.normals, spike, 0))
+
+
 def test_settings_count_for_scans_too():
     scans = noisy(*cube(12), 0.15, passes=1), relief(passes=1)[1]
     changes = {"time": 2.0}, {"iterations": 9}, {"repeat": 9}, {"beta": 3.0}

@@ -35,6 +35,12 @@ _SPREAD = 0.25
 _LOOSE, _STRICT = 4.0, 0.5
 """On relief, so many times that: in the first steps, and in those that follow."""
 
+_SPIKE, _UNLIKE = 0.3, 0.5
+"""A face on relief is a spike if those that are about _UNLIKE from it make up less than _SPIKE."""
+
+_SPIKE_PASSES = 2
+"""How often spikes are levelled, which may be some faces wide."""
+
 _BETA = 0.9
 """The `beta` that these are for."""
 
@@ -178,11 +184,22 @@ def _smoothed_relief(
     mesh: TriangleMesh, settings: BeltramiGeometrySettings, spread: float
 ) -> Floats:
     # What is left after the first steps is smoothed where it bends little.
-    passes = max(round(2 * settings.time), 1)
-    with phase(0.0, 0.3, "Denoising"):
-        normals = _means(mesh, mesh.normals, passes, _LOOSE * spread)
+    # Spikes would hold out against it: few normals around are like theirs.
+    passes, normals = max(round(2 * settings.time), 1), mesh.normals
+    with phase(0.0, 0.1, "Denoising"):
+        for _ in range(_SPIKE_PASSES):
+            normals = _without_spikes(mesh, normals)
+    with phase(0.1, 0.3, "Denoising"):
+        normals = _means(mesh, normals, passes, _LOOSE * spread)
     with phase(0.3, 1.0, "Denoising"):
         return _means(mesh, normals, passes * settings.iterations, _STRICT * spread)
+
+
+def _without_spikes(mesh: TriangleMesh, normals: Floats) -> Floats:
+    level, (start, corners) = np.empty_like(normals), mesh.corners
+    run(_level_spikes, mesh.face_count, mesh.faces, start, corners.view(np.uint32), mesh.areas,
+        normals, level)  # fmt: skip
+    return level
 
 
 def _means(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> Floats:
@@ -281,3 +298,32 @@ def _average(start, stop, faces, corner_start, corners, areas, normals, guide, s
                 z += weight * normals[g, 2]
         out[f, 0], out[f, 1], out[f, 2] = x, y, z
         make_unit(out[f])
+
+
+@kernel
+def _level_spikes(start, stop, faces, corner_start, corners, areas, normals, out):
+    # The mean of the faces that share a vertex, where too few of them are alike. At a hub some
+    # stand for all.
+    rate = -0.5 / (_UNLIKE * _UNLIKE)
+    for f in range(start, stop):
+        out[f] = normals[f]
+        x = y = z = alike = total = 0.0
+        for k in range(3):
+            v = faces[f, k]
+            count = corner_start[v + 1] - corner_start[v]
+            stride = 1 if count <= HUB else 1 + count // HUB
+            for i in range(corner_start[v], corner_start[v + 1], stride):
+                g = corners[i] // np.uint32(3)
+                if g == f:
+                    continue
+                dx, dy, dz = normals[g, 0], normals[g, 1], normals[g, 2]
+                square = (dx - normals[f, 0]) ** 2
+                square += (dy - normals[f, 1]) ** 2 + (dz - normals[f, 2]) ** 2
+                total += areas[g]
+                alike += areas[g] * decay(rate * square)
+                x += areas[g] * dx
+                y += areas[g] * dy
+                z += areas[g] * dz
+        length = np.sqrt(x * x + y * y + z * z)
+        if areas[f] > 0 and alike < _SPIKE * total and length > 1e-12 * total:
+            out[f, 0], out[f, 1], out[f, 2] = x / length, y / length, z / length
