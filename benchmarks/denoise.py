@@ -12,19 +12,23 @@ from pathlib import Path
 import common
 from denoise_distances import distances, flow
 from denoise_images import betas, images, kernels, manifold
+from denoise_kinds import speed_of_kinds
 from denoise_meshes import meshes, noise
 from denoise_pictures import draw_scans, joint, painted, pictures
 from denoise_speed import speed
+from denoise_textures import textures
 from scans import scans
 
 SECTIONS = {
     "speed": speed,
+    "kinds": speed_of_kinds,
     "distances": distances,
     "flow": flow,
     "images": images,
     "betas": betas,
     "kernels": kernels,
     "manifold": manifold,
+    "textures": textures,
     "meshes": meshes,
     "noise": noise,
     "scans": scans,

@@ -743,7 +743,7 @@ class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
         1.0,
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
         " is a Gaussian of variance 2 * time; 10 averages over 14 texels around, slowly",
-        unit="squared mean texel sizes on the surface",
+        unit="squared texels",
     )
     beta: float = _changed(
         BeltramiSettings,
@@ -751,7 +751,7 @@ class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
         7.0,
         "How much values count against lengths: a step from 0 to 1 is as far as this many"
         " texels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
-        unit="mean texel sizes on the surface a unit of value",
+        unit="texels a unit of value",
     )
     window: int = _changed(
         BeltramiSettings,

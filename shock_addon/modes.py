@@ -425,6 +425,41 @@ MODES: list[Mode] = [
         ),
     ),
     Mode(
+        "denoise_texture",
+        "Texture Noise",
+        "Remove noise from an image on the surface that shows it, across seams; edges stay",
+        "denoise_texture",
+        "Remove noise from a texture, on the surface and across UV seams; edges stay",
+        (Target("beltrami_texture"),),
+        "Denoised",
+        "denoising",
+        second="beta",
+        about_in_images="Remove noise on the surface of the selected objects that show it, across"
+        " seams",
+        advice="for more noise raise Time or lower Keep Edges",
+        is_slow=True,
+        icon="SMOOTHCURVE",
+        presets=(
+            Preset(
+                "Light Noise",
+                "For noise that is seen only close up: keeps the fine detail that the default"
+                " flattens",
+                {"beta": 15.0, "iterations": 1},
+            ),
+            Preset(
+                "Strong Noise",
+                "For bakes of few samples: averages across fainter edges, too",
+                {"beta": 4.0},
+            ),
+            Preset(
+                "Normal Map",
+                "For tangent-space normals: they are turned where values cross a seam, stay unit"
+                " length, and no channel is taken for opacity",
+                {"content": "normals", "alpha": "none"},
+            ),
+        ),
+    ),
+    Mode(
         "geometry",
         "Geometry",
         "Move vertices so that rounded creases become sharp",

@@ -208,6 +208,26 @@ def _find(start, stop, places, sheet, metric, sources):
 
 @kernel
 def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, turn):
+    """Walk as `walk_beyond` does, to a cell that a chart has.
+
+    Parameters
+    ----------
+    cells : (rows, columns) int32
+        See `Sheet`.
+
+    Returns
+    -------
+    face, row, column, cosine, sine
+        As there; `face` is -1 where there is no such cell, too.
+    """
+    g, row, column, cosine, sine = walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, turn)
+    if g < 0 or cells[int(row), int(column)] == NOTHING:
+        return -1, 0.0, 0.0, 1.0, 0.0
+    return g, row, column, cosine, sine
+
+
+@kernel
+def walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, turn):
     """Walk from a half-edge's nearest point to (y, x), on the surface beyond it.
 
     Parameters
@@ -217,7 +237,7 @@ def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, turn):
     y, x : float
         A place in the sheet, outside of that chart.
     b : (3,) float64
-        Scratch.
+        Barycentric coordinates of the end; overwritten.
     turn : (2, 2) float
         What turns tangent-space normals from there to the half-edge's face; overwritten.
 
@@ -242,8 +262,6 @@ def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, turn):
         return -1, 0.0, 0.0, 1.0, 0.0
     row = b[0] * points[g, 0, 0] + b[1] * points[g, 1, 0] + b[2] * points[g, 2, 0]
     column = b[0] * points[g, 0, 1] + b[1] * points[g, 1, 1] + b[2] * points[g, 2, 1]
-    if cells[int(row), int(column)] == NOTHING:
-        return -1, 0.0, 0.0, 1.0, 0.0
     _turn_normals(jacobians, edge // 3, g, cosine, sine, turn)
     return g, row, column, cosine, sine
 

@@ -18,7 +18,7 @@ from ..base.parallel import kernel
 from ..base.vectors import after
 from ..mesh.triangle_mesh import Floats, Ints
 from .atlas import TextureAtlas
-from .ghosts import place_beyond
+from .ghosts import walk_beyond
 from .metric import AtlasMetric, is_closed, store
 from .sheet import NOTHING, Sheet, ends, nearest_on_edge, shares_of_corners
 
@@ -80,15 +80,15 @@ class Patch(NamedTuple):
         Row times columns plus column, in the sheet, of the texel that a place has; -1: none.
     points : (h, w, 3) float32
         The place in space, in mean texel sizes; NaN where there is no texel.
-    areas : (h, w) float32
-        The area of a texel there, in squared mean texel sizes.
+    sizes : (h, w) float32
+        The length of a texel of this chart there, the root of its area, in mean texel sizes.
     turns : (h, w, 2, 2) float32
         What turns tangent-space normals from the texel's chart to this one; empty if not asked for.
     """
 
     nodes: npt.NDArray[np.int64]
     points: npt.NDArray[np.float32]
-    areas: npt.NDArray[np.float32]
+    sizes: npt.NDArray[np.float32]
     turns: npt.NDArray[np.float32]
 
 
@@ -157,11 +157,11 @@ def next_chart(surface, tiles, tile, skipped, last, box):
 
 
 @kernel
-def texels_within(surface, tiles, chart, box, radius):
-    """Return how many texels a chart has at most in a length on the surface, around a box."""
+def stretch_around(surface, tiles, chart, box):
+    """Return how many texels a chart has at most in the length of one, around a box."""
     nodes, labels = surface.sheet.nodes, surface.labels
     rows, columns = nodes.shape
-    densest = 0.0
+    most = 1.0
     before = -1
     for y in range(max(box[0, 0] - tiles.reach, 0), min(box[1, 0] + tiles.reach, rows)):
         for x in range(max(box[0, 1] - tiles.reach, 0), min(box[1, 1] + tiles.reach, columns)):
@@ -169,11 +169,13 @@ def texels_within(surface, tiles, chart, box, radius):
             if face < 0 or face == before or labels[face] != chart:
                 continue
             before = face
+            area = float(surface.metric.texel_areas[face])
             metric = surface.metric.inverse_metrics[face]
-            mean = 0.5 * (float(metric[0]) + metric[2])
-            half = 0.5 * (float(metric[0]) - metric[2])
-            densest = max(densest, mean + np.sqrt(half * half + float(metric[1]) * metric[1]))
-    return radius * np.sqrt(densest)
+            mean = 0.5 * area * (float(metric[0]) + metric[2])
+            half = 0.5 * area * (float(metric[0]) - metric[2])
+            across = area * metric[1]
+            most = max(most, mean + np.sqrt(half * half + across * across))
+    return np.sqrt(most)
 
 
 @kernel
@@ -220,7 +222,7 @@ def lay_patch(surface, tiles, tile, chart, box, margin, normals):
             shares = shares_of_corners(sheet.points, face, top + i, left + j)
             _set_point(surface, face, shares, origin, patch.points[i, j])
             patch.nodes[i, j] = (top + i) * columns + left + j
-            patch.areas[i, j] = surface.metric.texel_areas[face]
+            patch.sizes[i, j] = _size(surface.metric, face)
             if normals:
                 store(patch.turns[i, j], 1.0, 0.0, 0.0, 1.0)
     edges = np.full((height, width), -1, np.int32)
@@ -235,6 +237,12 @@ def lay_patch(surface, tiles, tile, chart, box, margin, normals):
             if edges[i, j] >= 0:
                 _look_beyond(surface, edges[i, j], top, left, i, j, origin, b, turn, patch)
     return patch
+
+
+@kernel
+def _size(metric, face):
+    area = metric.texel_areas[face]
+    return np.sqrt(area) if area > 0 else np.float32(1.0)
 
 
 @kernel
@@ -282,8 +290,8 @@ def _offer(points, edge, top, left, margin, nodes, squares, edges):
 def _look_beyond(surface, edge, top, left, i, j, origin, b, turn, patch):
     # Find the texel of a place beyond a seam; none where the surface ends before it.
     sheet, metric = surface.sheet, surface.metric
-    face, row, column, _, _ = place_beyond(
-        sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, edge,
+    face, row, column, _, _ = walk_beyond(
+        sheet.points, metric.ways, metric.shapes, metric.jacobians, edge,
         float(top + i), float(left + j), b, turn,
     )  # fmt: skip
     if face < 0 or _is_at_end(metric.ways, face, b):
@@ -292,7 +300,7 @@ def _look_beyond(surface, edge, top, left, i, j, origin, b, turn, patch):
     if node < 0:
         return
     patch.nodes[i, j] = node
-    patch.areas[i, j] = metric.texel_areas[edge // 3]
+    patch.sizes[i, j] = _size(metric, edge // 3)
     _set_point(surface, face, (b[0], b[1], b[2]), origin, patch.points[i, j])
     if patch.turns.shape[0] > 0:
         patch.turns[i, j] = turn

@@ -21,6 +21,8 @@ from .signals import sharpen_corner_signal
 
 Filter = Callable[..., Any]
 
+_SAME = "alpha", "content", "gutter", "background", "seams"  # what the data are
+
 
 def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
     """Have what a filter has denoised be sharpened in the same run.
@@ -42,7 +44,7 @@ def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
 
     Notes
     -----
-    Opacity of an image is what the settings of `denoise` say.
+    Opacity of an image, and what a texture holds, are what the settings of `denoise` say.
 
     Examples
     --------
@@ -65,9 +67,8 @@ def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
         progress: ProgressCallback | None = None,
         **more: Any,
     ) -> Any:
-        chosen = sharpening
-        if hasattr(settings, "alpha") and hasattr(sharpening, "alpha"):
-            chosen = replace(sharpening, alpha=settings.alpha)
+        same = [name for name in _SAME if hasattr(settings, name) and hasattr(sharpening, name)]
+        chosen = replace(sharpening, **{name: getattr(settings, name) for name in same})
         with reporting(progress):
             with phase(0.0, 0.5, "Denoising"):
                 result = denoise(*data, settings=settings, mask=mask, **more)

@@ -32,6 +32,9 @@ _STENCIL = 40  # numbers per cell: eight lengths to neighbours, four for each of
 MOST_SPLITS = 16
 """Most triangles that an obtuse one is split into; beyond, distances through it are too long."""
 
+MEASURED = np.float32(-1.0)
+"""Says that the lengths of a guide are measured in units that differ from place to place."""
+
 _CELL = 0xFFFFFFFF  # masking shows the compiler that an index is not negative
 
 
@@ -64,8 +67,7 @@ def _fill_stencils(guide, spacing, first, last, squares, obtuse, stencils):
     guide : (h, w, k) float32
         The coordinates of the points; all but x and y if these are the pixel's.
     spacing : float32
-        Squared distance of pixels along the axes in the plane of the image; 0 if `guide` has
-        all coordinates.
+        See `chord`.
     first, last : int
     squares : (cells, 4) float32
         Filled with squared lengths to the right, lower right, lower and lower left; NaN where
@@ -106,9 +108,30 @@ def _fill_stencils(guide, spacing, first, last, squares, obtuse, stencils):
 
 @kernel
 def chord(guide, spacing, y, x, down, right):
-    """Compute the squared distance of two pixels straight through space."""
-    total = spacing * np.float32((down - y) * (down - y) + (right - x) * (right - x))
-    for c in range(guide.shape[2]):
+    """Compute the squared distance of two pixels straight through space.
+
+    Parameters
+    ----------
+    guide : (h, w, k) float32
+        The coordinates of the points.
+    spacing : float32
+        Squared distance of pixels along the axes in the plane of the image; 0 if `guide` has
+        all coordinates; `MEASURED` if the last four are a place in space, and what lengths in
+        space are multiplied with there.
+    y, x, down, right : int
+        Rows and columns of the two.
+    """
+    total = np.float32(0.0)
+    count = guide.shape[2]
+    if spacing < 0:
+        count -= 4
+        for c in range(count, count + 3):
+            step = guide[down, right, c] - guide[y, x, c]
+            total += step * step
+        total *= guide[y, x, count + 3] * guide[down, right, count + 3]
+    else:
+        total = spacing * np.float32((down - y) * (down - y) + (right - x) * (right - x))
+    for c in range(count):
         step = guide[down, right, c] - guide[y, x, c]
         total += step * step
     return total
@@ -268,8 +291,7 @@ def open_band(guide, spacing, limit, first, last):
     guide : (h, w, k) float32
         The coordinates of the points; all but x and y if these are the pixel's.
     spacing : float32
-        Squared distance of pixels along the axes in the plane of the image; 0 if `guide` has
-        all coordinates.
+        See `chord`.
     limit : float32
         The greatest squared distance that marches will go.
     first, last : int

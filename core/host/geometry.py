@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
+from ..filters.beltrami.normals import noise_of_normals
 from ..filters.creases import vertices_at_creases
 from ..settings import GeometrySettings
 from .applying import applied
-from .inputs import MirroredSurface
+from .inputs import MirroredSurface, Surface
 from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
 
@@ -82,6 +83,11 @@ def filter_shape(
             return shape
         with aside("Finding creases"):
             return replace(shape, creases=_creases(surface, part, settings))
+
+
+def is_scan(surface: Surface) -> bool:
+    """Tell whether denoising takes the surface for that of a scan, whose bumps are wide."""
+    return noise_of_normals(welded(surface, weld=True).mesh).of_scan
 
 
 def _creases(

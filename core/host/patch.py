@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InvalidMesh
-from ..settings import ShockSettings, describe
+from ..settings import BeltramiGeometrySettings, ShockSettings, describe
 from .inputs import ColoredSurface, Denoising, MirroredSurface, PaintedSurface, Surface
 
 _REACH = 12.0
@@ -22,6 +22,10 @@ _SAMPLE = 200_000
 
 def _no_borders(what: str) -> float:
     return 0.0
+
+
+def _no_scan() -> bool:
+    return False
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class Patch:
         Ends of the edges at the border of the part, in the object's space; none if it is all.
     width : callable
         Measures the borders between colors on the whole surface; see `colors.width_of_borders`.
+    is_scan : callable
+        Tells whether denoising takes the part for one of a scan; see `geometry.is_scan`.
     """
 
     surface: Any
@@ -50,6 +56,7 @@ class Patch:
     share: float
     outline: npt.NDArray[np.float32]
     width: Callable[[str], float] = _no_borders
+    is_scan: Callable[[], bool] = _no_scan
 
     def settings(self, settings: Any) -> Any:
         """Turn settings that are meant for the whole surface into the part's units of length."""
@@ -67,15 +74,23 @@ class Patch:
             width = self.width(settings.what)
             nothing = replace(settings, amount=0.0)
             settings = replace(settings, width=width) if width > 0 else nothing
+        steps = ("time", "beta") if self._counts_steps(settings) else ()
         new = {
             name: min(getattr(settings, name) * self.lengths**about.length_power, about.maximum)
             for name, (_, _, about) in describe(type(settings)).items()
-            if about.length_power and getattr(settings, name) > 0  # a time below 0 is no length
+            if about.length_power
+            and name not in steps
+            and getattr(settings, name) > 0  # a time below 0 is no length
         }
         if getattr(settings, "fidelity", 0.0) > 0:  # it counts per area of the whole
             new["fidelity"] = settings.fidelity * self.share / self.lengths**2
             del new["screening_radius"]
         return replace(settings, **new)
+
+    def _counts_steps(self, settings: Any) -> bool:
+        # On scans times say how many steps there are from face to face, whatever their size.
+        is_shape = isinstance(settings, BeltramiGeometrySettings) and settings.filtered == "normals"
+        return is_shape and self.is_scan()
 
 
 def whole_surface(surface: Any) -> Patch:
@@ -112,9 +127,11 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
     lengths = _mean_edge_length(shape, ...) / _mean_edge_length(shape, inside)
     outline = shape.positions[_border(shape.triangles[inside])]
     part, whole = _cut(surface, inside)
-    is_colored = isinstance(surface, ColoredSurface)
-    width = cache(partial(_width_of_borders, surface)) if is_colored else _no_borders
-    return Patch(part, whole, lengths, float(inside.mean()), outline, width)
+    share = float(inside.mean())
+    if isinstance(surface, ColoredSurface):
+        width = cache(partial(_width_of_borders, surface))
+        return Patch(part, whole, lengths, share, outline, width)
+    return Patch(part, whole, lengths, share, outline, is_scan=cache(partial(_is_scan, part)))
 
 
 def seen_vertex(
@@ -153,6 +170,12 @@ def _width_of_borders(surface: ColoredSurface, what: str) -> float:
     from .colors import width_of_borders  # with kernels, which previews load on another thread
 
     return width_of_borders(surface, what)
+
+
+def _is_scan(part: Surface) -> bool:
+    from .geometry import is_scan
+
+    return is_scan(part)
 
 
 def _distances(shape: Surface, vertex: int) -> npt.NDArray:

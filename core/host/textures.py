@@ -19,7 +19,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from ..registry import find
 from .images import filter_pixels
-from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
+from .inputs import Denoising, Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
 from .recolored import Recolored
 
 _ANALYSIS = 0.3  # of the time that a run takes
@@ -52,8 +52,8 @@ def filter_texture(
         See `TriangleMesh`, `TextureAtlas` and the filter.
     """
     height, width = surface.picture.pixels.shape[:2]
-    if surface.content and hasattr(settings, "content"):
-        settings = replace(settings, content=surface.content)
+    if surface.content:
+        settings = _holding(settings, surface.content)
     words: dict[str, Any] = {}
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
@@ -77,6 +77,12 @@ def analyse(
             mesh = TriangleMesh(faces.positions, weld_borders(faces.positions, faces.triangles))
         with phase(0.1, 1.0, "Finding charts"):
             return TextureAtlas(mesh, faces.uv, *size)
+
+
+def _holding(settings: Any, content: str) -> Any:
+    if isinstance(settings, Denoising):
+        return replace(settings, kernel=_holding(settings.kernel, content))
+    return replace(settings, content=content) if hasattr(settings, "content") else settings
 
 
 def _guiding(guide: HostImage, size: tuple[int, int]) -> Pixels:

@@ -30,6 +30,9 @@ UNFOLDED = 30
 ALL = np.iinfo(np.int64).max
 """No limit to how many vertices a march reaches."""
 
+_TIMES = 4
+"""How many times over faces may be come to in one `search` of all."""
+
 _ACUTE, _AT_BORDER, _GIVEN_UP = -1, -2, -3  # why a corner is not split
 
 
@@ -44,6 +47,13 @@ class Stencils(NamedTuple):
     targets: Ints
     others: Ints
     shapes: npt.NDArray[np.float32]  # length of v-other; target's place along it and beside it
+
+
+class Steps(NamedTuple):
+    """The faces across the edges of each face, and how far it is to them: infinitely at borders."""
+
+    targets: npt.NDArray[np.uint32]
+    lengths: npt.NDArray[np.float32]
 
 
 class Front(NamedTuple):
@@ -93,6 +103,14 @@ def face_stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     graph = _empty_stencils(start)
     run(_link_faces, mesh.face_count, mesh.twins, embedding, graph)
     return graph
+
+
+def face_steps(mesh: TriangleMesh, centres: Floats, guide: Floats, beta: float) -> Steps:
+    """Prepare `search` on the faces, their centres at (X, beta guide): (m, 3) each."""
+    targets = np.empty((mesh.face_count, 3), dtype=np.uint32)
+    lengths = np.empty((mesh.face_count, 3), dtype=np.float32)
+    run(_measure_steps, mesh.face_count, mesh.twins, centres, guide, beta, targets, lengths)
+    return Steps(targets, lengths)
 
 
 def _empty_stencils(start: npt.NDArray[np.int64]) -> Stencils:
@@ -168,6 +186,51 @@ def march(source, turn, limit, most, graph, front):
             elif found < squares[target]:
                 squares[target] = found
                 _rise(slots[target], heap, slots, squares)
+    return count
+
+
+@kernel
+def new_search(count):
+    """Make `reached` and `left` of `search` for `count` faces; untouched memory costs nothing."""
+    return np.empty(_TIMES * count, np.uint32), np.zeros(count, np.float32)
+
+
+@kernel
+def search(source, limit, most, targets, lengths, reached, left):
+    """Find the faces nearer than `limit` to a face; return how many places of `reached` they take.
+
+    Distances are those that `march` finds on `face_stencils`. Faces follow in the order in which
+    they are come to, and again where a shorter way comes later: near a face that is rare, and costs
+    less than keeping them sorted.
+
+    Parameters
+    ----------
+    source : int
+    limit : float
+    most : int
+        How many to come to, those that some are come to again included.
+    targets, lengths : (m, 3) uint32, (m, 3) float32
+        See `Steps`.
+    reached : (k,) uint32
+        Gets the faces, some repeatedly.
+    left : (m,) float32
+        Gets by how much each face is nearer than the limit. Has to be 0 before, all over.
+    """
+    most = min(most, reached.shape[0])
+    left[source] = limit
+    reached[0] = source
+    count, seen = 1, 0
+    while seen < count:
+        f = reached[seen]
+        seen += 1
+        here = left[f]
+        for k in range(3):
+            g = targets[f, k]
+            there = here - lengths[f, k]
+            if there > left[g] and count < most:  # NaN, where lengths overflow, is not
+                left[g] = there
+                reached[count] = g
+                count += 1
     return count
 
 
@@ -266,6 +329,22 @@ def _link_faces(start, stop, twins, embedding, graph):
                 others[place] = f
                 shapes[place, 1] = np.sqrt(squared_distance(embedding, f, g))
                 place += 1
+
+
+@kernel
+def _measure_steps(start, stop, twins, centres, guide, beta, targets, lengths):
+    for f in range(start, stop):
+        for k in range(3):
+            targets[f, k] = 0
+            lengths[f, k] = np.inf
+            if twins[f, k] >= 0:
+                g = twins[f, k] // 3
+                space = signal = 0.0
+                for x in range(3):
+                    space += (centres[f, x] - centres[g, x]) ** 2
+                    signal += (guide[f, x] - guide[g, x]) ** 2
+                targets[f, k] = g
+                lengths[f, k] = np.sqrt(space + beta * beta * signal)
 
 
 @kernel

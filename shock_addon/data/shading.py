@@ -52,10 +52,10 @@ def mark_sharp(
     arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
 
 
-def has_marks(mesh: bpy.types.Mesh) -> bool:
-    """Whether some edge is marked as sharp."""
+def count_marks(mesh: bpy.types.Mesh) -> int:
+    """Count the edges that are marked as sharp."""
     marks = arrays.find_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
-    return marks is not None and bool(arrays.read_attribute(marks).any())
+    return 0 if marks is None else int(arrays.read_attribute(marks).sum())
 
 
 def clear_normals(obj: bpy.types.Object) -> None:

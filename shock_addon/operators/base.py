@@ -112,6 +112,11 @@ class FilterOperator(ModalJob):
         """Say in one line what was done and how long it took."""
         raise NotImplementedError
 
+    @property
+    def color_advice(self) -> str:
+        """What to do if colors hardly changed; the filter may have said itself why they did not."""
+        return "" if self._findings else self.row.advice
+
     def notes(self, written: list[Written]) -> str:
         """Say what was left as it is although it shapes what is seen."""
         return ""
@@ -334,10 +339,21 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def describe_colors(results: Sequence[Any], things: str, advice: str) -> str:
-    """Say how many things changed and how much, and what to do if it was little."""
+    """Say how many things changed and how much, and what to do if it was little.
+
+    Parameters
+    ----------
+    results : sequence of Recolored
+    things : str
+        What is counted, such as "pixels".
+    advice : str
+        Empty for none.
+    """
     total = sum(result.colors[..., 0].size for result in results)
-    changed = sum(result.changed for result in results)
+    # All pixels of an enlarged image are new, but not another picture.
+    changed = sum(result.changed for result in results if result.largest_change)
     largest = max(result.largest_change for result in results)
+    things = things.removesuffix("s") if total == 1 else things
     text = pgettext_rpt(
         "{total:,} {things}, changed {changed:,}, largest change {largest:.2g}"
     ).format(total=total, things=pgettext_rpt(things), changed=changed, largest=largest)

@@ -29,7 +29,7 @@ _READ_BY_OTHERS = ("RENDER", "OBJECT_BAKE")
 """Blender's own jobs that read the scene on their threads: nothing is written meanwhile."""
 
 _running: set[Job] = set()
-_modal: list[ModalJob] = []
+_waits: list[_Wait] = []
 _unsettled: dict[int, bpy.types.Timer] = {}
 
 
@@ -87,8 +87,55 @@ class Job:
         return self._future.result()
 
 
+class _Wait:
+    """What a modal operator waits for, and what it has put into the window meanwhile.
+
+    Apart from the operator: Blender may free that without a word, and then each look at one of its
+    attributes raises.
+    """
+
+    def __init__(self, operator: ModalJob, context: bpy.types.Context, work: Work) -> None:
+        self.operator = operator
+        self.job = Job(work)
+        self._status = StatusText()
+        self._timer = context.window_manager.event_timer_add(_INTERVAL, window=context.window)
+        _waits.append(self)
+
+    @property
+    def is_forsaken(self) -> bool:
+        """Whether nobody waits any more, since Blender has freed the operator."""
+        try:
+            return self.operator._wait is not self
+        except (AttributeError, ReferenceError):
+            return True
+
+    def show(self, context: bpy.types.Context) -> None:
+        """Say how far it is."""
+        status = iface_("{message}: {fraction:.0%} (Esc cancels)").format(
+            message=iface_(self.job.message), fraction=self.job.fraction
+        )
+        if self.job.done:
+            status = iface_("Waiting for the render to end (Esc cancels)")
+        if self._status.show(context, status):
+            redraw_sidebars(context)
+
+    def drop(self, context: bpy.types.Context) -> None:
+        """Wait no more, whatever the job does."""
+        self.job.cancel()
+        self.close(context)
+
+    def close(self, context: bpy.types.Context) -> None:
+        """Take everything out of the window again."""
+        _waits.remove(self)
+        context.window_manager.event_timer_remove(self._timer)
+        self._status.clear(context)
+        redraw_sidebars(context)
+
+
 class ModalJob:
     """Mixin for operators: `start` from invoke; `finish` is called when the work has ended."""
+
+    _wait: _Wait | None = None
 
     def finish(self, context: bpy.types.Context, compute: Callable[[], Any]) -> set[str]:
         """Apply what `compute` returns; it raises what the work raised."""
@@ -99,30 +146,36 @@ class ModalJob:
         if is_settling():
             self.report({"WARNING"}, "The last run is still being put away; run again.")
             return {"CANCELLED"}
-        manager = context.window_manager
-        self._job = Job(work)
-        self._status = StatusText()
-        self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
-        manager.modal_handler_add(self)
-        _modal.append(self)
+        for wait in list(_waits):
+            if wait.is_forsaken:
+                wait.drop(context)
+        self._wait = _Wait(self, context, work)
+        context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Show progress; end when the work has, or on Esc."""
-        if self not in _modal:
+        try:
+            return self._step(context, event)
+        except Exception:
+            self.cancel(context)  # Blender ends the operator then, and may free it at once
+            raise
+
+    def _step(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        wait = self._wait
+        if wait not in _waits:
             return {"CANCELLED"}
         if event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
-        if self._job.cancelled:
+            wait.job.cancel()
+        if wait.job.cancelled:
             self.cancel(context)
             self.tell("INFO", "Cancelled; nothing was changed.")
             return {"CANCELLED"}
         if event.type == "TIMER":
-            if self._job.done and not is_scene_read():
-                compute = self._job.result
-                self._close(context)
-                return self.finish(context, compute)
-            self._show(context)
+            if wait.job.done and not is_scene_read():
+                wait.close(context)
+                return self.finish(context, wait.job.result)
+            wait.show(context)
         return {"RUNNING_MODAL"} if _is_held_back(context, event) else {"PASS_THROUGH"}
 
     def tell(self, kind: str, text: str) -> None:
@@ -131,25 +184,8 @@ class ModalJob:
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Drop the work; Blender calls this too, when a window closes or a file is loaded."""
-        if self in _modal:
-            self._job.cancel()
-            self._close(context)
-
-    def _show(self, context: bpy.types.Context) -> None:
-        job = self._job
-        status = iface_("{message}: {fraction:.0%} (Esc cancels)").format(
-            message=iface_(job.message), fraction=job.fraction
-        )
-        if job.done:
-            status = iface_("Waiting for the render to end (Esc cancels)")
-        if self._status.show(context, status):
-            redraw_sidebars(context)
-
-    def _close(self, context: bpy.types.Context) -> None:
-        _modal.remove(self)
-        context.window_manager.event_timer_remove(self._timer)
-        self._status.clear(context)
-        redraw_sidebars(context)
+        if self._wait in _waits:
+            self._wait.drop(context)
 
 
 class SHOCK_FILTER_OT_cancel(bpy.types.Operator):
@@ -171,15 +207,19 @@ class SHOCK_FILTER_OT_cancel(bpy.types.Operator):
 
 def current() -> Job | None:
     """Return the job that a modal operator waits for, if any."""
-    return _modal[-1]._job if _modal else None
+    jobs = [wait.job for wait in _waits if not wait.is_forsaken]
+    return jobs[-1] if jobs else None
 
 
 def stop_all() -> None:
     """Cancel all jobs and wait for their threads, before operators are unregistered."""
-    if _modal:
+    if _waits:
         settle(bpy.context.window_manager)
-    for operator in list(_modal):
-        operator.cancel(bpy.context)
+    for wait in list(_waits):
+        if wait.is_forsaken:
+            wait.drop(bpy.context)
+        else:
+            wait.operator.cancel(bpy.context)
     for job in list(_running):
         job.cancel()
         job.wait()

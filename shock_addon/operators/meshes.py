@@ -76,21 +76,19 @@ class MeshOperator(FilterOperator):
         kind = self.row.target(self).data_kind
         text, advice = pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s."), ""
         if kind == "geometry":
-            changes = describe_moves(results)
+            changes = describe_moves(results, "" if self.row.nothing else self.row.advice)
             if self.row.nothing and not any(result.moved for result in results):
                 has_modifiers = any(each.data.modifiers for each in written)
                 advice = _APPLY if has_modifiers else self.row.advice
                 text, advice = pgettext_rpt(self.row.nothing), pgettext_rpt(advice)
         elif kind == "colors":
             meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
-            changes = describe_colors(results, "colors", self.row.advice)
+            changes = describe_colors(results, "colors", self.color_advice)
         else:
             meshes = counted(len(written), "1 mesh and its colors", "{:,} meshes and their colors")
             paints = [result.paint for result in results]
-            changes = (
-                f"{describe_moves([result.shape for result in results])};"
-                f" {describe_colors(paints, 'colors', self.row.advice)}"
-            )
+            moves = describe_moves([result.shape for result in results], self.row.advice)
+            changes = f"{moves}; {describe_colors(paints, 'colors', self.color_advice)}"
         said = text.format(done=self.done(), meshes=meshes, changes=changes, seconds=seconds)
         return f"{said} {advice}".rstrip()
 
@@ -106,15 +104,17 @@ class MeshOperator(FilterOperator):
         return f"{hidden} {said}".rstrip()
 
 
-def describe_moves(results: list[Any]) -> str:
-    """Count vertices, and say how many moved visibly, and how far."""
-    return pgettext_rpt(
+def describe_moves(results: list[Any], advice: str) -> str:
+    """Count vertices, say how many moved visibly, and how far, and what to do if none did."""
+    moved = sum(result.moved for result in results)
+    text = pgettext_rpt(
         "{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
     ).format(
         vertices=sum(len(result.positions) for result in results),
-        moved=sum(result.moved for result in results),
+        moved=moved,
         largest=max(result.largest_move for result in results),
     )
+    return text if moved or not advice else f"{text} ({pgettext_rpt(advice)})"
 
 
 def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
@@ -139,8 +139,12 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
                 " wrong."
             )
         )
-    if parameters.mark_sharp and any(_hides_marks(obj.data) for obj in objects):
-        found.append(pgettext_rpt("Sharp marks show on smooth faces only; use Shade Smooth."))
+    hidden = sum(_hidden_marks(obj.data) for obj in objects) if parameters.mark_sharp else 0
+    if hidden:
+        text = pgettext_rpt(
+            "Edges marked as sharp: {count:,}; that shows on smooth faces only, use Shade Smooth."
+        )
+        found.append(text.format(count=hidden))
     for obj in objects if parameters.output == "MESH" else []:
         key = obj.active_shape_key
         if key is not None and key.value == 0.0 and not _shows_key(obj, key):
@@ -151,10 +155,10 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
     return " ".join(found)
 
 
-def _hides_marks(mesh: bpy.types.Mesh) -> bool:
-    # Whether it has edges that are marked as sharp, and is shaded flat.
-    flat = not data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
-    return flat and data.shading.has_marks(mesh)
+def _hidden_marks(mesh: bpy.types.Mesh) -> int:
+    # How many edges are marked as sharp, if it is shaded flat.
+    smooth = data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
+    return 0 if smooth else data.shading.count_marks(mesh)
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:

@@ -195,18 +195,19 @@ def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
     if "image" in names:
         column.prop_search(settings, "image", bpy.data, "images")
         if not settings.image:
-            _draw_shown_image(layout, context)
+            _draw_shown_image(layout, context, panel.mode(context))
 
 
-def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Say which image will be sharpened."""
+def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
+    """Say which image will be filtered."""
     if preview_operator.is_running() or not data.chosen.mesh_objects(context):
         return  # a preview lets materials show another image
     try:
         name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why
         return
-    layout.label(text=iface_("Will sharpen: {}").format(name), icon="IMAGE_DATA", translate=False)
+    text = iface_("Will denoise: {}" if mode.done == "Denoised" else "Will sharpen: {}")
+    layout.label(text=text.format(name), icon="IMAGE_DATA", translate=False)
 
 
 def _draw_choices(

@@ -122,6 +122,13 @@ def test_time_zero_changes_no_bit(noisy_cube):
     assert colors_of(cube).tobytes() == colors.tobytes()
 
 
+def test_a_run_that_moves_nothing_says_what_to_raise(noisy_cube, capfd):
+    noisy_cube()
+    denoise(time=0.0)
+    assert "moved 0, " in (said := capfd.readouterr().out)
+    assert "(for more noise raise Time or lower Keep Edges)" in said
+
+
 def test_sharpening_follows_with_linear_sampling(noisy_cube):
     from shock_filter import core
 

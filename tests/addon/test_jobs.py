@@ -217,7 +217,7 @@ def test_esc_answers_at_once_and_stops_the_thread(context):
 
     operator = Operator()
     operator.start(context, work)
-    job = operator._job
+    job = operator._wait.job
     assert operator.modal(context, ESC) == {"CANCELLED"}
     assert not job.done
     assert operator.reports == [({"INFO"}, "Cancelled; nothing was changed.")]
@@ -263,7 +263,7 @@ def test_the_status_bar_is_cleared_in_a_workspace_that_was_left(context):
 def test_a_window_that_closes_ends_its_run(context):
     operator = Operator()
     operator.start(context, waiting_work)
-    job = operator._job
+    job = operator._wait.job
     operator.cancel(context)  # so does Blender, then and before a file is loaded
     operator.cancel(context)
     job.wait()
@@ -280,6 +280,57 @@ def test_what_the_work_raises_reaches_finish(context):
     with pytest.raises(ZeroDivisionError):
         run_to_the_end(operator, context)
     assert jobs.current() is None
+
+
+def test_an_error_while_waiting_ends_the_run(context, monkeypatch):
+    def broken(wait, context):
+        raise ZeroDivisionError("a bug")
+
+    operator = Operator()
+    operator.start(context, waiting_work)
+    job = jobs.current()
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs._Wait, "show", broken)
+        with pytest.raises(ZeroDivisionError):  # Blender shows it, and ends the operator
+            operator.modal(context, TIMER)
+    assert jobs.current() is None
+    job.wait()
+    assert operator.modal(context, TIMER) == {"CANCELLED"}
+
+
+class Freed(Operator):
+    """Like an operator that Blender has freed, once it is."""
+
+    freed = False
+
+    def __getattribute__(self, name):
+        if object.__getattribute__(self, "__dict__").get("freed"):
+            raise ReferenceError("StructRNA of type SHOCK_FILTER_OT_x has been removed")
+        return object.__getattribute__(self, name)
+
+
+def test_an_operator_that_blender_has_freed_stands_in_nobodys_way(context):
+    freed = Freed()
+    freed.start(context, waiting_work)
+    job = jobs.current()
+    freed.freed = True
+    assert jobs.current() is None
+    again = Operator()
+    again.start(context, waiting_work)
+    job.wait()
+    assert len(context.window_manager.timers) == 1
+    again.modal(context, ESC)
+
+
+def test_stop_all_ends_the_run_of_an_operator_that_blender_has_freed(context):
+    freed = Freed()
+    freed.start(context, waiting_work)
+    job = jobs.current()
+    freed.freed = True
+    jobs.stop_all()
+    assert job.done
+    for function in context.blender.timers:
+        function()
 
 
 @pytest.mark.parametrize("kind", ["RENDER", "OBJECT_BAKE"])
@@ -307,7 +358,7 @@ def test_blender_knows_the_jobs_that_are_asked_for():
 def test_stop_all_ends_runs_and_their_threads(context):
     operator = Operator()
     operator.start(context, waiting_work)
-    job = operator._job
+    job = operator._wait.job
     jobs.stop_all()
     assert job.done
     assert operator.modal(context, TIMER) == {"CANCELLED"}

@@ -130,6 +130,18 @@ def test_pixels_that_stay_are_not_counted():
     assert "1,024 pixels, changed 0, largest change 0 " in operators.summaries["image"]
 
 
+def test_one_pixel_is_one():
+    add(pixels=np.full((1, 1, 4), 0.5, np.float32))
+    sharpen(image="Photo", time=0.0)
+    assert " 1 pixel, changed 0, " in operators.summaries["image"]
+
+
+def test_an_enlarged_image_whose_values_stay_is_not_changed():
+    add(pixels=np.full((16, 16, 4), 0.5, np.float32))
+    sharpen(image="Photo", enlarge=2)
+    assert " 1,024 pixels, changed 0, largest change 0" in operators.summaries["image"]
+
+
 def test_high_dynamic_range_is_kept():
     pixels = blend()
     pixels[..., :3] *= 20.0

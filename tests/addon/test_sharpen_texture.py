@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operators Sharpen Texture and Dilate Texture."""
+"""The operators Sharpen Texture, Dilate Texture and Denoise Texture."""
 
 import os
 from types import SimpleNamespace
@@ -18,6 +18,7 @@ from shock_filter.shock_addon.operators import textures as texture_operator
 
 sharpen = bpy.ops.shock_filter.sharpen_texture
 dilate = bpy.ops.shock_filter.dilate_texture
+denoise = bpy.ops.shock_filter.denoise_texture
 
 SIZE = 64
 
@@ -941,3 +942,83 @@ def test_a_mosaic_holds_its_tiles_and_places_their_faces():
     assert (x, y) == pytest.approx((column + 0.8, row + 0.8))
     row, column = mosaic.places[1021][:2]
     assert uv[1, 2] * (24, 24) == pytest.approx((column + 2.5, row + 2.7))
+
+
+# ------------------------------------------------------------------------------------- denoising
+
+
+def noisy(size=SIZE, center=0.5):
+    """A hard edge with noise, opaque."""
+    pixels = blend(size, center, width=0.005)
+    pixels[..., :3] += 0.06 * np.random.default_rng(0).normal(size=(size, size, 3))
+    return np.clip(pixels, 0.0, 1.0).astype(np.float32)
+
+
+def test_noise_falls_and_the_material_shows_the_result():
+    image = add_image(pixels=noisy())
+    sheet = add_sheet(material=add_material(image))
+    before = read(image)
+    assert denoise() == {"FINISHED"}
+    assert node_images(sheet) == ["Wood denoised"]
+    after = read(bpy.data.images["Wood denoised"])
+    flat = np.s_[:, :24, :3]
+    assert after[flat].std(axis=(0, 1)).max() < 0.35 * before[flat].std(axis=(0, 1)).min()
+    assert abs(after[:, :30, 0].mean() - after[:, 34:, 0].mean()) > 0.7  # the edge is there
+    np.testing.assert_array_equal(after[..., 3], before[..., 3])
+    np.testing.assert_array_equal(read(image), before)
+    assert operators.summaries["denoise_texture"].startswith(
+        "Denoised the texture Wood on 1 object"
+    )
+
+
+def test_noise_falls_across_a_seam():
+    """Cut into two charts, the surface gets the same colors as in one piece."""
+    whole = noisy(center=0.25)
+    cut = np.zeros_like(whole)
+    cut[:, :24], cut[:, 40:] = whole[:, :24], whole[:, 24:48]
+    uncut = add_sheet("Uncut", add_material(add_image("Whole", whole)), right=0.75)
+    denoise(seams="continue")
+    expected = read(bpy.data.images["Whole denoised"])
+    bpy.data.objects.remove(uncut)
+    add_sheet("Cut", add_material(add_image("Cut", cut)), gap=0.25)
+    denoise(seams="continue", assign=False)
+    both = read(bpy.data.images["Cut denoised"])
+    assert abs(both[:, :24] - expected[:, :24]).max() < 1.5 / 255
+    assert abs(both[:, 40:] - expected[:, 24:48]).max() < 1.5 / 255
+    bpy.ops.shock_filter.denoise_image(image="Cut", output="NEW")
+    flat = read(bpy.data.images["Cut denoised.001"])
+    assert abs(flat[:, :24] - expected[:, :24]).max() > 4 / 255
+
+
+def test_denoising_and_sharpening_in_one_run():
+    image = add_image(pixels=noisy())
+    add_sheet("Cut", add_material(image), gap=0.25)
+    assert denoise(assign=False, seams="extend", then_sharpen=True, sharpen_time=16.0) == {
+        "FINISHED"
+    }
+    assert operators.summaries["denoise_texture"].startswith("Denoised and sharpened the texture")
+
+
+def test_denoised_normals_are_unit_length():
+    pixels = np.ones((64, 64, 4), dtype=np.float32)
+    tangent = 0.05 * np.random.default_rng(0).normal(size=(64, 64, 2))
+    pixels[..., :2] = 0.5 + tangent
+    pixels[..., 2] = 0.5 + np.sqrt(0.25 - (tangent**2).sum(axis=-1))
+    image = add_image("Bumps", pixels, float_buffer=True, is_data=True)
+    add_sheet(material=add_material(image))
+    denoise(content="normals", assign=False)
+    after = read(bpy.data.images["Bumps denoised"])
+    lengths = np.linalg.norm(2.0 * after[..., :3] - 1.0, axis=-1)
+    np.testing.assert_allclose(lengths, 1.0, atol=1e-4)
+    assert after[..., :2].std() < 0.35 * tangent.std()
+
+
+def test_denoising_for_no_time_changes_no_bit_and_a_bare_mesh_is_refused():
+    image = add_image(pixels=noisy())
+    sheet = add_sheet(material=add_material(image))
+    denoise(time=0.0, assign=False)
+    made = bpy.data.images.get("Wood denoised") or image
+    np.testing.assert_array_equal(read(made), read(image))
+    sheet.data.uv_layers.remove(sheet.data.uv_layers[0])
+    with pytest.raises(RuntimeError, match="no UV map"):
+        denoise()

@@ -152,6 +152,21 @@ def test_kernels_on_textures_ask(silent, settings):
     assert silent(work) <= SHORT
 
 
+@pytest.mark.parametrize("settings", [{}, {"distance": "euclidean"}, {"content": "normals"}])
+def test_kernels_that_denoise_textures_ask(silent, settings):
+    vertices, faces = grid(40, 40)
+    uv = 0.1 + 0.02 * vertices[faces][..., :2]
+    image = 0.5 + 0.1 * np.random.default_rng(0).normal(size=(300, 300, 3))
+    weights = np.full((300, 300), 0.5)
+
+    def work(ask):
+        mesh = core.TriangleMesh(vertices, faces, ask)
+        chosen = core.BeltramiTextureSettings(**settings)
+        core.beltrami_texture(mesh, uv, image, chosen, weights, ask)
+
+    assert silent(work) <= SHORT
+
+
 @pytest.mark.parametrize("scheme", ["fixed", "naive", "composed"])
 def test_kernels_on_images_ask(silent, scheme):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)

@@ -10,7 +10,16 @@ from shock_filter.core.filters.beltrami import meshes as meshes_module
 from shock_filter.core.filters.beltrami import normals as normals_module
 from shock_filter.core.filters.beltrami.normals import noise_of_normals
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass, smooth_vertices
-from shock_filter.core.mesh.geodesics import ALL, face_stencils, march, new_front, stencils
+from shock_filter.core.mesh.geodesics import (
+    ALL,
+    face_stencils,
+    face_steps,
+    march,
+    new_front,
+    new_search,
+    search,
+    stencils,
+)
 
 
 def noisy(vertices, faces, amount, seed=0, passes=0):
@@ -157,21 +166,71 @@ def test_the_march_stops_at_its_limit():
     assert 20 < np.isfinite(near).sum() < 100
 
 
+def face_distances(mesh, points, source):
+    """Exact distances from centre to centre, over edges."""
+    a, b = mesh.twins.reshape(-1) // 3, np.repeat(np.arange(mesh.face_count), 3)
+    lengths = np.linalg.norm(points[a] - points[b], axis=1)
+    whole = csr_matrix((lengths, (a, b)), shape=(mesh.face_count, mesh.face_count))
+    return dijkstra(whole, indices=source)
+
+
 def test_a_front_is_used_again_from_march_to_march():
     mesh = core.TriangleMesh(*icosphere(3))
-    graph = face_stencils(mesh, mesh.scaled_vertices[mesh.faces].mean(axis=1))
-    a, b = mesh.twins.reshape(-1) // 3, np.repeat(np.arange(mesh.face_count), 3)
     centres = mesh.scaled_vertices[mesh.faces].mean(axis=1)
-    lengths = np.linalg.norm(centres[a] - centres[b], axis=1)
-    whole = csr_matrix((lengths, (a, b)), shape=(mesh.face_count, mesh.face_count))
+    graph = face_stencils(mesh, centres)
     front = new_front(mesh.face_count)
     for turn, source in enumerate((7, 1000, 7, 300), start=1):
         count = march(source, turn, 5.0, ALL, graph, front)
         reached, squares = front.reached[:count], front.squares
-        exact = dijkstra(whole, indices=source)
+        exact = face_distances(mesh, centres, source)
         assert set(reached) == set(np.flatnonzero(exact <= 5.0))
         assert np.allclose(np.sqrt(squares[reached]), exact[reached], rtol=1e-6)
         assert (np.diff(squares[reached]) >= 0).all()
+
+
+@pytest.mark.parametrize("limit", [4.0, 30.0])
+def test_searches_find_the_shortest_ways_over_rough_faces(limit):
+    mesh = core.TriangleMesh(*icosphere(3))
+    centres = mesh.scaled_vertices[mesh.faces].mean(axis=1)
+    rough = np.random.default_rng(0).normal(size=centres.shape)
+    steps = face_steps(mesh, centres, rough, 0.5)
+    reached, left = new_search(mesh.face_count)
+    points = np.concatenate([centres, 0.5 * rough], axis=1)
+    repeated = False
+    for source in (7, 1000, 7):
+        count = search(source, limit, ALL, *steps, reached, left)
+        exact = face_distances(mesh, points, source)
+        assert set(reached[:count]) == set(np.flatnonzero(exact < limit))
+        assert np.allclose(limit - left, np.minimum(exact, limit), atol=1e-5)
+        repeated |= count > len(set(reached[:count]))
+        left[reached[:count]] = 0.0
+        assert (left == 0).all()
+    assert repeated or limit < 5  # shorter ways come later, far away
+    assert search(7, limit, 5, *steps, reached, left) == 5
+
+
+def test_faces_are_averaged_as_on_a_graph_of_them():
+    mesh = noisy(*cube(6), 0.2)
+    centres = mesh.scaled_vertices[mesh.faces].mean(axis=1)
+    settings = core.BeltramiGeometrySettings(time=2.0)
+    found = mesh_smoothing.smooth_faces(mesh, centres, mesh.normals, 3.0, mesh.normals, settings)
+    embedding = np.concatenate([centres, 3.0 * mesh.normals], axis=1)
+    graph = face_stencils(mesh, embedding)
+    means = mesh_smoothing.smooth_graph(
+        graph, embedding, mesh.areas, mesh.normals, settings, mesh.has_hubs
+    )
+    expected = means / np.linalg.norm(means, axis=1, keepdims=True)
+    assert np.allclose(found, expected, atol=1e-4)
+    assert abs(found - mesh.normals).max() > 0.1
+
+
+def test_weights_decay_as_the_exponential_does():
+    x = np.array([0.0, -1e-3, -0.5, -2.0, -5.0])
+    found = np.array([mesh_smoothing.decay(value) for value in x])
+    assert found[0] == 1.0
+    assert np.allclose(found, np.exp(x), rtol=2e-4)
+    for far in (-40.0, -1e3, -np.inf):
+        assert 0 <= mesh_smoothing.decay(far) < 1e-12
 
 
 def test_corners_that_are_not_split_are_counted(caplog):
@@ -427,7 +486,8 @@ def test_faint_relief_on_a_clean_mesh_stays():
 def test_noise_of_scans_is_told_from_white_noise():
     for mesh in (core.TriangleMesh(*cube(20)), core.TriangleMesh(*icosphere(4))):
         assert not noise_of_normals(mesh).of_scan
-    assert not noise_of_normals(noisy(*cube(20), 0.15)).of_scan
+    for amount in (0.15, 0.5, 0.7, 1.0):
+        assert not noise_of_normals(noisy(*cube(20), amount)).of_scan, amount
     scan = noise_of_normals(noisy(*cube(20), 0.15, passes=1))
     assert scan.of_scan and scan.calm == 1
 
@@ -459,6 +519,19 @@ def test_relief_of_scans_stays():
     after = clean.moved_to(core.denoise_geometry(scan))
     before = angles(scan.normals, clean.normals).mean()
     assert angles(after.normals, clean.normals).mean() < 0.6 * before
+
+
+def test_spikes_on_relief_are_levelled_and_folds_stay():
+    vertices, faces = grid(12, 12)
+    vertices[:, 2] = 2 * abs(vertices[:, 0] - 6)  # a fold of 53 degrees
+    mesh = core.TriangleMesh(vertices, faces)
+    assert np.array_equal(normals_module._without_spikes(mesh, mesh.normals), mesh.normals)
+    rough = mesh.normals.copy()
+    spike = 101
+    rough[spike] *= -1.0
+    level = normals_module._without_spikes(mesh, rough)
+    assert np.allclose(level[spike], mesh.normals[spike], atol=0.2)
+    assert np.array_equal(np.delete(level, spike, 0), np.delete(mesh.normals, spike, 0))
 
 
 def test_settings_count_for_scans_too():

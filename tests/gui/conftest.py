@@ -163,6 +163,7 @@ def _play(blender, work: Path, name: str, limit: float = LIMIT) -> dict:
     path = work / name / "report.json"
     report = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     report.update(code=done.returncode, output=done.stdout)
+    report["said"] = f"{report.get('traceback')}\nBlender's output:\n{done.stdout}"
     return report
 
 

@@ -11,7 +11,7 @@ def report(play):
 
 def test_scenario_ran_to_its_end(report):
     assert report["code"] == 0, report["output"]
-    assert report.get("ended"), report.get("traceback")
+    assert report.get("ended"), report["said"]
     assert "Traceback" not in report["output"]
 
 

@@ -32,7 +32,7 @@ def report(preparing):
 def test_scenario_ran_to_its_end(preparing, name):
     report = preparing[name]
     assert report["code"] == 0, report["output"]
-    assert report.get("ended"), report.get("traceback")
+    assert report.get("ended"), report["said"]
     assert "Traceback" not in report["output"]
 
 
@@ -66,7 +66,7 @@ def test_the_first_press_compiles_nothing(report, operator, capsys):
 def test_once_prepared_it_is_so_in_the_next_session(play, capsys):
     report = play("prepared")
     assert report["code"] == 0, report["output"]
-    assert report.get("ended"), report.get("traceback")
+    assert report.get("ended"), report["said"]
     assert report["fraction"] is None
     for operator in OPERATORS:
         with capsys.disabled():

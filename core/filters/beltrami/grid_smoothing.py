@@ -93,12 +93,18 @@ def area_rows(start, stop, guide, spacing, areas):
             right = x if np.isnan(guide[y, right, 0]) else right
             rows = np.float32(max(down - up, 1))
             columns = np.float32(max(right - left, 1))
-            g_yy = np.float64(spacing)  # squares of squares leave float32
-            g_xx = np.float64(spacing)
+            g_yy = max(np.float64(spacing), 0.0)  # squares of squares leave float32
+            g_xx = g_yy
             g_xy = 0.0
-            for c in range(guide.shape[2]):
+            count = guide.shape[2]
+            if spacing < 0:
+                count -= 1
+            for c in range(count):
                 slope_y = (guide[down, x, c] - guide[up, x, c]) / rows
                 slope_x = (guide[y, right, c] - guide[y, left, c]) / columns
+                if spacing < 0 and c >= count - 3:
+                    slope_y *= guide[y, x, count]
+                    slope_x *= guide[y, x, count]
                 g_yy += slope_y * slope_y
                 g_xx += slope_x * slope_x
                 g_xy += slope_x * slope_y
@@ -146,7 +152,7 @@ def smooth_rows(
     signal, guide, areas
         As in `smooth_grid`. The guide is NaN where there is nothing.
     spacing : float32
-        1 if the pixel's x and y are further coordinates, 0 if not.
+        See `chord`.
     limit, rate : float32
         Squared distance beyond which weights are 0, and the one by which they fall: exp(-rate d^2).
     half_window : int

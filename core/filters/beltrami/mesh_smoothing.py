@@ -8,8 +8,20 @@ import math
 import numpy as np
 
 from ...base.parallel import chunk_size, kernel, run
-from ...mesh.geodesics import ALL, Stencils, march, new_front, squared_distance
-from ...mesh.triangle_mesh import HUB, Floats
+from ...base.progress import aside, phase
+from ...mesh.calculus import make_unit
+from ...mesh.geodesics import (
+    ALL,
+    Stencils,
+    face_stencils,
+    face_steps,
+    march,
+    new_front,
+    new_search,
+    search,
+    squared_distance,
+)
+from ...mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ...settings import BeltramiMeshSettings
 
 _MOST_AROUND = 4.0
@@ -51,13 +63,7 @@ def smooth_graph(
     (n, d) float64
     """
     count = len(mass)
-    limit = math.sqrt(-4.0 * settings.time * math.log(settings.threshold))
-    around = min(2.0 * math.pi * limit**2 + 1.0, count)
-    most = ALL
-    if has_hubs:
-        most = int(max(_MOST_AROUND * around, HUB))
-        around = 2 * most  # at a hub, as many are looked at
-    chunk = min(max(int(_REACHED / around), 1), chunk_size(count))
+    limit, most, chunk = _extent(settings, count, has_hubs)
     out = np.empty_like(values)
     if settings.distance == "geodesic":
         run(_geodesic_means, count, settings.time, limit, most, graph, mass, values, out,
@@ -66,6 +72,88 @@ def smooth_graph(
         run(_euclidean_means, count, settings.time, limit, most, graph, embedding, mass, values,
             out, chunk=chunk)  # fmt: skip
     return out
+
+
+def smooth_faces(
+    mesh: TriangleMesh,
+    centres: Floats,
+    guide: Floats,
+    beta: float,
+    normals: Floats,
+    settings: BeltramiMeshSettings,
+) -> Floats:
+    """Apply the kernel once to the normals of the faces, which lie at (centres, beta guide).
+
+    As `smooth_graph` on `face_stencils`, but faster where distances are geodesic. The result is
+    made of unit vectors, (m, 3).
+    """
+    count = mesh.face_count
+    if settings.distance == "geodesic":
+        limit, most, chunk = _extent(settings, count, mesh.has_hubs)
+        with aside("Denoising"):
+            steps = face_steps(mesh, centres, guide, beta)
+        out = np.empty_like(normals)
+        run(_face_means, count, settings.time, limit, most, *steps, mesh.areas, normals,
+            out, chunk=chunk)  # fmt: skip
+        return out
+    embedding = np.concatenate([centres, beta * guide], axis=1)
+    with aside("Denoising"):
+        graph = face_stencils(mesh, embedding)
+    out = smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
+    with phase(1.0, 1.0, "Denoising"):
+        run(_make_unit, count, out)
+    return out
+
+
+def _extent(settings: BeltramiMeshSettings, count: int, has_hubs: bool) -> tuple[float, int, int]:
+    # How far the kernel reaches, how many it reaches at most, and how many marches make a chunk.
+    limit = math.sqrt(-4.0 * settings.time * math.log(settings.threshold))
+    around = min(2.0 * math.pi * limit**2 + 1.0, count)
+    most = ALL
+    if has_hubs:
+        most = int(max(_MOST_AROUND * around, HUB))
+        around = 2 * most  # at a hub, as many are looked at
+    return limit, most, min(max(int(_REACHED / around), 1), chunk_size(count))
+
+
+@kernel
+def decay(x):
+    """Compute exp(x) for x <= 0, to a ten-thousandth where it matters, faster than exp."""
+    y = max(x / 64.0, -1.0)
+    y = 1.0 + y * (1.0 + y * (0.5 + y / 6.0))
+    for _ in range(6):
+        y *= y
+    return y
+
+
+@kernel
+def _make_unit(start, stop, vectors):
+    for f in range(start, stop):
+        make_unit(vectors[f])
+
+
+@kernel
+def _face_means(start, stop, time, limit, most, targets, lengths, areas, normals, out):
+    reached, left = new_search(areas.shape[0])
+    limit = max(np.float32(limit), np.float32(1e-30))  # a face is always near itself
+    rate = -0.25 / time
+    for f in range(start, stop):
+        out[f] = normals[f]
+        if areas[f] == 0:
+            continue
+        count = search(f, limit, most, targets, lengths, reached, left)
+        x = y = z = 0.0
+        for i in range(count):
+            g = reached[i]
+            if left[g] > 0:  # or it was counted before
+                away = float(limit - left[g])
+                left[g] = 0.0
+                weight = areas[g] * decay(rate * away * away)
+                x += weight * normals[g, 0]
+                y += weight * normals[g, 1]
+                z += weight * normals[g, 2]
+        out[f, 0], out[f, 1], out[f, 2] = x, y, z
+        make_unit(out[f])
 
 
 @kernel

@@ -10,11 +10,10 @@ import numpy as np
 from ...base.parallel import kernel, run
 from ...base.progress import aside, ask, phase
 from ...mesh.calculus import average_to_faces, make_unit
-from ...mesh.geodesics import face_stencils
 from ...mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ...settings import BeltramiGeometrySettings
 from ..creases import consistent_normals
-from .mesh_smoothing import smooth_graph
+from .mesh_smoothing import decay, smooth_faces
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
 """Bounds of what the normals of neighbouring faces differ by for noise."""
@@ -36,6 +35,12 @@ _SPREAD = 0.25
 _LOOSE, _STRICT = 4.0, 0.5
 """On relief, so many times that: in the first steps, and in those that follow."""
 
+_SPIKE, _UNLIKE = 0.3, 0.5
+"""A face on relief is a spike if those that are about _UNLIKE from it make up less than _SPIKE."""
+
+_SPIKE_PASSES = 2
+"""How often spikes are levelled, which may be some faces wide."""
+
 _BETA = 0.9
 """The `beta` that these are for."""
 
@@ -44,8 +49,10 @@ _BETA = 0.9
 # differences over one ring and over two is below _CLEAN, or lower where there is little relief.
 # What smoothing leaves of the differences: much of relief, little of noise; and after one pass less
 # of white noise, which differs from vertex to vertex, than of that of scans. Where most of what is
-# left lies in few creases, the surface is calm between them.
+# left lies in few creases, the surface is calm between them. Squared differences over two rings
+# above _WILD are no scanner's; and smoothing leaves more of them than of lesser noise.
 _SHARE, _CLEAN, _LOWER = 0.5, 0.45, 0.8
+_WILD = 0.4
 _LEFT = 0.39, 0.32
 _WHITE = 0.185
 _CREASED = 0.081, 0.075
@@ -86,7 +93,7 @@ def noise_of_normals(mesh: TriangleMesh) -> Noise:
     quartile, typical = np.quantile(steps, (0.25, 0.5))
     size = min(max(float(quartile), LEAST_NOISE), MOST_NOISE)
     rings = _over_rings(mesh, mesh.normals)
-    if not _has_noise(rings):
+    if not _may_be_scan(rings):
         return Noise(size)
     smooth = _means(mesh, mesh.normals, 3, 2.0 * _SPREAD)
     few, many = np.quantile(_steps_of(mesh, smooth), (0.2, 0.95))
@@ -101,13 +108,13 @@ def noise_of_normals(mesh: TriangleMesh) -> Noise:
     return Noise(size, True, max(calm, creased))
 
 
-def _has_noise(rings: Floats) -> bool:
+def _may_be_scan(rings: Floats) -> bool:
     # Squared differences over k rings are those of the noise, which are all there from the bumps'
     # width on, plus k^2 times those of the bending surface.
     one, two, six = rings
     bend = max((six - two) / (_RINGS[2] ** 2 - _RINGS[1] ** 2), 0.0)
     noise = two - _RINGS[1] ** 2 * bend
-    if not noise > _SHARE * two:
+    if not noise > _SHARE * two or two > _WILD:
         return False
     return bool((one - bend) / noise + _LOWER * (noise / two - 0.75) > _CLEAN)
 
@@ -143,20 +150,15 @@ def smoothed_normals(
     """Smooth the normals of the faces, `noise` being what `noise_of_normals` says: (m, 3)."""
     if noise.of_scan:
         return _smoothed_scan(mesh, settings, noise)
-    embedding = np.empty((mesh.face_count, 6))
     with aside("Denoising"):
-        embedding[:, :3] = average_to_faces(mesh, mesh.scaled_vertices)
-    normals = mesh.normals
+        centres = average_to_faces(mesh, mesh.scaled_vertices)
+    normals, beta = mesh.normals, settings.beta / noise.size
     for turn in range(settings.iterations):
         with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
             with aside("Denoising"):
                 guide = _means(mesh, normals, settings.mollify_passes, MOLLIFIED * noise.size)
-                np.multiply(guide, settings.beta / noise.size, out=embedding[:, 3:])
-                ask()
-                graph = face_stencils(mesh, embedding)
-            normals = smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
-            with phase(1.0, 1.0, "Denoising"):
-                run(_make_unit, mesh.face_count, normals)
+            ask()
+            normals = smooth_faces(mesh, centres, guide, beta, normals, settings)
     return normals
 
 
@@ -182,11 +184,22 @@ def _smoothed_relief(
     mesh: TriangleMesh, settings: BeltramiGeometrySettings, spread: float
 ) -> Floats:
     # What is left after the first steps is smoothed where it bends little.
-    passes = max(round(2 * settings.time), 1)
-    with phase(0.0, 0.3, "Denoising"):
-        normals = _means(mesh, mesh.normals, passes, _LOOSE * spread)
+    # Spikes would hold out against it: few normals around are like theirs.
+    passes, normals = max(round(2 * settings.time), 1), mesh.normals
+    with phase(0.0, 0.1, "Denoising"):
+        for _ in range(_SPIKE_PASSES):
+            normals = _without_spikes(mesh, normals)
+    with phase(0.1, 0.3, "Denoising"):
+        normals = _means(mesh, normals, passes, _LOOSE * spread)
     with phase(0.3, 1.0, "Denoising"):
         return _means(mesh, normals, passes * settings.iterations, _STRICT * spread)
+
+
+def _without_spikes(mesh: TriangleMesh, normals: Floats) -> Floats:
+    level, (start, corners) = np.empty_like(normals), mesh.corners
+    run(_level_spikes, mesh.face_count, mesh.faces, start, corners.view(np.uint32), mesh.areas,
+        normals, level)  # fmt: skip
+    return level
 
 
 def _means(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> Floats:
@@ -196,9 +209,9 @@ def _means(mesh: TriangleMesh, normals: Floats, passes: int, spread: float) -> F
 
 
 def _mean(mesh: TriangleMesh, normals: Floats, guide: Floats, spread: float) -> Floats:
-    smooth = np.empty_like(normals)
-    run(_average, mesh.face_count, mesh.faces, *mesh.corners, mesh.areas, normals, guide, spread,
-        smooth)  # fmt: skip
+    smooth, (start, corners) = np.empty_like(normals), mesh.corners
+    run(_average, mesh.face_count, mesh.faces, start, corners.view(np.uint32), mesh.areas, normals,
+        guide, spread, smooth)  # fmt: skip
     return smooth
 
 
@@ -207,6 +220,7 @@ def _differences(start, stop, faces, corner_start, corners, areas, normals, seed
     # Around each seed, the median squared difference of its normal to those some rings away, a ring
     # being all faces that share a vertex with the last; NaN where there are none.
     seen = np.full(faces.shape[0], -1, np.int32)
+    passed = np.full(corner_start.shape[0], -1, np.int32)
     queue = np.empty(_MOST_AROUND, np.int32)
     squares = np.empty(_MOST_AROUND)
     for s in range(start, stop):
@@ -222,6 +236,9 @@ def _differences(start, stop, faces, corner_start, corners, areas, normals, seed
             for i in range(first, end):
                 for k in range(3):
                     v = faces[queue[i], k]
+                    if passed[v] == s:
+                        continue
+                    passed[v] = s
                     stride = 1 + (corner_start[v + 1] - corner_start[v] - 1) // HUB
                     for j in range(corner_start[v], corner_start[v + 1], stride):
                         g = corners[j] // 3
@@ -260,31 +277,53 @@ def _normal_steps(start, stop, twins, areas, normals, steps):
 
 
 @kernel
-def _make_unit(start, stop, vectors):
-    for f in range(start, stop):
-        make_unit(vectors[f])
-
-
-@kernel
 def _average(start, stop, faces, corner_start, corners, areas, normals, guide, spread, out):
     # Means over the faces that share a vertex, those of similar guides; all for zero-area faces.
-    # At a hub some stand for all.
+    # At a hub some stand for all. Corners are unsigned, which makes dividing them faster.
     rate = -0.5 / (spread * spread)
     for f in range(start, stop):
         gx, gy, gz = guide[f, 0], guide[f, 1], guide[f, 2]
         x = y = z = 0.0
+        like = rate if areas[f] > 0 else 0.0
         for k in range(3):
             v = faces[f, k]
             count = corner_start[v + 1] - corner_start[v]
             stride = 1 if count <= HUB else 1 + count // HUB
             for i in range(corner_start[v], corner_start[v + 1], stride):
-                g = corners[i] // 3
-                weight = stride * areas[g]
-                if areas[f] > 0:
-                    dx, dy, dz = guide[g, 0] - gx, guide[g, 1] - gy, guide[g, 2] - gz
-                    weight *= np.exp(rate * (dx * dx + dy * dy + dz * dz))
+                g = corners[i] // np.uint32(3)
+                dx, dy, dz = guide[g, 0] - gx, guide[g, 1] - gy, guide[g, 2] - gz
+                weight = stride * areas[g] * decay(like * (dx * dx + dy * dy + dz * dz))
                 x += weight * normals[g, 0]
                 y += weight * normals[g, 1]
                 z += weight * normals[g, 2]
         out[f, 0], out[f, 1], out[f, 2] = x, y, z
         make_unit(out[f])
+
+
+@kernel
+def _level_spikes(start, stop, faces, corner_start, corners, areas, normals, out):
+    # The mean of the faces that share a vertex, where too few of them are alike. At a hub some
+    # stand for all.
+    rate = -0.5 / (_UNLIKE * _UNLIKE)
+    for f in range(start, stop):
+        out[f] = normals[f]
+        x = y = z = alike = total = 0.0
+        for k in range(3):
+            v = faces[f, k]
+            count = corner_start[v + 1] - corner_start[v]
+            stride = 1 if count <= HUB else 1 + count // HUB
+            for i in range(corner_start[v], corner_start[v + 1], stride):
+                g = corners[i] // np.uint32(3)
+                if g == f:
+                    continue
+                dx, dy, dz = normals[g, 0], normals[g, 1], normals[g, 2]
+                square = (dx - normals[f, 0]) ** 2
+                square += (dy - normals[f, 1]) ** 2 + (dz - normals[f, 2]) ** 2
+                total += areas[g]
+                alike += areas[g] * decay(rate * square)
+                x += areas[g] * dx
+                y += areas[g] * dy
+                z += areas[g] * dz
+        length = np.sqrt(x * x + y * y + z * z)
+        if areas[f] > 0 and alike < _SPIKE * total and length > 1e-12 * total:
+            out[f, 0], out[f, 1], out[f, 2] = x / length, y / length, z / length

@@ -11,16 +11,16 @@ import numpy.typing as npt
 
 from ...atlas import TextureAtlas
 from ...atlas.ghosts import turn_direction
-from ...atlas.patches import cut_tiles, lay_patch, next_chart, surface_of, texels_within
+from ...atlas.patches import cut_tiles, lay_patch, next_chart, stretch_around, surface_of
 from ...base.parallel import kernel, run
-from ...grid.geodesics import MOST_SPLITS
+from ...grid.geodesics import MEASURED, MOST_SPLITS
 from ...settings import BeltramiTextureSettings
 from .grid_smoothing import FASTEST, REACHED, area_rows, bilateral_rows, smooth_rows
 
 log = logging.getLogger(__name__)
 
 _TIMES = 3.0
-"""How many times more texels than on average a kernel reaches where texels are small."""
+"""How many times more texels than in squares a kernel reaches where they are stretched, at most."""
 
 _TILE = 64
 """Most texels along a tile; tiles are small where kernels are large, so that cancelling is fast."""
@@ -88,7 +88,7 @@ def _smooth_tiles(
     for tile in range(start, stop):
         chart = next_chart(surface, tiles, tile, skipped, -1, box)
         while chart >= 0:
-            reach = int(np.ceil(texels_within(surface, tiles, chart, box, radius)))
+            reach = int(np.ceil(radius * stretch_around(surface, tiles, chart, box) - 1e-6))
             window = half_window
             if reach > tiles.reach:
                 reach = tiles.reach
@@ -98,10 +98,9 @@ def _smooth_tiles(
             patch = lay_patch(surface, tiles, tile, chart, box, reach, normals)
             signal, guide = _values_on(patch, values, alpha, normals, beta)
             height, width = patch.nodes.shape
-            areas = patch.areas
+            areas = np.ones((height, width), np.float32)
             if by_surface:
-                areas = np.empty((height, width), np.float32)
-                area_rows(0, height, guide, np.float32(0.0), areas)
+                area_rows(0, height, guide, MEASURED, areas)
             rows = np.empty((height, 2), np.int64)
             wanted = np.zeros((height, width), np.bool_)
             for i in range(height):
@@ -113,10 +112,10 @@ def _smooth_tiles(
             means = np.empty_like(signal)
             unfinished = np.zeros(height, np.int64)
             if geodesic:
-                smooth_rows(reach, height - reach, signal, guide, np.float32(0.0), areas, limit,
+                smooth_rows(reach, height - reach, signal, guide, MEASURED, areas, limit,
                             rate, window, rows, unfinished, wanted, means)  # fmt: skip
             else:
-                bilateral_rows(reach, height - reach, signal, guide, np.float32(0.0), areas, limit,
+                bilateral_rows(reach, height - reach, signal, guide, MEASURED, areas, limit,
                                rate, window, rows, unfinished, wanted, means)  # fmt: skip
             unsplit[tile] += unfinished.sum()
             _write_means(patch.nodes, wanted, means, values, alpha, out)
@@ -133,13 +132,13 @@ def _is_wanted(surface, skipped, chart, box, reach, i, j):
 @kernel
 def _values_on(patch, values, alpha, normals, beta):
     # What is averaged, colors as much as they are opaque, and where distances are measured: in
-    # these colors and in space.
+    # these colors, and in space in texels.
     height, width = patch.nodes.shape
     channels = values.shape[2]
     colors = alpha if alpha >= 0 else channels
     flat = values.reshape(-1, channels)
     signal = np.zeros((height, width, channels), np.float32)
-    guide = np.full((height, width, colors + 3), np.nan, np.float32)
+    guide = np.full((height, width, colors + 4), np.nan, np.float32)
     for i in range(height):
         for j in range(width):
             node = patch.nodes[i, j]
@@ -153,7 +152,8 @@ def _values_on(patch, values, alpha, normals, beta):
                 color[:colors] *= color[alpha]
             for c in range(colors):
                 guide[i, j, c] = min(max(beta * color[c], -_FARTHEST), _FARTHEST)
-            guide[i, j, colors:] = patch.points[i, j]
+            guide[i, j, colors : colors + 3] = patch.points[i, j]
+            guide[i, j, colors + 3] = np.float32(1.0) / patch.sizes[i, j]
     return signal, guide
 
 

@@ -42,7 +42,6 @@ def beltrami_texture(
     image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
         Row 0 is at v = 0. Whole numbers are scaled to [0, 1]; floats may go beyond.
     settings : BeltramiTextureSettings, optional
-        Lengths are in mean texel sizes on the surface.
     mask : (h, w) array of float in [0, 1], optional
         1 smooths fully, less mixes with the input, 0 keeps it bit for bit. It acts inside the
         charts.
@@ -73,10 +72,12 @@ def beltrami_texture(
     Notes
     -----
     Paper C, equations 20 to 23, as in `beltrami_image`, on the texels of paper B, section 3.
-    Distances are those of the paper's images painted on manifolds: between texels in space, with
-    colors as further coordinates. Where a chart ends, its texels go on beyond the seam
-    (`core.atlas.patches`), each with the value of the texel nearest there. Where texels are
-    small, kernels reach at most three times as many as on average.
+    Distances are those of the paper's images painted on manifolds, between texels in space with
+    colors as further coordinates, but for their unit: lengths in space are in texels of the place
+    where they are, as noise is as wide as those. So stretched texels count as they are shaped, and
+    small ones as much as large ones. Where a chart ends, its texels go on beyond the seam
+    (`core.atlas.patches`), each with the value of the texel nearest there. Across stretched texels
+    kernels reach at most three times as many as in squares.
 
     Examples
     --------

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Denoising on a patch, which previews show, beside that of the whole mesh."""
+
+import numpy as np
+import pytest
+from shapes import grid
+from shock_filter import core
+from shock_filter.core.host.geometry import filter_shape
+from shock_filter.core.host.inputs import Denoising, MirroredSurface
+from shock_filter.core.host.patch import patch_around, whole_surface
+from shock_filter.core.mesh.calculus import smooth_vertices
+
+NAME, CELLS = "denoise_geometry", 40
+
+
+def sheets(passes):
+    """Two noisy sheets, the first with shorter edges; passes of smoothing widen the bumps."""
+    points, triangles = [], []
+    for number, edge in enumerate((1.0, 2.0)):
+        vertices, faces = grid(CELLS, CELLS, 0.2)
+        bumps = np.random.default_rng(number).normal(size=(len(vertices), 1))
+        bumps = smooth_vertices(core.TriangleMesh(vertices, faces), bumps, passes)
+        vertices[:, 2] = 0.15 * bumps[:, 0] / bumps.std()
+        triangles.append(faces + len(vertices) * number)
+        points.append(edge * vertices + [100.0 * number, 0, 0])
+    return MirroredSurface(
+        positions=np.concatenate(points).astype(np.float32),
+        triangles=np.concatenate(triangles).astype(np.int32),
+        mask=None,
+        to_world=np.identity(3),
+        mirror=(False, False, False),
+        planes=(),
+    )
+
+
+def first_sheet(whole):
+    size = (CELLS + 1) ** 2
+    return patch_around(whole, size // 2, size), size
+
+
+@pytest.mark.parametrize("passes", [0, 1])
+def test_a_patch_with_shorter_edges_shows_what_the_whole_gets(passes):
+    whole = sheets(passes)
+    patch, size = first_sheet(whole)
+    assert patch.lengths == pytest.approx(1.5, rel=0.05)
+    settings = Denoising(core.BeltramiGeometrySettings(time=0.8), None)
+    wanted = filter_shape(whole, NAME, settings, True).positions
+    seen = patch.whole(filter_shape(patch.surface, NAME, patch.settings(settings), True)).positions
+    change = np.abs(wanted - whole.positions)[:size].mean()
+    assert np.abs(seen - wanted)[:size].mean() < 0.2 * change
+    assert np.array_equal(seen[size:], whole.positions[size:])
+
+
+def test_steps_on_scans_have_no_length():
+    settings = core.BeltramiGeometrySettings(time=0.8)
+    scan, _ = first_sheet(sheets(1))
+    found = scan.settings(settings)
+    assert (found.time, found.beta) == (settings.time, settings.beta)
+    assert found.screening_radius > settings.screening_radius
+    positions = core.BeltramiGeometrySettings(time=0.8, filtered="positions")
+    for patch, given in ((first_sheet(sheets(0))[0], settings), (scan, positions)):
+        assert patch.settings(given).time == pytest.approx(0.8 * patch.lengths**2)
+        assert patch.settings(given).beta == pytest.approx(0.9 * patch.lengths)
+    assert whole_surface(sheets(1)).settings(settings) == settings
