@@ -46,6 +46,9 @@ LIMIT = 200
 _ROUNDING = float(np.finfo(np.float32).eps)
 """Residuals below this share of the solution come from its rounding: no solution is better."""
 
+_BLOCK = 1 << 12
+"""Rows of what is turned that stay near at hand."""
+
 NODES = 1 << 15
 """Nodes that a thread gets at once: waking it takes as long as a thousand of them."""
 
@@ -99,9 +102,9 @@ class SheetSolver:
     def apply(self, x: Singles, out: Singles) -> None:
         """Put ``A x`` (n, c) into `out`; where there is no unknown, that stays as it is."""
         flat, product = np.empty(x.shape[::-1], np.float32), np.empty(x.shape[::-1], np.float32)
-        run(_turn, len(x), x, flat)
+        run(_turn, len(x), x, flat, chunk=_BLOCK)
         self._multiply(flat, product)
-        run(_turn_back, len(x), self._levels[0].inverse, product, out)
+        run(_turn_back, len(x), self._levels[0].inverse, product, out, chunk=_BLOCK)
 
     def solve(
         self,
@@ -137,29 +140,32 @@ class SheetSolver:
             tolerance is not reached within `limit` iterations, though single precision could.
         """
         with aside(message):
-            spare = [np.zeros(x.shape[::-1], np.float32) for _ in range(4)]
-            r = spare[0]
-            run(_turn, len(x), rhs, r)
+            vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(5)]
+            flat, r = vectors[:2]
+            run(_turn, len(x), rhs, r, chunk=_BLOCK)
+            run(_turn, len(x), x, flat, chunk=_BLOCK)
             scale = self._norm(r)
             if not np.isfinite(scale):
                 raise SolverError("The right-hand side of the linear system is not finite.")
             if scale == 0:
                 x[:] = 0.0
                 return SolveReport(0, 0.0, True)
-            relative, reachable = self._residual(rhs, x, scale, *spare)
+            relative, reachable = self._residual(rhs, flat, r, scale)
         iterations = 0
         while relative > max(tolerance, reachable) and iterations < limit:
             wanted = max(0.9 * tolerance / relative, 1e-7)
             with phase(0.0, 1.0, message):
                 count, sound = self._conjugate_gradients(
-                    spare, x, wanted, limit - iterations, message
+                    vectors, wanted, limit - iterations, message
                 )
             iterations += count
             with aside(message):
                 before = relative
-                relative, reachable = self._residual(rhs, x, scale, *spare)
+                relative, reachable = self._residual(rhs, flat, r, scale)
             if not sound or not relative <= 0.5 * before:
                 break
+        with aside(message):
+            run(_turn_back, len(x), self._levels[0].inverse, flat, x, chunk=_BLOCK)
         if not relative <= max(tolerance, reachable):
             raise SolverError(
                 "The linear solve stopped at a relative residual of {relative:.1e} after"
@@ -174,21 +180,19 @@ class SheetSolver:
         """Solve ``A x = b`` approximately by one V-cycle from zero: (c, n)."""
         self._cycle(0, b, x, self._buffers(len(x)))
 
-    def _residual(
-        self, rhs: Singles, x: Singles, scale: float, r: Singles, z: Singles, *_: Singles
-    ) -> tuple[float, float]:
+    def _residual(self, rhs: Singles, x: Singles, r: Singles, scale: float) -> tuple[float, float]:
         # Puts it into r. Returns its size, and that which the rounding of x alone has.
-        run(_turn, len(x), x, z)
-        rounding = _ROUNDING * self._norm(z, solution=True)
-        self._multiply(z, r)
-        run(_subtract_from, len(x), self._levels[0].inverse, rhs, r)
+        self._multiply(x, r)
+        run(_subtract_from, len(rhs), self._levels[0].inverse, rhs, r, chunk=_BLOCK)
+        rounding = _ROUNDING * self._norm(x, solution=True)
         return self._norm(r) / scale, rounding / scale
 
     def _conjugate_gradients(
-        self, vectors: list[Singles], x: Singles, tolerance: float, limit: int, message: str
+        self, vectors: list[Singles], tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as a positive one.
-        r, z, p, q = vectors
+        x, r, z, p, q = vectors
+        flat = [vector.reshape(-1) for vector in vectors]
         first = self._norm(r)
         before, done = 1.0, 0.0
         for iteration in range(limit):
@@ -196,12 +200,14 @@ class SheetSolver:
                 self.cycle(r, z)
                 product = _dot(r, z)
                 beta = np.float32(product / before if iteration else 0.0)
-                run(_direct, p.size, beta, z.reshape(-1), p.reshape(-1))
+                run(_direct, p.size, beta, flat[2], flat[3])
                 self._multiply(p, q)
                 curvature = _dot(p, q)
                 if not (curvature > 0 and product > 0):
                     return iteration, False
-                run(_step, len(x), np.float32(product / curvature), p, q, x, r)
+                alpha = np.float32(product / curvature)
+                run(_add, x.size, alpha, flat[3], flat[0])
+                run(_add, x.size, -alpha, flat[4], flat[1])
                 norm = self._norm(r)
                 if not np.isfinite(norm):
                     return iteration + 1, False
@@ -351,24 +357,30 @@ def _sweep(start, stop, parity, backward, runs, stencil, inverse, b, x):
 
 @kernel
 def _turn(start, stop, values, out):
-    for i in range(start, stop):
-        for j in range(values.shape[1]):
-            out[j, i] = values[i, j]
+    for j in range(values.shape[1]):
+        row = out[j, start:stop]
+        part = values[start:stop, j]
+        for i in range(len(row)):
+            row[i] = part[i]
 
 
 @kernel
 def _turn_back(start, stop, inverse, values, out):
-    for i in range(start, stop):
-        if inverse[i] > 0:
-            for j in range(out.shape[1]):
-                out[i, j] = values[j, i]
+    for j in range(out.shape[1]):
+        row = values[j, start:stop]
+        part = out[start:stop, j]
+        for i in range(len(row)):
+            if inverse[start + i] > 0:
+                part[i] = row[i]
 
 
 @kernel
 def _subtract_from(start, stop, inverse, rhs, product):
-    for i in range(start, stop):
-        for j in range(rhs.shape[1]):
-            product[j, i] = rhs[i, j] - product[j, i] if inverse[i] > 0 else np.float32(0)
+    for j in range(rhs.shape[1]):
+        row = product[j, start:stop]
+        part = rhs[start:stop, j]
+        for i in range(len(row)):
+            row[i] = part[i] - row[i] if inverse[start + i] > 0 else np.float32(0)
 
 
 @sum_kernel
@@ -405,8 +417,8 @@ def _direct(start, stop, beta, z, p):
 
 
 @sum_kernel
-def _step(start, stop, alpha, p, q, x, r):
-    for j in range(len(p)):
-        for i in range(start, stop):
-            x[i, j] += alpha * p[j, i]
-            r[j, i] -= alpha * q[j, i]
+def _add(start, stop, factor, values, out):
+    values = values[start:stop]
+    out = out[start:stop]
+    for i in range(len(out)):
+        out[i] += factor * values[i]
