@@ -120,7 +120,8 @@ class SheetSolver:
         ----------
         rhs : (n, c) float32
         x : (n, c) float32
-            Where to start, 0 where there is no unknown; it is replaced by the solution.
+            Where to start, 0 where there is no unknown. The solution takes its place; where
+            there is none, it stays.
         tolerance : float
             Wanted residual relative to the right-hand side, where each equation counts divided
             by the root of its diagonal entry.
@@ -164,8 +165,6 @@ class SheetSolver:
                 relative, reachable = self._residual(rhs, flat, r, scale)
             if not sound or not relative <= 0.5 * before:
                 break
-        with aside(message):
-            run(_turn_back, len(x), self._levels[0].inverse, flat, x, chunk=_BLOCK)
         if not relative <= max(tolerance, reachable):
             raise SolverError(
                 "The linear solve stopped at a relative residual of {relative:.1e} after"
@@ -174,6 +173,8 @@ class SheetSolver:
                 iterations=iterations,
                 tolerance=tolerance,
             )
+        with aside(message):
+            run(_turn_back, len(x), self._levels[0].inverse, flat, x, chunk=_BLOCK)
         return SolveReport(iterations, relative, True)
 
     def cycle(self, b: Singles, x: Singles) -> None:
