@@ -10,7 +10,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 from .errors import InvalidSettings
 
@@ -78,9 +78,42 @@ def describe(settings: type) -> dict[str, tuple[Any, Any, Setting]]:
     }
 
 
+_Class = TypeVar("_Class", bound=type)
+
+
+@dataclass_transform(kw_only_default=True, eq_default=False)
+def _fields(settings: _Class) -> _Class:
+    # What `dataclass` would make for each class alike stands in `_Settings` once, since making the
+    # classes is the longest part of enabling the extension.
+    dataclass(kw_only=True, init=False, repr=False, eq=False)(settings)  # changes it in place
+    return settings
+
+
+class _Signature:
+    # Tells `help` and editors at run time what `__init__` takes.
+    def __get__(self, _: Any, settings: type) -> Any:
+        from inspect import Parameter, Signature
+
+        given = [
+            Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+            for name, (kind, default, _) in describe(settings).items()
+        ]
+        return Signature(given)
+
+
 class _Settings:
-    # What `dataclass` would make for each class alike stands here once, since making the classes is
-    # the longest part of enabling the extension.
+    __signature__ = _Signature()
+
+    def __init__(self, **values: Any) -> None:
+        for name, (_, default, _) in describe(type(self)).items():
+            setattr(self, name, values.pop(name, default))
+        for name in values:
+            raise TypeError(f"{type(self).__name__} has no setting {name!r}")
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        """Check what goes together."""
+
     def __setattr__(self, name: str, value: Any) -> None:
         # Each field is set once, when the object is made.
         fields = describe(type(self))
@@ -130,7 +163,7 @@ def _number(name: str, value: Any, about: Setting, kind: type) -> Any:
     return kind(value)
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class _FlowSettings(_Settings):
     """Settings of the flow: those of signals differ from them (paper sections 3 and 4)."""
 
@@ -183,7 +216,7 @@ def _amount() -> Any:
     )
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class _SignalSettings(_Settings):
     """Settings of the filters of signals: colors on meshes, in images and in textures.
 
@@ -246,7 +279,7 @@ class _SignalSettings(_Settings):
         return self.time == 0 or self.amount == 0
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class ShockSettings(_SignalSettings):
     """Settings of the filters of signals: vertex colors, corner colors, images (section 3)."""
 
@@ -294,7 +327,7 @@ def _alpha() -> Any:
     )
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
 
@@ -313,7 +346,7 @@ class ImageSettings(ShockSettings):
     alpha: str = _alpha()
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class DilateSettings(_Settings):
     """Settings of :func:`shock_filter.core.dilate_texture`."""
 
@@ -360,7 +393,7 @@ def _content() -> Any:
     )
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class TextureSettings(DilateSettings, _SignalSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
 
@@ -376,7 +409,7 @@ class TextureSettings(DilateSettings, _SignalSettings):
     content: str = _content()
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class FilterSettings(DilateSettings):
     """Settings of :func:`shock_filter.core.filter_texture`."""
 
@@ -406,7 +439,7 @@ class FilterSettings(DilateSettings):
         return self.gain == 1
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class StitchSettings(DilateSettings):
     """Settings of :func:`shock_filter.core.stitch_textures`."""
 
@@ -431,7 +464,7 @@ class StitchSettings(DilateSettings):
     alpha: str = _alpha()
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class MaskSettings(_Settings):
     """Settings of the command ``texture-mask``."""
 
@@ -448,7 +481,7 @@ class MaskSettings(_Settings):
     )
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class FitSettings(_Settings):
     """Settings of the screened Poisson refit of positions to normals (paper 4.1)."""
 
@@ -487,7 +520,7 @@ OF_PAPER = {"where": "everywhere", "align_passes": 0, "fit_steps": 1, "crease_fr
 """The neutral values of what `GeometrySettings` has beyond the paper: flow and one-step refit."""
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class GeometrySettings(FitSettings, _FlowSettings):
     """Settings of :func:`shock_filter.core.sharpen_geometry` (paper 4.1).
 
@@ -620,7 +653,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         return cls(**{**OF_PAPER, **settings})
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class _KernelSettings(_Settings):
     """Settings of the short-time Beltrami kernel (paper C), with the defaults for meshes."""
 
@@ -676,7 +709,7 @@ class _KernelSettings(_Settings):
     )
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class BeltramiSettings(_KernelSettings):
     """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
 
@@ -733,7 +766,7 @@ class BeltramiSettings(_KernelSettings):
         return min(reach, self.window**2) if self.window else reach
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
     """Settings of :func:`shock_filter.core.beltrami_texture`."""
 
@@ -765,12 +798,12 @@ class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
     content: str = _content()
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class BeltramiMeshSettings(_KernelSettings):
     """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`."""
 
 
-@dataclass(kw_only=True, repr=False, eq=False)
+@_fields
 class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.denoise_geometry`."""
 
