@@ -475,7 +475,8 @@ def test_any_filter_of_textures_may_be_followed_by_sharpening(monkeypatch, opaci
     assert "Filling the gutter" in told
     assert not [message for message in told if "Sharpening" in message]
     between = replace(surface, picture=replace(surface.picture, pixels=dilated.recolored.colors))
-    sharp = filter_texture(between, "sharpen_texture", core.TextureSettings(time=4.0))
+    following = core.TextureSettings(time=4.0, gutter=2)
+    sharp = filter_texture(between, "sharpen_texture", following)
     assert (sharp.recolored.colors != dilated.recolored.colors).any()
     both = filter_texture(surface, "dilate_texture", Denoising(settings, 4.0))
     np.testing.assert_array_equal(both.recolored.colors, sharp.recolored.colors)
