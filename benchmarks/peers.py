@@ -159,9 +159,14 @@ def decimated(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.n
 
 
 def filter_texture(
-    vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: np.ndarray, scale: float
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    uv: np.ndarray,
+    image: np.ndarray,
+    scale: float,
+    weight: float = 1e3,
 ) -> tuple[np.ndarray, float]:
-    """Run Lagrange's texture filter; return the new uint8 image and the filter's seconds.
+    """Run Lagrange's texture filter; return the new image, white as 1, and the filter's seconds.
 
     Parameters
     ----------
@@ -170,6 +175,8 @@ def filter_texture(
         Row 0 at v = 0.
     scale : float
         What gradients are multiplied by.
+    weight : float
+        Weight of the values, on a surface of unit area.
 
     Raises
     ------
@@ -193,6 +200,7 @@ def filter_texture(
     )
     values = np.ascontiguousarray(image[::-1], dtype=np.float32) / 255  # its row 0 is at v = 1
     start = time.perf_counter()
-    result = lagrange.texproc.texture_filtering(mesh, values, gradient_scale=scale)
-    seconds = time.perf_counter() - start
-    return np.rint(255 * np.clip(np.array(result)[::-1], 0, 1)).astype(np.uint8), seconds
+    result = lagrange.texproc.texture_filtering(
+        mesh, values, value_weight=weight, gradient_scale=scale
+    )
+    return np.array(result)[::-1], time.perf_counter() - start

@@ -123,7 +123,8 @@ def peer_run(path: Path) -> tuple[str, float, float]:
             )
         except RuntimeError:
             return f"{note}, and refused again", np.nan, np.nan
-    return note, seconds, seam_jump(model, image)
+    rounded = np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
+    return note, seconds, seam_jump(model, rounded)
 
 
 def seam_jump(model: Model, image: np.ndarray) -> float:

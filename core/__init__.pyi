@@ -50,6 +50,9 @@ from .filters.signals import (
     sharpen_corner_signal,
     sharpen_vertex_signal,
 )
+from .filters.stitching import (
+    stitch_textures,
+)
 from .filters.textures import (
     dilate_texture,
     sharpen_texture,
@@ -75,6 +78,7 @@ from .settings import (
     GeometrySettings,
     ImageSettings,
     ShockSettings,
+    StitchSettings,
     TextureSettings,
 )
 
@@ -96,6 +100,7 @@ __all__ = [
     "ShockError",
     "ShockSettings",
     "SolverError",
+    "StitchSettings",
     "TextureAtlas",
     "TextureSettings",
     "TextureSolver",
@@ -121,6 +126,7 @@ __all__ = [
     "sharpen_normals",
     "sharpen_texture",
     "sharpen_vertex_signal",
+    "stitch_textures",
     "weld",
     "weld_borders",
 ]

@@ -229,6 +229,14 @@ FILTERS: tuple[Filter, ...] = (
         takes_gain=True,
     ),
     Filter(
+        "stitch_textures",
+        "filters.stitching",
+        _settings.StitchSettings,
+        TEXTURE,
+        "stitch-textures",
+        "take the steps at seams away: baked light, scans, projected photos",
+    ),
+    Filter(
         "dilate_texture",
         "filters.textures",
         _settings.DilateSettings,

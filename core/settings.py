@@ -407,6 +407,31 @@ class FilterSettings(DilateSettings):
 
 
 @dataclass(kw_only=True, repr=False, eq=False)
+class StitchSettings(DilateSettings):
+    """Settings of :func:`shock_filter.core.stitch_textures`."""
+
+    radius: float = _changed(
+        FilterSettings,
+        "radius",
+        100.0,
+        "How far a step between two images is spread out. 10 keeps the values farther away as they"
+        " are, 1000 brings whole charts to one brightness",
+        soft_minimum=10.0,
+        soft_maximum=1000.0,
+    )
+    where: str = _setting(
+        "everywhere",
+        "Which texels change",
+        choices={
+            "everywhere": "All, so that steps vanish without a trace",
+            "seams": "Those at seams alone: both sides meet there, and all else stays",
+        },
+    )
+    seams: str = _changed(DilateSettings, "seams", "continue")
+    alpha: str = _alpha()
+
+
+@dataclass(kw_only=True, repr=False, eq=False)
 class MaskSettings(_Settings):
     """Settings of the command ``texture-mask``."""
 

@@ -12,30 +12,30 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse
 
-from ..base.parallel import kernel, run
+from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import ask
 from ..mesh.triangle_mesh import Floats, Ints
 from .sheet import ROWS
-from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix
+from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix, multiply_row
 
 _KEPT = 8
 """Most coarse nodes that an unknown is interpolated from."""
 
-_SWEEPS = 5
+_SWEEPS = 2
 """Rounds of averaging after the one that reached the last unknown."""
 
 _CANDIDATES = 64
 
 
 def coarsened(
-    matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows
+    matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows, number: Ints
 ) -> SheetMatrix:
-    """Make the matrix of the next level."""
+    """Make the matrix of the next level, of what `kinds_of` and `block_rows` return."""
     shape = kinds.shape[0] // 2 + 1, kinds.shape[1] // 2 + 1
     labels = np.full(shape, -1, dtype=np.int32)
     even = matrix.labels[::2, ::2]
     labels[: even.shape[0], : even.shape[1]] = even
-    parents, shares = _interpolation(kinds, rows, shape[1])
+    parents, shares = _interpolation(kinds, rows, number, shape[1])
     stencil = np.zeros((4, *shape), dtype=np.float32)
     screen = np.zeros(shape)
     run(_coarsen_stencil, shape[0], matrix.stencil, kinds, stencil, chunk=ROWS)
@@ -46,7 +46,9 @@ def coarsened(
     screen = screen.reshape(-1)
     screen += np.bincount(parents[loose][held], added, len(screen))
     ask()
-    seam, start, columns, values = _coarsen_seam(matrix, kinds, rows, loose, parents, shares)
+    seam, start, columns, values = _coarsen_seam(
+        matrix, kinds, rows, number, loose, parents, shares
+    )
     return SheetMatrix(stencil, labels, screen, seam, start, columns, values)
 
 
@@ -59,7 +61,7 @@ def _loose(kinds: npt.NDArray[np.uint8], rows: BlockRows) -> npt.NDArray[np.bool
 
 
 def _interpolation(
-    kinds: npt.NDArray[np.uint8], rows: BlockRows, coarse_columns: int
+    kinds: npt.NDArray[np.uint8], rows: BlockRows, number: Ints, coarse_columns: int
 ) -> tuple[Ints, Floats]:
     # Coarse numbers and shares for each unknown of the block, -1 and 0 where there are fewer.
     size = len(rows.unknowns)
@@ -73,8 +75,8 @@ def _interpolation(
     empty = len(free)
     left = _SWEEPS
     while left > 0:
-        run(_average, len(free), free, rows, kinds.shape[1], coarse_columns, parents, shares, after,
-            weights)  # fmt: skip
+        run(_average, len(free), free, rows, number, kinds.shape[1], coarse_columns, parents,
+            shares, after, weights)  # fmt: skip
         parents, after, shares, weights = after, parents, weights, shares
         before, empty = empty, int((parents[free, 0] < 0).sum())
         if empty == before or empty == 0:  # what reaches no coarse node stays empty
@@ -86,15 +88,16 @@ def _coarsen_seam(
     matrix: SheetMatrix,
     kinds: npt.NDArray[np.uint8],
     rows: BlockRows,
+    number: Ints,
     loose: npt.NDArray[np.bool_],
     parents: Ints,
     shares: Floats,
 ) -> tuple[Ints, Ints, Ints, Floats]:
     # The couplings of the seam part, and those of the stencil with a loose node.
     size = len(rows.unknowns)
-    seam = rows.number[matrix.seam]
+    seam = number[matrix.seam]
     of = np.repeat(np.arange(size), np.diff(rows.start))
-    to = rows.number[rows.columns]
+    to = number[rows.columns]
     from_seam = np.zeros(len(of), dtype=bool)
     offset = np.arange(len(of)) - rows.start[of]
     count = np.zeros(size, dtype=np.int64)
@@ -113,14 +116,17 @@ def _coarsen_seam(
     coarse_columns = matrix.labels.shape[1] // 2 + 1
     run(_inherit, len(others), np.arange(len(others)), others, kinds.shape[1], coarse_columns,
         their_parents, their_shares)  # fmt: skip
-    parents, shares = np.concatenate([parents, their_parents]), np.concatenate([shares, their_shares])
+    parents, shares = (
+        np.concatenate([parents, their_parents]),
+        np.concatenate([shares, their_shares]),
+    )
     used = np.zeros(len(parents), dtype=bool)
     used[of] = True
     held = (parents >= 0) & used[:, None]
-    coarse, number = np.unique(parents[held], return_inverse=True)
+    coarse, place = np.unique(parents[held], return_inverse=True)
     n = len(parents)
     prolongation = scipy.sparse.csr_matrix(
-        (shares[held], (np.nonzero(held)[0], number)), shape=(n, len(coarse))
+        (shares[held], (np.nonzero(held)[0], place)), shape=(n, len(coarse))
     )
     ask()
     couplings = scipy.sparse.csr_matrix((values, (of, to)), shape=(n, n))
@@ -160,7 +166,9 @@ def _inherit(start, stop, which, unknowns, columns, coarse_columns, parents, sha
 
 
 @kernel
-def _average(start, stop, which, rows, columns, coarse_columns, parents, shares, after, weights):
+def _average(
+    start, stop, which, rows, number, columns, coarse_columns, parents, shares, after, weights
+):
     # The mean of the neighbors' interpolations, of which the largest shares are kept.
     found = np.empty(_CANDIDATES, dtype=np.int32)
     total = np.empty(_CANDIDATES)
@@ -174,7 +182,7 @@ def _average(start, stop, which, rows, columns, coarse_columns, parents, shares,
                 value = sign * rows.values[e]
                 if value <= 0:
                     continue
-                q = rows.number[rows.columns[e]]
+                q = number[rows.columns[e]]
                 if q >= 0:
                     count = _gather(parents[q], shares[q], value, found, total, count)
                 else:
@@ -285,9 +293,7 @@ def _coarsen_stencil(start, stop, stencil, kinds, coarse):
                     lower += quarter * _kept(kinds, y, x, y, x + 1, stencil[0, y, x])
                     lower += quarter * _kept(kinds, y, x + 1, y, x + 2, stencil[0, y, x + 1])
                 if y + 1 < rows - 1:
-                    upper, _, left, right, falling, rising = _in_cell(
-                        stencil, kinds, y + 1, x + 1
-                    )
+                    upper, _, left, right, falling, rising = _in_cell(stencil, kinds, y + 1, x + 1)
             if y + 1 < rows - 1 and 0 < x < columns:
                 left += quarter * _kept(kinds, y, x, y + 1, x, stencil[2, y, x])
                 left += quarter * _kept(kinds, y + 1, x, y + 2, x, stencil[2, y + 1, x])
@@ -314,37 +320,85 @@ def _coarsen_screen(start, stop, screen, kinds, coarse):
 
 
 @kernel
-def restrict(start, stop, fine, columns, coarse, coarse_columns, spans, channels):
-    """Add residuals up at the coarse nodes of some rows; they are 0 but at regular nodes."""
+def restrict(start, stop, stencil, screen, runs, b, x, coarse):
+    """Add the residual of the regular nodes up at the coarse nodes of some rows: (c, n)."""
+    rows, columns = stencil.shape[1:]
+    coarse_columns = columns // 2 + 1
     half = np.float32(0.5)
+    above = np.zeros((x.shape[0], columns), dtype=np.float32)
+    here = np.zeros_like(above)
+    below = np.zeros_like(above)
+    sums = np.zeros(columns + 2, dtype=np.float32)
+    if start > 0:
+        _subtract_row(2 * start - 1, stencil, screen, runs, b, x, above)
     for row in range(start, stop):
-        for column in range(spans[row, 0], spans[row, 1]):
-            k = row * coarse_columns + column
-            i = 2 * row * columns + 2 * column
-            n = i - columns
-            s = i + columns
-            for j in range(len(channels)):
-                near = fine[i - 1, j] + fine[i + 1, j] + fine[n, j] + fine[s, j]
-                far = fine[n - 1, j] + fine[n + 1, j] + fine[s - 1, j] + fine[s + 1, j]
-                coarse[k, j] = fine[i, j] + half * (near + half * far)
+        y = 2 * row
+        here[:] = 0
+        below[:] = 0
+        if y < rows:
+            _subtract_row(y, stencil, screen, runs, b, x, here)
+        if y + 1 < rows:
+            _subtract_row(y + 1, stencil, screen, runs, b, x, below)
+        first, last = columns, 0
+        for v in range(max(y - 1, 0), min(y + 2, rows)):
+            if runs.start[v] < runs.start[v + 1]:
+                first = min(first, runs.columns[runs.start[v], 0])
+                last = max(last, runs.columns[runs.start[v + 1] - 1, 1])
+        if first > last:
+            above, below = below, above
+            continue
+        low = first >> 1
+        n = (last >> 1) + 1 - low
+        for j in range(x.shape[0]):
+            one, two, three = above[j], here[j], below[j]
+            for u in range(columns):
+                sums[u + 1] = two[u] + half * (one[u] + three[u])
+            part = sums[2 * low : 2 * low + 2 * n + 1]
+            out = coarse[j, row * coarse_columns + low : row * coarse_columns + low + n]
+            for u in range(n):
+                out[u] = part[2 * u + 1] + half * (part[2 * u] + part[2 * u + 2])
+        above, below = below, above
 
 
-@kernel
-def prolong(start, stop, runs, coarse, coarse_columns, fine, columns, channels):
-    """Add the coarse solution to the regular nodes of some rows."""
-    half = np.float32(0.5)
-    for y in range(start, stop):
-        first = (y >> 1) * coarse_columns
-        second = first + (y & 1) * coarse_columns
+@sum_kernel
+def _subtract_row(y, stencil, screen, runs, b, x, out):
+    # The residual of a row's regular nodes, all channels.
+    columns = stencil.shape[2]
+    for j in range(x.shape[0]):
+        multiply_row(y, stencil, screen, runs, x[j], out[j])
         for k in range(runs.start[y], runs.start[y + 1]):
-            for x in range(runs.columns[k, 0], runs.columns[k, 1]):
-                a = first + (x >> 1)
-                b = second + (x >> 1)
-                i = y * columns + x
-                if x & 1:
-                    for j in range(len(channels)):
-                        total = coarse[a, j] + coarse[b, j] + coarse[a + 1, j] + coarse[b + 1, j]
-                        fine[i, j] += half * half * total
-                else:
-                    for j in range(len(channels)):
-                        fine[i, j] += half * (coarse[a, j] + coarse[b, j])
+            first, last = runs.columns[k]
+            row = out[j, first:last]
+            rhs = b[j, y * columns + first : y * columns + last]
+            for u in range(last - first):
+                row[u] = rhs[u] - row[u]
+
+
+@sum_kernel
+def prolong(start, stop, runs, coarse, fine, columns):
+    """Add the coarse solution to the regular nodes of some rows: (c, n)."""
+    coarse_columns = columns // 2 + 1
+    half = np.float32(0.5)
+    mean = np.empty(coarse_columns, dtype=np.float32)
+    for y in range(start, stop):
+        i = (y >> 1) * coarse_columns
+        k = i + (y & 1) * coarse_columns
+        for j in range(fine.shape[0]):
+            row = fine[j, y * columns : (y + 1) * columns]
+            one = coarse[j, i : i + coarse_columns]
+            two = coarse[j, k : k + coarse_columns]
+            for r in range(runs.start[y], runs.start[y + 1]):
+                first, last = runs.columns[r]
+                low = first >> 1
+                n = (last >> 1) + 1 - low
+                part = mean[:n]
+                a, b = one[low : low + n], two[low : low + n]
+                for u in range(n):
+                    part[u] = half * (a[u] + b[u])
+                skip = first & 1
+                even = row[first + skip : last]
+                for u in range((last - first - skip + 1) >> 1):
+                    even[2 * u] += part[u + skip]
+                odd = row[first + 1 - skip : last]
+                for u in range((last - first - 1 + skip + 1) >> 1):
+                    odd[2 * u] += half * (part[u] + part[u + 1])

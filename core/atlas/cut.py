@@ -127,6 +127,8 @@ class CutCells(NamedTuple):
         others follow after the sheet's nodes, in order.
     interpolation : (points, s) csr_matrix
         The value of each point from those of the free ones.
+    free : (s,) int64
+        The free points, in the order of the interpolation's columns, as are the unknowns.
     hidden : (k, 2) int64
         Nodes that are no unknowns as a point of another kind lies there, and the number of that
         point.
@@ -137,6 +139,7 @@ class CutCells(NamedTuple):
     kinds: npt.NDArray[np.int64]
     unknowns: Ints
     interpolation: scipy.sparse.csr_matrix
+    free: npt.NDArray[np.int64]
     hidden: npt.NDArray[np.int64]
 
 
@@ -168,8 +171,9 @@ def find_cut_cells(atlas: TextureAtlas, jacobians: Floats) -> CutCells:
     vertices = kinds == VERTEX
     inner[vertices] = ~at_end[which[vertices]]
     _tie_to_lattice(pieces, sheet.nodes.shape[1], inner, tied, shares)
-    unknowns, interpolation = _interpolation(kinds, which, tied, shares, sheet.nodes.size)
-    return CutCells(cut, pieces, kinds, unknowns, interpolation, _hidden(pieces, kinds, cut.shape))
+    unknowns, interpolation, free = _interpolation(kinds, which, tied, shares, sheet.nodes.size)
+    hidden = _hidden(pieces, kinds, sheet.nodes.shape[1])
+    return CutCells(cut, pieces, kinds, unknowns, interpolation, free, hidden)
 
 
 def tempered_jacobians(metric: AtlasMetric) -> Floats:
@@ -322,14 +326,16 @@ def _cut_faces(
 ) -> tuple[npt.NDArray[np.int64], Pieces]:
     # The names of the pieces' corners, and the pieces; points are not numbered yet.
     count = atlas.mesh.face_count
-    given = atlas.sheet.points, atlas.mesh.twins, flat, atlas.metric.shapes, jacobians, seams
-    given = *given, corners, at_end, cut
+    surface = atlas.sheet.points, atlas.mesh.twins, flat, atlas.metric.shapes, jacobians
+    given = *surface, seams, corners, at_end, cut
     sizes = np.zeros((count, 2), dtype=np.int64)
     empty = Pieces(
         np.zeros(1, dtype=np.int64),
         np.zeros(0, dtype=np.int32),
-        *(np.zeros(0, dtype=np.int64) for _ in range(2)),
-        *(np.zeros((0, 2)) for _ in range(2)),
+        np.zeros(0, dtype=np.int64),
+        np.zeros(0, dtype=np.int64),
+        np.zeros((0, 2)),
+        np.zeros((0, 2)),
     )
     run(_cut, count, *given, sizes, sizes, True, empty.points, empty)
     first = np.zeros((count + 1, 2), dtype=np.int64)
@@ -370,9 +376,7 @@ def _add(polygon, count, name, y, x):
 
 @kernel
 def _within_cell(y, x, row, column):
-    return (
-        row - _NEAR <= y <= row + 1 + _NEAR and column - _NEAR <= x <= column + 1 + _NEAR
-    )
+    return row - _NEAR <= y <= row + 1 + _NEAR and column - _NEAR <= x <= column + 1 + _NEAR
 
 
 @kernel
@@ -716,7 +720,7 @@ def _interpolation(
     tied: npt.NDArray[np.int64],
     shares: Floats,
     nodes: int,
-) -> tuple[Ints, scipy.sparse.csr_matrix]:
+) -> tuple[Ints, scipy.sparse.csr_matrix, npt.NDArray[np.int64]]:
     count = len(kinds)
     is_tied = tied[:, 0] >= 0
     free, ties = np.flatnonzero(~is_tied), np.flatnonzero(is_tied)
@@ -729,17 +733,15 @@ def _interpolation(
     # Names are in order: nodes first.
     own = kinds[free] == NODE
     unknowns = np.where(own, which[free], nodes + np.cumsum(~own) - 1)
-    return unknowns.astype(np.int32), interpolation
+    return unknowns.astype(np.int32), interpolation, free
 
 
-def _hidden(
-    pieces: Pieces, kinds: npt.NDArray[np.int64], shape: tuple[int, int]
-) -> npt.NDArray[np.int64]:
+def _hidden(pieces: Pieces, kinds: npt.NDArray[np.int64], columns: int) -> npt.NDArray[np.int64]:
     near = np.round(pieces.places)
     with np.errstate(invalid="ignore"):
         there = (np.abs(pieces.places - near) <= 2 * _NEAR).all(axis=1)
     there &= kinds[pieces.points] != NODE
     corners = np.flatnonzero(there)
     y, x = near[corners].astype(np.int64).T
-    nodes, first = np.unique(y * shape[1] + x, return_index=True)
+    nodes, first = np.unique(y * columns + x, return_index=True)
     return np.stack([nodes, pieces.points[corners[first]]], axis=1)

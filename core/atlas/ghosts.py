@@ -110,6 +110,78 @@ def fill_ghosts(
     return known
 
 
+def extend_ghosts(
+    sheet: Sheet, labels: Ints, values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Continue each chart's own values linearly into its ghosts, in place.
+
+    Parameters
+    ----------
+    labels : (m,) int32
+        The chart of each face.
+    values : (rows, columns, c) float32
+    inside : (rows, columns) bool
+        Nodes whose values are known.
+
+    Returns
+    -------
+    (g,) bool
+        Ghosts that got a value.
+    """
+    known = inside.copy()
+    at_ghosts = known.reshape(-1)
+    for _ in range(_ROUNDS):
+        found = at_ghosts[sheet.ghosts]
+        missing = np.flatnonzero(~found).astype(np.int32)
+        run(_extend, len(missing), missing, sheet, labels, known, values, found)
+        at_ghosts[sheet.ghosts] = found
+    return at_ghosts[sheet.ghosts]
+
+
+@kernel
+def _chart_of(sheet, labels, y, x):
+    node = sheet.nodes[y, x]
+    if node >= 0:
+        return labels[node]
+    if node == NOTHING or sheet.ghost_edges[-2 - node] < 0:
+        return NOTHING
+    return labels[sheet.ghost_edges[-2 - node] // 3]
+
+
+@kernel
+def _extend(start, stop, missing, sheet, labels, known, values, found):
+    # The mean over all directions in which two known nodes follow; or in which one does.
+    rows, columns = known.shape
+    for ghost in missing[start:stop]:
+        y, x = divmod(sheet.ghosts[ghost], columns)
+        label = _chart_of(sheet, labels, y, x)
+        for reach in (2, 1):
+            count = 0
+            for n in range(9):
+                b, a = y + n // 3 - 1, x + n % 3 - 1
+                d, c = 2 * b - y, 2 * a - x
+                if n == 4 or not (0 <= b < rows and 0 <= a < columns and known[b, a]):
+                    continue
+                if _chart_of(sheet, labels, b, a) != label:
+                    continue
+                if reach == 2:
+                    if not (0 <= d < rows and 0 <= c < columns and known[d, c]):
+                        continue
+                    if _chart_of(sheet, labels, d, c) != label:
+                        continue
+                if count == 0:
+                    values[y, x] = 0.0
+                count += 1
+                for channel in range(values.shape[2]):
+                    change = values[b, a, channel] - values[d, c, channel] if reach == 2 else 0.0
+                    values[y, x, channel] += values[b, a, channel] + change
+            if count > 0:
+                for channel in range(values.shape[2]):
+                    values[y, x, channel] /= count
+                found[ghost] = True
+                break
+
+
 @kernel
 def _find(start, stop, places, sheet, metric, sources):
     points, cells = sheet.points, sheet.cells

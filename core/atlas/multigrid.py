@@ -7,6 +7,8 @@ cores), and the exact solve of the block smooth the error; on the way up they co
 that the cycle is symmetric and conjugate gradients may use it. After an exact solve the block has
 no residual, and its values are about to be replaced by the next: only regular nodes take part in
 what goes between levels.
+
+Inside, vectors are (channels, n): rows become vector instructions, which takes half of the time.
 """
 
 from __future__ import annotations
@@ -14,9 +16,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ..base.checks import Floats
 from ..base.parallel import chunk_size, kernel, run, sum_kernel
 from ..base.progress import aside, phase
 from ..errors import SolverError
@@ -32,10 +32,9 @@ from .sheet_matrix import (
     block_rows,
     inverse_diagonal,
     kinds_of,
-    require_positive,
+    multiply_block,
+    multiply_rows,
     runs_of,
-    subtract_block,
-    subtract_regular,
 )
 
 DIRECT = 1500
@@ -44,8 +43,11 @@ DIRECT = 1500
 LIMIT = 200
 """Most iterations of conjugate gradients."""
 
-_PAIRS = 16
-"""Rows of one parity that a sweep gets at once."""
+_ROUNDING = float(np.finfo(np.float32).eps)
+"""Residuals below this share of the solution come from its rounding: no solution is better."""
+
+_NODES = 1 << 15
+"""Nodes that a thread gets at once: waking it takes as long as a thousand of them."""
 
 
 class _Level(NamedTuple):
@@ -54,7 +56,6 @@ class _Level(NamedTuple):
     block: SeamBlock
     runs: Runs
     inverse: Singles  # of the diagonal, 0 where there is no unknown
-    spans: npt.NDArray[np.int32]  # first and last column of the unknowns in each row
 
     @property
     def coarsest(self) -> bool:
@@ -64,7 +65,6 @@ class _Level(NamedTuple):
 class _Vectors(NamedTuple):
     x: Singles
     b: Singles
-    r: Singles
 
 
 class SheetSolver:
@@ -82,28 +82,26 @@ class SheetSolver:
 
     def __init__(self, matrix: SheetMatrix) -> None:
         self._levels: list[_Level] = []
-        self._vectors: dict[int, list[_Vectors]] = {}
+        self._kept: dict[int, list[_Vectors]] = {}
         while True:
             done = min(0.2 * len(self._levels), 1.0)
             with phase(done, done, "Coarsening"):
                 whole = int((matrix.labels >= 0).sum()) <= DIRECT
                 kinds = kinds_of(matrix, whole)
-                rows = block_rows(matrix, kinds)
-                level = _Level(
-                    matrix, rows, SeamBlock(rows), runs_of(kinds),
-                    inverse_diagonal(matrix, kinds, rows), _spans(matrix.labels),
-                )  # fmt: skip
-                self._levels.append(level)
-                if level.coarsest:
-                    return
-                matrix = coarsened(matrix, kinds, rows)
+                rows, number = block_rows(matrix, kinds)
+                inverse = inverse_diagonal(matrix, kinds, rows)
+                block = SeamBlock(rows, number)
+                self._levels.append(_Level(matrix, rows, block, runs_of(kinds), inverse))
+                if self._levels[-1].coarsest:
+                    break
+                matrix = coarsened(matrix, kinds, rows, number)
 
     def apply(self, x: Singles, out: Singles) -> None:
         """Put ``A x`` (n, c) into `out`; where there is no unknown, that stays as it is."""
-        level = self._levels[0]
-        nothing = np.broadcast_to(np.float32(0), x.shape)
-        self._residual(level, nothing, x, out)
-        run(_negate, len(out), out)
+        flat, product = np.empty(x.shape[::-1], np.float32), np.empty(x.shape[::-1], np.float32)
+        run(_turn, len(x), x, flat)
+        self._multiply(flat, product)
+        run(_turn_back, len(x), self._levels[0].inverse, product, out)
 
     def solve(
         self,
@@ -136,32 +134,33 @@ class SheetSolver:
         ------
         SolverError
             If the matrix is not positive definite, the right-hand side is not finite, or the
-            tolerance is not reached within `limit` iterations.
+            tolerance is not reached within `limit` iterations, though single precision could.
         """
-        level = self._levels[0]
-        r = np.zeros_like(x)
         with aside(message):
-            scale = self._norm(rhs)
-            self._residual(level, rhs, x, r)
-            relative = self._norm(r) / scale if scale > 0 else 0.0
-        if not np.isfinite(scale):
-            raise SolverError("The right-hand side of the linear system is not finite.")
-        if scale == 0:
-            x[:] = 0.0
+            spare = [np.zeros(x.shape[::-1], np.float32) for _ in range(4)]
+            r = spare[0]
+            run(_turn, len(x), rhs, r)
+            scale = self._norm(r)
+            if not np.isfinite(scale):
+                raise SolverError("The right-hand side of the linear system is not finite.")
+            if scale == 0:
+                x[:] = 0.0
+                return SolveReport(0, 0.0, True)
+            relative, reachable = self._residual(rhs, x, scale, *spare)
         iterations = 0
-        while relative > tolerance and iterations < limit:
+        while relative > max(tolerance, reachable) and iterations < limit:
             wanted = max(0.9 * tolerance / relative, 1e-7)
             with phase(0.0, 1.0, message):
                 count, sound = self._conjugate_gradients(
-                    r, x, wanted, limit - iterations, message
+                    spare, x, wanted, limit - iterations, message
                 )
             iterations += count
             with aside(message):
-                self._residual(level, rhs, x, r)
-                before, relative = relative, self._norm(r) / scale
+                before = relative
+                relative, reachable = self._residual(rhs, x, scale, *spare)
             if not sound or not relative <= 0.5 * before:
                 break
-        if not relative <= tolerance:
+        if not relative <= max(tolerance, reachable):
             raise SolverError(
                 "The linear solve stopped at a relative residual of {relative:.1e} after"
                 " {iterations} iterations ({tolerance:.1e} is needed).",
@@ -172,163 +171,225 @@ class SheetSolver:
         return SolveReport(iterations, relative, True)
 
     def cycle(self, b: Singles, x: Singles) -> None:
-        """Solve ``A x = b`` (n, c) approximately by one V-cycle from zero."""
-        self._cycle(0, b, x, self._buffers(x.shape[1]))
+        """Solve ``A x = b`` approximately by one V-cycle from zero: (c, n)."""
+        self._cycle(0, b, x, self._buffers(len(x)))
+
+    def _residual(
+        self, rhs: Singles, x: Singles, scale: float, r: Singles, z: Singles, *_: Singles
+    ) -> tuple[float, float]:
+        # Puts it into r. Returns its size, and that which the rounding of x alone has.
+        run(_turn, len(x), x, z)
+        rounding = _ROUNDING * self._norm(z, solution=True)
+        self._multiply(z, r)
+        run(_subtract_from, len(x), self._levels[0].inverse, rhs, r)
+        return self._norm(r) / scale, rounding / scale
 
     def _conjugate_gradients(
-        self, r: Singles, x: Singles, tolerance: float, limit: int, message: str
+        self, vectors: list[Singles], x: Singles, tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as a positive one.
-        level = self._levels[0]
-        z, p, q = (np.zeros_like(x) for _ in range(3))
+        r, z, p, q = vectors
         first = self._norm(r)
-        size = chunk_size(len(x))
-        sums = np.zeros(-(-len(x) // size))
         before, done = 1.0, 0.0
         for iteration in range(limit):
             with phase(done, done, message):
                 self.cycle(r, z)
-                run(_multiply, len(x), size, r, z, sums, chunk=size)
-                product = float(sums.sum())
+                product = _dot(r, z)
                 beta = np.float32(product / before if iteration else 0.0)
-                run(_direct, len(x), beta, z, p, chunk=size)
-                self.apply(p, q)
-                run(_multiply, len(x), size, p, q, sums, chunk=size)
-                curvature = float(sums.sum())
+                run(_direct, p.size, beta, z.reshape(-1), p.reshape(-1))
+                self._multiply(p, q)
+                curvature = _dot(p, q)
                 if not (curvature > 0 and product > 0):
                     return iteration, False
-                run(_step, len(x), np.float32(product / curvature), p, q, x, r, chunk=size)
+                run(_step, len(x), np.float32(product / curvature), p, q, x, r)
                 norm = self._norm(r)
                 if not np.isfinite(norm):
                     return iteration + 1, False
             before = product
             if norm <= tolerance * first:
                 break
-            done = max(done, (iteration + 1) / limit, float(np.log(norm / first) / np.log(tolerance)))
-            done = min(done, 1.0)
+            # The residual falls roughly geometrically: progress is its logarithm.
+            fallen = float(np.log(norm / first) / np.log(tolerance))
+            done = min(max(done, (iteration + 1) / limit, fallen), 1.0)
         return iteration + 1, True
 
     def _cycle(self, depth: int, b: Singles, x: Singles, vectors: list[_Vectors]) -> None:
-        level = self._levels[depth]
-        if level.coarsest:
-            level.block.solve(b, x)
+        matrix, _, block, runs, inverse = self._levels[depth]
+        if self._levels[depth].coarsest:
+            block.solve(b, x)
             return
-        channels = (np.float32(0),) * x.shape[1]
-        height, width = level.matrix.labels.shape
-        half = (height + 1) // 2
-        smoother = level.runs, level.matrix.stencil, level.inverse, b, x, channels
-        x[:] = 0.0
-        run(_sweep, half, 0, False, *smoother, chunk=_PAIRS)
-        run(_sweep, half, 1, False, *smoother, chunk=_PAIRS)
-        level.block.solve(b, x)
-        r = vectors[depth].r
-        run(subtract_regular, height, level.matrix.stencil, level.matrix.screen, level.runs, b, x,
-            r, channels, chunk=ROWS)  # fmt: skip
-        below, coarse = self._levels[depth + 1], vectors[depth + 1]
-        rows, columns = below.matrix.labels.shape
-        run(restrict, rows, r, width, coarse.b, columns, below.spans, channels, chunk=ROWS)
+        height, width = matrix.labels.shape
+        pairs = (height + 1) // 2
+        chunk = max(_NODES // width, 2)
+        smoother = runs, matrix.stencil, inverse, b, x
+        x[:, height * width :] = 0.0
+        run(_begin, pairs, *smoother, chunk=chunk // 2)
+        run(_sweep, pairs, 1, False, *smoother, chunk=chunk // 2)
+        block.solve(b, x)
+        coarse = vectors[depth]
+        run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
+            chunk=chunk // 2)  # fmt: skip
         self._cycle(depth + 1, coarse.b, coarse.x, vectors)
-        run(prolong, height, level.runs, coarse.x, columns, x, width, channels, chunk=ROWS)
-        level.block.solve(b, x)
-        run(_sweep, half, 1, True, *smoother, chunk=_PAIRS)
-        run(_sweep, half, 0, True, *smoother, chunk=_PAIRS)
+        run(prolong, height, runs, coarse.x, x, width, chunk=chunk)
+        block.solve(b, x)
+        run(_sweep, pairs, 1, True, *smoother, chunk=chunk // 2)
+        run(_sweep, pairs, 0, True, *smoother, chunk=chunk // 2)
 
-    def _residual(self, level: _Level, rhs: npt.NDArray, x: Singles, out: Singles) -> None:
-        channels = (np.float32(0),) * x.shape[1]
-        matrix, rows = level.matrix, level.rows
-        run(subtract_regular, len(matrix.labels), matrix.stencil, matrix.screen, level.runs, rhs,
-            x, out, channels, chunk=ROWS)  # fmt: skip
-        run(subtract_block, len(rows.unknowns), rows, rhs, x, out)
+    def _multiply(self, x: Singles, out: Singles) -> None:
+        # A x at the unknowns: (c, n)
+        matrix, rows, _, runs, _ = self._levels[0]
+        run(multiply_rows, len(matrix.labels), matrix.stencil, matrix.screen, runs, x, out,
+            chunk=ROWS)  # fmt: skip
+        run(multiply_block, len(rows.unknowns), rows, x, out)
 
-    def _norm(self, r: Singles) -> float:
-        # In the unknowns in which the diagonal is 1.
-        size = chunk_size(len(r))
-        sums = np.zeros(-(-len(r) // size))
-        run(_add_squares, len(r), size, self._levels[0].inverse, r, sums, chunk=size)
+    def _norm(self, values: Singles, solution: bool = False) -> float:
+        # Of a residual, or of a solution, in the unknowns in which the diagonal is 1.
+        inverse = self._levels[0].inverse
+        size = chunk_size(len(inverse))
+        sums = np.zeros(-(-len(inverse) // size))
+        run(_add_squares, len(inverse), size, solution, inverse, values, sums, chunk=size)
         return float(np.sqrt(sums.sum()))
 
     def _buffers(self, channels: int) -> list[_Vectors]:
-        # What the levels need for some number of channels, kept.
-        if channels not in self._vectors:
-            self._vectors[channels] = [
-                _Vectors(*(np.zeros((len(level.inverse), channels), np.float32) for _ in range(3)))
-                for level in self._levels
+        # What the coarse levels need for some number of channels, kept.
+        if channels not in self._kept:
+            self._kept[channels] = [
+                _Vectors(
+                    *(np.zeros((channels, level.matrix.labels.size), np.float32) for _ in "xb")
+                )
+                for level in self._levels[1:]
             ]
-        return self._vectors[channels]
+        return self._kept[channels]
 
 
-def _spans(labels: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    there = labels >= 0
-    spans = np.zeros((len(labels), 2), dtype=np.int32)
-    rows = there.any(axis=1)
-    spans[rows, 0] = there.argmax(axis=1)[rows]
-    spans[rows, 1] = labels.shape[1] - there[:, ::-1].argmax(axis=1)[rows]
-    return spans
+def _dot(u: Singles, v: Singles) -> float:
+    size = chunk_size(u.size)
+    sums = np.zeros(-(-u.size // size))
+    run(_add_products, u.size, size, u.reshape(-1), v.reshape(-1), sums, chunk=size)
+    return float(sums.sum())
 
 
 @sum_kernel
-def _sweep(start, stop, parity, backward, runs, stencil, inverse, b, x, channels):
-    # Gauss-Seidel in each second row. The node just updated comes last: it is waited for.
+def _begin(start, stop, runs, stencil, inverse, b, x):
+    # The sweep of the even rows from zero, in pairs of rows: only the node before has a value.
     columns = stencil.shape[2]
-    step = -1 if backward else 1
-    total = np.empty(len(channels), dtype=np.float32)
-    before = np.empty(len(channels), dtype=np.float32)
-    for half in range(start, stop):
-        y = 2 * half + parity
+    rest = np.empty(columns, dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
+    for pair in range(start, stop):
+        y = 2 * pair
+        x[:, y * columns : min(y + 2, stencil.shape[1]) * columns] = 0
+        for k in range(runs.start[y], runs.start[y + 1]):
+            first, last = runs.columns[k]
+            i = y * columns + first
+            n = last - first
+            behind = stencil[0, y, first - 1 : last - 1]
+            scale = inverse[i : i + n]
+            for u in range(n):
+                pull[u] = scale[u] * behind[u]
+            for j in range(x.shape[0]):
+                rhs = b[j, i : i + n]
+                for u in range(n):
+                    rest[u] = scale[u] * rhs[u]
+                _recur(rest, pull, x[j, i - 1 : i + n + 1], False)
+
+
+@sum_kernel
+def _recur(rest, pull, here, backward):
+    # Nodes of a run one by one, each from the one before; the row begins and ends one beside it.
+    n = len(here) - 2
+    if backward:
+        before = here[n + 1]
+        for u in range(n - 1, -1, -1):
+            before = rest[u] - pull[u] * before
+            here[u + 1] = before
+    else:
+        before = here[0]
+        for u in range(n):
+            before = rest[u] - pull[u] * before
+            here[u + 1] = before
+
+
+@sum_kernel
+def _sweep(start, stop, parity, backward, runs, stencil, inverse, b, x):
+    # Gauss-Seidel in each second row: first all but the node before, then that, one by one.
+    columns = stencil.shape[2]
+    rest = np.empty(columns, dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
+    side = 0 if backward else 1
+    for pair in range(start, stop):
+        y = 2 * pair + parity
         if y >= stencil.shape[1]:
             break
         for k in range(runs.start[y], runs.start[y + 1]):
-            first, last = runs.columns[k, 0], runs.columns[k, 1]
-            u = last - 1 if backward else first
-            i = y * columns + u
-            for j in range(len(channels)):
-                before[j] = x[i - step, j]
-            for _ in range(last - first):
-                left, right = stencil[0, y, u - 1], stencil[0, y, u]
-                ahead = left if backward else right
-                behind = right if backward else left
-                d = inverse[i]
-                for j in range(len(channels)):
-                    total[j] = b[i, j] - ahead * x[i + step, j]
-                p = i + columns
-                a, c, e = stencil[1, y, u], stencil[2, y, u], stencil[3, y, u]
-                for j in range(len(channels)):
-                    total[j] -= a * x[p - 1, j] + c * x[p, j] + e * x[p + 1, j]
-                p = i - columns
-                a, c = stencil[3, y - 1, u - 1], stencil[2, y - 1, u]
-                e = stencil[1, y - 1, u + 1]
-                for j in range(len(channels)):
-                    total[j] -= a * x[p - 1, j] + c * x[p, j] + e * x[p + 1, j]
-                behind *= d
-                for j in range(len(channels)):
-                    before[j] = d * total[j] - behind * before[j]
-                    x[i, j] = before[j]
-                u += step
-                i += step
+            first, last = runs.columns[k]
+            i = y * columns + first
+            n = last - first
+            ahead = stencil[0, y, first - 1 + side : last - 1 + side]
+            behind = stencil[0, y, first - side : last - side]
+            q = stencil[3, y - 1, first - 1 : last - 1]
+            c = stencil[2, y - 1, first:last]
+            d = stencil[1, y - 1, first + 1 : last + 1]
+            e = stencil[1, y, first:last]
+            f = stencil[2, y, first:last]
+            g = stencil[3, y, first:last]
+            scale = inverse[i : i + n]
+            for u in range(n):
+                pull[u] = scale[u] * behind[u]
+            for j in range(x.shape[0]):
+                here = x[j, i - 1 : i + n + 1]
+                beside = here[2 * side : 2 * side + n]
+                upper = x[j, i - columns - 1 : i - columns + n + 1]
+                lower = x[j, i + columns - 1 : i + columns + n + 1]
+                rhs = b[j, i : i + n]
+                for u in range(n):
+                    total = rhs[u] - ahead[u] * beside[u]
+                    total -= q[u] * upper[u] + c[u] * upper[u + 1] + d[u] * upper[u + 2]
+                    total -= e[u] * lower[u] + f[u] * lower[u + 1] + g[u] * lower[u + 2]
+                    rest[u] = scale[u] * total
+                _recur(rest, pull, here, backward)
 
 
 @kernel
-def _negate(start, stop, values):
+def _turn(start, stop, values, out):
     for i in range(start, stop):
         for j in range(values.shape[1]):
-            values[i, j] = -values[i, j]
+            out[j, i] = values[i, j]
+
+
+@kernel
+def _turn_back(start, stop, inverse, values, out):
+    for i in range(start, stop):
+        if inverse[i] > 0:
+            for j in range(out.shape[1]):
+                out[i, j] = values[j, i]
+
+
+@kernel
+def _subtract_from(start, stop, inverse, rhs, product):
+    for i in range(start, stop):
+        for j in range(rhs.shape[1]):
+            product[j, i] = rhs[i, j] - product[j, i] if inverse[i] > 0 else np.float32(0)
 
 
 @sum_kernel
-def _add_squares(start, stop, chunk, inverse, r, sums):
+def _add_squares(start, stop, chunk, solution, inverse, values, sums):
+    scale = inverse[start:stop]
     total = 0.0
-    for i in range(start, stop):
-        part = 0.0
-        for j in range(r.shape[1]):
-            part += np.float64(r[i, j]) * r[i, j]
-        total += part * inverse[i]
+    for j in range(values.shape[0]):
+        row = values[j, start:stop]
+        for i in range(len(row)):
+            square = np.float64(row[i]) * row[i]
+            if not solution:
+                total += square * scale[i]
+            elif scale[i] > 0:
+                total += square / scale[i]
     sums[start // chunk] = total
 
 
 @sum_kernel
-def _multiply(start, stop, chunk, u, v, sums):
-    u = u[start:stop].reshape(-1)
-    v = v[start:stop].reshape(-1)
+def _add_products(start, stop, chunk, u, v, sums):
+    u = u[start:stop]
+    v = v[start:stop]
     total = 0.0
     for i in range(len(u)):
         total += np.float64(u[i]) * v[i]
@@ -337,18 +398,15 @@ def _multiply(start, stop, chunk, u, v, sums):
 
 @sum_kernel
 def _direct(start, stop, beta, z, p):
-    z = z[start:stop].reshape(-1)
-    p = p[start:stop].reshape(-1)
+    z = z[start:stop]
+    p = p[start:stop]
     for i in range(len(p)):
         p[i] = z[i] + beta * p[i]
 
 
 @sum_kernel
 def _step(start, stop, alpha, p, q, x, r):
-    p = p[start:stop].reshape(-1)
-    q = q[start:stop].reshape(-1)
-    x = x[start:stop].reshape(-1)
-    r = r[start:stop].reshape(-1)
-    for i in range(len(p)):
-        x[i] += alpha * p[i]
-        r[i] -= alpha * q[i]
+    for j in range(len(p)):
+        for i in range(start, stop):
+            x[i, j] += alpha * p[j, i]
+            r[j, i] -= alpha * q[j, i]

@@ -14,23 +14,35 @@ triangulation of the cut cells. Here no texel outside a chart is one: their sums
 from __future__ import annotations
 
 from copy import copy
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse
+from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask
+from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
 from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
-from .sheet_matrix import SheetMatrix
+from .metric import open_places
 from .sheet import NOTHING, ROWS, faces_by_rows, span
+from .sheet_matrix import SheetMatrix
 
 _LEAST_MASS = 1e-12
 """Least mass of an unknown, so that each has an equation, if only slivers lie around it."""
 
 _Single = npt.NDArray[np.float32]
+
+
+class CellWeights(NamedTuple):
+    """How much each cell counts: (rows, columns) float32; and each piece: (p,) float64."""
+
+    cells: _Single
+    pieces: Floats
 
 
 class TextureSpace:
@@ -76,14 +88,73 @@ class TextureSpace:
         """Area of the surface, in mean texel sizes squared."""
         return float(self.cells[..., 3].sum(dtype=np.float64) + self.fans[:, 3].sum())
 
-    def weighted(self, weights: _Single) -> TextureSpace:
-        """Count each cell and piece as much as the mean of its corners' weights (n,) says."""
+    @cached_property
+    def alike(self) -> CellWeights:
+        """Weights of 1."""
+        pieces = len(self.cut_cells.pieces.faces)
+        return CellWeights(np.ones(self.labels.shape, dtype=np.float32), np.ones(pieces))
+
+    def means(self, values: _Single) -> CellWeights:
+        """Weigh cells and pieces by the mean of their corners' values (n,)."""
+        cells = np.zeros(self.labels.shape, dtype=np.float32)
+        run(_mean_in_cells, len(cells), self.cells, values, cells, chunk=ROWS)
+        at_corners, start = self.at_corners(values[:, None])[:, 0], self.cut_cells.pieces.start
+        return CellWeights(cells, _reduced(np.add, at_corners, start) / np.diff(start))
+
+    def least(self, values: _Single) -> CellWeights:
+        """Weigh cells and pieces by the least of the values (n,) at nodes inside their chart.
+
+        Pieces at whose cell no node lies inside have the least of their corners.
+        """
+        nodes, pieces = self.atlas.sheet.nodes, self.cut_cells.pieces
+        cells = np.zeros(self.labels.shape, dtype=np.float32)
+        run(_least_in_cells, len(cells), self.cells, values, cells, chunk=ROWS)
+        on_pieces = _reduced(np.minimum, self.at_corners(values[:, None])[:, 0], pieces.start)
+        run(_least_in_pieces, len(on_pieces), pieces.cells, nodes, values, on_pieces)
+        return CellWeights(cells, on_pieces)
+
+    def weighted(self, weights: CellWeights, only_mass: bool = False) -> TextureSpace:
+        """Count each cell and piece as much as its weight says; in the mass alone, if wanted."""
         other = copy(self)
-        other.cells = np.empty_like(self.cells)
-        run(_weigh_cells, len(self.cells), self.cells, weights, other.cells, chunk=ROWS)
-        pieces = self.cut_cells.pieces
-        other.fans = self.fans * np.repeat(self._piece_means(weights), np.diff(pieces.start))[:, None]
+        first = 3 if only_mass else 0
+        other.cells, other.fans = self.cells.copy(), self.fans.copy()
+        other.cells[..., first:] *= weights.cells[..., None]
+        repeats = np.diff(self.cut_cells.pieces.start)
+        other.fans[:, first:] *= np.repeat(weights.pieces, repeats)[:, None]
         return other
+
+    @cached_property
+    def _components(self) -> Ints:
+        # The connected part of the surface on which each unknown lies: (n,), -1 at no unknowns.
+        charts, ways = self.atlas.charts, self.atlas.metric.ways
+        edges = np.flatnonzero(ways.twins.reshape(-1) >= 0)
+        edges = edges[open_places(ways, edges, np.full(len(edges), 0.5))]
+        links = charts.labels[edges // 3], charts.labels[ways.twins.reshape(-1)[edges] // 3]
+        count = len(charts.boxes)
+        ones = np.ones(len(edges), dtype=np.bool_)
+        graph = scipy.sparse.csr_matrix((ones, links), shape=(count, count))
+        _, parts = connected_components(graph, directed=False)
+        found = np.full(self.size, NOTHING, dtype=np.int32)
+        labels = self.labels.reshape(-1)
+        found[: labels.size] = np.where(labels >= 0, parts[labels], NOTHING)
+        cut = self.cut_cells
+        at_points = np.empty(len(cut.kinds), dtype=np.int32)
+        pieces = cut.pieces
+        at_points[pieces.points] = np.repeat(
+            parts[charts.labels[pieces.faces]], np.diff(pieces.start)
+        )
+        found[cut.unknowns] = at_points[cut.free]
+        return found
+
+    def without_means(self, values: _Single, weights: npt.NDArray[np.floating]) -> _Single:
+        """Take the weighted mean (n,) off each column, on each connected part by itself."""
+        parts = self._components + 1
+        sums = np.bincount(parts, weights)
+        sums[sums == 0] = 1.0
+        means = [np.bincount(parts, weights * column) / sums for column in values.T]
+        shifts = np.stack(means, axis=1).astype(np.float32)
+        shifts[0] = 0.0
+        return values - shifts[parts]
 
     def matrix(self, screen: float) -> SheetMatrix:
         """Assemble stiffness plus `screen` times mass."""
@@ -126,37 +197,45 @@ class TextureSpace:
         return (cut.interpolation @ values[cut.unknowns].astype(np.float64))[cut.pieces.points]
 
     def apply_stiffness(
-        self, values: _Single, weights: _Single, corners: Floats | None = None
+        self, values: _Single, weights: CellWeights | None = None, corners: Floats | None = None
     ) -> _Single:
         """Multiply with the stiffness, in which cells and pieces count as much as weights say.
 
         Parameters
         ----------
         values : (n, c) float32
-        weights : (n,) float32
-            Cells and pieces have the mean of their corners' weights.
+        weights : CellWeights, optional
         corners : (v, c) float64, optional
             Values at the corners of the pieces, if these differ from side to side of a seam.
         """
         return self._apply(_apply_stiffness, _apply_fan_stiffness, values, weights, corners)
 
     def apply_mass(
-        self, values: _Single, weights: _Single, corners: Floats | None = None
+        self, values: _Single, weights: CellWeights | None = None, corners: Floats | None = None
     ) -> _Single:
         """Multiply with the mass; see `apply_stiffness`."""
         return self._apply(_apply_mass, _apply_fan_mass, values, weights, corners)
 
-    def _apply(self, on_cells, on_fans, values, weights, corners):  # type: ignore[no-untyped-def]
+    def _apply(
+        self,
+        on_cells: Any,
+        on_fans: Any,
+        values: _Single,
+        weights: CellWeights | None,
+        corners: Floats | None,
+    ) -> _Single:
+        weights = self.alike if weights is None else weights
         result = np.zeros_like(values)
         with aside("Comparing texels"):
-            run(on_cells, len(self.cells), self.cells, weights, values, result, chunk=ROWS)
+            run(on_cells, len(self.cells), self.cells, weights.cells, values, result, chunk=ROWS)
         cut = self.cut_cells
         given = self.at_corners(values) if corners is None else corners
         found = np.zeros_like(given)
         with aside("Comparing texels"):
-            run(on_fans, len(cut.pieces.faces), cut.pieces.start, self.fans,
-                self._piece_means(weights), given, found)  # fmt: skip
-        result[cut.unknowns] += (cut.interpolation.T @ self._sum_at_points(found)).astype(np.float32)
+            run(on_fans, len(cut.pieces.faces), cut.pieces.start, self.fans, weights.pieces, given,
+                found)  # fmt: skip
+        at_points = self._sum_at_points(found)
+        result[cut.unknowns] += (cut.interpolation.T @ at_points).astype(np.float32)
         return result
 
     def _sum_at_points(self, at_corners: Floats) -> Floats:
@@ -164,12 +243,9 @@ class TextureSpace:
         columns = [np.bincount(pieces.points, column, count) for column in at_corners.T]
         return np.stack(columns, axis=1)
 
-    def _piece_means(self, weights: _Single) -> Floats:
-        start = self.cut_cells.pieces.start
-        if len(start) == 1:
-            return np.zeros(0)
-        sums = np.add.reduceat(self.at_corners(weights[:, None])[:, 0], start[:-1])
-        return sums / np.diff(start)
+
+def _reduced(of: np.ufunc, at_corners: Floats, start: npt.NDArray[np.int64]) -> Floats:
+    return of.reduceat(at_corners, start[:-1]) if len(start) > 1 else np.zeros(0)
 
 
 def _measure_cells(
@@ -303,22 +379,43 @@ def _measure_fans(start, stop, pieces, fans):
 
 
 @kernel
-def _mean_of(cells, weights, y, x):
-    # The mean weight of a cell's nodes.
-    first = y * cells.shape[1] + x
-    second = first + cells.shape[1]
-    return 0.25 * (weights[first] + weights[first + 1] + weights[second] + weights[second + 1])
+def _mean_in_cells(start, stop, cells, values, out):
+    columns = cells.shape[1]
+    for y in range(start, stop):
+        for x in range(columns):
+            if cells[y, x, 3] > 0:
+                top = y * columns + x
+                low = top + columns
+                total = values[top] + values[top + 1] + values[low] + values[low + 1]
+                out[y, x] = 0.25 * total
 
 
 @kernel
-def _weigh_cells(start, stop, cells, weights, out):
+def _least_in_cells(start, stop, cells, values, out):
+    columns = cells.shape[1]
     for y in range(start, stop):
-        for x in range(cells.shape[1]):
-            share = 0.0
+        for x in range(columns):
             if cells[y, x, 3] > 0:
-                share = _mean_of(cells, weights, y, x)
-            for n in range(4):
-                out[y, x, n] = share * cells[y, x, n]
+                top = y * columns + x
+                low = top + columns
+                above = min(values[top], values[top + 1])
+                out[y, x] = min(above, min(values[low], values[low + 1]))
+
+
+@kernel
+def _least_in_pieces(start, stop, cells, nodes, values, out):
+    columns = nodes.shape[1]
+    for piece in range(start, stop):
+        if cells[piece] < 0:
+            continue
+        least = np.inf
+        row, column = divmod(cells[piece], columns)
+        for y in range(row, row + 2):
+            for x in range(column, column + 2):
+                if nodes[y, x] >= 0:
+                    least = min(least, values[y * columns + x])
+        if least < np.inf:
+            out[piece] = least
 
 
 @kernel
@@ -380,7 +477,7 @@ def _apply_stiffness(start, stop, cells, weights, values, out):
             rr, rc, cc, area = cells[y, x]
             if area == 0:
                 continue
-            weight = _mean_of(cells, weights, y, x)
+            weight = weights[y, x]
             rr *= weight
             rc *= weight
             cc *= weight
@@ -412,7 +509,7 @@ def _apply_mass(start, stop, cells, weights, values, out):
         for x in range(columns - 1):
             if cells[y, x, 3] == 0:
                 continue
-            mass = _mean_of(cells, weights, y, x) * cells[y, x, 3] / 36
+            mass = weights[y, x] * cells[y, x, 3] / 36
             top = y * columns + x
             low = top + columns
             for c in range(values.shape[1]):

@@ -24,8 +24,15 @@ Singles = npt.NDArray[np.float32]
 NONE, REGULAR, STENCILED, LOOSE = 0, 1, 2, 3
 """Kinds of nodes: no unknown; regular; in the block, with all of its coarse parents; without."""
 
-_STRETCHED = 0.4
-"""Nodes with a coupling of the wrong sign of so large a share of the diagonal are in the block."""
+_STRETCHED_NODE = 4
+_STRETCHED = 0.22
+"""Nodes with a coupling above 0 of so large a share of the diagonal are in the block, too.
+
+Their texels are so stretched that smoothing hardly helps; the share is 0.25 at most.
+"""
+
+_MOST_STRETCHED = 0.05
+"""Share of nodes above which they are left to smoothing: the block would be no strip any more."""
 
 
 class SheetMatrix(NamedTuple):
@@ -66,8 +73,6 @@ class BlockRows(NamedTuple):
     ----------
     unknowns : (b,) int32
         Their numbers, ascending.
-    number : (n,) int32
-        Place of an unknown in the block, or -1.
     start, middle : (b + 1,), (b,) int32
         Row p has the entries from ``start[p]``, those from ``middle[p]`` on with regular unknowns.
     columns, values : (k,) int32, float64
@@ -76,7 +81,6 @@ class BlockRows(NamedTuple):
     """
 
     unknowns: Ints
-    number: Ints
     start: Ints
     middle: Ints
     columns: Ints
@@ -96,14 +100,19 @@ def kinds_of(matrix: SheetMatrix, whole: bool) -> npt.NDArray[np.uint8]:
     """Sort the nodes into kinds: (rows, columns); `whole` puts all unknowns into the block."""
     rows, columns = matrix.labels.shape
     kinds = np.zeros((rows, columns), dtype=np.uint8)
-    run(_sort, rows, matrix.labels, matrix.stencil, matrix.screen, whole, kinds, chunk=ROWS)
+    counts = np.zeros((rows, 2), dtype=np.int64)
+    run(_sort, rows, matrix.labels, matrix.stencil, matrix.screen, whole, kinds, counts,
+        chunk=ROWS)  # fmt: skip
+    unknowns, stretched = counts.sum(axis=0)
+    few = stretched <= _MOST_STRETCHED * unknowns
+    kinds[kinds == _STRETCHED_NODE] = STENCILED if few else REGULAR
     nodes = matrix.seam[: np.searchsorted(matrix.seam, rows * columns)]
     run(_put_into_block, len(nodes), nodes, matrix.labels, kinds)
     return kinds
 
 
-def block_rows(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8]) -> BlockRows:
-    """Gather the rows of the block.
+def block_rows(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8]) -> tuple[BlockRows, Ints]:
+    """Gather the rows of the block, and number the unknowns by their place in it, -1 outside.
 
     Raises
     ------
@@ -124,15 +133,13 @@ def block_rows(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8]) -> BlockRows:
     columns, values = np.empty(start[-1], dtype=np.int32), np.empty(start[-1])
     screen = matrix.screen[unknowns].astype(np.float64)
     diagonal = np.empty(len(unknowns))
-    rows = BlockRows(unknowns, number, start, middle, columns, values, screen, diagonal)
-    run(_gather_rows, len(unknowns), rows, of_seam, matrix)
+    rows = BlockRows(unknowns, start, middle, columns, values, screen, diagonal)
+    run(_gather_rows, len(unknowns), rows, number, of_seam, matrix)
     require_positive(diagonal)
-    return rows
+    return rows, number
 
 
-def inverse_diagonal(
-    matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows
-) -> Singles:
+def inverse_diagonal(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows) -> Singles:
     """Invert the diagonal: (n,), 0 where there is no unknown."""
     inverse = np.zeros(len(matrix.screen), dtype=np.float32)
     run(_invert, len(kinds), matrix.stencil, matrix.screen, kinds, inverse, chunk=ROWS)
@@ -170,7 +177,7 @@ def diagonal_of(stencil, screen, y, x):
 
 
 @kernel
-def _sort(start, stop, labels, stencil, screen, whole, kinds):
+def _sort(start, stop, labels, stencil, screen, whole, kinds, counts):
     for y in range(max(start, 1), min(stop, labels.shape[0] - 1)):
         for x in range(1, labels.shape[1] - 1):
             label = labels[y, x]
@@ -179,14 +186,18 @@ def _sort(start, stop, labels, stencil, screen, whole, kinds):
             alone = labels[y, x - 1] != label or labels[y, x + 1] != label
             for u in range(x - 1, x + 2):
                 alone |= labels[y - 1, u] != label or labels[y + 1, u] != label
-            if not (alone or whole):
-                worst = max(stencil[0, y, x], stencil[0, y, x - 1])
-                worst = max(worst, max(stencil[2, y, x], stencil[2, y - 1, x]))
-                worst = max(worst, max(stencil[1, y, x], stencil[1, y - 1, x + 1]))
-                worst = max(worst, max(stencil[3, y, x], stencil[3, y - 1, x - 1]))
-                if worst > 0:
-                    alone = worst > _STRETCHED * diagonal_of(stencil, screen, y, x)
-            kinds[y, x] = _in_block(labels, y, x) if alone or whole else REGULAR
+            counts[y, 0] += 1
+            if alone or whole:
+                kinds[y, x] = _in_block(labels, y, x)
+                continue
+            most = max(stencil[0, y, x], stencil[0, y, x - 1])
+            most = max(most, max(stencil[1, y, x], stencil[1, y - 1, x + 1]))
+            most = max(most, max(stencil[2, y, x], stencil[2, y - 1, x]))
+            most = max(most, max(stencil[3, y, x], stencil[3, y - 1, x - 1]))
+            kinds[y, x] = REGULAR
+            if most > 0 and most > _STRETCHED * diagonal_of(stencil, screen, y, x):
+                kinds[y, x] = _STRETCHED_NODE
+                counts[y, 1] += 1
 
 
 @kernel
@@ -231,7 +242,7 @@ def _count_entries(start, stop, unknowns, of_seam, matrix, counts):
 
 
 @kernel
-def _gather_rows(start, stop, rows, of_seam, matrix):
+def _gather_rows(start, stop, rows, number, of_seam, matrix):
     for p in range(start, stop):
         first = rows.start[p]
         last = rows.start[p + 1]
@@ -250,7 +261,7 @@ def _gather_rows(start, stop, rows, of_seam, matrix):
                 if value == 0:
                     continue
                 column = v * matrix.labels.shape[1] + u
-                if rows.number[column] >= 0:
+                if number[column] >= 0:
                     place = first
                     first += 1
                 else:
@@ -291,45 +302,54 @@ def _find_runs(start, stop, kinds, runs):
 
 
 @sum_kernel
-def subtract_regular(start, stop, stencil, screen, runs, b, x, out, channels):
-    """Put ``b - A x`` into `out` at the regular nodes of some rows."""
+def multiply_row(y, stencil, screen, runs, x, out):
+    """Put ``A x`` of the regular nodes of row `y` into a row, one channel."""
     columns = stencil.shape[2]
-    total = np.empty(len(channels), dtype=np.float32)
-    here = np.empty(len(channels), dtype=np.float32)
-    for y in range(start, stop):
-        for k in range(runs.start[y], runs.start[y + 1]):
-            for u in range(runs.columns[k, 0], runs.columns[k, 1]):
-                i = y * columns + u
-                a = np.float32(screen[i])
-                for j in range(len(channels)):
-                    here[j] = x[i, j]
-                    total[j] = b[i, j] - a * here[j]
-                a, c = stencil[0, y, u], stencil[0, y, u - 1]
-                for j in range(len(channels)):
-                    total[j] -= a * (x[i + 1, j] - here[j]) + c * (x[i - 1, j] - here[j])
-                p = i + columns
-                a, c, d = stencil[1, y, u], stencil[2, y, u], stencil[3, y, u]
-                for j in range(len(channels)):
-                    total[j] -= a * (x[p - 1, j] - here[j]) + c * (x[p, j] - here[j])
-                    total[j] -= d * (x[p + 1, j] - here[j])
-                p = i - columns
-                a, c = stencil[3, y - 1, u - 1], stencil[2, y - 1, u]
-                d = stencil[1, y - 1, u + 1]
-                for j in range(len(channels)):
-                    total[j] -= a * (x[p - 1, j] - here[j]) + c * (x[p, j] - here[j])
-                    total[j] -= d * (x[p + 1, j] - here[j])
-                for j in range(len(channels)):
-                    out[i, j] = total[j]
+    for k in range(runs.start[y], runs.start[y + 1]):
+        # Slices begin one node before the run where neighbors are read, so that all loops run
+        # from 0 and become vector instructions.
+        first, last = runs.columns[k]
+        i = y * columns + first
+        n = last - first
+        here = x[i - 1 : i + n + 1]
+        upper = x[i - columns - 1 : i - columns + n + 1]
+        lower = x[i + columns - 1 : i + columns + n + 1]
+        level = stencil[0, y, first - 1 : last]
+        a = stencil[3, y - 1, first - 1 : last - 1]
+        b = stencil[2, y - 1, first:last]
+        c = stencil[1, y - 1, first + 1 : last + 1]
+        d = stencil[1, y, first:last]
+        e = stencil[2, y, first:last]
+        f = stencil[3, y, first:last]
+        rest = screen[i : i + n]
+        row = out[first:last]
+        for u in range(n):
+            value = here[u + 1]
+            total = level[u] * (here[u] - value) + level[u + 1] * (here[u + 2] - value)
+            total += a[u] * (upper[u] - value) + b[u] * (upper[u + 1] - value)
+            total += c[u] * (upper[u + 2] - value) + d[u] * (lower[u] - value)
+            total += e[u] * (lower[u + 1] - value) + f[u] * (lower[u + 2] - value)
+            row[u] = np.float32(rest[u]) * value + total
 
 
 @kernel
-def subtract_block(start, stop, rows, b, x, out):
-    """Put ``b - A x`` into `out` at some unknowns of the block."""
+def multiply_rows(start, stop, stencil, screen, runs, x, out):
+    """Put ``A x`` into `out` at the regular nodes of some rows: (c, n)."""
+    columns = stencil.shape[2]
+    for y in range(start, stop):
+        for j in range(x.shape[0]):
+            row = out[j, y * columns : (y + 1) * columns]
+            multiply_row(y, stencil, screen, runs, x[j], row)
+
+
+@kernel
+def multiply_block(start, stop, rows, x, out):
+    """Put ``A x`` into `out` at some unknowns of the block, by double precision: (c, n)."""
     for p in range(start, stop):
         i = rows.unknowns[p]
-        for j in range(x.shape[1]):
-            here = np.float64(x[i, j])
-            total = b[i, j] - rows.screen[p] * here
+        for j in range(x.shape[0]):
+            here = np.float64(x[j, i])
+            total = rows.screen[p] * here
             for e in range(rows.start[p], rows.start[p + 1]):
-                total -= rows.values[e] * (x[rows.columns[e], j] - here)
-            out[i, j] = total
+                total += rows.values[e] * (x[j, rows.columns[e]] - here)
+            out[j, i] = total

@@ -19,10 +19,37 @@ _ROUNDS = 20
 """How many faces without area in the texture may lie in a row for all to get a value."""
 
 
-def surface_values(
-    space: TextureSpace, values: _Single, known: npt.NDArray[np.bool_], alpha: int = -1
-) -> _Single:
+def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Single:
     """Read a sheet's values as a function on the surface.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    values : (rows, columns, c) float32
+        Of the nodes.
+    corners : (v, c) float64
+        Those at the corners of the pieces; see `corner_values`.
+
+    Returns
+    -------
+    (n, c) float32
+        A point on a seam has the mean of what its sides show there.
+    """
+    cut = space.cut_cells
+    at_points = _means(cut.pieces.points, corners, len(cut.kinds))
+    _spread(space, at_points)
+    flat = values.reshape(-1, values.shape[2])
+    result = np.zeros((space.size, flat.shape[1]), dtype=np.float32)
+    is_node = space.labels.reshape(-1) != NOTHING
+    result[: len(flat)][is_node] = flat[is_node]
+    result[cut.unknowns] = at_points[cut.free]
+    return result
+
+
+def corner_values(
+    space: TextureSpace, values: _Single, known: npt.NDArray[np.bool_], alpha: int = -1
+) -> Floats:
+    """Read a sheet's values at the corners of the pieces, as each piece's chart shows them.
 
     Parameters
     ----------
@@ -33,32 +60,6 @@ def surface_values(
         Ghosts that count.
     alpha : int
         The channel that is opacity: other channels count as much as it says. -1: none.
-
-    Returns
-    -------
-    (n, c) float32
-        A point on a seam has the mean of what its sides show there.
-    """
-    cut = space.cut_cells
-    corners = corner_values(space, values, known, alpha)
-    at_points = _means(cut.pieces.points, corners, len(cut.kinds))
-    _spread(space, at_points)
-    flat = values.reshape(-1, values.shape[2])
-    result = np.zeros((space.size, flat.shape[1]), dtype=np.float32)
-    is_node = space.labels.reshape(-1) != NOTHING
-    result[: len(flat)][is_node] = flat[is_node]
-    free = np.flatnonzero(np.diff(cut.interpolation.indptr) == 1)
-    column = cut.interpolation.indices[cut.interpolation.indptr[free]]
-    result[cut.unknowns[column]] = at_points[free]
-    return result
-
-
-def corner_values(
-    space: TextureSpace, values: _Single, known: npt.NDArray[np.bool_], alpha: int = -1
-) -> Floats:
-    """Read a sheet's values at the corners of the pieces, as each piece's chart shows them.
-
-    Parameters are those of `surface_values`.
 
     Returns
     -------
@@ -108,8 +109,10 @@ def _spread(space: TextureSpace, at_points: Floats) -> None:
         if not missing.any():
             return
         means = _means(piece, at_points[pieces.points], len(pieces.faces))
-        found = _means(pieces.points, means[piece], len(at_points))
-        at_points[missing] = found[missing]
+        found = _means(pieces.points, means[piece], len(at_points))[missing]
+        if np.isnan(found[:, 0]).all():
+            break
+        at_points[missing] = found
     at_points[np.isnan(at_points[:, 0])] = 0.0
 
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.ghosts import fill_ghosts
 from ..atlas.multigrid import SheetSolver
-from ..atlas.operators import TextureSpace
-from ..atlas.surface_values import sheet_values, surface_values
+from ..atlas.operators import CellWeights, TextureSpace
+from ..atlas.surface_values import corner_values, sheet_values, surface_values
 from ..base.checks import LARGEST, as_array, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
@@ -24,7 +24,7 @@ _TOLERANCE = 1e-3
 """Residual of the solution relative to the right-hand side; its error is far below what 8 bits
 show."""
 
-_LEAST_OPACITY = 1e-3
+_LEAST_OPACITY = 1e-4
 """Transparent texels count as much as this, so that they get colors."""
 
 _MOST_GAIN = 100.0
@@ -157,13 +157,16 @@ class TextureSolver:
                 sheet = self._texture.atlas.sheet
                 known = fill_ghosts(sheet, self._texture.atlas.sources, self._values, alpha)
                 space = TextureSpace(self._texture.atlas)
-                values = surface_values(space, self._values, known, alpha)
+                corners = corner_values(space, self._values, known, alpha)
+                values = surface_values(space, self._values, corners)
                 if alpha >= 0:
-                    space = space.weighted(np.maximum(values[:, alpha], _LEAST_OPACITY))
+                    opacity = np.maximum(values[:, alpha], _LEAST_OPACITY)
+                    space = space.weighted(space.least(opacity))
                     values = np.delete(values, alpha, axis=1)
                 self._space, self._input = space, np.ascontiguousarray(values)
             with phase(0.7, 1.0, "Coarsening"):
-                self._solver = SheetSolver(space.matrix(settings.radius**-2.0))
+                matrix = space.matrix(settings.radius**-2.0)
+                self._solver, self._masses = SheetSolver(matrix), matrix.screen
         self._change = np.zeros_like(self._input)
         self._of_unit: npt.NDArray[np.float32] | None = None
 
@@ -206,21 +209,24 @@ class TextureSolver:
             on_nodes = self._texture.atlas.gather(gains[..., None] - np.float32(1.0))
             sheet, sources = self._texture.atlas.sheet, self._texture.atlas.sources
             known = fill_ghosts(sheet, sources, on_nodes)
-            shares = surface_values(self._space, on_nodes, known)[:, 0]
-            self._solve(shares, self._change)
+            corners = corner_values(self._space, on_nodes, known)
+            shares = surface_values(self._space, on_nodes, corners)[:, 0]
+            self._solve(self._space.means(shares), self._change)
             return self._change
         if self._of_unit is None:
             self._of_unit = np.zeros_like(self._input)
             try:
-                self._solve(np.ones(self._space.size, dtype=np.float32), self._of_unit)
+                self._solve(self._space.alike, self._of_unit)
             except BaseException:
                 self._of_unit = None
                 raise
         return self._of_unit * np.float32(gains - 1.0)
 
-    def _solve(self, gains: npt.NDArray[np.float32], change: npt.NDArray[np.float32]) -> None:
+    def _solve(self, gains: CellWeights, change: npt.NDArray[np.float32]) -> None:
         rhs = self._space.apply_stiffness(self._input, gains)
         self._solver.solve(rhs, change, _TOLERANCE, message="Filtering")
+        # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
+        change[:] = self._space.without_means(change, self._masses)
 
     def _written(
         self, change: npt.NDArray[np.float32], weights: npt.NDArray[np.float64] | None

@@ -5,7 +5,6 @@ import numpy as np
 import scipy.sparse
 from atlases import Blocks
 from shapes import grid
-
 from shock_filter import core
 from shock_filter.core.atlas.operators import TextureSpace
 
@@ -76,9 +75,7 @@ def positions(space):
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     frame = pieces.frame * atlas.texel_size
     at_points[pieces.points] = corners[:, 0] + frame[:, :1] * along + frame[:, 1:] * across
-    free = np.flatnonzero(np.diff(cut.interpolation.indptr) == 1)
-    column = cut.interpolation.indices[cut.interpolation.indptr[free]]
-    result[cut.unknowns[column]] = at_points[free]
+    result[cut.unknowns] = at_points[cut.free]
     return result
 
 

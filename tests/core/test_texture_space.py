@@ -4,9 +4,8 @@
 import numpy as np
 import pytest
 import scipy.sparse.linalg
-from surface_spaces import in_full, positions, space_of, square
-
 from shock_filter import core
+from surface_spaces import in_full, positions, space_of, square
 
 
 def aligned(off):
@@ -72,14 +71,13 @@ def vectors(space, columns=1, seed=0):
 def test_mass_adds_up_to_the_area(space):
     area = space.area * space.atlas.texel_size**2
     assert area == pytest.approx(64.0 * 64.0, rel=1e-6)
-    ones = np.ones(space.size, dtype=np.float32)
-    masses = space.apply_mass(ones[:, None], ones)
+    masses = space.apply_mass(np.ones((space.size, 1), dtype=np.float32))
     assert masses.sum(dtype=np.float64) == pytest.approx(space.area, rel=1e-5)
 
 
 def test_the_stiffness_of_a_constant_is_zero(space):
-    ones = np.ones(space.size, dtype=np.float32)
-    assert np.abs(space.apply_stiffness(3.0 * ones[:, None], ones)).max() < 1e-6
+    constant = np.full((space.size, 1), 3.0, dtype=np.float32)
+    assert np.abs(space.apply_stiffness(constant)).max() < 1e-6
     couplings, _ = in_full(space, 0.0)
     assert np.abs(couplings.sum(axis=1)).max() < 1e-11 * np.abs(couplings).max()
 
@@ -94,8 +92,8 @@ def test_matrices_are_symmetric_and_definite(space):
 def test_products_are_those_of_the_assembled_matrix(space):
     screen = 0.3
     matrix, used = in_full(space, screen)
-    values, ones = vectors(space, 2), np.ones(space.size, dtype=np.float32)
-    product = space.apply_stiffness(values, ones) + screen * space.apply_mass(values, ones)
+    values = vectors(space, 2)
+    product = space.apply_stiffness(values) + screen * space.apply_mass(values)
     expected = matrix @ values[used].astype(np.float64)
     scale = np.abs(matrix) @ np.abs(values[used])
     assert (np.abs(product[used] - expected) <= 3e-6 * scale + 1e-9).all()
@@ -105,12 +103,8 @@ def test_linear_functions_have_the_energy_of_the_surface(space):
     places = positions(space)
     ways = (places[:, :2] @ [0.6, 0.8] / space.atlas.texel_size)[:, None]
     ways = np.nan_to_num(ways - np.nanmean(ways))  # 0 at what is no unknown
-    result = space.apply_stiffness(ways.astype(np.float32), one(space))
+    result = space.apply_stiffness(ways.astype(np.float32))
     assert (ways * result).sum() == pytest.approx(space.area, rel=2e-5)
-
-
-def one(space):
-    return np.ones(space.size, dtype=np.float32)
 
 
 def poisson_error(space, n):
@@ -120,7 +114,7 @@ def poisson_error(space, n):
     exact = np.cos(np.pi * x) * np.cos(2 * np.pi * y)
     values = np.zeros((space.size, 1), dtype=np.float32)
     values[used, 0] = (1 + 5 * np.pi**2) * exact
-    mass = space.apply_mass(values, one(space))[used, 0] * (space.atlas.texel_size / n) ** 2
+    mass = space.apply_mass(values)[used, 0] * (space.atlas.texel_size / n) ** 2
     error = scipy.sparse.linalg.spsolve(matrix.tocsc(), mass.astype(np.float64)) - exact
     return np.sqrt(np.mean(error**2)), np.max(np.abs(error))
 
@@ -153,6 +147,108 @@ def test_unusual_layouts_give_the_solution_too(layout, most):
     assert largest < 12 * most
 
 
+def cube_ball(n):
+    """A ball of six turned charts in an image of n x n texels, its faces as large as a texel."""
+    ticks = np.linspace(-1.0, 1.0, n // 3 + 1)
+    steps = len(ticks) - 1
+    flat = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    first = (np.arange(steps) + (steps + 1) * np.arange(steps)[:, None]).reshape(-1, 1)
+    quads = first[:, None] + np.array([[0, 1, steps + 2], [0, steps + 2, steps + 1]])
+    vertices, faces, uv = [], [], []
+    for side in range(6):
+        corner = np.empty((len(flat), 3))
+        corner[:, side % 3] = 1.0 if side < 3 else -1.0
+        corner[:, (side + 1) % 3] = flat[:, 0] * corner[:, side % 3]
+        corner[:, (side + 2) % 3] = flat[:, 1]
+        vertices.append(np.tan(np.pi / 4 * corner))  # squares of about one size on the ball
+        faces.append(quads.reshape(-1, 3) + side * len(flat))
+        c, s = np.cos(0.35 * (side + 1)), np.sin(0.35 * (side + 1))
+        place = np.array([side % 3 + 0.5, side // 3 + 0.75]) / 3
+        uv.append(place + flat @ np.array([[c, s], [-s, c]]) * 0.112)
+    kept, index = core.weld(np.round(np.concatenate(vertices), 9))
+    points = np.concatenate(vertices)[kept]
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    corners = np.concatenate(faces)
+    return core.TriangleMesh(points, index[corners]), np.concatenate(uv)[corners], n
+
+
+def ring(n):
+    """A torus in 2 x 2 charts, in an image of n x n texels; and the angles at its vertices."""
+    steps = n // 2
+    angle = 2 * np.pi * np.arange(steps) / steps
+    around, across = np.meshgrid(angle, angle, indexing="ij")
+    radius = 2.0 + np.cos(across)
+    points = np.stack(
+        [radius * np.cos(around), radius * np.sin(around), np.sin(across)], axis=-1
+    ).reshape(-1, 3)
+    i, j = (a.reshape(-1) for a in np.mgrid[:steps, :steps])
+    squares = [(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]
+    faces, uv = [], []
+    chart = np.stack([2 * i // steps, 2 * j // steps], axis=-1)
+    for triangle in squares:
+        corner = [(i + a, j + b) for a, b in triangle]
+        faces.append(np.stack([(a % steps) * steps + b % steps for a, b in corner], axis=-1))
+        place = np.stack([np.stack(ab, axis=-1) for ab in corner], axis=1) / steps
+        uv.append(0.45 * place + 0.02 + 0.5 * chart[:, None] - 0.45 * 0.5 * chart[:, None])
+    return core.TriangleMesh(points, np.concatenate(faces)), np.concatenate(uv), n
+
+
+def on_ball(places):
+    # A harmonic of degree 2, and (1 - Laplacian) of it.
+    x, y, z = (places / np.linalg.norm(places, axis=1, keepdims=True)).T
+    value = x * y + 0.3 * (z * z - x * x)
+    return value, 7 * value
+
+
+def on_ring(places):
+    # sin(2 around) cos(across); the metric is (2 + cos across)^2 and 1.
+    x, y, z = places.T
+    radius = np.hypot(x, y)
+    around, across = np.arctan2(y, x), np.arctan2(z, radius - 2.0)
+    radius = 2.0 + np.cos(across)
+    value = np.sin(2 * around) * np.cos(across)
+    laplacian = -4 * value / radius**2 - value
+    laplacian += np.sin(2 * around) * np.sin(across) ** 2 / radius
+    return value, value - laplacian
+
+
+@pytest.mark.parametrize(
+    ("surface", "function", "sizes"), [(cube_ball, on_ball, (36, 72)), (ring, on_ring, (40, 80))]
+)
+def test_solutions_on_curved_surfaces_converge_with_second_order(surface, function, sizes):
+    errors = []
+    for n in sizes:
+        space = space_of(*surface(n))
+        scale = space.atlas.texel_size**2
+        matrix, used = in_full(space, scale)
+        exact, source = function(positions(space)[used])
+        values = np.zeros((space.size, 1), dtype=np.float32)
+        values[used, 0] = source
+        mass = scale * space.apply_mass(values)[used, 0].astype(np.float64)
+        found = scipy.sparse.linalg.spsolve(matrix.tocsc(), mass)
+        errors.append(np.sqrt(np.mean((found - exact) ** 2)))
+    assert np.log2(errors[0] / errors[1]) > 1.85
+    assert errors[1] < 0.01
+
+
+def test_the_ball_has_its_spectrum():
+    off = []
+    for n in (36, 72):
+        space = space_of(*cube_ball(n))
+        stiffness, mass = (in_full(space, screen)[0] for screen in (0.0, 1.0))
+        mass -= stiffness
+        found = scipy.sparse.linalg.eigsh(
+            stiffness, k=16, M=mass, sigma=-1e-3, return_eigenvectors=False
+        )
+        off.append(
+            np.sort(found) / space.atlas.texel_size**2 - np.repeat([0, 2, 6, 12], [1, 3, 5, 7])
+        )
+    coarse, fine = np.abs(off)
+    assert coarse[0] < 1e-4
+    for first, last in ((1, 4), (4, 9), (9, 16)):
+        assert np.log2(coarse[first:last].max() / fine[first:last].max()) > 1.8
+
+
 def test_nothing_crosses_closed_seams():
     space = space_of(*square(64), closed=True)
     labels = np.zeros((space.size, 1), dtype=np.float32)
@@ -171,12 +267,13 @@ def test_nothing_crosses_closed_seams():
 def test_weights_scale_cells_and_pieces():
     space = space_of(*square(64))
     values, half = vectors(space), np.full(space.size, 0.5, dtype=np.float32)
-    expected = 0.5 * space.apply_stiffness(values, one(space))
-    for result in (
-        space.apply_stiffness(values, half),
-        space.weighted(half).apply_stiffness(values, one(space)),
-    ):
-        assert np.allclose(result, expected, atol=1e-5)
+    expected = 0.5 * space.apply_stiffness(values)
+    for weights in (space.means(half), space.least(half)):
+        assert np.allclose(space.apply_stiffness(values, weights), expected, atol=1e-5)
+        assert np.allclose(space.weighted(weights).apply_stiffness(values), expected, atol=1e-5)
+    only_mass = space.weighted(space.means(half), only_mass=True)
+    assert (only_mass.apply_stiffness(values) == space.apply_stiffness(values)).all()
+    assert np.allclose(only_mass.apply_mass(values), 0.5 * space.apply_mass(values), atol=1e-5)
 
 
 def test_faces_without_area_in_space_are_left_out():

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of stitching: one texture of several pictures, or of charts that differ."""
+
+import numpy as np
+import pytest
+from atlases import Blocks, sample
+from shapes import grid
+from shock_filter import core
+
+
+def picture(n, channels=3):
+    """Waves that end flat at the sides of a square."""
+    y, x = (np.mgrid[:n, :n] + 0.5) / n * np.pi
+    waves = [np.cos((2 + c) * x) * np.cos((4 - c) * y) for c in range(channels)]
+    return (0.5 + 0.3 * np.stack(waves, axis=-1)).astype(np.float32)
+
+
+def of_square(n, angle=0.4):
+    blocks = Blocks(picture(n), angle)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    return blocks, mesh, blocks.texture()
+
+
+def inside_of(mesh, blocks):
+    return core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+
+
+def with_steps(mesh, blocks, image, size=0.2):
+    """The image with another constant added in each chart."""
+    chart = inside_of(mesh, blocks).masks().chart
+    steps = size * np.random.default_rng(0).uniform(-1, 1, chart.max() + 1)
+    return np.where(chart >= 0, steps[chart], 0.0)[..., None].astype(np.float32) + image
+
+
+def plain(n=32):
+    vertices, faces = grid(1, 1)
+    return core.TriangleMesh(vertices * n, faces), vertices[faces][..., :2]
+
+
+@pytest.mark.parametrize("angle", [None, 0.4])
+def test_charts_of_different_brightness_become_one(angle):
+    blocks, mesh, image = of_square(64, angle)
+    broken = with_steps(mesh, blocks, image)
+    settings = core.StitchSettings(radius=1e5)
+    result = core.stitch_textures(mesh, blocks.uv, broken, settings)
+    inside = inside_of(mesh, blocks).inside
+    before, error = ((pixels - image)[inside] for pixels in (broken, result))
+    assert np.std(before) > 0.1
+    assert np.abs(error.mean(axis=0) - before.mean(axis=0)).max() < 0.01
+    error -= error.mean(axis=0)
+    assert np.sqrt(np.mean(error**2)) < 0.01
+    points = np.random.default_rng(0).uniform(2, 62, size=(4000, 2))
+    off = blocks.read(result, points) - sample(blocks.picture, points / 64)
+    off -= off.mean(axis=0)
+    assert np.quantile(np.abs(off), 0.99) < 0.03
+
+
+def test_a_texture_without_steps_stays():
+    blocks, mesh, image = of_square(64)
+    result = core.stitch_textures(mesh, blocks.uv, image)
+    inside = inside_of(mesh, blocks).inside
+    # Next to corners of charts, where little tells how values go on, it moves a little.
+    assert np.quantile(np.abs(result - image)[inside], 0.99) < 0.01
+    assert np.sqrt(np.mean((result - image)[inside] ** 2)) < 0.003
+
+
+def test_pictures_that_are_the_same_give_that_picture():
+    mesh, uv = plain()
+    image = picture(32)
+    trust = np.random.default_rng(0).random((2, 32, 32)) + 0.1
+    for given in ({}, {"confidences": trust}):
+        settings = core.StitchSettings(radius=5.0)
+        result = core.stitch_textures(mesh, uv, [image, image], settings, **given)
+        assert np.abs(result - image).max() < 1e-5
+
+
+@pytest.mark.parametrize("as_labels", [False, True])
+def test_the_step_between_two_pictures_vanishes(as_labels):
+    mesh, uv = plain()
+    image = np.tile(np.linspace(0.1, 0.5, 32), (32, 1))
+    left = np.tile(np.arange(32) < 16, (32, 1))
+    given = {"labels": (~left).astype(int)} if as_labels else {"confidences": [left, ~left]}
+    settings = core.StitchSettings(radius=1e4)
+    result = core.stitch_textures(mesh, uv, [image, image + 0.4], settings, **given)
+    slope = np.diff(result[16])
+    assert slope.max() < 1.2 * np.diff(image[0]).max()
+    assert np.abs(np.delete(slope, 15) - 0.4 / 31).max() < 1e-3
+
+
+def test_what_nobody_knows_is_filled_smoothly():
+    mesh, uv = plain()
+    image = np.tile(np.linspace(0.0, 1.0, 32), (32, 1))
+    known = np.ones((32, 32))
+    known[:, 10:20] = 0.0
+    broken = np.where(known > 0, image, 77.0)
+    settings = core.StitchSettings(radius=3.0)
+    result = core.stitch_textures(mesh, uv, broken, settings, confidences=[known])
+    assert np.abs(result[:, :8] - image[:, :8]).max() < 0.1
+    row = result[16, 9:21]
+    assert (np.diff(row) > 0).all()
+    assert np.abs(np.diff(row, 2)).max() < 0.2 * np.ptp(row)
+
+
+def test_opacity_says_what_is_known():
+    mesh, uv = plain()
+    image = np.tile(np.linspace(0.1, 0.5, 32), (32, 1))
+    left = np.tile(np.arange(32) < 20, (32, 1)).astype(float)
+    right = np.tile(np.arange(32) >= 12, (32, 1)).astype(float)
+    pictures = [np.stack([np.where(seen > 0, image, 9.0), seen], axis=-1) for seen in (left, right)]
+    result = core.stitch_textures(mesh, uv, pictures)
+    assert np.abs(result[..., 0] - image).max() < 1e-3
+    assert (result[..., 1] == 1.0).all()
+
+
+def test_what_lies_beside_the_charts_does_not_count():
+    blocks, mesh, image = of_square(32)
+    broken = with_steps(mesh, blocks, image)
+    inside = inside_of(mesh, blocks).inside
+    results = [
+        core.stitch_textures(mesh, blocks.uv, np.where(inside[..., None], broken, paint))
+        for paint in (np.float32(0.0), np.float32(1e5))
+    ]
+    assert (results[0][inside] == results[1][inside]).all()
+
+
+def test_at_seams_alone_the_rest_stays():
+    blocks, mesh, image = of_square(64)
+    broken = with_steps(mesh, blocks, image)
+    settings = core.StitchSettings(where="seams")
+    result = core.stitch_textures(mesh, blocks.uv, broken, settings)
+    along = np.random.default_rng(1).uniform(1, 63, size=1000)
+    across, off = np.stack([np.full(1000, 32.0), along], axis=1), np.array([1e-6, 0.0])
+    jumps = [
+        np.abs(blocks.read(pixels, across - off) - blocks.read(pixels, across + off)).mean()
+        for pixels in (broken, result)
+    ]
+    assert jumps[0] > 0.05
+    assert jumps[1] < 0.1 * jumps[0]
+    middle = np.stack(np.meshgrid([8.0, 24.0, 40.0, 56.0], [8.0, 24.0, 40.0, 56.0]), axis=-1)
+    assert np.abs(blocks.read(result - broken, middle.reshape(-1, 2))).max() < 1e-6
+
+
+def test_a_mask_keeps_the_first_picture():
+    mesh, uv = plain()
+    image = picture(32)
+    mask = np.zeros((32, 32))
+    mask[:, 16:] = 1.0
+    result = core.stitch_textures(mesh, uv, [image, image + 0.2], mask=mask)
+    assert (result[:, :16] == image[:, :16]).all()
+    assert np.abs(result - image)[:, 16:].min() > 0.05
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_whole_numbers_come_back(dtype):
+    blocks = Blocks(picture(32), 0.4)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    image = (blocks.texture() * np.iinfo(dtype).max).astype(dtype)
+    result = core.stitch_textures(mesh, blocks.uv, [image, image])
+    assert result.dtype == dtype
+    assert result.shape == image.shape
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"images": []}, "no image"),
+        ({"images": [np.zeros((8, 8)), np.zeros((8, 9))]}, "one size"),
+        ({"images": [np.zeros((8, 8)), np.zeros((8, 8), np.uint8)]}, "one size and type"),
+        ({"images": [np.full((8, 8), np.nan)]}, "NaN"),
+        ({"confidences": [np.ones((8, 8))]}, "1 confidences for 2"),
+        ({"confidences": [np.ones((8, 8)), np.ones((7, 8))]}, "shape"),
+        ({"confidences": [np.ones((8, 8)), -np.ones((8, 8))]}, "negative"),
+        ({"labels": np.zeros((8, 8))}, "whole numbers"),
+        ({"labels": np.full((8, 8), 2)}, "count from 0"),
+        ({"labels": np.zeros((8, 8), int), "confidences": [np.ones((8, 8))] * 2}, "one of them"),
+    ],
+)
+def test_what_does_not_fit_is_named(given, words):
+    mesh, uv = plain(8)
+    images = given.pop("images", [np.zeros((8, 8)), np.ones((8, 8))])
+    with pytest.raises(core.InvalidSignal, match=words):
+        core.stitch_textures(mesh, uv, images, **given)
+
+
+def test_nothing_known_at_all_gives_finite_values():
+    mesh, uv = plain(8)
+    result = core.stitch_textures(mesh, uv, np.ones((8, 8)), confidences=[np.zeros((8, 8))])
+    assert np.isfinite(result).all()
