@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make the pictures of docs/detail.md: a textured model with more and less detail.
 
-``python demo/detail.py FOLDER`` writes them to docs/images/detail. Needs what demo/run.py needs, and a
-folder with spot_triangulated.obj and spot_texture.png (Keenan Crane, CC0).
+``python demo/detail.py FOLDER`` writes them to docs/images/detail. Needs what demo/run.py needs, and
+a folder with spot_triangulated.obj and spot_texture.png (Keenan Crane, CC0).
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ GRAIN = 0.16
 """Standard deviation of the grain, as a part of the color."""
 
 COARSEST, OCTAVES = 20, 4
-"""Grains of the coarsest kind in a unit of length, and how many kinds there are, each half as large."""
+"""Grains of the coarsest kind in a unit of length; and how many kinds, each half as large."""
 
 STRENGTH = 3.0
-FACE, BACK = -0.25, 0.15
-"""Depth in the model up to which it is smoothed, and from which it is raised."""
+LOW, HIGH = -0.25, 0.15
+"""Height up to which the model is smoothed, and from which it is raised."""
 
 
 def main() -> None:
@@ -92,9 +92,10 @@ def show_gains(obj: bpy.types.Object, image: bpy.types.Image) -> None:
 def show_painted(
     obj: bpy.types.Object, image: bpy.types.Image, places: npt.NDArray[np.float64]
 ) -> None:
-    """Show a gain map from face to back, and what it gives."""
-    depth = np.interp(places[..., 2], [FACE, BACK], [0.0, 1.0])
-    gain_map = photo.to_blender("Map", np.repeat(depth[..., None], 3, axis=2).astype(np.float32))
+    """Show a gain map from the legs to the head, and what it gives."""
+    grays = np.interp(places[..., 2], [LOW, HIGH], [0.0, 1.0])
+    gain_map = photo.to_blender("Map", np.repeat(grays[..., None], 3, axis=2).astype(np.float32))
+    run("dilate_texture", {"image": gain_map.name, "output": "REPLACE"})
     result = filtered(image, gain=STRENGTH, gain_map=gain_map.name)
     columns = [("Gain map", obj.data), ("Filtered", obj.data.copy())]
     draw("painted", columns, [gain_map, result])

@@ -217,7 +217,11 @@ def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image) -> None:
     if context.mode != "PAINT_TEXTURE":
         bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
     space = context.space_data
-    if space is not None and space.type == "VIEW_3D" and space.shading.type in {"SOLID", "WIREFRAME"}:
+    if (
+        space is not None
+        and space.type == "VIEW_3D"
+        and space.shading.type in {"SOLID", "WIREFRAME"}
+    ):
         space.shading.type = "MATERIAL"
 
 
