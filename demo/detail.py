@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make the pictures of docs/detail.md: a textured model with more and less detail.
 
-``python demo/detail.py FOLDER`` writes them to docs/images/detail. Needs what demo/run.py needs, and
-a folder with spot_triangulated.obj and spot_texture.png (Keenan Crane, CC0).
+``python demo/detail.py FOLDER`` writes them to docs/images/detail. Needs what demo/run.py needs,
+and a folder with spot_triangulated.obj and spot_texture.png (Keenan Crane, CC0).
 """
 
 from __future__ import annotations

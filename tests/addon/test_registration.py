@@ -79,7 +79,8 @@ print(json.dumps(states))
     assert enabled["operators"] == [
         "before_after", "cancel", "colors_preset_add", "denoise", "denoise_image",
         "denoise_image_preset_add", "denoise_preset_add", "detail_preset_add", "dilate_texture",
-        "filter_texture", "geometry_preset_add", "hide_flow", "image_preset_add", "preview", "sharpen_colors", "sharpen_geometry",
+        "filter_texture", "geometry_preset_add", "hide_flow", "image_preset_add", "paint_gain",
+        "preview", "sharpen_colors", "sharpen_geometry",
         "sharpen_image", "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20

@@ -49,7 +49,7 @@ def scenario() -> Steps:
 
 
 def show_textures() -> None:
-    """Show the materials' textures with Workbench, which draws fast where there is no graphics card."""
+    """Show the materials' textures with Workbench, which is fast without a graphics card."""
     chosen = bpy.context.scene
     chosen.render.engine = "BLENDER_WORKBENCH"
     chosen.display.shading.color_type = "TEXTURE"
