@@ -116,8 +116,8 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
     bl_label = "Paint Gain"
     bl_description = (
         "Paint where detail is raised, with white, and where it is smoothed, with black; middle"
-        " gray keeps it. The model shows the result in Material Preview after each stroke, and while"
-        " settings are changed. Makes a gain map if none is chosen. Press again to end"
+        " gray keeps it. The model shows the result in Material Preview after each stroke, and"
+        " while settings are changed. Makes a gain map if none is chosen. Press again to end"
     )
 
     @classmethod
