@@ -28,9 +28,9 @@ _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""
 
 
-def parameters_of(context: bpy.types.Context, mode: Mode) -> SimpleNamespace:
+def parameters_of(scene: bpy.types.Scene, mode: Mode) -> SimpleNamespace:
     """Copy the panel's settings."""
-    settings = getattr(context.scene.shock_filter, mode.key)
+    settings = getattr(scene.shock_filter, mode.key)
     return SimpleNamespace(**{name: getattr(settings, name) for name in mode.names})
 
 
@@ -68,7 +68,7 @@ class Preview:
         self.mode, self.parameters, self.stage = mode, parameters, stage
         self.updates, self.is_before = 0, False
         target = mode.target(parameters)
-        self.dial = target.dial(parameters)
+        self.dial, self._time = target.dial(parameters), target.time
         self.second = target.prefix + mode.second if mode.second else ""
         described = describe(target.row.settings).items()
         self._about = {target.prefix + name: each for name, each in described}
@@ -84,6 +84,11 @@ class Preview:
         self._computing: SimpleNamespace | None = None
         self._trouble = ""
         self._seen: Any = None
+
+    @property
+    def is_computing(self) -> bool:
+        """Whether something is computed now, or waits to be shown."""
+        return self._job is not None
 
     def compare(self) -> None:
         """Show what was there at first or, if that is shown, the result again.
@@ -124,6 +129,10 @@ class Preview:
             width = getattr(self.parameters, self.dial)
             text = f"{width:g}" if width > 0 else iface_("Auto")
             parts.append(iface_("Width {width} (move mouse)").format(width=text))
+        elif self.dial and self.dial != self._time:
+            value = getattr(self.parameters, self.dial)
+            name = iface_(self._about[self.dial][2].label or label(self.dial))
+            parts.append(iface_("{name} {value:.4g} (move mouse)").format(name=name, value=value))
         elif self.dial:
             endless = getattr(self.parameters, STEADY_STATE, False)
             time_ = (

@@ -17,6 +17,7 @@ from ..operators import comparing, drawing, jobs, kernels, preparing, statistics
 from ..operators import poll as obstacles
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
+from ..preview import painting
 
 
 class _Panel:
@@ -59,7 +60,7 @@ class _MainPanel(_Panel):
         _draw_choices(layout, context, context.scene.shock_filter, self.choice)
         if self.choice == "mode":  # the Image Editor shows its image
             _draw_target(self, context)
-        drawing.draw_main(layout, settings, mode)
+        drawing.draw_main(layout, context, settings, mode)
         problem = kernels.problem()
         if problem:
             draw_text(layout, context, problem, icon="ERROR")
@@ -199,14 +200,15 @@ def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
 
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
-    """Say which image will be filtered."""
+    """Say which image will be worked on."""
     if preview_operator.is_running() or not data.chosen.mesh_objects(context):
         return  # a preview lets materials show another image
     try:
         name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why
         return
-    text = iface_("Will denoise: {}" if mode.done == "Denoised" else "Will sharpen: {}")
+    words = {"Denoised": "Will denoise: {}", "Sharpened": "Will sharpen: {}"}
+    text = iface_(words.get(mode.done, "Will filter: {}"))
     layout.label(text=text.format(name), icon="IMAGE_DATA", translate=False)
 
 
@@ -245,6 +247,8 @@ def _draw_buttons(
     preview = row.row(align=True)
     preview.enabled = enabled
     preview.operator("shock_filter.preview")
+    if "gain_map" in mode.names and context.space_data.type == "VIEW_3D":
+        row.operator("shock_filter.paint_gain", depress=painting.is_running())
     shown = flow_overlay.shown_object()
     is_active = context.object is not None and context.object.name == shown
     if mode.flow and not is_active:

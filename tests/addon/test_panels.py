@@ -195,6 +195,7 @@ def test_the_main_settings_come_first_after_a_run_and_the_others_are_folded():
         ("sharpen_colors", {}),
         ("sharpen_texture", {}),
         ("dilate_texture", {}),
+        ("filter_texture", {}),
         ("sharpen_image", {}),
         ("denoise_image", {}),
         ("denoise_texture", {}),
@@ -346,7 +347,8 @@ def test_the_menu_has_the_modes_filters(mode, space, modes):
     wanted = ["Denoise Image" if "image" in modes else "Denoise"]
     wanted += ["Denoise Texture"] * ("texture" in modes)
     wanted += [(f"shock_filter.sharpen_{mode}",) for mode in modes]
-    assert drawn == wanted + [("shock_filter.dilate_texture",)] * ("texture" in modes)
+    of_textures = [("shock_filter.filter_texture",), ("shock_filter.dilate_texture",)]
+    assert drawn == wanted + of_textures * ("texture" in modes)
 
 
 def test_the_menu_stands_in_blenders_own():
@@ -554,6 +556,7 @@ def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
     assert words(filters_menu("PAINT_TEXTURE"), "operator") == [
         "Denoise Texture",
         ("shock_filter.sharpen_texture",),
+        ("shock_filter.filter_texture",),
         ("shock_filter.dilate_texture",),
     ]
     bpy.ops.object.mode_set(mode="OBJECT")
