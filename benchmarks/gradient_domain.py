@@ -29,6 +29,9 @@ GAINS = [0.0, 3.0]
 WEIGHT = 1e3
 """Lagrange's weight of the values, on a surface of unit area."""
 
+MANY_SEAMS = "DamagedHelmet"
+"""A model with a third of its texels at seams, of which the larger sizes need ``--all``."""
+
 RATIO = 30.0
 GIBIBYTE = 2.0**30
 
@@ -80,7 +83,9 @@ def speed(job: common.Job) -> None:
     rows, bounds = [], []
     for name in names(job.data):
         for size, (set_up, again, whole, memory) in SIZES.items():
-            found = common.in_own_process(timed_run, stored(job, name, size), 3)
+            if name == MANY_SEAMS and size > min(SIZES) and not job.everything:
+                continue
+            found = common.in_own_process(timed_run, stored(job, name, size), 2)
             columns = ("set-up", "first", "painted", "slider", "whole")
             rows.append([name, f"{size}²", *(f"{found[what]:.2f}" for what in columns)])
             rows[-1].append(f"{found['bytes'] / GIBIBYTE:.2f}")
@@ -93,7 +98,7 @@ def speed(job: common.Job) -> None:
                 ]
     head = ["model", "image", "set-up, s", "first result, s", "painted gains, s"]
     head += ["another gain, s", "end to end, s", "memory, GiB"]
-    text = "Three channels of uint8, default settings; best of three runs, in a process each."
+    text = "Three channels of uint8, default settings; best of two runs, in a process each."
     job.page.write("speed", "\n\n".join([text, table(head, rows), targets(bounds)]))
 
 
