@@ -82,6 +82,8 @@ class Filter(NamedTuple):
         Whether it has a mask.
     takes_guide : bool
         Whether another image's flow may move the values.
+    takes_gain : bool
+        Whether its gain may be painted.
     then : str
         Name of the sharpening, of the same kind of data, that may follow in the same run.
     then_time : float
@@ -99,6 +101,7 @@ class Filter(NamedTuple):
     corners: str = ""
     takes_mask: bool = True
     takes_guide: bool = False
+    takes_gain: bool = False
     then: str = ""
     then_time: float = 256.0
     then_settings: Mapping[str, Any] = {}
@@ -223,6 +226,7 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "filter-texture",
         "raise or smooth the detail of textures on the surface of a mesh, across seams",
+        takes_gain=True,
     ),
     Filter(
         "stitch_textures",

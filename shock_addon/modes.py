@@ -24,6 +24,7 @@ STEADY_STATE = "steady_state"
 
 _WHERE = ("vertex_group", "invert_mask", "selected_only")
 _MASK = {*_WHERE, "mask_image"}
+_TEXTURE = ("image", "maps", "output", "assign")
 _SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
 
 
@@ -101,7 +102,14 @@ DATA = {
     ),
     "texture": Data(
         ".operators.textures:TextureOperator",
-        (*_WHERE, "mask_image", "image", "maps", "output", "assign"),
+        (*_WHERE, "mask_image", *_TEXTURE),
+        "..core.host.textures:filter_texture",
+        object_modes=("OBJECT", "PAINT_TEXTURE"),
+        in_images=True,
+    ),
+    "detail": Data(
+        ".operators.textures:TextureOperator",
+        (*_WHERE, "mask_image", "gain_map", "gain_colors", *_TEXTURE),
         "..core.host.textures:filter_texture",
         object_modes=("OBJECT", "PAINT_TEXTURE"),
         in_images=True,
@@ -184,6 +192,8 @@ class Target(NamedTuple):
     def dial(self, parameters: Any) -> str:
         """Name the property that the mouse changes in a preview; empty if there is none."""
         width = f"{self.prefix}width"
+        if not self.time and f"{self.prefix}gain" in self.fields:
+            return f"{self.prefix}gain"
         is_endless = self.steady_state and getattr(parameters, self.steady_state)
         if width in self.fields and not is_endless and getattr(parameters, self.time) < 0:
             return width
@@ -570,6 +580,44 @@ MODES: list[Mode] = [
                 {"content": "normals", "alpha": "none"},
             ),
             _PAINTERLY,
+        ),
+    ),
+    Mode(
+        "detail",
+        "Detail",
+        "Raise or smooth the detail of a texture on the surface that shows it, across seams; what"
+        " is larger than the radius stays",
+        "filter_texture",
+        "Raise or smooth the detail of a texture, on the surface and across UV seams",
+        (Target("filter_texture", kind="detail"),),
+        "Filtered",
+        "detail",
+        second="radius",
+        advice="a Gain of 1 changes nothing; 2 doubles detail, 0 smooths it away",
+        about_in_images="Raise or smooth its detail on the surface of the selected objects that show"
+        " it, across seams",
+        presets=(
+            Preset(
+                "Fine Grain",
+                "For pores, fabric and rust: raises only what is a few texels wide, and leaves all"
+                " larger light and shade as it is",
+                {"radius": 4.0},
+            ),
+            Preset(
+                "Punch",
+                "For flat, washed-out textures: raises larger forms, too, but less",
+                {"gain": 1.5, "radius": 100.0},
+            ),
+            Preset(
+                "Soften",
+                "For textures that are too busy: half of the detail",
+                {"gain": 0.5},
+            ),
+            Preset(
+                "Smooth",
+                "For style, and to paint anew over: detail goes, large colors stay",
+                {"gain": 0.0},
+            ),
         ),
     ),
     Mode(

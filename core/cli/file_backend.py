@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
 from .commands import Command
-from .parsing import add_mask
+from .parsing import add_gain_map, add_mask
 
 if TYPE_CHECKING:
     from ..files.output import Outcome
@@ -71,6 +72,8 @@ class FileBackend:
                 help="image of the same size whose flow moves the values of IN, so that several"
                 " maps get their borders in the same places",
             )
+        if command.takes_gain:
+            add_gain_map(parser)
 
     def filter(
         self,
@@ -85,8 +88,10 @@ class FileBackend:
         from ..files.output import Options
 
         given = vars(options)  # not all commands have all flags
-        names = ("mask", "invert_mask", "guide", "material", "overwrite", "any_size")
+        names = ("mask", "invert_mask", "guide", "gain_map", "material", "overwrite", "any_size")
         asked = Options(progress=progress, **{name: given[name] for name in names if name in given})
+        if command.takes_gain:
+            asked = replace(asked, gain=settings.gain)
         if command.kind is MASK:
             from ..files.textures import texture_mask_file
 

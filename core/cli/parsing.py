@@ -89,6 +89,16 @@ def add_mask(parser: argparse.ArgumentParser, command: Command, of_meshes: str) 
     parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
 
 
+def add_gain_map(parser: argparse.ArgumentParser) -> None:
+    """Add the flag of painted gains."""
+    parser.add_argument(
+        "--gain-map",
+        metavar="FILE",
+        help="gray image of the same size that says where: white gives the gain, middle gray (128"
+        " of 255) keeps detail as it is, black smooths it away",
+    )
+
+
 def _add_then_sharpen(parser: argparse.ArgumentParser, row: Command) -> None:
     unit = describe(find(row.then).settings)["time"][2].unit
     parser.add_argument(

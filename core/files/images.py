@@ -21,6 +21,7 @@ import numpy.typing as npt
 from ..base.parallel import blocks
 from ..base.progress import reporting
 from ..errors import ShockError
+from ..filters.painted_gain import gains_of
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
 from .formats.tiff import read_tiff, write_tiff
@@ -245,24 +246,25 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
 
 
 def read_beside(options: Options) -> dict[str, Pixels]:
-    """Read what a filter is given by name beside the image, if it is named: mask and guide."""
-    words = _read_mask(options)
+    """Read what a filter is given by name beside the image: mask, guide and gains, if named."""
+    words = {}
+    if options.mask is not None:
+        weights = _read_grays(Path(options.mask), "mask", options.any_size)
+        words["mask"] = 1.0 - weights if options.invert_mask else weights
     if options.guide is not None:
         guide = _read(Path(options.guide), options.any_size).pixels
         words["guide"] = guide.astype(np.float32) if guide.dtype == np.float16 else guide
+    if options.gain_map is not None:
+        grays = _read_grays(Path(options.gain_map), "gain map", options.any_size)
+        words["gain"] = gains_of(grays, options.gain)
     return words
 
 
-def _read_mask(options: Options) -> dict[str, Pixels]:
-    # A gray image as weights from 0 to 1.
-    if options.mask is None:
-        return {}
-    path = Path(options.mask)
-    weights = _read(path, options.any_size).pixels
-    if weights.ndim == 3 and weights.shape[2] == 1:
-        weights = weights[..., 0]
-    if weights.ndim != 2:
-        raise ShockError(f"{path}: the mask has colors or opacity; save it as a gray image.")
-    if weights.dtype.kind == "u":
-        weights = weights / np.float64(np.iinfo(weights.dtype).max)
-    return {"mask": 1.0 - weights if options.invert_mask else weights}
+def _read_grays(path: Path, what: str, any_size: bool) -> Pixels:
+    # From 0 to 1.
+    grays = _read(path, any_size).pixels
+    if grays.ndim == 3 and grays.shape[2] == 1:
+        grays = grays[..., 0]
+    if grays.ndim != 2:
+        raise ShockError(f"{path}: the {what} has colors or opacity; save it as a gray image.")
+    return grays / np.float64(np.iinfo(grays.dtype).max) if grays.dtype.kind == "u" else grays

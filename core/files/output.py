@@ -36,6 +36,11 @@ class Options:
         Use one minus the mask.
     guide : str, optional
         An image file of the same size whose flow moves the values of images and textures.
+    gain_map : str, optional
+        A gray image file of the same size that says where detail is raised and where it is
+        smoothed; see `filters.painted_gain.gains_of`.
+    gain : float
+        What white stands for there.
     material : str, optional
         Name of the material that shows a texture; all faces do if left out.
     overwrite : bool
@@ -49,6 +54,8 @@ class Options:
     mask: str | Path | None = None
     invert_mask: bool = False
     guide: str | Path | None = None
+    gain_map: str | Path | None = None
+    gain: float = 1.0
     material: str | None = None
     overwrite: bool = False
     any_size: bool = False

@@ -48,9 +48,9 @@ def filter_texture_file(
     Parameters
     ----------
     function : callable
-        ``function(mesh, uv, pixels, mask=None, guide=None, atlas=None)`` returns an array like the
-        pixels, of which row 0 is at v = 0; see `registry.Filter.function`. Mask and guide are
-        handed on if there are some.
+        ``function(mesh, uv, pixels, mask=None, guide=None, gain=None, atlas=None)`` returns an
+        array like the pixels, of which row 0 is at v = 0; see `registry.Filter.function`. Mask,
+        guide and gains are handed on if there are some.
     mesh : path
         OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
         joined; see `core.weld_borders`.
@@ -75,7 +75,8 @@ def filter_texture_file(
         with phase(0.3, 1.0, "Filtering"):
             return function(surface.mesh, surface.uv, upright, **words, atlas=atlas)[::-1]
 
-    outcome = filter_image_file(on_surface, source, target, replace(options, mask=None, guide=None))
+    alone = replace(options, mask=None, guide=None, gain_map=None)
+    outcome = filter_image_file(on_surface, source, target, alone)
     return replace(outcome, notes=(*notes, *outcome.notes))
 
 

@@ -74,13 +74,33 @@ def filter_pixels(
     image: HostImage, name: str, settings: Any, *before: Any, **words: Any
 ) -> Recolored:
     """Filter an image, given what its filter wants before the pixels, and by name."""
-    old, kernel = image.pixels, getattr(settings, "kernel", settings)
-    times = getattr(kernel, "enlarge", 1)
+    kernel = getattr(settings, "kernel", settings)
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
         return applied(name, settings, alpha=alpha)(*before, pixels, **words)
 
-    if getattr(kernel, "alpha", "auto") == "none" or image.opacity == "CHANNEL_PACKED":
+    alpha, times = getattr(kernel, "alpha", "auto"), getattr(kernel, "enlarge", 1)
+    return filter_channels(image, function, alpha, times)
+
+
+def filter_channels(
+    image: HostImage, function: Callable[[Pixels, str], Pixels], alpha: str, times: int = 1
+) -> Recolored:
+    """Filter the channels that are colors, not multiplied by opacity.
+
+    Parameters
+    ----------
+    image : HostImage
+    function : callable
+        ``function(pixels, alpha)`` filters what it is given, where `alpha` replaces that of the
+        settings.
+    alpha : str
+        That of the settings.
+    times : int
+        How many times higher and wider the result is.
+    """
+    old = image.pixels
+    if alpha == "none" or image.opacity == "CHANNEL_PACKED":
         new = function(old, "none")
     elif image.opacity == "NONE":
         new = np.ones((times * len(old), times * old.shape[1], 4), dtype=np.float32)

@@ -175,12 +175,15 @@ class TexturedFaces:
         Texture coordinates of the triangles' corners.
     weights : (m, 3) float64 or None
         1 sharpens fully, 0 leaves the texture as it is at that corner.
+    grays : (m, 3) float64 or None
+        A gain map at the corners; see `painted_gain.gains_of`.
     """
 
     positions: Floats
     triangles: npt.NDArray[np.int64]
     uv: Floats
     weights: Floats | None
+    grays: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -197,6 +200,10 @@ class TexturedSurface:
         An image of any size whose flow moves the values, if the filter has one.
     content : str
         What the texture holds, instead of what the settings say; empty: they say it.
+    grays : (h, w) float64 or None
+        A gain map, if the filter takes one; gains of the faces' one count, too.
+    is_tried : bool
+        Whether other settings will follow, so that what they share is kept with the faces.
     """
 
     faces: TexturedFaces
@@ -204,6 +211,8 @@ class TexturedSurface:
     mask: Floats | None
     guide: HostImage | None = None
     content: str = ""
+    grays: Floats | None = None
+    is_tried: bool = False
 
     @property
     def size(self) -> int:

@@ -205,7 +205,8 @@ def _textured() -> list[TexturedSurface]:
     picture = _image("NONE")
     mask = np.full(picture.pixels.shape[:2], 0.5)
     faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
+    masked = replace(faces, weights=weights, grays=weights)
     return [
         TexturedSurface(faces, picture, None),
-        TexturedSurface(replace(faces, weights=weights), _image("STRAIGHT"), mask),
+        TexturedSurface(masked, _image("STRAIGHT"), mask, grays=mask),
     ]

@@ -13,12 +13,16 @@ from typing import Any
 import numpy as np
 
 from ..atlas import TextureAtlas
+from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
+from ..filters.gradient_domain import TextureSolver
+from ..filters.painted_gain import gains_of
 from ..grid.resize import resized
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from ..registry import find
-from .images import filter_pixels
+from ..settings import FilterSettings
+from .images import filter_channels, filter_pixels
 from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
 from .recolored import Recolored
 
@@ -57,14 +61,19 @@ def filter_texture(
     words: dict[str, Any] = {}
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
-            atlas = analyse(surface.faces, (height, width))
+            atlas = _atlas(surface)
             mask = _mask(surface, atlas)
         with phase(_ANALYSIS, 1.0, "Filtering"):
             if surface.guide is not None and find(name).takes_guide:
                 words["guide"] = _guiding(surface.guide, (height, width))
-            where = atlas.mesh, surface.faces.uv
-            words |= {"mask": mask, "atlas": atlas}
-            changed = filter_pixels(surface.picture, name, settings, *where, **words)
+            if find(name).takes_gain and surface.is_tried:
+                changed = _tried(surface, atlas, settings, mask)
+            else:
+                if find(name).takes_gain:
+                    words["gain"] = _gains(surface, atlas, settings.gain)
+                where = atlas.mesh, surface.faces.uv
+                words |= {"mask": mask, "atlas": atlas}
+                changed = filter_pixels(surface.picture, name, settings, *where, **words)
     return Retextured(changed, tuple(atlas.report.sentences()))
 
 
@@ -77,6 +86,62 @@ def analyse(
             mesh = TriangleMesh(faces.positions, weld_borders(faces.positions, faces.triangles))
         with phase(0.1, 1.0, "Finding charts"):
             return TextureAtlas(mesh, faces.uv, *size)
+
+
+def _atlas(surface: TexturedSurface) -> TextureAtlas:
+    size = surface.picture.pixels.shape[:2]
+    if not surface.is_tried:
+        return analyse(surface.faces, size)
+    return kept(surface.faces, "atlas", size, lambda: analyse(surface.faces, size))
+
+
+def _tried(
+    surface: TexturedSurface, atlas: TextureAtlas, settings: FilterSettings, mask: Floats | None
+) -> Recolored:
+    """Filter with a gain that others will follow; what they share is kept with the faces.
+
+    Results are linear in the gain, so two of them, for the same painted gains, give all others.
+    """
+    picture, uv = surface.picture, surface.faces.uv
+
+    def function(pixels: Pixels, alpha: str) -> Pixels:
+        if settings.is_neutral and surface.grays is None and surface.faces.grays is None:
+            return pixels.copy()
+        shared = replace(settings, gain=1.0, alpha=alpha)
+        key = (id(picture), *vars(shared).values())
+
+        # The picture is kept with the solver, so that no other one has its number.
+        def make() -> tuple[HostImage, TextureSolver]:
+            return picture, TextureSolver(atlas.mesh, uv, pixels, shared, atlas=atlas)
+
+        def result(gain: float) -> Pixels:
+            gains = _gains(surface, atlas, gain)
+            return solver.filtered(gain if gains is None else gains, mask)
+
+        with phase(0.0, 0.5, "Measuring texels"):
+            _, solver = kept(surface.faces, "solver", key, make)
+        with phase(0.5, 1.0, "Filtering"):
+            key = (*key, surface.grays, surface.mask)
+            gain, first = kept(
+                surface.faces, "first", key, lambda: (settings.gain, result(settings.gain))
+            )
+            if settings.gain == gain:
+                return first
+            other = 0.0 if gain > 0.5 else 2.0
+            second = kept(surface.faces, "second", (*key, other), lambda: result(other))
+            share = np.float32((settings.gain - other) / (gain - other))
+            return second + share * (first - second)
+
+    return filter_channels(picture, function, settings.alpha)
+
+
+def _gains(surface: TexturedSurface, atlas: TextureAtlas, gain: float) -> Pixels | None:
+    gains = None if surface.grays is None else gains_of(surface.grays, gain)
+    if surface.faces.grays is None:
+        return gains
+    baked = gains_of(atlas.bake(surface.faces.grays), gain)
+    baked[~atlas.inside] = 1.0
+    return baked if gains is None else baked * gains
 
 
 def _guiding(guide: HostImage, size: tuple[int, int]) -> Pixels:

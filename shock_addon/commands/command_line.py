@@ -163,6 +163,9 @@ def _filter_texture(run: _Run, source: str, target: Path, options: argparse.Name
         if run.command.takes_mask and options.mask:
             mask = stack.enter_context(files.loaded_image(options.mask))
             run.values |= {"mask_image": mask.name, "invert_mask": options.invert_mask}
+        if run.command.takes_gain and options.gain_map:
+            gains = stack.enter_context(files.loaded_image(options.gain_map))
+            run.values["gain_map"] = gains.name
         outcome = _filter_image(run, source, target, options)
     return replace(outcome, notes=(*notes, *outcome.notes))
 

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ...core.cli import Command
-from ...core.cli.parsing import add_mask
+from ...core.cli.parsing import add_gain_map, add_mask
 from ...core.registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
 from ..modes import MODES, Mode, Target
 from .blender_files import operator
@@ -43,6 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
             "vertex group that says how much is done to each vertex: 0 keeps it, 1 changes it fully"
         )
         add_mask(parser, command, of_meshes)
+    if command.takes_gain:
+        add_gain_map(parser)
     parser.add_argument(
         "--object",
         metavar="NAME",

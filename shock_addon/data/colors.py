@@ -29,7 +29,7 @@ def read_colors(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str,
         If there is no such attribute, or nothing of it may change.
     """
     mesh = obj.data
-    attribute = _attribute(mesh, parameters.attribute)
+    attribute = find_colors(mesh, parameters.attribute)
     mask, free = color_mask(obj, mode, attribute.domain, parameters)
     surface = ColoredSurface(
         positions=meshes.read_positions(mesh),
@@ -71,7 +71,14 @@ def check_unchanged(obj: bpy.types.Object, target: Target) -> None:
     check_same(read_attribute(attribute)[:, :3], target.surface.colors, reason)
 
 
-def _attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:
+def find_colors(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute:
+    """Return a mesh's color attribute of this name, or the active one if it is empty.
+
+    Raises
+    ------
+    Skipped
+        If there is none.
+    """
     attributes = mesh.color_attributes
     attribute = attributes.get(name) if name else attributes.active_color
     if attribute is not None:

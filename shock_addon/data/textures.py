@@ -17,6 +17,7 @@ from ...core.host.mosaic import Mosaic
 from . import arrays, meshes
 from . import images as image_data
 from .chosen import mesh_users, refusal
+from .colors import find_colors
 from .images import ImageTarget
 from .masks import color_mask
 from .materials import image_nodes
@@ -55,8 +56,9 @@ def read_texture(
     context : bpy.types.Context
     image : bpy.types.Image
     parameters : object
-        Those of `color_mask`, and `mask_image` where the filter takes a mask; and `gutter` where it
-        fills one, so that tiles are laid out farther apart.
+        Those of `color_mask`, and `mask_image` where the filter takes a mask; `gain_map` and
+        `gain_colors` where its gain may be painted; and `gutter` where it fills one, so that tiles
+        are laid out farther apart.
 
     Returns
     -------
@@ -67,7 +69,7 @@ def read_texture(
     Raises
     ------
     Skipped
-        If the image or its mask cannot be used, or no object shows it.
+        If the image, its mask or its gain map cannot be used, or no object shows it.
     """
     skip_if(refusal(image, tiles=True))
     objects = mesh_users(context)
@@ -83,6 +85,7 @@ def read_texture(
         faces=faces,
         picture=image_data.host_image(image, _whole(parts, mosaic)),
         mask=_read_mask(image, parameters, mosaic),
+        grays=read_gain_map(image, parameters, mosaic),
     )
     notes += _other_users(context, image, objects)
     uid = image.session_uid
@@ -228,6 +231,7 @@ def _read_faces(
         vertices[corners].astype(np.int64),
         uv[corners].astype(np.float64),
         _weights(obj, mode, parameters, vertices, corners),
+        _grays(mesh, parameters, vertices, corners),
     )
 
 
@@ -251,6 +255,17 @@ def _weights(
     return weights[corners]
 
 
+def _grays(
+    mesh: bpy.types.Mesh, parameters: Any, vertices: npt.NDArray, corners: npt.NDArray
+) -> Floats | None:
+    name = getattr(parameters, "gain_colors", "")
+    if not name:
+        return None
+    attribute = find_colors(mesh, name)
+    grays = arrays.read_attribute(attribute)[:, :3].mean(axis=1, dtype=np.float64)
+    return grays[corners if attribute.domain == "CORNER" else vertices[corners]]
+
+
 def _joined(parts: Sequence[TexturedFaces]) -> TexturedFaces:
     weights = [part.weights for part in parts]
     masked = any(each is not None for each in weights)
@@ -260,11 +275,13 @@ def _joined(parts: Sequence[TexturedFaces]) -> TexturedFaces:
         first += len(part.positions)
         if masked and part.weights is None:
             weights[number] = np.ones(part.triangles.shape)
+    grays = [part.grays for part in parts if part.grays is not None]
     return TexturedFaces(
         np.concatenate([part.positions for part in parts]),
         np.concatenate(triangles),
         np.concatenate([part.uv for part in parts]),
         np.concatenate(weights) if masked else None,
+        np.concatenate(grays) if grays else None,
     )
 
 
@@ -278,7 +295,8 @@ def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list
     )
     notes = [text.format(number=left)]
     weights = None if faces.weights is None else faces.weights[inside]
-    kept = replace(faces, triangles=faces.triangles[inside], uv=uv[inside], weights=weights)
+    grays = None if faces.grays is None else faces.grays[inside]
+    kept = TexturedFaces(faces.positions, faces.triangles[inside], uv[inside], weights, grays)
     return kept, notes if left else []
 
 
@@ -286,27 +304,60 @@ def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -
     name = getattr(parameters, "mask_image", "")
     if not name:
         return None
-    mask = bpy.data.images.get(name)
-    if mask is None:
-        raise Skipped("there is no mask image named {name!r}; name another", name=name)
-    reason = refusal(mask, tiles=True)
-    if reason:
-        raise Skipped(
-            "its mask {name} cannot be used: {reason}", name=mask.name, reason=pgettext_rpt(reason)
-        )
-    sizes = image_data.part_sizes(image)
-    if image_data.part_sizes(mask) != sizes:
-        wanted = ", ".join(f"{width} x {height}" for height, width in sizes.values())
-        raise Skipped(
-            "its mask {name} has another size; scale it to {size}", name=mask.name, size=wanted
-        )
-    pixels = _whole(image_data.read_parts(mask), mosaic)[..., :3]
-    weights = np.clip(pixels.mean(axis=-1, dtype=np.float64), 0.0, 1.0)
-    if not np.isfinite(weights).all():
-        raise Skipped("its mask {name} holds NaN; paint over it first", name=mask.name)
+    weights = _read_grays(image, name, mosaic, _MASK_REASONS)
     weights = 1.0 - weights if parameters.invert_mask else weights
     if not weights.any():
         raise Skipped(
-            "its mask {name} leaves nothing to sharpen; paint some of it white", name=mask.name
+            "its mask {name} leaves nothing to sharpen; paint some of it white", name=name
         )
     return weights
+
+
+def read_gain_map(
+    image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None = None
+) -> Floats | None:
+    """Read the gain map of an image, where the parameters name one, as it is stored.
+
+    Raises
+    ------
+    Skipped
+        If it cannot be used.
+    """
+    name = getattr(parameters, "gain_map", "")
+    return _read_grays(image, name, mosaic, _GAIN_REASONS) if name else None
+
+
+_MASK_REASONS = (
+    "there is no mask image named {name!r}; name another",
+    "its mask {name} cannot be used: {reason}",
+    "its mask {name} has another size; scale it to {size}",
+    "its mask {name} holds NaN; paint over it first",
+)
+_GAIN_REASONS = (
+    "there is no gain map named {name!r}; name another image",
+    "its gain map {name} cannot be used: {reason}",
+    "its gain map {name} has another size; scale it to {size}",
+    "its gain map {name} holds NaN; paint over it first",
+)
+
+
+def _read_grays(
+    image: bpy.types.Image, name: str, mosaic: Mosaic | None, reasons: tuple[str, str, str, str]
+) -> Floats:
+    """Read the named image beside another one, from 0 to 1."""
+    missing, refused, other_size, not_finite = reasons
+    beside = bpy.data.images.get(name)
+    if beside is None:
+        raise Skipped(missing, name=name)
+    reason = refusal(beside, tiles=True)
+    if reason:
+        raise Skipped(refused, name=name, reason=pgettext_rpt(reason))
+    sizes = image_data.part_sizes(image)
+    if image_data.part_sizes(beside) != sizes:
+        wanted = ", ".join(f"{width} x {height}" for height, width in sizes.values())
+        raise Skipped(other_size, name=name, size=wanted)
+    pixels = _whole(image_data.read_parts(beside), mosaic)[..., :3]
+    grays = np.clip(pixels.mean(axis=-1, dtype=np.float64), 0.0, 1.0)
+    if not np.isfinite(grays).all():
+        raise Skipped(not_finite, name=name)
+    return grays

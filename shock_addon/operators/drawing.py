@@ -31,7 +31,7 @@ def draw_after_run(
         draw_search(column, context, parameters, "attribute", "color_attributes")
     if hasattr(parameters, "image"):
         column.prop_search(parameters, "image", bpy.data, "images")
-    draw_main(layout, parameters, mode)
+    draw_main(layout, context, parameters, mode)
     if "vertex_group" in names:
         section = _section(layout, mode, "Mask")
         if section:
@@ -52,7 +52,9 @@ def _section(layout: bpy.types.UILayout, mode: Mode, title: str) -> bpy.types.UI
     return body
 
 
-def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
+def draw_main(
+    layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode
+) -> None:
     """Draw the settings that most runs differ in."""
     column = split(layout)
     target = mode.target(parameters)
@@ -67,6 +69,9 @@ def draw_main(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) ->
         else:
             row.active = not _overridden(parameters, target, name)
             row.prop(parameters, name)
+    if "gain_map" in target.places:
+        column.prop_search(parameters, "gain_map", bpy.data, "images")
+        draw_search(column, context, parameters, "gain_colors", "color_attributes")
     if mode.follows is not None:
         _draw_switched(column, parameters, "then_sharpen", "sharpen_time")
 

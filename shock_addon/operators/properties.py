@@ -167,7 +167,31 @@ _PLACES = {
         description="Image of the texture's size: white is sharpened fully, black not at all."
         " Empty sharpens everywhere",
     ),
+    "gain_map": bpy.props.StringProperty(
+        name="Gain Map",
+        description="Image of the texture's size that says where: white gives the Gain, middle gray"
+        " (0.5) keeps detail as it is, black smooths it away. Empty takes the Gain everywhere",
+    ),
+    "gain_colors": bpy.props.StringProperty(
+        name="Gain Colors",
+        description="Color attribute that says the same on the mesh: white gives the Gain, middle"
+        " gray (0.5) keeps, black smooths. With a map, both gains are multiplied",
+    ),
     "image": bpy.props.StringProperty(**_TEXTURE_IMAGE),
+    "detail maps": bpy.props.EnumProperty(
+        name="Maps",
+        description="Whether the other images of the material are filtered in the same run",
+        items=[
+            ("ONE", "This One", "This image only"),
+            (
+                "MATERIAL",
+                "All of Material",
+                "Also the other images in the materials that show it, such as roughness and height,"
+                " each by itself. Images that hold normals are left out",
+            ),
+        ],
+        default="ONE",
+    ),
     "maps": bpy.props.EnumProperty(
         name="Maps",
         description="Whether the other images of the material are filtered in the same run",
@@ -270,6 +294,7 @@ OF_ONE_RUN = {
         "result": _RESULT,
     },
 }
+OF_ONE_RUN["detail"] = OF_ONE_RUN["texture"]
 """What operators on a kind of data have beside what the panel keeps."""
 
 

@@ -46,6 +46,10 @@ class TextureOperator(OneImageOperator):
             return [lead], [*skipped, *maps.left]
         targets, left = [data.textures.holding(lead, "values")], []
         for follower, content in maps.followers.items():
+            if content == "normals" and "content" not in self.row.targets[0].fields:
+                reason = pgettext_rpt("it holds normals, whose length this filter does not keep")
+                left.append((follower.name, reason))
+                continue
             try:
                 target, _ = self.read_one(context, self.restored(follower))
             except Skipped as reason:

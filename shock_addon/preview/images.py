@@ -131,6 +131,7 @@ def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -
 def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
     image = data.chosen.chosen_image(context, parameters.image)
     target, _ = data.textures.read_texture(context, image, parameters)
+    surface = replace(target.surface, is_tried=True)
     colors = _colors_of(image)
 
     def seen(result: Any) -> Seen:
@@ -145,7 +146,7 @@ def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
 
     obj = context.object
     on_model = obj is not None and data.stand_in.is_shown(obj, image)
-    return ImageStage(image, lambda settings: (target.surface, seen), on_model)
+    return ImageStage(image, lambda settings: (surface, seen), on_model)
 
 
 def _tile_box(number: int) -> tuple[float, float, float, float]:

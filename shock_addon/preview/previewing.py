@@ -68,7 +68,7 @@ class Preview:
         self.mode, self.parameters, self.stage = mode, parameters, stage
         self.updates, self.is_before = 0, False
         target = mode.target(parameters)
-        self.dial = target.dial(parameters)
+        self.dial, self._time = target.dial(parameters), target.time
         self.second = target.prefix + mode.second if mode.second else ""
         described = describe(target.row.settings).items()
         self._about = {target.prefix + name: each for name, each in described}
@@ -124,6 +124,10 @@ class Preview:
             width = getattr(self.parameters, self.dial)
             text = f"{width:g}" if width > 0 else iface_("Auto")
             parts.append(iface_("Width {width} (move mouse)").format(width=text))
+        elif self.dial and self.dial != self._time:
+            value = getattr(self.parameters, self.dial)
+            name = iface_(self._about[self.dial][2].label or label(self.dial))
+            parts.append(iface_("{name} {value:.4g} (move mouse)").format(name=name, value=value))
         elif self.dial:
             endless = getattr(self.parameters, STEADY_STATE, False)
             time_ = (

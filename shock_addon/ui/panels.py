@@ -59,7 +59,7 @@ class _MainPanel(_Panel):
         _draw_choices(layout, context, context.scene.shock_filter, self.choice)
         if self.choice == "mode":  # the Image Editor shows its image
             _draw_target(self, context)
-        drawing.draw_main(layout, settings, mode)
+        drawing.draw_main(layout, context, settings, mode)
         problem = kernels.problem()
         if problem:
             draw_text(layout, context, problem, icon="ERROR")
@@ -195,18 +195,21 @@ def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
     if "image" in names:
         column.prop_search(settings, "image", bpy.data, "images")
         if not settings.image:
-            _draw_shown_image(layout, context)
+            _draw_shown_image(layout, context, panel.mode(context))
 
 
-def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Say which image will be sharpened."""
+def _draw_shown_image(
+    layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode
+) -> None:
+    """Say which image will be worked on."""
     if preview_operator.is_running() or not data.chosen.mesh_objects(context):
         return  # a preview lets materials show another image
     try:
         name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why
         return
-    layout.label(text=iface_("Will sharpen: {}").format(name), icon="IMAGE_DATA", translate=False)
+    text = iface_("Will sharpen: {}" if mode.done == "Sharpened" else "Will filter: {}")
+    layout.label(text=text.format(name), icon="IMAGE_DATA", translate=False)
 
 
 def _draw_choices(

@@ -11,7 +11,14 @@ from bpy.app.translations import pgettext_tip
 from ..modes import DEFAULTS, Mode, Preset, choices, find
 from ..operators.properties import label
 
-_OF_ONE_OBJECT = {"vertex_group", "attribute", "image", "mask_image"}
+_OF_ONE_OBJECT = {
+    "vertex_group",
+    "attribute",
+    "image",
+    "mask_image",
+    "gain_map",
+    "gain_colors",
+}
 
 _MODES = [(mode.key, label(mode.key), "") for mode in choices()]
 

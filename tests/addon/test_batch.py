@@ -529,6 +529,20 @@ def test_masks_of_textures_are_images(textured):
         assert (new != old).any()
 
 
+def test_gains_of_textures_are_painted_in_images(textured):
+    grays = np.full((24, 30), 128, dtype=np.uint8)
+    for middle, is_kept in ((128, True), (255, False)):
+        grays[:, :15] = middle
+        Image.fromarray(grays).save("map.png")
+        run = blender(
+            "filter-texture", "sheets.blend", "wood.png", "out.png", "--overwrite", "--gutter", "0",
+            "--radius", "4", "--gain-map", "map.png",
+        )  # fmt: skip
+        assert run.code == 0, run.err
+        changed = (pixels_of("out.png") != soft_edge()).any(axis=2)
+        assert changed.any() != is_kept
+
+
 def test_a_mesh_and_a_texture_from_other_programs(folder):
     points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
     uv = "vt 0.1 0.1\nvt 0.6 0.1\nvt 0.6 0.9\nvt 0.1 0.9\n"

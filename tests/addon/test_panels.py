@@ -101,7 +101,9 @@ def words(drawn, function):
 def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
-    assert words(drawn, "prop") == ["mode", *main]
+    modes = [name for name, _ in drawn].index("prop")
+    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 5
+    assert words(drawn, "prop") == main
     assert words(drawn, "operator") == [
         ("shock_filter.sharpen_geometry",),
         ("shock_filter.preview",),
@@ -193,6 +195,7 @@ def test_the_main_settings_come_first_after_a_run_and_the_others_are_folded():
         ("sharpen_colors", {}),
         ("sharpen_texture", {}),
         ("dilate_texture", {}),
+        ("filter_texture", {}),
         ("sharpen_image", {}),
         ("denoise_image", {}),
         ("denoise", {"target": "geometry"}),
@@ -342,7 +345,8 @@ def test_the_menu_has_the_modes_filters(mode, space, modes):
     drawn = words(filters_menu(mode, space), "operator")
     wanted = ["Denoise Image" if "image" in modes else "Denoise"]
     wanted += [(f"shock_filter.sharpen_{mode}",) for mode in modes]
-    assert drawn == wanted + [("shock_filter.dilate_texture",)] * ("texture" in modes)
+    of_textures = [("shock_filter.filter_texture",), ("shock_filter.dilate_texture",)]
+    assert drawn == wanted + of_textures * ("texture" in modes)
 
 
 def test_the_menu_stands_in_blenders_own():
@@ -549,6 +553,7 @@ def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
     assert entry("VIEW3D_MT_editor_menus") == [("SHOCK_FILTER_MT_filters",)]
     assert words(filters_menu("PAINT_TEXTURE"), "operator") == [
         ("shock_filter.sharpen_texture",),
+        ("shock_filter.filter_texture",),
         ("shock_filter.dilate_texture",),
     ]
     bpy.ops.object.mode_set(mode="OBJECT")

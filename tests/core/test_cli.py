@@ -116,7 +116,11 @@ def test_flags_are_the_settings_with_their_defaults(folder, command, settings):
 
 @pytest.mark.parametrize(
     "command, settings",
-    [("sharpen-texture", core.TextureSettings), ("dilate-texture", core.DilateSettings)],
+    [
+        ("sharpen-texture", core.TextureSettings),
+        ("filter-texture", core.FilterSettings),
+        ("dilate-texture", core.DilateSettings),
+    ],
 )
 def test_the_mesh_stands_before_its_textures(folder, command, settings):
     make("mesh.obj", "in/a.png", "in/b.png")
@@ -170,7 +174,9 @@ def test_help_says_description_unit_range_and_default(capsys, command):
             assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
     unmasked = ("dilate-texture", "texture-mask")
     assert ("--mask" in text) == (command.command not in unmasked)
-    assert ("--material" in text) == (command.command in ("sharpen-texture", *unmasked))
+    textures = ("denoise-texture", "sharpen-texture", "filter-texture", *unmasked)
+    assert ("--material" in text) == (command.command in textures)
+    assert ("--gain-map" in text) == (command.command == "filter-texture")
     assert ("--size WxH" in text) == (command is cli.TEXTURE_MASK)
 
 

@@ -71,6 +71,7 @@ def test_what_follows_sharpens_the_same_kind_of_data():
         "sharpen_geometry",
         "sharpen_vertex_signal",
         "sharpen_image",
+        "sharpen_texture",
     }
 
 

@@ -429,3 +429,42 @@ def test_the_command_line_reaches_all_of_it(tmp_path, monkeypatch, capsys):
     err = capsys.readouterr().err
     assert "bare.obj has no texture coordinates; unwrap it (in Blender: UV > Unwrap)" in err
     assert not (tmp_path / "e.png").exists()
+
+
+def test_gain_maps_are_read_as_they_are_stored(tmp_path):
+    write_obj(tmp_path / "mesh.obj")
+    y, x = np.mgrid[:SIZE, :SIZE]
+    image = np.rint(127 + 25 * np.sin(x * np.pi / 4) * np.sin(y * np.pi / 4)).astype(np.uint8)
+    Image.fromarray(image).save(tmp_path / "in.png")
+    words = ["filter-texture", str(tmp_path / "mesh.obj"), str(tmp_path / "in.png")]
+
+    def filtered(grays, name, *more):
+        Image.fromarray(grays).save(tmp_path / "map.png")
+        target = str(tmp_path / name)
+        code = cli.main([*words, target, "--gain-map", str(tmp_path / "map.png"), *more])
+        return code, np.array(Image.open(target)) if code == 0 else None
+
+    for middle in (127, 128):
+        code, same = filtered(np.full((SIZE, SIZE), middle, np.uint8), f"{middle}.png")
+        assert code == 0
+        np.testing.assert_array_equal(same, image)
+    grays = np.repeat(np.uint8([0, 255]), SIZE // 2)[:, None] * np.ones(SIZE, np.uint8)
+    code, result = filtered(grays, "out.png", "--gain", "3")
+    left = slice(8, 20), slice(8, 20)
+    right = slice(SIZE - 20, SIZE - 8), slice(8, 20)
+    assert result[left].std() < 0.2 * image[left].std()
+    assert 2.5 * image[right].std() < result[right].std() < 3.5 * image[right].std()
+    mesh = read_textured_mesh(tmp_path / "mesh.obj")
+    settings = core.FilterSettings(gain=3.0)
+    gains = np.where(grays, 3.0, 0.0)[::-1]
+    wanted = core.filter_texture(mesh.mesh, mesh.uv, image[::-1], settings, gains)[::-1]
+    np.testing.assert_array_equal(result, wanted)
+
+
+def test_gain_maps_with_colors_are_refused(tmp_path, capsys):
+    write_obj(tmp_path / "mesh.obj")
+    for name, mode in (("in.png", "L"), ("map.png", "RGB")):
+        Image.new(mode, (SIZE, SIZE)).save(tmp_path / name)
+    words = [str(tmp_path / name) for name in ("mesh.obj", "in.png", "out.png")]
+    assert cli.main(["filter-texture", *words, "--gain-map", str(tmp_path / "map.png")]) == 1
+    assert "the gain map has colors or opacity; save it as a gray image" in capsys.readouterr().err

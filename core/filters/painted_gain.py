@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Gains that are painted in gray."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+_HALF = 0.5 / 255.0
+"""How far from 0.5 grays still count as the middle: bytes have none, but 127 and 128."""
+
+_ROUNDING = 1e-6
+
+
+def gains_of(grays: npt.ArrayLike, gain: float) -> npt.NDArray[np.float32]:
+    """Turn grays into gains: black smooths, the middle keeps, white gives the gain.
+
+    Parameters
+    ----------
+    grays : array of float
+        As they are stored, not decoded: 0 is a gain of 0, 0.5 one of 1, 1 one of `gain`, linear in
+        between. What leaves [0, 1] is clipped.
+    gain : float
+        What white stands for.
+
+    Returns
+    -------
+    array of float32
+        Exactly 1 in the middle.
+
+    Examples
+    --------
+    >>> gains_of([0.0, 127 / 255, 128 / 255, 1.0], 3.0).tolist()
+    [0.0, 1.0, 1.0, 3.0]
+    """
+    signed = np.clip(np.asarray(grays, dtype=np.float32), 0.0, 1.0) - np.float32(0.5)
+    share = (np.abs(signed) - np.float32(_HALF)) / np.float32(0.5 - _HALF)
+    share[share < _ROUNDING] = 0.0
+    slopes = np.where(signed < 0, np.float32(-1.0), np.float32(gain - 1.0))
+    return np.float32(1.0) + slopes * share

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator Filter Texture, and painted gains."""
+
+import time
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter import core
+from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.modes import find
+from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.preview import images as preview_images
+from shock_filter.shock_addon.preview.previewing import parameters_of
+
+filter_texture = bpy.ops.shock_filter.filter_texture
+
+SIZE = 64
+MIDDLE = 128 / 255
+
+
+def read(image):
+    return image_data.read_pixels(image)
+
+
+def add_image(name, pixels, **words):
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=True, **words)
+    image.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).reshape(-1))
+    image.update()
+    return image
+
+
+def add_sheet(image):
+    """A sheet of 64 quads whose UVs fill the image."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, calc_uvs=True)
+    sheet = bpy.context.object
+    material = bpy.data.materials.new("Paint")
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    material.node_tree.nodes.active = node
+    sheet.data.materials.append(material)
+    return sheet
+
+
+def shown(preview):
+    """Tick until the newest settings are drawn, and return what is."""
+    for _ in range(6000):
+        preview.tick()
+        if preview._job is None:
+            return preview.stage._overlay._pieces
+        time.sleep(0.01)
+    raise AssertionError("The preview did not settle.")
+
+
+def waves(size=SIZE):
+    """Gray waves of 8 texels, opaque."""
+    y, x = np.mgrid[:size, :size]
+    pixels = np.ones((size, size, 4), dtype=np.float32)
+    pixels[..., :3] = (0.5 + 0.1 * np.sin(x / 4 * np.pi) * np.sin(y / 4 * np.pi))[..., None]
+    return pixels
+
+
+def detail(pixels):
+    """How much each quarter of the columns varies in the red channel."""
+    rows, columns = pixels.shape[:2]
+    inner = pixels[8 : rows - 8, :, 0]
+    return [float(part[:, 4:-4].std()) for part in np.split(inner, 4, axis=1)]
+
+
+def gray_image(name, values, **words):
+    """An image of gray columns, with values from 0 to 1."""
+    pixels = np.ones((SIZE, SIZE, 4), dtype=np.float32)
+    pixels[..., :3] = np.repeat(values, SIZE // len(values))[None, :, None]
+    return add_image(name, pixels, **words)
+
+
+def paint_corners(obj, kind, values):
+    """A color attribute of the corners in columns of gray; bytes are stored as they are given."""
+    colors = obj.data.color_attributes.new("Grays", kind, "CORNER")
+    name = "color_srgb" if kind == "BYTE_COLOR" else "color"
+    for polygon in obj.data.polygons:
+        value = values[int(0.5 * (polygon.center.x + 1.0) * len(values))]
+        for loop in polygon.loop_indices:
+            setattr(colors.data[loop], name, (value, value, value, 1.0))
+
+
+@pytest.fixture
+def sheet():
+    """A sheet with waves."""
+    return add_sheet(add_image("Wood", waves()))
+
+
+@pytest.mark.parametrize(("gain", "times"), [(0.0, 0.0), (0.5, 0.5), (2.0, 2.0)])
+def test_detail_is_raised_and_smoothed_by_the_gain(sheet, gain, times):
+    wood = bpy.data.images["Wood"]
+    before = read(wood)
+    assert filter_texture(gain=gain) == {"FINISHED"}
+    np.testing.assert_array_equal(read(wood), before)
+    result = read(bpy.data.images["Wood filtered"])
+    assert sheet.active_material.node_tree.nodes.active.image.name == "Wood filtered"
+    np.testing.assert_allclose(detail(result), times * np.array(detail(before)), atol=0.004)
+    assert (result[..., 3] == before[..., 3]).all()
+
+
+def test_a_gain_of_1_changes_nothing_and_the_report_says_why(sheet):
+    assert filter_texture(gain=1.0) == {"FINISHED"}
+    np.testing.assert_array_equal(read(bpy.data.images["Wood filtered"]), waves_stored())
+    said = operators.summaries["detail"]
+    assert said.startswith("Filtered the texture Wood on 1 object into Wood filtered: 4,096 pixels")
+    assert "a Gain of 1 changes nothing" in said
+
+
+def waves_stored():
+    return read(bpy.data.images["Wood"])
+
+
+@pytest.mark.parametrize("is_float", [False, True])
+@pytest.mark.parametrize("is_data", [False, True])
+def test_a_gain_map_says_where_by_its_stored_values(sheet, is_float, is_data):
+    gray_image("Map", [0.0, MIDDLE, MIDDLE, 1.0], float_buffer=is_float, is_data=is_data)
+    filter_texture(gain=3.0, gain_map="Map")
+    before, after = (detail(read(bpy.data.images[name])) for name in ("Wood", "Wood filtered"))
+    ratios = np.array(after) / before
+    np.testing.assert_allclose(ratios, [0.0, 1.0, 1.0, 3.0], atol=0.12)
+
+
+def test_middle_gray_keeps_every_bit(sheet):
+    gray_image("Map", [127 / 255, MIDDLE])
+    filter_texture(gain=3.0, gain_map="Map")
+    np.testing.assert_array_equal(read(bpy.data.images["Wood filtered"]), waves_stored())
+
+
+@pytest.mark.parametrize("kind", ["BYTE_COLOR", "FLOAT_COLOR"])
+def test_gain_colors_say_the_same_on_the_mesh(sheet, kind):
+    paint_corners(sheet, kind, [0.0, 0.5, 0.5, 1.0])
+    filter_texture(gain=3.0, gain_colors="Grays")
+    before, after = (detail(read(bpy.data.images[name])) for name in ("Wood", "Wood filtered"))
+    np.testing.assert_allclose(np.array(after) / before, [0.0, 1.0, 1.0, 3.0], atol=0.12)
+    gray_image("Map", [1.0, 1.0, 0.0, MIDDLE])
+    filter_texture(image="Wood", gain=3.0, gain_colors="Grays", gain_map="Map")
+    after = detail(read(bpy.data.images["Wood filtered.001"]))
+    np.testing.assert_allclose(np.array(after) / before, [0.0, 3.0, 0.0, 3.0], atol=0.12)
+
+
+def test_colors_that_are_all_middle_gray_keep_every_bit(sheet):
+    paint_corners(sheet, "BYTE_COLOR", [0.5])
+    filter_texture(gain=3.0, gain_colors="Grays")
+    np.testing.assert_array_equal(read(bpy.data.images["Wood filtered"]), waves_stored())
+
+
+@pytest.mark.parametrize(
+    ("make", "words", "reason"),
+    [
+        (lambda: None, {"gain_map": "Gone"}, "there is no gain map named 'Gone'"),
+        (
+            lambda: add_image("Small", waves(16)),
+            {"gain_map": "Small"},
+            "its gain map Small has another size; scale it to 64 x 64",
+        ),
+        (
+            lambda: setattr(add_image("Film", waves()), "source", "MOVIE"),
+            {"gain_map": "Film"},
+            "its gain map Film cannot be used: it is a movie",
+        ),
+        (
+            lambda: add_image("Empty", np.full((SIZE, SIZE, 4), np.nan), float_buffer=True),
+            {"gain_map": "Empty"},
+            "its gain map Empty holds NaN",
+        ),
+        (lambda: None, {"gain_colors": "Gone"}, "it has no color attribute"),
+    ],
+)
+def test_bad_gain_maps_are_named(sheet, make, words, reason):
+    make()
+    before = bpy.data.images.keys()
+    with pytest.raises(RuntimeError, match=reason):
+        filter_texture(**words)
+    assert bpy.data.images.keys() == before
+
+
+def test_a_mask_keeps_what_it_protects_bit_for_bit(sheet):
+    gray_image("Mask", [0.0, 0.0, 1.0, 1.0])
+    filter_texture(mask_image="Mask")
+    result, before = read(bpy.data.images["Wood filtered"]), waves_stored()
+    np.testing.assert_array_equal(result[:, : SIZE // 2], before[:, : SIZE // 2])
+    assert (result[:, SIZE // 2 :] != before[:, SIZE // 2 :]).any(axis=2).mean() > 0.5
+
+
+def test_other_maps_are_filtered_too_but_for_normals(sheet):
+    material = sheet.active_material
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    color = next(node for node in nodes if node.type == "TEX_IMAGE")
+    links.new(color.outputs[0], shader.inputs["Base Color"])
+    for name in ("Rough", "Normals"):
+        node = nodes.new("ShaderNodeTexImage")
+        node.image = add_image(name, waves(), is_data=True)
+        if name == "Normals":
+            turn = nodes.new("ShaderNodeNormalMap")
+            links.new(node.outputs[0], turn.inputs["Color"])
+            links.new(turn.outputs[0], shader.inputs["Normal"])
+        else:
+            links.new(node.outputs[0], shader.inputs["Roughness"])
+    filter_texture(maps="MATERIAL")
+    assert "Rough filtered" in bpy.data.images
+    assert "Normals filtered" not in bpy.data.images
+    assert "Normals: it holds normals" in operators.summaries["detail"]
+
+
+def test_a_preview_turns_the_gain_without_solving_again(sheet, monkeypatch):
+    wood = bpy.data.images["Wood"]
+    made = []
+    init = core.TextureSolver.__init__
+    monkeypatch.setattr(
+        core.TextureSolver,
+        "__init__",
+        lambda self, *data, **words: (made.append(1), init(self, *data, **words))[1],
+    )
+    before = read(wood).tobytes(), len(bpy.data.images)
+    preview = preview_images.begin(bpy.context, None, find("detail"))
+    try:
+        for pixels in (0, 30, -75):
+            preview.drag(pixels)
+            (piece,) = shown(preview)
+        gain = preview.parameters.gain
+        text = preview.text()
+    finally:
+        preview.end()
+    assert (read(wood).tobytes(), len(bpy.data.images)) == before
+    assert len(made) == 1
+    assert gain != 2.0
+    assert text.startswith(f"Gain {gain:.4g} (move mouse) | Radius 30 (wheel)")
+    filter_texture(gain=gain, output="REPLACE")
+    pixels = read(wood)[..., 0]
+    linear = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(piece.colors[..., 0], linear, atol=0.01)
+
+
+def test_the_panel_keeps_its_parameters():
+    names = vars(parameters_of(bpy.context, find("detail")))
+    assert {"gain", "radius", "gutter", "gain_map", "gain_colors", "maps"} <= set(names)
