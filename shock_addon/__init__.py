@@ -17,6 +17,7 @@ from .flow import overlay as flow_overlay
 from .operators import base as operators
 from .operators import comparing, filtering, jobs, kernels, preparing, properties, statistics
 from .preview import operator as preview_operator
+from .preview import painting
 from .ui import manual, menus, panels, presets, translations
 
 _CLASSES = (
@@ -25,6 +26,7 @@ _CLASSES = (
     *comparing.CLASSES,
     *flow_operator.CLASSES,
     *preview_operator.CLASSES,
+    *painting.CLASSES,
     *presets.CLASSES,
     *panels.CLASSES,
     *menus.CLASSES,
@@ -57,6 +59,9 @@ def _handlers() -> list[tuple]:
     changes = (handlers.load_pre, handlers.save_pre, handlers.undo_pre, handlers.redo_pre)
     return [
         *((each, preview_operator.stop) for each in changes),
+        *((each, painting.stop) for each in (handlers.load_pre, handlers.save_pre)),
+        *((each, painting.put_away) for each in (handlers.load_post, handlers.undo_post)),
+        (handlers.redo_post, painting.put_away),
         (handlers.load_pre, _forget_file),
         (handlers.undo_post, _note_undo),
         (handlers.redo_post, _note_redo),
@@ -95,6 +100,7 @@ def unregister() -> None:
     """Stop what is running and remove everything again, in reverse order."""
     atexit.unregister(_unregister_at_exit)
     preparing.unregister()
+    painting.unregister()
     preview_operator.unregister()
     jobs.stop_all()
     flow_overlay.hide()

@@ -14,6 +14,8 @@ from .images import new_like
 from .materials import image_nodes
 
 _NAME = ".shock_filter preview"  # lists leave such names out
+_ORIGINAL = "shock_filter_original"
+"""The image that it stands for: files that are saved by themselves, and undo, may hold both."""
 
 
 class StandIn:
@@ -27,7 +29,12 @@ class StandIn:
 
     def __init__(self, image: bpy.types.Image) -> None:
         self._image = image.session_uid
-        self._stand_in = new_like(image, _NAME, image.size).session_uid
+        self._stand_in = _new(image).session_uid
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it can be shown: undo and `put_away` take it away."""
+        return None not in (_find(self._image), _find(self._stand_in))
 
     def show(self, pixels: npt.NDArray[np.float32]) -> None:
         """Show these pixels."""
@@ -53,6 +60,19 @@ class StandIn:
             bpy.data.images.remove(stand_in)
 
 
+def put_away() -> None:
+    """Show the images themselves instead of all that stands for them, whoever has made it."""
+    for stand_in in [image for image in bpy.data.images if _ORIGINAL in image]:
+        _replace(stand_in, stand_in[_ORIGINAL])
+        bpy.data.images.remove(stand_in)
+
+
+def _new(image: bpy.types.Image) -> bpy.types.Image:
+    stand_in = new_like(image, _NAME, image.size)
+    stand_in[_ORIGINAL] = image
+    return stand_in
+
+
 def is_shown(obj: bpy.types.Object, image: bpy.types.Image) -> bool:
     """Whether a material of an object shows an image that a stand-in can be shown for."""
     materials = [slot.material for slot in obj.material_slots if slot.material is not None]
@@ -63,12 +83,12 @@ def _replace(old: bpy.types.Image, new: bpy.types.Image | None) -> None:
     nodes = _nodes(list(bpy.data.materials), old)
     if not nodes:
         return
-    # Texture Paint Mode looks for the materials' images when it is entered.
-    is_painting = bpy.context.mode == "PAINT_TEXTURE"
+    # Texture Paint Mode looks for the materials' images when it is entered, if it paints on these.
+    paint = bpy.context.tool_settings.image_paint
+    is_painting = bpy.context.mode == "PAINT_TEXTURE" and paint.mode == "MATERIAL"
     with meshes.object_mode(bpy.context) if is_painting else nullcontext():
         for node in nodes:
             node.image = new
-    paint = bpy.context.tool_settings.image_paint
     if paint.canvas == old:
         paint.canvas = new
 

@@ -324,7 +324,14 @@ def read_gain_map(
         If it cannot be used.
     """
     name = getattr(parameters, "gain_map", "")
+    if name == image.name:
+        raise Skipped("it is its own gain map; name the texture as the image")
     return _read_grays(image, name, mosaic, _GAIN_REASONS) if name else None
+
+
+def grays_of(pixels: npt.NDArray[np.float32]) -> Floats:
+    """Return the mean of the colors, without opacity, clipped to [0, 1]."""
+    return np.clip(pixels[..., :3].mean(axis=-1, dtype=np.float64), 0.0, 1.0)
 
 
 _MASK_REASONS = (
@@ -356,8 +363,7 @@ def _read_grays(
     if image_data.part_sizes(beside) != sizes:
         wanted = ", ".join(f"{width} x {height}" for height, width in sizes.values())
         raise Skipped(other_size, name=name, size=wanted)
-    pixels = _whole(image_data.read_parts(beside), mosaic)[..., :3]
-    grays = np.clip(pixels.mean(axis=-1, dtype=np.float64), 0.0, 1.0)
+    grays = grays_of(_whole(image_data.read_parts(beside), mosaic))
     if not np.isfinite(grays).all():
         raise Skipped(not_finite, name=name)
     return grays

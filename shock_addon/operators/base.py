@@ -153,6 +153,7 @@ class FilterOperator(ModalJob):
         self._began = time.perf_counter()
         self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
+            data.stand_in.put_away()
             _subjects[self.key] = data.chosen.subjects(context)
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)

@@ -31,7 +31,7 @@ _FIRST_TILE = 1001
 
 
 class Seen(NamedTuple):
-    """What is shown: over the image, and by materials instead of it, if these are the pixels."""
+    """What is shown: over the image, in editors that show it, and by materials instead of it."""
 
     pieces: list[Piece]
     pixels: npt.NDArray[np.float32] | None = None
@@ -64,9 +64,10 @@ class ImageStage:
 
     def show(self, seen: Seen) -> None:
         """Draw it."""
-        height, width = seen.pieces[0].colors.shape[:2]
-        words = iface_("patch of {width:,} x {height:,} pixels")
-        self.note = words.format(width=width, height=height) if seen.pieces[0].framed else ""
+        if seen.pieces:
+            height, width = seen.pieces[0].colors.shape[:2]
+            words = iface_("patch of {width:,} x {height:,} pixels")
+            self.note = words.format(width=width, height=height) if seen.pieces[0].framed else ""
         self._overlay.show(seen.pieces)
         if self._on_model is not None:
             self._on_model.show(seen.pixels)
@@ -101,7 +102,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
     Refused
         If it cannot be read.
     """
-    parameters = parameters_of(context, mode)
+    parameters = parameters_of(context.scene, mode)
     try:
         if mode.data.on_surface:
             stage = _read_texture(context, parameters)
@@ -133,9 +134,14 @@ def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
     target, _ = data.textures.read_texture(context, image, parameters)
     surface = replace(target.surface, is_tried=True)
     colors = _colors_of(image)
+    obj = context.object
+    on_model = obj is not None and data.stand_in.is_shown(obj, image)
+    in_editors = any(editors_of(image.session_uid))
 
     def seen(result: Any) -> Seen:
         whole = result.recolored.colors
+        if on_model and not in_editors:
+            return Seen([], whole)
         tiles = {_FIRST_TILE: whole} if target.mosaic is None else target.mosaic.cut(whole)
         pictures = {n: replace(target.surface.picture, pixels=tiles[n]) for n in tiles}
         pieces = [
@@ -144,8 +150,6 @@ def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
         ]
         return Seen(pieces, whole)
 
-    obj = context.object
-    on_model = obj is not None and data.stand_in.is_shown(obj, image)
     return ImageStage(image, lambda settings: (surface, seen), on_model)
 
 

@@ -97,7 +97,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
     Refused
         If it cannot be read, or has no faces where the mouse points.
     """
-    parameters = parameters_of(context, mode)
+    parameters = parameters_of(context.scene, mode)
     if mode.makes_objects(parameters):
         if context.object.modifiers or context.object.data.shape_keys is not None:
             raise Refused(

@@ -28,9 +28,9 @@ _PATIENCE = 0.5
 """Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""
 
 
-def parameters_of(context: bpy.types.Context, mode: Mode) -> SimpleNamespace:
+def parameters_of(scene: bpy.types.Scene, mode: Mode) -> SimpleNamespace:
     """Copy the panel's settings."""
-    settings = getattr(context.scene.shock_filter, mode.key)
+    settings = getattr(scene.shock_filter, mode.key)
     return SimpleNamespace(**{name: getattr(settings, name) for name in mode.names})
 
 
@@ -84,6 +84,11 @@ class Preview:
         self._computing: SimpleNamespace | None = None
         self._trouble = ""
         self._seen: Any = None
+
+    @property
+    def is_computing(self) -> bool:
+        """Whether something is computed now, or waits to be shown."""
+        return self._job is not None
 
     def compare(self) -> None:
         """Show what was there at first or, if that is shown, the result again.

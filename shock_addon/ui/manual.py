@@ -19,6 +19,7 @@ HOME = "index"
 
 _OPERATORS = {
     "preview": "preview",
+    "paint_gain": "detail#paint-gain",
     "show_flow": "preview#show-flow",
     "hide_flow": "preview#show-flow",
     "cancel": "panel#while-it-runs",

@@ -17,6 +17,7 @@ from ..operators import comparing, drawing, jobs, kernels, preparing, statistics
 from ..operators import poll as obstacles
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
+from ..preview import painting
 
 
 class _Panel:
@@ -247,6 +248,8 @@ def _draw_buttons(
     preview = row.row(align=True)
     preview.enabled = enabled
     preview.operator("shock_filter.preview")
+    if "gain_map" in mode.names and context.space_data.type == "VIEW_3D":
+        row.operator("shock_filter.paint_gain", depress=painting.is_running())
     shown = flow_overlay.shown_object()
     is_active = context.object is not None and context.object.name == shown
     if mode.flow and not is_active:

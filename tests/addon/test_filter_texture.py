@@ -11,6 +11,7 @@ from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.preview import images as preview_images
+from shock_filter.shock_addon.preview import painting
 from shock_filter.shock_addon.preview.previewing import parameters_of
 
 filter_texture = bpy.ops.shock_filter.filter_texture
@@ -46,11 +47,11 @@ def add_sheet(image):
 
 
 def shown(preview):
-    """Tick until the newest settings are drawn, and return what is."""
+    """Tick until the newest settings are shown."""
     for _ in range(6000):
         preview.tick()
-        if preview._job is None:
-            return preview.stage._overlay._pieces
+        if not preview.is_computing:
+            return
         time.sleep(0.01)
     raise AssertionError("The preview did not settle.")
 
@@ -224,7 +225,8 @@ def test_a_preview_turns_the_gain_without_solving_again(sheet, monkeypatch):
     try:
         for pixels in (0, 30, -75):
             preview.drag(pixels)
-            (piece,) = shown(preview)
+            shown(preview)
+        result = read(shown_image())
         gain = preview.parameters.gain
         text = preview.text()
     finally:
@@ -234,11 +236,129 @@ def test_a_preview_turns_the_gain_without_solving_again(sheet, monkeypatch):
     assert gain != 2.0
     assert text.startswith(f"Gain {gain:.4g} (move mouse) | Radius 30 (wheel)")
     filter_texture(gain=gain, output="REPLACE")
-    pixels = read(wood)[..., 0]
-    linear = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
-    np.testing.assert_allclose(piece.colors[..., 0], linear, atol=0.01)
+    np.testing.assert_allclose(read(wood), result, atol=1.01 / 255)
 
 
 def test_the_panel_keeps_its_parameters():
-    names = vars(parameters_of(bpy.context, find("detail")))
+    names = vars(parameters_of(bpy.context.scene, find("detail")))
     assert {"gain", "radius", "gutter", "gain_map", "gain_colors", "maps"} <= set(names)
+
+
+# ---------------------------------------------------------------------------------------- painting
+
+paint_gain = bpy.ops.shock_filter.paint_gain
+
+
+@pytest.fixture
+def painted(sheet):
+    """A gain map that is being painted."""
+    bpy.context.scene.shock_filter.mode = "DETAIL"
+    assert paint_gain() == {"FINISHED"}
+    yield sheet
+    painting.stop()
+
+
+def settled():
+    """Tick until what is painted and set is shown; return the pixels that the model shows."""
+    (one,) = painting._running
+    one.tick()
+    for _ in range(6000):
+        if not one.preview.is_computing:
+            break
+        time.sleep(0.01)
+        one.preview.tick()
+    return read(shown_image())
+
+
+def shown_image():
+    return bpy.context.object.active_material.node_tree.nodes.active.image
+
+
+def paint(name, part, value):
+    pixels = read(bpy.data.images[name])
+    pixels[:, part, :3] = value
+    bpy.data.images[name].pixels.foreach_set(pixels.reshape(-1))
+    bpy.data.images[name].update()
+
+
+def test_painting_begins_with_a_map_that_keeps_everything(painted):
+    settings = bpy.context.scene.shock_filter.detail
+    assert (settings.image, settings.gain_map) == ("Wood", "Wood gain")
+    gain_map = bpy.data.images["Wood gain"]
+    assert bpy.context.mode == "PAINT_TEXTURE"
+    assert bpy.context.tool_settings.image_paint.canvas == gain_map
+    assert gain_map.packed_file is not None
+    np.testing.assert_array_equal(settled(), waves_stored())
+    assert shown_image().name.startswith(".")
+
+
+def test_what_is_painted_and_set_is_shown(painted):
+    before = waves_stored()
+    paint("Wood gain", slice(SIZE // 2, SIZE), 1.0)
+    ratios = np.array(detail(settled())) / detail(before)
+    np.testing.assert_allclose(ratios, [1.0, 1.0, 2.0, 2.0], atol=0.12)
+    bpy.context.scene.shock_filter.detail.gain = 3.0
+    ratios = np.array(detail(settled())) / detail(before)
+    np.testing.assert_allclose(ratios, [1.0, 1.0, 3.0, 3.0], atol=0.12)
+    paint("Wood gain", slice(0, SIZE // 2), 0.0)
+    result = settled()
+    np.testing.assert_allclose(detail(result)[0], 0.0, atol=0.01)
+    np.testing.assert_array_equal(waves_stored(), before)
+    assert paint_gain() == {"FINISHED"}  # ends it
+    assert not painting.is_running()
+    assert shown_image().name == "Wood"
+    assert not [image for image in bpy.data.images if image.name.startswith(".")]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    filter_texture(image="Wood", gain=3.0, gain_map="Wood gain")
+    made = read(bpy.data.images["Wood filtered"])
+    np.testing.assert_allclose(made, result, atol=1.5 / 255)
+
+
+def test_a_run_ends_painting_and_reads_the_texture_itself(painted):
+    paint("Wood gain", slice(0, SIZE), 1.0)
+    settled()
+    filter_texture(image="Wood", gain_map="Wood gain", output="REPLACE")
+    assert shown_image().name == "Wood"
+    painting._tick()
+    assert not painting.is_running()
+    np.testing.assert_allclose(detail(waves_stored()), 2.0 * np.array(detail(waves())), atol=0.01)
+
+
+@pytest.mark.parametrize("end", ["mode", "save", "load", "image"])
+def test_painting_ends_with_what_it_is_about(painted, end, tmp_path):
+    settled()
+    if end == "mode":
+        bpy.context.scene.shock_filter.mode = "TEXTURE"
+    elif end == "save":
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"), copy=True)
+    elif end == "image":
+        bpy.data.images.remove(bpy.data.images["Wood"])
+    else:
+        bpy.ops.wm.read_homefile(use_empty=True)
+    painting._tick()
+    assert not painting.is_running()
+    assert not [image for image in bpy.data.images if image.name.startswith(".")]
+    if end == "save":
+        with bpy.data.libraries.load(str(tmp_path / "a.blend")) as (names, _):
+            assert sorted(names.images) == ["Wood", "Wood gain"]
+
+
+def test_files_that_were_saved_meanwhile_show_the_texture(painted, tmp_path):
+    settled()
+    stand_in = shown_image()
+    stand_in.use_fake_user = True
+    path = str(tmp_path / "auto.blend")
+    bpy.app.handlers.save_pre.remove(painting.stop)  # as Blender saves by itself
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    finally:
+        bpy.app.handlers.save_pre.append(painting.stop)
+    painting.stop()
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert sorted(bpy.data.images.keys()) == ["Wood", "Wood gain"]
+    assert shown_image().name == "Wood"
+
+
+def test_a_map_must_be_another_image(sheet):
+    with pytest.raises(RuntimeError, match="it is its own gain map"):
+        filter_texture(image="Wood", gain_map="Wood")

@@ -36,7 +36,7 @@ ABOUT = {name: about for name, (_, _, about) in describe(GeometrySettings).items
 def begun(mode, size=None):
     """Begin a preview of the active object, on a patch if a size is given."""
     row = find(mode)
-    parameters = previewing.parameters_of(bpy.context, row)
+    parameters = previewing.parameters_of(bpy.context.scene, row)
     read = load(row.target(parameters).data.read)
     (target,), _ = read_active(bpy.context, read, parameters)
     patch = whole_surface(target.surface)
@@ -449,7 +449,7 @@ def test_loose_vertices_make_no_patch(rounded_box):
     box.data.vertices.add(1)
     box.data.vertices[len(box.data.vertices) - 1].co = (100, 0, 0)
     (target,), _ = read_active(
-        bpy.context, read_geometry, previewing.parameters_of(bpy.context, find("geometry"))
+        bpy.context, read_geometry, previewing.parameters_of(bpy.context.scene, find("geometry"))
     )
     patch = patch_around(target.surface, len(box.data.vertices) - 1, 200)
     assert patch.surface.size > 100

@@ -162,7 +162,7 @@ preview_images._place = lambda *_: (0.5, 0.5)
 tries = [tried("invert_image"), tried("invert_texture")]
 scene.mode = "INVERT"
 preset = list(bpy.ops.shock_filter.use_preset(mode="invert", name="Half"))
-parameters = previewing.parameters_of(bpy.context, find("invert"))
+parameters = previewing.parameters_of(bpy.context.scene, find("invert"))
 stage = SimpleNamespace(note="", settings=lambda s: s, end=lambda: None, shown=[],
                         part=lambda s: (None, None))
 preview = previewing.Preview(find("invert"), parameters, stage)

@@ -11,6 +11,7 @@ OPERATORS = [
     "denoise",
     "sharpen_colors",
     "sharpen_texture",
+    "filter_texture",
     "dilate_texture",
     "sharpen_image",
     "denoise_image",

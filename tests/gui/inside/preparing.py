@@ -37,7 +37,8 @@ def presses() -> Steps:
     """Press the button of each mode, and write down how long it took."""
     area("VIEW_3D").type = "VIEW_3D"
     operators = ["sharpen_geometry", "denoise", "sharpen_colors", "sharpen_texture"]
-    for operator in [*operators, "dilate_texture", "sharpen_image", "denoise_image"]:
+    operators += ["filter_texture", "dilate_texture", "sharpen_image", "denoise_image"]
+    for operator in operators:
         words = {"image": "Coat"} if operator.endswith(("texture", "image")) else {}
         before = compiled()
         began = time.perf_counter()
