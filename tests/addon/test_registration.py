@@ -79,8 +79,9 @@ print(json.dumps(states))
     assert enabled["operators"] == [
         "before_after", "cancel", "colors_preset_add", "denoise", "denoise_image",
         "denoise_image_preset_add", "denoise_preset_add", "detail_preset_add", "dilate_texture",
-        "filter_texture", "geometry_preset_add", "hide_flow", "image_preset_add", "preview", "sharpen_colors", "sharpen_geometry",
-        "sharpen_image", "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
+        "filter_texture", "geometry_preset_add", "hide_flow", "image_preset_add", "paint_gain",
+        "preview", "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture",
+        "show_flow", "stitch_preset_add", "stitch_textures", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
     names = "", *4 * [".data.shown"], ".ui.translations"
@@ -106,7 +107,7 @@ bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 enabled = imported()
 filters = ["sharpen_geometry", "sharpen_colors", "sharpen_texture", "sharpen_image", "denoise",
-           "denoise_image", "dilate_texture", "filter_texture", "preview", "show_flow", "cancel"]
+           "denoise_image", "dilate_texture", "filter_texture", "stitch_textures", "preview", "show_flow", "cancel"]
 runnable = [name for name in filters if getattr(bpy.ops.shock_filter, name).poll()]
 print(json.dumps([enabled, imported(), runnable]))
 shock_filter.unregister()
@@ -252,7 +253,7 @@ HOOKS = {
 @pytest.mark.parametrize(
     "name",
     ["sharpen_geometry", "sharpen_colors", "sharpen_image", "sharpen_texture", "dilate_texture",
-     "filter_texture", "denoise", "denoise_image"],
+     "filter_texture", "stitch_textures", "denoise", "denoise_image"],
 )  # fmt: skip
 def test_each_operator_fills_in_the_hooks_of_its_mixins(name):
     cls = getattr(bpy.types, f"SHOCK_FILTER_OT_{name}")
