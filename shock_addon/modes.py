@@ -605,8 +605,8 @@ MODES: list[Mode] = [
         "detail",
         second="radius",
         advice="a Gain of 1 changes nothing; 2 doubles detail, 0 smooths it away",
-        about_in_images="Raise or smooth its detail on the surface of the selected objects that show"
-        " it, across seams",
+        about_in_images="Raise or smooth its detail on the surface of the selected objects that"
+        " show it, across seams",
         presets=(
             Preset(
                 "Fine Grain",

@@ -633,9 +633,9 @@ def _tie_seam_points(
     ):
         neighbour = np.where(found, neighbour, 0)
         own = seams.split[neighbour] & (is_second == 1)
-        point = (SEAM << _KIND) + neighbour + total * own
+        point = np.int64(SEAM << _KIND) + neighbour + total * own
         here, there = corners[f, (k + side) % 3], corners[g, (j + 1 - side) % 3]
-        end = (VERTEX << _KIND) + np.where(is_second == 1, there, here)
+        end = np.int64(VERTEX << _KIND) + np.where(is_second == 1, there, here)
         name = np.where(found, point, end)
         number = np.minimum(np.searchsorted(named, name), len(named) - 1)
         tied[ties, side] = np.where(named[number] == name, number, -1)

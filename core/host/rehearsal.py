@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,14 @@ from numba.core.dispatcher import Dispatcher
 
 from ..base.progress import ProgressCallback
 from ..registry import FILTERS, Filter
-from ..settings import GeometrySettings, ImageSettings, ShockSettings, describe
+from ..settings import (
+    FilterSettings,
+    GeometrySettings,
+    ImageSettings,
+    ShockSettings,
+    StitchSettings,
+    describe,
+)
 from .colors import filter_colors
 from .denoising import filter_both
 from .flow import flow_of_colors, flow_of_shape
@@ -43,6 +50,9 @@ _CELLS = 12
 
 _SIZE = 48
 """Height of the images."""
+
+_SOLVED = 160
+"""Height of textures on which is solved, so that these have three levels."""
 
 _NUMBERS: dict[type, tuple[dict[str, Any], ...]] = {
     GeometrySettings: ({"mollify_passes": 1}, {"screening_radius": 30.0}),
@@ -136,7 +146,12 @@ def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
         return [partial(_on_mesh, filter_colors, surface) for surface in surfaces]
     if kind == "image":
         return [partial(filter_image, _image(opacity)) for opacity in ("STRAIGHT", "NONE")]
-    return [partial(filter_texture, surface) for surface in _textured()]
+    return [partial(_on_texture, number) for number in range(2)]
+
+
+def _on_texture(number: int, name: str, settings: Any) -> Any:
+    is_solved = isinstance(settings, FilterSettings | StitchSettings)
+    return filter_texture(_textured(_SOLVED if is_solved else _SIZE)[number], name, settings)
 
 
 def _on_mesh(function: Callable[..., Any], surface: Any, name: str, settings: Any) -> Any:
@@ -189,8 +204,8 @@ def _at_corners() -> ColoredSurface:
     return replace(surface, colors=colors, corners=corners, levels=255)
 
 
-def _image(opacity: str) -> HostImage:
-    y, x = np.mgrid[:_SIZE, : _SIZE + 8] / _SIZE
+def _image(opacity: str, size: int = _SIZE) -> HostImage:
+    y, x = np.mgrid[:size, : size + 8] / size
     pixels = np.ones((*x.shape, 4), dtype=np.float32)
     pixels[..., 0] = 0.5 + 0.4 * np.tanh(9.0 * (x - y))
     pixels[..., 1] = x
@@ -199,18 +214,19 @@ def _image(opacity: str) -> HostImage:
     return HostImage(pixels, opacity, False, 255)
 
 
-def _textured() -> list[TexturedSurface]:
+@lru_cache
+def _textured(size: int) -> list[TexturedSurface]:
     """Give the box a texture, each side being a chart: without and with masks and opacity."""
     positions, triangles = _box()
     side, place = np.divmod(triangles, (_CELLS + 1) ** 2)
     inside = np.stack(np.divmod(place, _CELLS + 1), axis=-1) / _CELLS
     uv = (np.stack(np.divmod(side, 3), axis=-1) + 0.1 + 0.8 * inside) / 3.0
     weights = np.linspace(0.0, 1.0, triangles.size).reshape(-1, 3)
-    picture = _image("NONE")
+    picture = _image("NONE", size)
     mask = np.full(picture.pixels.shape[:2], 0.5)
     faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
     masked = replace(faces, weights=weights, grays=weights)
     return [
         TexturedSurface(faces, picture, None),
-        TexturedSurface(masked, _image("STRAIGHT"), mask, grays=mask),
+        TexturedSurface(masked, _image("STRAIGHT", size), mask, grays=mask),
     ]

@@ -92,7 +92,8 @@ def analyse(
 
 
 def _atlas(surface: TexturedSurface) -> TextureAtlas:
-    size = surface.picture.pixels.shape[:2]
+    height, width = surface.picture.pixels.shape[:2]
+    size = height, width
     if not surface.is_tried:
         return analyse(surface.faces, size)
     return kept(surface.faces, "atlas", size, lambda: analyse(surface.faces, size))

@@ -115,9 +115,9 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
     bl_idname = "shock_filter.paint_gain"
     bl_label = "Paint Gain"
     bl_description = (
-        "Paint where detail is raised, with white, and where it is smoothed, with black; middle gray"
-        " keeps it. The model shows the result in Material Preview after each stroke, and while"
-        " settings are changed. Makes a gain map if none is chosen. Press again to end"
+        "Paint where detail is raised, with white, and where it is smoothed, with black; middle"
+        " gray keeps it. The model shows the result in Material Preview after each stroke, and"
+        " while settings are changed. Makes a gain map if none is chosen. Press again to end"
     )
 
     @classmethod
@@ -216,9 +216,9 @@ def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image) -> None:
     paint.mode, paint.canvas = "IMAGE", gain_map
     if context.mode != "PAINT_TEXTURE":
         bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
-    space = context.space_data
-    if space is not None and space.type == "VIEW_3D" and space.shading.type in {"SOLID", "WIREFRAME"}:
-        space.shading.type = "MATERIAL"
+    shading = getattr(context.space_data, "shading", None)
+    if shading is not None and shading.type in {"SOLID", "WIREFRAME"}:
+        shading.type = "MATERIAL"
 
 
 def _find(uid: int) -> bpy.types.Image | None:

@@ -199,9 +199,7 @@ def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
             _draw_shown_image(layout, context, panel.mode(context))
 
 
-def _draw_shown_image(
-    layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode
-) -> None:
+def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
     """Say which image will be worked on."""
     if preview_operator.is_running() or not data.chosen.mesh_objects(context):
         return  # a preview lets materials show another image

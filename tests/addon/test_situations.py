@@ -137,6 +137,15 @@ ELSEWHERE = {
     ),
     "texture-tiles-full-disk": ("test_sharpen_texture.py::test_tiles_are_not_lost_on_a_full_disk"),
     "texture-outside-tiles": ("test_sharpen_texture.py::test_faces_outside_the_tiles_take_no_part"),
+    "gain-one": "test_filter_texture.py::test_a_gain_of_1_changes_nothing_and_the_report_says_why",
+    "gain-map": "test_filter_texture.py::test_a_gain_map_says_where_by_its_stored_values",
+    "gain-map-bad": "test_filter_texture.py::test_bad_gain_maps_are_named",
+    "gain-both": "test_filter_texture.py::test_gain_colors_say_the_same_on_the_mesh",
+    "gain-normals": "test_filter_texture.py::test_other_maps_are_filtered_too_but_for_normals",
+    "gain-painting": "test_filter_texture.py::test_painting_ends_with_what_it_is_about",
+    "gain-painting-saved": (
+        "test_filter_texture.py::test_files_that_were_saved_meanwhile_show_the_texture"
+    ),
     # Runs
     "undo": "test_sharpen_geometry.py::test_undo_brings_the_old_shape_back",
     "before-after": "test_before_after.py::test_positions_and_marks",
