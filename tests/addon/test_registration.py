@@ -107,7 +107,8 @@ bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 enabled = imported()
 filters = ["sharpen_geometry", "sharpen_colors", "sharpen_texture", "sharpen_image", "denoise",
-           "denoise_image", "dilate_texture", "filter_texture", "stitch_textures", "preview", "show_flow", "cancel"]
+           "denoise_image", "dilate_texture", "filter_texture", "stitch_textures", "preview",
+           "show_flow", "cancel"]
 runnable = [name for name in filters if getattr(bpy.ops.shock_filter, name).poll()]
 print(json.dumps([enabled, imported(), runnable]))
 shock_filter.unregister()

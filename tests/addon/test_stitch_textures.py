@@ -146,6 +146,18 @@ def test_pictures_become_one_where_each_is_known(photos):
         np.testing.assert_array_equal(read(name), pixels)
 
 
+def test_what_no_picture_knows_stays_transparent(photos):
+    before = {name: read(name) for name in ("Middle", "Right")}
+    stitch_textures(image="Right", image_2="Middle", output="REPLACE")
+    result = read("Right")
+    assert (result[:, :11, 3] == 0.0).all()
+    assert (result[:, 12:, 3] == 1.0).all()
+    np.testing.assert_allclose(result[..., 0], result[..., 1], atol=1.01 / 255)  # nothing is red
+    assert abs(np.diff(result[..., 0], axis=1)).max() < 0.05
+    np.testing.assert_array_equal(read("Middle"), before["Middle"])
+    assert (result != before["Right"]).any()
+
+
 def test_the_order_of_pictures_does_not_matter(photos):
     stitch_textures(radius=1000.0, **THREE)
     stitch_textures(radius=1000.0, image="Right", image_2="Left", image_4="Middle")
