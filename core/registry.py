@@ -84,6 +84,8 @@ class Filter(NamedTuple):
         Whether another image's flow may move the values.
     takes_gain : bool
         Whether its gain may be painted.
+    takes_others : bool
+        Whether it makes one image of several.
     then : str
         Name of the sharpening, of the same kind of data, that may follow in the same run.
     then_time : float
@@ -102,6 +104,7 @@ class Filter(NamedTuple):
     takes_mask: bool = True
     takes_guide: bool = False
     takes_gain: bool = False
+    takes_others: bool = False
     then: str = ""
     then_time: float = 256.0
     then_settings: Mapping[str, Any] = {}
@@ -235,6 +238,7 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "stitch-textures",
         "take the steps at seams away: baked light, scans, projected photos",
+        takes_others=True,
     ),
     Filter(
         "dilate_texture",

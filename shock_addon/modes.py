@@ -25,6 +25,9 @@ STEADY_STATE = "steady_state"
 _WHERE = ("vertex_group", "invert_mask", "selected_only")
 _MASK = {*_WHERE, "mask_image"}
 _TEXTURE = ("image", "maps", "output", "assign")
+PICTURES = ("image_2", "image_3", "image_4")
+"""Properties that name further pictures of the same surface."""
+
 _SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
 
 
@@ -114,6 +117,13 @@ DATA = {
         object_modes=("OBJECT", "PAINT_TEXTURE"),
         in_images=True,
     ),
+    "stitch": Data(
+        ".operators.textures:TextureOperator",
+        (*_WHERE, "mask_image", *PICTURES, "image", "output", "assign"),
+        "..core.host.textures:filter_texture",
+        object_modes=("OBJECT", "PAINT_TEXTURE"),
+        in_images=True,
+    ),
 }
 """The kinds of Blender's data; those that the registry knows have its names."""
 
@@ -192,8 +202,9 @@ class Target(NamedTuple):
     def dial(self, parameters: Any) -> str:
         """Name the property that the mouse changes in a preview; empty if there is none."""
         width = f"{self.prefix}width"
-        if not self.time and f"{self.prefix}gain" in self.fields:
-            return f"{self.prefix}gain"
+        if not self.time:
+            names = (f"{self.prefix}gain", f"{self.prefix}radius")
+            return next((name for name in names if name in self.fields), "")
         is_endless = self.steady_state and getattr(parameters, self.steady_state)
         if width in self.fields and not is_endless and getattr(parameters, self.time) < 0:
             return width
@@ -652,6 +663,35 @@ MODES: list[Mode] = [
                 "Smooth",
                 "For style, and to paint anew over: detail goes, large colors stay",
                 {"gain": 0.0},
+            ),
+        ),
+    ),
+    Mode(
+        "stitch",
+        "Stitch",
+        "Take away the steps at the seams of a texture, such as of baked light or a scan, or make"
+        " one of several pictures of the surface, such as projected photos",
+        "stitch_textures",
+        "Take away the steps between the charts of a texture, or make one texture without steps of"
+        " several pictures",
+        (Target("stitch_textures", kind="stitch"),),
+        "Stitched",
+        "stitch",
+        advice="steps that are still seen need a larger Radius",
+        about_in_images="Take away the steps at its seams on the surface of the selected objects"
+        " that show it, or join it with other pictures of them",
+        icon="MOD_UVPROJECT",
+        presets=(
+            Preset(
+                "Even Out Charts",
+                "For baked light and scans whose charts differ in brightness or color: brings whole"
+                " charts together, so that no slow change is left beside the seams either",
+                {"radius": 1000.0},
+            ),
+            Preset(
+                "Seams Only",
+                "For hairlines: both sides of each seam meet, and all else stays bit for bit",
+                {"where": "seams"},
             ),
         ),
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
 from .commands import Command
-from .parsing import add_gain_map, add_mask
+from .parsing import add_gain_map, add_mask, add_others
 
 if TYPE_CHECKING:
     from ..files.output import Outcome
@@ -74,6 +74,8 @@ class FileBackend:
             )
         if command.takes_gain:
             add_gain_map(parser)
+        if command.takes_others:
+            add_others(parser)
 
     def filter(
         self,
@@ -88,8 +90,8 @@ class FileBackend:
         from ..files.output import Options
 
         given = vars(options)  # not all commands have all flags
-        names = ("mask", "invert_mask", "guide", "gain_map", "material", "overwrite", "any_size")
-        asked = Options(progress=progress, **{name: given[name] for name in names if name in given})
+        names = {field.name for field in fields(Options)} & given.keys()
+        asked = Options(progress=progress, **{name: given[name] for name in names})
         if command.takes_gain:
             asked = replace(asked, gain=settings.gain)
         if command.kind is MASK:

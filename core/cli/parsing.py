@@ -99,6 +99,19 @@ def add_gain_map(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_others(parser: argparse.ArgumentParser) -> None:
+    """Add the flag of further pictures."""
+    parser.add_argument(
+        "--with",
+        metavar="FILE",
+        action="append",
+        default=[],
+        dest="others",
+        help="another picture of the surface, of the size and type of IN (may be repeated): one"
+        " texture is made of all; opacity says where each is known",
+    )
+
+
 def _add_then_sharpen(parser: argparse.ArgumentParser, row: Command) -> None:
     unit = describe(find(row.then).settings)["time"][2].unit
     parser.add_argument(

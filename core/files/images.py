@@ -252,12 +252,17 @@ def read_beside(options: Options) -> dict[str, Pixels]:
         weights = _read_grays(Path(options.mask), "mask", options.any_size)
         words["mask"] = 1.0 - weights if options.invert_mask else weights
     if options.guide is not None:
-        guide = _read(Path(options.guide), options.any_size).pixels
-        words["guide"] = guide.astype(np.float32) if guide.dtype == np.float16 else guide
+        words["guide"] = read_pixels(options.guide, options.any_size)
     if options.gain_map is not None:
         grays = _read_grays(Path(options.gain_map), "gain map", options.any_size)
         words["gain"] = gains_of(grays, options.gain)
     return words
+
+
+def read_pixels(path: str | Path, any_size: bool) -> Pixels:
+    """Read an image file; float32 in place of float16."""
+    pixels = _read(Path(path), any_size).pixels
+    return pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
 
 
 def _read_grays(path: Path, what: str, any_size: bool) -> Pixels:

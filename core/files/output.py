@@ -14,7 +14,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,6 +41,8 @@ class Options:
         smoothed; see `filters.painted_gain.gains_of`.
     gain : float
         What white stands for there.
+    others : sequence of str
+        Image files like the first one, where one image is made of several.
     material : str, optional
         Name of the material that shows a texture; all faces do if left out.
     overwrite : bool
@@ -56,6 +58,7 @@ class Options:
     guide: str | Path | None = None
     gain_map: str | Path | None = None
     gain: float = 1.0
+    others: Sequence[str | Path] = ()
     material: str | None = None
     overwrite: bool = False
     any_size: bool = False

@@ -15,7 +15,14 @@ from ..errors import InvalidUV, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from .document import Floats
-from .images import Pixels, filter_image_file, image_size, read_beside, write_image_file
+from .images import (
+    Pixels,
+    filter_image_file,
+    image_size,
+    read_beside,
+    read_pixels,
+    write_image_file,
+)
 from .meshes import IN_PLACE, read_document
 from .output import DEFAULTS, Options, Outcome
 from .reading import check_ending, reading
@@ -50,7 +57,8 @@ def filter_texture_file(
     function : callable
         ``function(mesh, uv, pixels, mask=None, guide=None, gain=None, atlas=None)`` returns an
         array like the pixels, of which row 0 is at v = 0; see `registry.Filter.function`. Mask,
-        guide and gains are handed on if there are some.
+        guide and gains are handed on if there are some; in place of the pixels a list, if there
+        are others.
     mesh : path
         OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
         joined; see `core.weld_borders`.
@@ -64,20 +72,38 @@ def filter_texture_file(
     """
     surface = read_textured_mesh(mesh, options.material, options.any_size)
     words = {word: pixels[::-1] for word, pixels in read_beside(options).items()}
+    others = {str(path): read_pixels(path, options.any_size) for path in options.others}
     notes = list(surface.notes)
 
     def on_surface(pixels: Pixels) -> Pixels:
         height, width = pixels.shape[:2]
+        _check_alike(pixels, source, others)
         with phase(0.0, 0.3, "Finding the charts"):
             atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
         notes.extend(atlas.report.sentences())
-        upright = np.ascontiguousarray(pixels[::-1])
+        upright = [np.ascontiguousarray(each[::-1]) for each in (pixels, *others.values())]
+        given = upright if others else upright[0]
         with phase(0.3, 1.0, "Filtering"):
-            return function(surface.mesh, surface.uv, upright, **words, atlas=atlas)[::-1]
+            return function(surface.mesh, surface.uv, given, **words, atlas=atlas)[::-1]
 
-    alone = replace(options, mask=None, guide=None, gain_map=None)
+    alone = replace(options, mask=None, guide=None, gain_map=None, others=())
     outcome = filter_image_file(on_surface, source, target, alone)
     return replace(outcome, notes=(*notes, *outcome.notes))
+
+
+def _check_alike(pixels: Pixels, source: str | Path, others: dict[str, Pixels]) -> None:
+    for path, other in others.items():
+        if other.shape != pixels.shape or other.dtype != pixels.dtype:
+            raise ShockError(
+                f"{path} holds {_kind(other)}, {source} {_kind(pixels)}; save them with one size,"
+                " the same channels and the same depth."
+            )
+
+
+def _kind(pixels: Pixels) -> str:
+    height, width = pixels.shape[:2]
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    return f"{width} x {height} pixels of {channels} x {pixels.dtype}"
 
 
 def texture_mask_file(

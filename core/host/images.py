@@ -119,14 +119,20 @@ def filter_channels(
     return replace(recolored(large, new, image.levels), changed=new[..., 0].size)
 
 
-def _filter_multiplied(
-    pixels: Pixels, function: Callable[[Pixels, str], Pixels], times: int
-) -> Pixels:
+def divided(pixels: Pixels) -> Pixels:
+    """Return pixels whose colors are not multiplied by opacity any more."""
     straight = np.empty_like(pixels)
     with aside("Preparing"):
         for band in blocks(len(pixels), _ROWS):
             straight[band] = pixels[band]
             straight[band, :, :3] /= _factor(pixels[band])
+    return straight
+
+
+def _filter_multiplied(
+    pixels: Pixels, function: Callable[[Pixels, str], Pixels], times: int
+) -> Pixels:
+    straight = divided(pixels)
     new = function(straight, "auto")
     with aside("Comparing colors"):
         for band in blocks(len(new), _ROWS):

@@ -202,6 +202,8 @@ class TexturedSurface:
         What the texture holds, instead of what the settings say; empty: they say it.
     grays : (h, w) float64 or None
         A gain map, if the filter takes one; gains of the faces' one count, too.
+    others : tuple of HostImage
+        Pictures of the same surface and size, if the filter makes one image of several.
     is_tried : bool
         Whether other settings will follow, so that what they share is kept with the faces.
     """
@@ -212,6 +214,7 @@ class TexturedSurface:
     guide: HostImage | None = None
     content: str = ""
     grays: Floats | None = None
+    others: tuple[HostImage, ...] = ()
     is_tried: bool = False
 
     @property

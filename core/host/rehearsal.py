@@ -99,8 +99,12 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
     rows = [row for row in FILTERS if row.kind.name in kinds]
     rows.sort(key=lambda row: (_ORDER.index(row.kind.name), bool(row.then)))
     for row in rows:
+        examples = _examples(row.kind.name)
+        if row.takes_others:
+            others = (_image("STRAIGHT"),)
+            examples += [partial(filter_texture, replace(e, others=others)) for e in _textured()]
         for settings in _settings(row):
-            for function in _examples(row.kind.name):
+            for function in examples:
                 yield partial(function, row.name, settings)
     if "colors" in kinds:
         yield from _runs_of_surfaces(rows)

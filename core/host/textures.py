@@ -22,7 +22,8 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from ..registry import find
 from ..settings import FilterSettings
-from .images import filter_channels, filter_pixels
+from .applying import applied
+from .images import divided, filter_channels, filter_pixels
 from .inputs import Denoising, Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
 from .recolored import Recolored
 
@@ -68,6 +69,8 @@ def filter_texture(
                 words["guide"] = _guiding(surface.guide, (height, width))
             if find(name).takes_gain and surface.is_tried:
                 changed = _tried(surface, atlas, settings, mask)
+            elif surface.others:
+                changed = _joined(surface, atlas, name, settings, mask)
             else:
                 if find(name).takes_gain:
                     words["gain"] = _gains(surface, atlas, settings.gain)
@@ -140,6 +143,36 @@ def _tried(
             return second + share * (first - second)
 
     return filter_channels(picture, function, settings.alpha)
+
+
+def _joined(
+    surface: TexturedSurface, atlas: TextureAtlas, name: str, settings: Any, mask: Floats | None
+) -> Recolored:
+    """Make one image of several; opacity says where each is known."""
+
+    def function(pixels: Pixels, alpha: str) -> Pixels:
+        words: dict[str, Any] = {"mask": mask, "atlas": atlas}
+        others = [each.pixels for each in surface.others]
+        if alpha != "none":
+            others = [_straight(each) for each in surface.others]
+        elif pixels.shape[2] == 3:
+            straight = [_straight(each) for each in surface.others]
+            others = [np.ascontiguousarray(each[..., :3]) for each in straight]
+            opacities = [each[..., 3].astype(np.float64) for each in straight]
+            words["confidences"] = [np.ones(pixels.shape[:2]), *opacities]
+        images = [pixels, *others]
+        return applied(name, settings, alpha=alpha)(atlas.mesh, surface.faces.uv, images, **words)
+
+    return filter_channels(surface.picture, function, settings.alpha)
+
+
+def _straight(image: HostImage) -> Pixels:
+    # With colors that are not multiplied by opacity, and opaque if there is none.
+    if image.opacity in ("STRAIGHT", "PREMUL"):
+        return divided(image.pixels) if image.premultiplied else image.pixels
+    pixels = image.pixels.copy()
+    pixels[..., 3] = 1.0
+    return pixels
 
 
 def _gains(surface: TexturedSurface, atlas: TextureAtlas, gain: float) -> Pixels | None:

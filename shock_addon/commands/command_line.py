@@ -19,6 +19,7 @@ from ...core.files.output import Outcome, staged
 from ...core.registry import GEOMETRY, MASK
 from .. import data
 from ..data.skipped import Skipped
+from ..modes import PICTURES
 from ..operators import base as operators
 from ..operators import kernels
 from . import blender_files as files
@@ -166,8 +167,20 @@ def _filter_texture(run: _Run, source: str, target: Path, options: argparse.Name
         if run.command.takes_gain and options.gain_map:
             gains = stack.enter_context(files.loaded_image(options.gain_map))
             run.values["gain_map"] = gains.name
+        if run.command.takes_others:
+            run.values |= _pictures(options.others, stack)
         outcome = _filter_image(run, source, target, options)
     return replace(outcome, notes=(*notes, *outcome.notes))
+
+
+def _pictures(paths: list[str], stack: ExitStack) -> dict[str, str]:
+    if len(paths) > len(PICTURES):
+        raise ShockError(
+            f"--with is given {len(paths)} times, and Blender joins {len(PICTURES) + 1} pictures at"
+            " most; join the others in a second run, or use shock-filter outside Blender."
+        )
+    images = [stack.enter_context(files.loaded_image(path)) for path in paths]
+    return {name: image.name for name, image in zip(PICTURES, images, strict=False)}
 
 
 def _draw_mask(

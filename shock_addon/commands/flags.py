@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ...core.cli import Command
-from ...core.cli.parsing import add_gain_map, add_mask
+from ...core.cli.parsing import add_gain_map, add_mask, add_others
 from ...core.registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
 from ..modes import MODES, Mode, Target
 from .blender_files import operator
@@ -45,6 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
         add_mask(parser, command, of_meshes)
     if command.takes_gain:
         add_gain_map(parser)
+    if command.takes_others:
+        add_others(parser)
     parser.add_argument(
         "--object",
         metavar="NAME",

@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from bpy.app.translations import pgettext_rpt
 
-from ...core.host.inputs import TexturedFaces, TexturedSurface
+from ...core.host.inputs import HostImage, TexturedFaces, TexturedSurface
 from ...core.host.mosaic import Mosaic
+from ..modes import PICTURES
 from . import arrays, meshes
 from . import images as image_data
 from .chosen import mesh_users, refusal
@@ -57,7 +58,8 @@ def read_texture(
     image : bpy.types.Image
     parameters : object
         Those of `color_mask`, and `mask_image` where the filter takes a mask; `gain_map` and
-        `gain_colors` where its gain may be painted; and `gutter` where it fills one, so that tiles
+        `gain_colors` where its gain may be painted; `modes.PICTURES` where it makes one image of
+        several; and `gutter` where it fills one, so that tiles
         are laid out farther apart.
 
     Returns
@@ -69,7 +71,7 @@ def read_texture(
     Raises
     ------
     Skipped
-        If the image, its mask or its gain map cannot be used, or no object shows it.
+        If the image or what is named beside it cannot be used, or no object shows it.
     """
     skip_if(refusal(image, tiles=True))
     objects = mesh_users(context)
@@ -86,6 +88,7 @@ def read_texture(
         picture=image_data.host_image(image, _whole(parts, mosaic)),
         mask=_read_mask(image, parameters, mosaic),
         grays=read_gain_map(image, parameters, mosaic),
+        others=_read_others(image, parameters, mosaic),
     )
     notes += _other_users(context, image, objects)
     uid = image.session_uid
@@ -329,6 +332,35 @@ def read_gain_map(
     return _read_grays(image, name, mosaic, _GAIN_REASONS) if name else None
 
 
+def _read_others(
+    image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None
+) -> tuple[HostImage, ...]:
+    """Read the further pictures that the parameters name."""
+    given = [getattr(parameters, name, "") for name in PICTURES]
+    others = []
+    for name in filter(None, given):
+        if name == image.name or given.count(name) > 1:
+            raise Skipped("{name} is named twice; name each picture once", name=name)
+        other = _beside(image, name, _PICTURE_REASONS)
+        if other.is_float != image.is_float:
+            raise Skipped(
+                "the depth of its picture {name} differs; have both as bytes or both as floats",
+                name=name,
+            )
+        space = image.colorspace_settings.name
+        if other.colorspace_settings.name != space:
+            raise Skipped(
+                "its picture {name} has another color space; set it to {space}",
+                name=name,
+                space=space,
+            )
+        pixels = _whole(image_data.read_parts(other), mosaic)
+        if not np.isfinite(pixels).all():
+            raise Skipped("its picture {name} holds NaN; paint over it first", name=name)
+        others.append(image_data.host_image(other, pixels))
+    return tuple(others)
+
+
 def grays_of(pixels: npt.NDArray[np.float32]) -> Floats:
     """Return the mean of the colors, without opacity, clipped to [0, 1]."""
     return np.clip(pixels[..., :3].mean(axis=-1, dtype=np.float64), 0.0, 1.0)
@@ -339,6 +371,11 @@ _MASK_REASONS = (
     "its mask {name} cannot be used: {reason}",
     "its mask {name} has another size; scale it to {size}",
     "its mask {name} holds NaN; paint over it first",
+)
+_PICTURE_REASONS = (
+    "there is no picture named {name!r}; name another image",
+    "its picture {name} cannot be used: {reason}",
+    "its picture {name} has another size; scale it to {size}",
 )
 _GAIN_REASONS = (
     "there is no gain map named {name!r}; name another image",
@@ -352,7 +389,17 @@ def _read_grays(
     image: bpy.types.Image, name: str, mosaic: Mosaic | None, reasons: tuple[str, str, str, str]
 ) -> Floats:
     """Read the named image beside another one, from 0 to 1."""
-    missing, refused, other_size, not_finite = reasons
+    *of_image, not_finite = reasons
+    beside = _beside(image, name, of_image)
+    grays = grays_of(_whole(image_data.read_parts(beside), mosaic))
+    if not np.isfinite(grays).all():
+        raise Skipped(not_finite, name=name)
+    return grays
+
+
+def _beside(image: bpy.types.Image, name: str, reasons: Sequence[str]) -> bpy.types.Image:
+    """Find the named image, of the size of another one."""
+    missing, refused, other_size = reasons
     beside = bpy.data.images.get(name)
     if beside is None:
         raise Skipped(missing, name=name)
@@ -363,7 +410,4 @@ def _read_grays(
     if image_data.part_sizes(beside) != sizes:
         wanted = ", ".join(f"{width} x {height}" for height, width in sizes.values())
         raise Skipped(other_size, name=name, size=wanted)
-    grays = grays_of(_whole(image_data.read_parts(beside), mosaic))
-    if not np.isfinite(grays).all():
-        raise Skipped(not_finite, name=name)
-    return grays
+    return beside

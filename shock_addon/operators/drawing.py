@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..modes import Mode, Target
+from ..modes import PICTURES, Mode, Target
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
@@ -58,6 +58,8 @@ def draw_main(
     """Draw the settings that most runs differ in."""
     column = split(layout)
     target = mode.target(parameters)
+    if PICTURES[0] in target.places:
+        _draw_pictures(column, parameters)
     if "maps" in target.places:
         column.prop(parameters, "maps")
     for name, about in target.fields.items():
@@ -74,6 +76,14 @@ def draw_main(
         draw_search(column, context, parameters, "gain_colors", "color_attributes")
     if mode.follows is not None:
         _draw_switched(column, parameters, "then_sharpen", "sharpen_time")
+
+
+def _draw_pictures(column: bpy.types.UILayout, parameters: Parameters) -> None:
+    """Draw the fields of further pictures that are filled, and one that is empty."""
+    for name in PICTURES:
+        column.prop_search(parameters, name, bpy.data, "images")
+        if not getattr(parameters, name):
+            return
 
 
 def _draw_time(

@@ -10,7 +10,7 @@ import bpy
 
 from ...core.registry import Filter, find
 from ...core.settings import Setting, describe
-from ..modes import STEADY_STATE, Mode, choices
+from ..modes import PICTURES, STEADY_STATE, Mode, choices
 
 _WIDE = 100.0
 """Numbers with a larger range are shown with one digit after the point instead of three."""
@@ -142,6 +142,15 @@ _TEXTURE_IMAGE = {
     " object's material",
 }
 
+
+def _picture(name: str) -> Any:
+    return bpy.props.StringProperty(
+        name=label(name),
+        description="Another picture of the surface in the same UV map and of the same size, such"
+        " as a photo projected from another side. Its opacity says where it is known",
+    )
+
+
 _PLACES = {
     "attribute": bpy.props.StringProperty(
         name="Attribute",
@@ -178,6 +187,7 @@ _PLACES = {
         " gray (0.5) keeps, black smooths. With a map, both gains are multiplied",
     ),
     "image": bpy.props.StringProperty(**_TEXTURE_IMAGE),
+    **{name: _picture(name) for name in PICTURES},
     "detail maps": bpy.props.EnumProperty(
         name="Maps",
         description="Whether the other images of the material are filtered in the same run",
@@ -294,7 +304,7 @@ OF_ONE_RUN = {
         "result": _RESULT,
     },
 }
-OF_ONE_RUN["detail"] = OF_ONE_RUN["texture"]
+OF_ONE_RUN["detail"] = OF_ONE_RUN["stitch"] = OF_ONE_RUN["texture"]
 """What operators on a kind of data have beside what the panel keeps."""
 
 

@@ -38,7 +38,7 @@ class TextureOperator(OneImageOperator):
     ) -> tuple[list[Any], list[str]]:
         """Read the image, and the other maps of the materials that show it, if asked to."""
         self._notes: list[str] = []
-        if self.maps == "ONE":
+        if getattr(self, "maps", "ONE") == "ONE":
             return super().read_all(context, image)
         maps = data.maps.maps_of(context, image)
         lead, skipped = self.read_one(context, self.restored(maps.lead))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from ..modes import MODES, choices
+from ..modes import MODES, PICTURES, choices
 
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 
@@ -47,6 +47,7 @@ _TOGETHER = {
     "crease_freedom": "fit-steps-and-crease-freedom",
     "then_sharpen": "then-sharpen-sharpen-time",
     "sharpen_time": "then-sharpen-sharpen-time",
+    **dict.fromkeys(PICTURES, "image-2-image-3-image-4"),
     "mark_sharp": "mark-sharp-sharp-angle",
     "sharp_angle": "mark-sharp-sharp-angle",
 }

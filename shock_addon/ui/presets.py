@@ -8,7 +8,7 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_tip
 
-from ..modes import DEFAULTS, Mode, Preset, choices, find
+from ..modes import DEFAULTS, PICTURES, Mode, Preset, choices, find
 from ..operators.properties import label
 
 _OF_ONE_OBJECT = {
@@ -18,6 +18,7 @@ _OF_ONE_OBJECT = {
     "mask_image",
     "gain_map",
     "gain_colors",
+    *PICTURES,
 }
 
 _MODES = [(mode.key, label(mode.key), "") for mode in choices()]

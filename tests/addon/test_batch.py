@@ -543,6 +543,22 @@ def test_gains_of_textures_are_painted_in_images(textured):
         assert changed.any() != is_kept
 
 
+def test_pictures_of_one_surface_become_one(textured):
+    x = np.broadcast_to(np.arange(30), (24, 30))
+    for name, known, gray in (("wood.png", x < 18, 90), ("right.png", x >= 12, 150)):
+        image = np.stack([np.where(known, gray, 0)] * 3 + [255 * known], axis=-1)
+        Image.fromarray(image.astype(np.uint8)).save(name)
+    words = ["stitch-textures", "sheets.blend", "wood.png", "out.png", "--radius", "1000"]
+    run = blender(*words, "--with", "right.png")
+    assert run.code == 0, run.err
+    inner = pixels_of("out.png")[2:-2, 2:-2].astype(int)
+    assert (inner[..., 3] == 255).all()
+    assert abs(inner[..., :3] - inner[0, 0, :3]).max() <= 6
+    run = blender(*words, "--overwrite", *["--with", "right.png"] * 4)
+    assert run.code == 1
+    assert "--with is given 4 times, and Blender joins 4 pictures at most" in run.err
+
+
 def test_a_mesh_and_a_texture_from_other_programs(folder):
     points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
     uv = "vt 0.1 0.1\nvt 0.6 0.1\nvt 0.6 0.9\nvt 0.1 0.9\n"

@@ -102,7 +102,7 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
     modes = [name for name, _ in drawn].index("prop")
-    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 5
+    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 6
     assert words(drawn, "prop") == main
     assert words(drawn, "operator") == [
         ("shock_filter.sharpen_geometry",),
@@ -196,6 +196,7 @@ def test_the_main_settings_come_first_after_a_run_and_the_others_are_folded():
         ("sharpen_texture", {}),
         ("dilate_texture", {}),
         ("filter_texture", {}),
+        ("stitch_textures", {"image_2": "Coat", "image_3": "Coat"}),
         ("sharpen_image", {}),
         ("denoise_image", {}),
         ("denoise_texture", {}),
@@ -210,7 +211,7 @@ def test_all_parameters_can_be_changed_after_a_run(rounded_box, name, parameters
     known = after_run(name, layout, **parameters)
     shown = words(layout.drawn, "prop") + words(layout.drawn, "prop_search")
     assert len(set(shown)) == len(shown)
-    if parameters:
+    if "target" in parameters:
         known = find(name).names_for(SimpleNamespace(**parameters))
     assert set(known) - set(shown) <= {"selected_only", "rna_type", "target"}
     assert set(shown) <= set(known)
@@ -347,7 +348,11 @@ def test_the_menu_has_the_modes_filters(mode, space, modes):
     wanted = ["Denoise Image" if "image" in modes else "Denoise"]
     wanted += ["Denoise Texture"] * ("texture" in modes)
     wanted += [(f"shock_filter.sharpen_{mode}",) for mode in modes]
-    of_textures = [("shock_filter.filter_texture",), ("shock_filter.dilate_texture",)]
+    of_textures = [
+        ("shock_filter.filter_texture",),
+        ("shock_filter.stitch_textures",),
+        ("shock_filter.dilate_texture",),
+    ]
     assert drawn == wanted + of_textures * ("texture" in modes)
 
 
@@ -557,6 +562,7 @@ def test_texture_paint_mode_has_the_menu_in_its_header(rounded_box):
         "Denoise Texture",
         ("shock_filter.sharpen_texture",),
         ("shock_filter.filter_texture",),
+        ("shock_filter.stitch_textures",),
         ("shock_filter.dilate_texture",),
     ]
     bpy.ops.object.mode_set(mode="OBJECT")

@@ -81,8 +81,8 @@ print(json.dumps(states))
         "denoise_image_preset_add", "denoise_preset_add", "denoise_texture",
         "denoise_texture_preset_add", "detail_preset_add", "dilate_texture", "filter_texture",
         "geometry_preset_add", "hide_flow", "image_preset_add", "paint_gain", "preview",
-        "sharpen_colors", "sharpen_geometry",
-        "sharpen_image", "sharpen_texture", "show_flow", "texture_preset_add", "use_preset",
+        "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture", "show_flow",
+        "stitch_preset_add", "stitch_textures", "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
     names = "", *4 * [".data.shown"], ".ui.translations"
@@ -108,7 +108,8 @@ bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
 enabled = imported()
 filters = ["sharpen_geometry", "sharpen_colors", "sharpen_texture", "sharpen_image", "denoise",
-           "denoise_image", "denoise_texture", "dilate_texture", "filter_texture", "preview",
+           "denoise_image", "denoise_texture", "dilate_texture", "filter_texture",
+           "stitch_textures", "preview",
            "show_flow", "cancel"]
 runnable = [name for name in filters if getattr(bpy.ops.shock_filter, name).poll()]
 print(json.dumps([enabled, imported(), runnable]))
@@ -255,7 +256,7 @@ HOOKS = {
 @pytest.mark.parametrize(
     "name",
     ["sharpen_geometry", "sharpen_colors", "sharpen_image", "sharpen_texture", "dilate_texture",
-     "filter_texture", "denoise", "denoise_image", "denoise_texture"],
+     "filter_texture", "stitch_textures", "denoise", "denoise_image", "denoise_texture"],
 )  # fmt: skip
 def test_each_operator_fills_in_the_hooks_of_its_mixins(name):
     cls = getattr(bpy.types, f"SHOCK_FILTER_OT_{name}")

@@ -147,6 +147,13 @@ ELSEWHERE = {
     "gain-painting-saved": (
         "test_filter_texture.py::test_files_that_were_saved_meanwhile_show_the_texture"
     ),
+    "stitch-charts": (
+        "test_stitch_textures.py::test_the_step_between_charts_goes_and_the_mean_stays"
+    ),
+    "stitch-pictures": "test_stitch_textures.py::test_pictures_become_one_where_each_is_known",
+    "stitch-seams": "test_stitch_textures.py::test_at_seams_alone_the_rest_stays",
+    "stitch-unknown": "test_stitch_textures.py::test_what_no_picture_knows_stays_transparent",
+    "stitch-bad": "test_stitch_textures.py::test_pictures_that_do_not_fit_are_named",
     # Runs
     "undo": "test_sharpen_geometry.py::test_undo_brings_the_old_shape_back",
     "before-after": "test_before_after.py::test_positions_and_marks",

@@ -120,6 +120,7 @@ def test_flags_are_the_settings_with_their_defaults(folder, command, settings):
         ("denoise-texture", core.BeltramiTextureSettings),
         ("sharpen-texture", core.TextureSettings),
         ("filter-texture", core.FilterSettings),
+        ("stitch-textures", core.StitchSettings),
         ("dilate-texture", core.DilateSettings),
     ],
 )
@@ -175,9 +176,11 @@ def test_help_says_description_unit_range_and_default(capsys, command):
             assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
     unmasked = ("dilate-texture", "texture-mask")
     assert ("--mask" in text) == (command.command not in unmasked)
-    textures = ("denoise-texture", "sharpen-texture", "filter-texture", *unmasked)
+    textures = ["denoise-texture", "sharpen-texture", "filter-texture", "stitch-textures"]
+    textures += unmasked
     assert ("--material" in text) == (command.command in textures)
     assert ("--gain-map" in text) == (command.command == "filter-texture")
+    assert ("--with FILE" in text) == (command.command == "stitch-textures")
     assert ("--size WxH" in text) == (command is cli.TEXTURE_MASK)
 
 

@@ -468,3 +468,48 @@ def test_gain_maps_with_colors_are_refused(tmp_path, capsys):
     words = [str(tmp_path / name) for name in ("mesh.obj", "in.png", "out.png")]
     assert cli.main(["filter-texture", *words, "--gain-map", str(tmp_path / "map.png")]) == 1
     assert "the gain map has colors or opacity; save it as a gray image" in capsys.readouterr().err
+
+
+def three_pictures(folder):
+    """Write pictures of one surface in different light, each of which knows a part."""
+    write_obj(folder / "mesh.obj")
+    y, x = np.mgrid[:SIZE, :SIZE]
+    waves = 120 + 40 * np.cos(x * np.pi / 16) * np.cos(y * np.pi / 16)
+    images = []
+    for number, step in enumerate((0, 30, -20)):
+        known = (x * 3 // SIZE >= number - 1) & (x * 3 // SIZE <= number + 1)
+        gray = np.where(known, waves + step, 0)
+        image = np.stack([gray, gray, gray, 255 * known], axis=-1).round().astype(np.uint8)
+        Image.fromarray(image).save(folder / f"{number}.png")
+        images.append(image)
+    return [str(folder / f"{number}.png") for number in range(3)], images
+
+
+def test_several_pictures_become_one(tmp_path):
+    (source, *others), images = three_pictures(tmp_path)
+    words = ["stitch-textures", str(tmp_path / "mesh.obj"), source, str(tmp_path / "out.png")]
+    more = [word for path in others for word in ("--with", path)]
+    assert cli.main([*words, *more, "--radius", "1000"]) == 0
+    result = np.array(Image.open(tmp_path / "out.png"))
+    mesh = read_textured_mesh(tmp_path / "mesh.obj")
+    settings = core.StitchSettings(radius=1000.0)
+    upright = [image[::-1] for image in images]
+    wanted = core.stitch_textures(mesh.mesh, mesh.uv, upright, settings)[::-1]
+    np.testing.assert_array_equal(result, wanted)
+    inside = core.TextureAtlas(mesh.mesh, mesh.uv, SIZE, SIZE).inside[::-1]
+    assert (result[inside][:, 3] == 255).all()
+    assert (result[inside] != images[0][inside]).any(axis=1).mean() > 0.5
+
+
+def test_pictures_that_do_not_fit_are_named(tmp_path, capsys):
+    (source, other, _), images = three_pictures(tmp_path)
+    words = ["stitch-textures", str(tmp_path / "mesh.obj"), source, str(tmp_path / "out.png")]
+    for wrong in (images[1][:-1], images[1][..., :3]):
+        Image.fromarray(wrong).save(other)
+        assert cli.main([*words, "--with", other]) == 1
+        said = capsys.readouterr().err
+        assert f"{other} holds {SIZE} x" in said
+        assert "save them with one size, the same channels and the same depth" in said
+    assert cli.main([*words, "--with", str(tmp_path / "gone.png")]) == 1
+    assert "gone.png" in capsys.readouterr().err
+    assert not (tmp_path / "out.png").exists()

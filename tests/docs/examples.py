@@ -69,7 +69,14 @@ def write_inputs(folder: Path) -> None:
         scan.export(folder / name)
     ramp = np.tile(np.uint8(255 / (1 + np.exp(np.linspace(-6, 6, 32)))), (32, 1))
     picture = Image.fromarray(np.stack([ramp, ramp.T, ramp], axis=2))
-    for name in ("in.png", "textures/wood.png", "textures/metal.png", "photos/one.png"):
+    for name in (
+        "in.png",
+        "left.png",
+        "right.png",
+        "textures/wood.png",
+        "textures/metal.png",
+        "photos/one.png",
+    ):
         (folder / name).parent.mkdir(exist_ok=True)
         picture.save(folder / name)
     Image.fromarray(ramp).save(folder / "where.png")

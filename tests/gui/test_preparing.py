@@ -12,6 +12,7 @@ OPERATORS = [
     "sharpen_colors",
     "sharpen_texture",
     "filter_texture",
+    "stitch_textures",
     "dilate_texture",
     "sharpen_image",
     "denoise_image",

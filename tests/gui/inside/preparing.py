@@ -37,9 +37,10 @@ def presses() -> Steps:
     """Press the button of each mode, and write down how long it took."""
     area("VIEW_3D").type = "VIEW_3D"
     operators = ["sharpen_geometry", "denoise", "sharpen_colors", "sharpen_texture"]
-    operators += ["filter_texture", "dilate_texture", "sharpen_image", "denoise_image"]
+    operators += ["filter_texture", "stitch_textures", "dilate_texture"]
+    operators += ["sharpen_image", "denoise_image"]
     for operator in operators:
-        words = {"image": "Coat"} if operator.endswith(("texture", "image")) else {}
+        words = {"image": "Coat"} if operator.endswith(("texture", "textures", "image")) else {}
         before = compiled()
         began = time.perf_counter()
         with over("VIEW_3D"):
