@@ -171,7 +171,7 @@ def _tick() -> float | None:
     try:
         if painting.is_lost():
             stop()
-        elif not jobs.is_scene_read():
+        elif not (jobs.is_scene_read() or bpy.app.is_job_running("RENDER_PREVIEW")):
             painting.tick()
     except BaseException:
         stop()
