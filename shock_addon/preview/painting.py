@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 
 from ...core.errors import ShockError
@@ -51,7 +50,7 @@ class _Stage:
         if gain_map is None or gain_map.size[:] != self._painted.shape[1::-1]:
             return False
         painted = data.arrays.read_pixels(gain_map)
-        if np.array_equal(painted, self._painted):
+        if (painted == self._painted).all():
             return False
         self._painted = painted
         return True
@@ -201,6 +200,8 @@ def _obstacle(context: bpy.types.Context) -> str:
 
 
 def _new_map(image: bpy.types.Image) -> bpy.types.Image:
+    import numpy as np
+
     width, height = image.size
     gain_map = bpy.data.images.new(f"{image.name} gain", width, height, is_data=True)
     pixels = np.full((height, width, 4), _MIDDLE, dtype=np.float32)

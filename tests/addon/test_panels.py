@@ -102,7 +102,7 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
     modes = [name for name, _ in drawn].index("prop")
-    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 6
+    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 7
     assert words(drawn, "prop") == main
     assert words(drawn, "operator") == [
         ("shock_filter.sharpen_geometry",),

@@ -122,6 +122,7 @@ shock_filter.unregister()
         "core.base.findings",
         "core.errors",
         "core.host",
+        "core.host.dials",
         "core.host.forgetting",
         "core.registry",
         "core.settings",

@@ -153,9 +153,10 @@ def tried(name):
     settings = settings_of(preview.mode, preview.parameters)
     part, seen = preview.stage.part(settings)
     run = filter_of(preview.mode, settings, preview.parameters)
-    (piece,) = seen(run(part, lambda *_: True)).pieces
+    found = seen(run(part, lambda *_: True))
+    colors = found.pieces[0].colors if found.pieces else found.pixels
     preview.end()
-    return [part.size, float(piece.colors[0, 0, 0])]
+    return [part.size, float(colors[0, 0, 0])]
 
 node.image = bpy.data.images.new("Large", 80, 80, float_buffer=True)
 preview_images._place = lambda *_: (0.5, 0.5)
