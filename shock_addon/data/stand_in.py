@@ -32,6 +32,7 @@ class StandIn:
     def __init__(self, image: bpy.types.Image) -> None:
         self._image = image.session_uid
         self._stand_in = _new(image).session_uid
+        self._waiting: npt.NDArray[np.float32] | None = None
 
     @property
     def is_there(self) -> bool:
@@ -40,17 +41,27 @@ class StandIn:
         return _find(self._image) is not None and stand_in is not None and _ORIGINAL in stand_in
 
     def show(self, pixels: npt.NDArray[np.float32]) -> None:
-        """Show these pixels."""
+        """Show these pixels, as soon as no material's icon is drawn, which reads them."""
+        self._waiting = pixels
+        if self._write() is not None:
+            bpy.app.timers.register(self._write, first_interval=_INTERVAL)
+
+    def _write(self) -> float | None:
         image, stand_in = _find(self._image), _find(self._stand_in)
-        if image is None or stand_in is None:
-            return
-        arrays.write_pixels(stand_in, pixels)
+        if self._waiting is None or image is None or stand_in is None:
+            return None
+        if bpy.app.is_job_running("RENDER_PREVIEW"):
+            return _INTERVAL
+        arrays.write_pixels(stand_in, self._waiting)
+        self._waiting = None
         stand_in.update()
         stand_in.update_tag()
         _replace(image, stand_in)
+        return None
 
     def show_before(self) -> None:
         """Show the image itself."""
+        self._waiting = None
         image, stand_in = _find(self._image), _find(self._stand_in)
         if stand_in is not None:
             _replace(stand_in, image)
