@@ -56,6 +56,11 @@ _STRETCH = 1e3
 the long one would not be seen in single precision. Areas stay."""
 
 
+_MOST_CORNERS = 256
+"""Faces without area in the texture and with more corners are left out, as if the surface ended
+there: each corner is coupled with all others."""
+
+
 class SeamPoints(NamedTuple):
     """Where edges at which charts end cross lines of the lattice, on either side.
 
@@ -563,6 +568,8 @@ def _cut(
             continue  # no area in space
         if flat[f]:
             count = _shape_of(polygon, shapes, seams, corners, f)
+            if count > _MOST_CORNERS:
+                continue
             if counting:
                 sizes[f, 0] += 1
                 sizes[f, 1] += count

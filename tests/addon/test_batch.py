@@ -109,7 +109,7 @@ def blender(*words, before="", after="", look_at=None):
         after += LOOK.format(path=str(Path(look_at).absolute()))
     task = json.dumps([str(BATCH), [str(word) for word in words], before, after])
     process = subprocess.run(
-        [sys.executable, "-c", PROCESS, task], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", PROCESS, task], capture_output=True, text=True, timeout=300
     )
     run = Run(process.returncode, process.stdout, process.stderr)
     if look_at is not None and run.code == 0:

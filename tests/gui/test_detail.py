@@ -3,7 +3,7 @@
 
 import pytest
 
-SLOWEST = {"1024": 3.0, "2048": 5.0}  # seconds; on two quiet cores 0.3 and 0.5
+SLOWEST = {"1024": 3.0}  # seconds; on two quiet cores 0.3
 
 
 @pytest.fixture(scope="module")

@@ -25,14 +25,14 @@ from harness import (
 )
 from seeing import middle, running_preview
 
-SIDES = 1024, 2048
+SIDES = (1024,)
 LIMIT = 120.0
 SETTLED = 1.5
 """Seconds in which nothing is computed any more."""
 
 
 def scenario() -> Steps:
-    """Drag the gain on textures of two sizes; then paint it."""
+    """Drag the gain; then paint it."""
     scene.clear()
     monkey = scene.add_monkey("Monkey", 3)
     image = scene.add_texture(monkey)
