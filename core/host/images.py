@@ -79,14 +79,20 @@ def filter_pixels(
     def function(pixels: Pixels, alpha: str) -> Pixels:
         return applied(name, settings, alpha=alpha)(*before, pixels, **words)
 
-    alpha, times = getattr(kernel, "alpha", "auto"), getattr(kernel, "enlarge", 1)
-    return filter_channels(image, function, alpha, times)
+    times = getattr(kernel, "enlarge", 1)
+    new = filter_channels(image, function, getattr(kernel, "alpha", "auto"), times)
+    if times == 1:
+        return recolored(image.pixels, new, image.levels)
+    large = enlarged(image.pixels, times)
+    if image.levels:
+        large = np.rint(large * image.levels) / np.float32(image.levels)
+    return replace(recolored(large, new, image.levels), changed=new[..., 0].size)
 
 
 def filter_channels(
     image: HostImage, function: Callable[[Pixels, str], Pixels], alpha: str, times: int = 1
-) -> Recolored:
-    """Filter the channels that are colors, not multiplied by opacity.
+) -> Pixels:
+    """Filter the channels that are colors, not multiplied by opacity; they are not rounded yet.
 
     Parameters
     ----------
@@ -111,12 +117,7 @@ def filter_channels(
         new = _filter_multiplied(old, function, times)
     else:
         new = function(old, "auto")
-    if times == 1:
-        return recolored(old, new, image.levels)
-    large = enlarged(old, times)
-    if image.levels:
-        large = np.rint(large * image.levels) / np.float32(image.levels)
-    return replace(recolored(large, new, image.levels), changed=new[..., 0].size)
+    return new
 
 
 def divided(pixels: Pixels) -> Pixels:

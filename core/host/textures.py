@@ -105,6 +105,7 @@ def _tried(
     """Filter with a gain that others will follow; what they share is kept with the faces.
 
     Results are linear in the gain, so two of them, for the same painted gains, give all others.
+    They are looked at only: nothing is rounded, and changes are not counted.
     """
     picture, uv = surface.picture, surface.faces.uv
 
@@ -129,14 +130,15 @@ def _tried(
             gain, first = kept(
                 surface.faces, "first", key, lambda: (settings.gain, result(settings.gain))
             )
-            if settings.gain == gain:
-                return first
             other = 0.0 if gain > 0.5 else 2.0
+            is_painted = surface.grays is not None or surface.faces.grays is not None
+            if settings.gain == gain and is_painted:  # the second one takes another solution
+                return first
             second = kept(surface.faces, "second", (*key, other), lambda: result(other))
             share = np.float32((settings.gain - other) / (gain - other))
             return second + share * (first - second)
 
-    return filter_channels(picture, function, settings.alpha)
+    return Recolored(filter_channels(picture, function, settings.alpha), 0, 0.0)
 
 
 def _joined(

@@ -14,6 +14,8 @@ from .images import new_like
 from .materials import image_nodes
 
 _NAME = ".shock_filter preview"  # lists leave such names out
+_INTERVAL = 0.2
+
 _ORIGINAL = "shock_filter_original"
 """The image that it stands for: files that are saved by themselves, and undo, may hold both."""
 
@@ -34,7 +36,8 @@ class StandIn:
     @property
     def is_there(self) -> bool:
         """Whether it can be shown: undo and `put_away` take it away."""
-        return None not in (_find(self._image), _find(self._stand_in))
+        stand_in = _find(self._stand_in)
+        return _find(self._image) is not None and stand_in is not None and _ORIGINAL in stand_in
 
     def show(self, pixels: npt.NDArray[np.float32]) -> None:
         """Show these pixels."""
@@ -57,14 +60,31 @@ class StandIn:
         self.show_before()
         stand_in = _find(self._stand_in)
         if stand_in is not None:
-            bpy.data.images.remove(stand_in)
+            _remove(stand_in)
 
 
 def put_away() -> None:
     """Show the images themselves instead of all that stands for them, whoever has made it."""
     for stand_in in [image for image in bpy.data.images if _ORIGINAL in image]:
         _replace(stand_in, stand_in[_ORIGINAL])
-        bpy.data.images.remove(stand_in)
+        _remove(stand_in)
+
+
+def _remove(stand_in: bpy.types.Image) -> None:
+    """Remove it, as soon as no material's icon is drawn: Blender crashes if its image goes."""
+    if _ORIGINAL in stand_in:
+        del stand_in[_ORIGINAL]
+    uid = stand_in.session_uid
+
+    def remove() -> float | None:
+        if bpy.app.is_job_running("RENDER_PREVIEW"):
+            return _INTERVAL
+        if (image := _find(uid)) is not None:
+            bpy.data.images.remove(image)
+        return None
+
+    if remove() is not None:
+        bpy.app.timers.register(remove, first_interval=_INTERVAL)
 
 
 def _new(image: bpy.types.Image) -> bpy.types.Image:

@@ -119,6 +119,7 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
         " gray keeps it. The model shows the result in Material Preview after each stroke, and"
         " while settings are changed. Makes a gain map if none is chosen. Press again to end"
     )
+    bl_options = {"UNDO"}  # else undoing the first stroke would take the map away
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -104,7 +104,7 @@ def painted(image: bpy.types.Image) -> Steps:
     seen = report["painted"] = {}
     start = pixels(image)
     with over():
-        seen["began"] = sorted(bpy.ops.shock_filter.paint_gain("INVOKE_DEFAULT"))
+        seen["began"] = sorted(bpy.ops.shock_filter.paint_gain("INVOKE_DEFAULT", True))
     yield from settled()
     gain_map = bpy.data.images[bpy.context.scene.shock_filter.detail.gain_map]
     seen["mode"], seen["map"], gray = bpy.context.mode, gain_map.name, pixels(gain_map)
@@ -122,21 +122,29 @@ def painted(image: bpy.types.Image) -> Steps:
     yield from park()
     yield from press("ctrl+z")
     yield from settled()
-    seen["undone"] = pixels(gain_map) == gray
+    seen["undone"] = pixels(bpy.data.images["Coat gain"]) == gray
     seen["is_running"] = addon("preview.painting").is_running()
     yield from stroke()
     yield from settled()
-    run("filter_texture", image=image.name, gain_map=gain_map.name)
+    run("filter_texture", image="Coat", gain_map="Coat gain")
     yield from finished()
+    yield from settled()
     seen["ended"] = not addon("preview.painting").is_running()
     seen["shown"] = model_image().name
-    seen["kept"] = pixels(image) == start
+    seen["kept"] = pixels(bpy.data.images["Coat"]) == start
     seen["left"] = [each.name for each in bpy.data.images if each.name.startswith(".")]
 
 
 def stroke() -> Steps:
     """Paint a line over the model with a white brush."""
     tools = bpy.context.scene.tool_settings
+    if tools.image_paint.brush is None:  # Debian's Blender comes without brushes
+        bpy.data.brushes.new("White", mode="TEXTURE_PAINT").asset_mark()
+        with over():
+            bpy.ops.brush.asset_activate(
+                asset_library_type="LOCAL", relative_asset_identifier="Brush/White"
+            )
+        yield DRAWN
     for owner in (tools.unified_paint_settings, tools.image_paint.brush):
         owner.color = (1.0, 1.0, 1.0)
         owner.size = 60
