@@ -25,7 +25,7 @@ from ..settings import FilterSettings
 from .applying import applied
 from .images import divided, filter_channels, filter_pixels
 from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
-from .recolored import Recolored
+from .recolored import Recolored, recolored
 
 _ANALYSIS = 0.3  # of the time that a run takes
 
@@ -159,7 +159,9 @@ def _joined(
         images = [pixels, *others]
         return applied(name, settings, alpha=alpha)(atlas.mesh, surface.faces.uv, images, **words)
 
-    return filter_channels(surface.picture, function, settings.alpha)
+    picture = surface.picture
+    new = filter_channels(picture, function, settings.alpha)
+    return recolored(picture.pixels, new, picture.levels)
 
 
 def _straight(image: HostImage) -> Pixels:
