@@ -28,7 +28,6 @@ from ..base.progress import aside, ask
 from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
 from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
-from .metric import open_places
 from .sheet import NOTHING, ROWS, faces_by_rows, span
 from .sheet_matrix import SheetMatrix
 
@@ -126,24 +125,17 @@ class TextureSpace:
     @cached_property
     def _components(self) -> Ints:
         # The connected part of the surface on which each unknown lies: (n,), -1 at no unknowns.
-        charts, ways = self.atlas.charts, self.atlas.metric.ways
-        edges = np.flatnonzero(ways.twins.reshape(-1) >= 0)
-        edges = edges[open_places(ways, edges, np.full(len(edges), 0.5))]
-        links = charts.labels[edges // 3], charts.labels[ways.twins.reshape(-1)[edges] // 3]
-        count = len(charts.boxes)
-        ones = np.ones(len(edges), dtype=np.bool_)
-        graph = scipy.sparse.csr_matrix((ones, links), shape=(count, count))
+        charts, cut = self.atlas.charts, self.cut_cells
+        pieces = cut.pieces
+        own = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start))
+        count, points = len(charts.boxes), len(cut.kinds)
+        links = np.ones(len(own), dtype=np.bool_), (own, count + pieces.points)
+        graph = scipy.sparse.csr_matrix(links, shape=2 * (count + points,))
         _, parts = connected_components(graph, directed=False)
         found = np.full(self.size, NOTHING, dtype=np.int32)
         labels = self.labels.reshape(-1)
         found[: labels.size] = np.where(labels >= 0, parts[labels], NOTHING)
-        cut = self.cut_cells
-        at_points = np.empty(len(cut.kinds), dtype=np.int32)
-        pieces = cut.pieces
-        at_points[pieces.points] = np.repeat(
-            parts[charts.labels[pieces.faces]], np.diff(pieces.start)
-        )
-        found[cut.unknowns] = at_points[cut.free]
+        found[cut.unknowns] = parts[count + cut.free]
         return found
 
     def without_means(self, values: _Single, weights: npt.NDArray[np.floating]) -> _Single:

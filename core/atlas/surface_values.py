@@ -15,9 +15,6 @@ from .sheet import NOTHING
 
 _Single = npt.NDArray[np.float32]
 
-_ROUNDS = 20
-"""How many faces without area in the texture may lie in a row for all to get a value."""
-
 
 def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Single:
     """Read a sheet's values as a function on the surface.
@@ -103,7 +100,7 @@ def _spread(space: TextureSpace, at_points: Floats) -> None:
     # Points without a value get the mean of those around them.
     pieces = space.cut_cells.pieces
     piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
-    for _ in range(_ROUNDS):
+    while True:
         missing = np.isnan(at_points[:, 0])
         if not missing.any():
             return

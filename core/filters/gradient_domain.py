@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from threading import Lock
+
 import numpy as np
 import numpy.typing as npt
 
@@ -168,6 +170,7 @@ class TextureSolver:
                 matrix = space.matrix(settings.radius**-2.0)
                 self._solver, self._masses = SheetSolver(matrix), matrix.screen
         self._change = np.zeros_like(self._input)
+        self._one_at_a_time = Lock()
         self._of_unit: npt.NDArray[np.float32] | None = None
 
     def filtered(
@@ -198,7 +201,7 @@ class TextureSolver:
         if (gains == 1).all():
             return self._image.copy()
         with reporting(progress):
-            with phase(0.0, 0.7, "Filtering"):
+            with phase(0.0, 0.7, "Filtering"), self._one_at_a_time:
                 change = self._changed(gains)
             with phase(0.7, 1.0, "Filling the gutter"):
                 return self._written(change, weights)
@@ -212,7 +215,7 @@ class TextureSolver:
             corners = corner_values(self._space, on_nodes, known)
             shares = surface_values(self._space, on_nodes, corners)[:, 0]
             self._solve(self._space.means(shares), self._change)
-            return self._change
+            return self._change.copy()
         if self._of_unit is None:
             self._of_unit = np.zeros_like(self._input)
             try:

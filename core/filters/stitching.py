@@ -232,7 +232,8 @@ def _least_known(space: TextureSpace, source: _Source, labels: npt.ArrayLike | N
     least.pieces[of_piece[missing]] = 0.0
     if labels is not None:
         areas = np.zeros(space.size, dtype=np.float32)
-        numbers = space.atlas.gather(np.asarray(labels, dtype=np.float32)[..., None])
+        ranks = np.unique(labels, return_inverse=True)[1].reshape(np.shape(labels))
+        numbers = space.atlas.gather(ranks.astype(np.float32)[..., None])
         areas[: numbers.size] = numbers.reshape(-1)
         one, other = space.least(areas), space.least(-areas)
         least.cells[one.cells != -other.cells] = 0.0
@@ -268,7 +269,9 @@ def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _
 def _checked_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> list[npt.NDArray]:
     if isinstance(images, np.ndarray) and images.ndim < 4:
         images = [images]
-    pictures = [checked_image(image, LARGEST) for image in images]  # type: ignore[union-attr]
+    if not isinstance(images, np.ndarray | Sequence):
+        raise InvalidSignal("The images are no array and no list of arrays; give at least one.")
+    pictures = [checked_image(image, LARGEST) for image in images]
     if not pictures:
         raise InvalidSignal("There is no image; give at least one.")
     for number, picture in enumerate(pictures):
@@ -303,6 +306,8 @@ def _checked_confidences(
         return [(numbers == number).astype(np.float64) for number in range(count)]
     if confidences is None:
         return [None] * count
+    if not isinstance(confidences, np.ndarray | Sequence):
+        raise InvalidSignal("The confidences are no list of arrays; give one for each image.")
     given = [as_array(one, "confidence") for one in confidences]
     if len(given) != count:
         raise InvalidSignal(f"There are {len(given)} confidences for {count} images.")

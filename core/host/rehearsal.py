@@ -101,8 +101,7 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
     for row in rows:
         examples = _examples(row.kind.name)
         if row.takes_others:
-            others = (_image("STRAIGHT"),)
-            examples += [partial(filter_texture, replace(e, others=others)) for e in _textured()]
+            examples += [partial(_on_texture, number, with_other=True) for number in range(2)]
         for settings in _settings(row):
             for function in examples:
                 yield partial(function, row.name, settings)
@@ -149,9 +148,12 @@ def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
     return [partial(_on_texture, number) for number in range(2)]
 
 
-def _on_texture(number: int, name: str, settings: Any) -> Any:
-    is_solved = isinstance(settings, FilterSettings | StitchSettings)
-    return filter_texture(_textured(_SOLVED if is_solved else _SIZE)[number], name, settings)
+def _on_texture(number: int, name: str, settings: Any, with_other: bool = False) -> Any:
+    size = _SOLVED if isinstance(settings, FilterSettings | StitchSettings) else _SIZE
+    surface = _textured(size)[number]
+    if with_other:
+        surface = replace(surface, others=(_image("STRAIGHT", size),))
+    return filter_texture(surface, name, settings)
 
 
 def _on_mesh(function: Callable[..., Any], surface: Any, name: str, settings: Any) -> Any:

@@ -140,6 +140,8 @@ def _tried(
             is_painted = surface.grays is not None or surface.faces.grays is not None
             if settings.gain == gain and is_painted:  # the second one takes another solution
                 return first
+            if surface.grays is not None and surface.faces.grays is not None:
+                return result(settings.gain)  # their product is not linear
             second = kept(surface.faces, "second", (*key, other), lambda: result(other))
             share = np.float32((settings.gain - other) / (gain - other))
             return second + share * (first - second)

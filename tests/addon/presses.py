@@ -47,6 +47,8 @@ def press(mode) -> None:
     changes = [preset.values for preset in mode.presets]
     if len(mode.targets) > 1:
         changes += [{"target": target.key} for target in mode.targets]
+    if "image_2" in mode.names:
+        changes += [{"image_2": "Other"}]
     if "vertex_group" in mode.names:
         changes += [{**change, "vertex_group": "Some"} for change in ({}, *changes)]
     for change in ({}, *changes):
@@ -68,9 +70,10 @@ def add_box(domain: str, kind: str) -> None:
     values = np.random.default_rng(0).random(4 * len(paint.data), np.float32)
     paint.data.foreach_set("color", values)
     mesh.color_attributes.active_color = paint
-    image = bpy.data.images.new("Image", SIDE, SIDE)
-    image.name = "Image"
-    image.pixels.foreach_set(np.random.default_rng(0).random(4 * SIDE**2, np.float32))
+    for name in ("Other", "Image"):
+        image = bpy.data.images.new(name, SIDE, SIDE)
+        image.name = name
+        image.pixels.foreach_set(np.random.default_rng(0).random(4 * SIDE**2, np.float32))
     material = bpy.data.materials.new("Image")
     material.use_nodes = True
     node = material.node_tree.nodes.new("ShaderNodeTexImage")

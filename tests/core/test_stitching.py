@@ -186,3 +186,24 @@ def test_nothing_known_at_all_gives_finite_values():
     mesh, uv = plain(8)
     result = core.stitch_textures(mesh, uv, np.ones((8, 8)), confidences=[np.zeros((8, 8))])
     assert np.isfinite(result).all()
+
+
+def test_parts_that_share_an_edge_of_three_sheets_become_one():
+    _, faces = grid(4, 4)
+    flat, _ = grid(4, 4)
+    sheets, corners, uv = [], [], []
+    for number, angle in enumerate((0.0, 2.0, 4.0)):
+        points = flat * 4.0
+        x, y = points[:, 0], points[:, 1]
+        sheets.append(np.stack([x * np.cos(angle), y, x * np.sin(angle)], axis=-1))
+        corners.append(faces + number * len(flat))
+        uv.append(points[faces][..., :2] / 4.0 / flat.max() * 0.25 + [0.05 + 0.3 * number, 0.05])
+    kept, index = core.weld(np.round(np.concatenate(sheets), 9))
+    mesh = core.TriangleMesh(np.concatenate(sheets)[kept], index[np.concatenate(corners)])
+    uv = np.concatenate(uv)
+    image = np.zeros((64, 64))
+    for number in range(3):
+        image[:, 64 * number // 3 : 64 * (number + 1) // 3] = 0.2 + 0.3 * number
+    inside = core.TextureAtlas(mesh, uv, 64, 64).inside
+    result = core.stitch_textures(mesh, uv, image, core.StitchSettings(radius=1e4))
+    assert np.ptp(result[inside]) < 0.02
