@@ -29,11 +29,13 @@ GAINS = [0.0, 3.0]
 WEIGHT = 1e3
 """Lagrange's weight of the values, on a surface of unit area."""
 
-MANY_SEAMS = "DamagedHelmet"
-"""A model with a third of its texels at seams, of which the larger sizes need ``--all``."""
-
 RATIO = 30.0
 GIBIBYTE = 2.0**30
+
+
+def chosen(job: common.Job) -> list[str]:
+    """Return the models: one, or with ``--all`` all of them."""
+    return names(job.data) if job.everything or not job.data else ["blub"]
 
 
 def stored(job: common.Job, name: str, size: int) -> Path:
@@ -81,10 +83,8 @@ def timed_run(path: Path, runs: int) -> dict[str, float]:
 def speed(job: common.Job) -> None:
     """Seconds and memory by model and size."""
     rows, bounds = [], []
-    for name in names(job.data):
+    for name in chosen(job):
         for size, (set_up, again, whole, memory) in SIZES.items():
-            if name == MANY_SEAMS and size > min(SIZES) and not job.everything:
-                continue
             found = common.in_own_process(timed_run, stored(job, name, size), 2)
             columns = ("set-up", "first", "painted", "slider", "whole")
             rows.append([name, f"{size}²", *(f"{found[what]:.2f}" for what in columns)])
@@ -137,7 +137,7 @@ def peer(job: common.Job) -> None:
     if not peers.installed("Lagrange"):
         return
     rows, goals, picture = [], [], ""
-    for name in names(job.data):
+    for name in chosen(job):
         for size in (512, 1024):
             for gain in GAINS if size == 512 else GAINS[1:]:
                 path = stored(job, name, size)
