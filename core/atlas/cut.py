@@ -55,7 +55,6 @@ _STRETCH = 1e3
 """Most that a face is stretched in one direction against the other; beyond, the next values along
 the long one would not be seen in single precision. Areas stay."""
 
-
 _MOST_CORNERS = 256
 """Faces without area in the texture and with more corners are left out, as if the surface ended
 there: each corner is coupled with all others."""
