@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.parallel import blocks
@@ -71,9 +72,17 @@ def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage
 
 
 def filter_pixels(
-    image: HostImage, name: str, settings: Any, *before: Any, **words: Any
+    image: HostImage,
+    name: str,
+    settings: Any,
+    *before: Any,
+    shown: npt.NDArray[np.bool_] | None = None,
+    **words: Any,
 ) -> Recolored:
-    """Filter an image, given what its filter wants before the pixels, and by name."""
+    """Filter an image, given what its filter wants before the pixels, and by name.
+
+    As `recolored` says, `shown` tells which pixels are counted.
+    """
     kernel = getattr(settings, "kernel", settings)
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
@@ -82,7 +91,7 @@ def filter_pixels(
     times = getattr(kernel, "enlarge", 1)
     new = filter_channels(image, function, getattr(kernel, "alpha", "auto"), times)
     if times == 1:
-        return recolored(image.pixels, new, image.levels)
+        return recolored(image.pixels, new, image.levels, shown)
     large = enlarged(image.pixels, times)
     if image.levels:
         large = np.rint(large * image.levels) / np.float32(image.levels)

@@ -18,14 +18,17 @@ _BAND = 1 << 20
 
 @dataclass(frozen=True)
 class Recolored:
-    """New colors, how many of them changed, and the largest change of a channel."""
+    """New colors, how many of those that count changed, and the largest change of a channel."""
 
     colors: Colors
     changed: int
     largest_change: float
+    counted: int
 
 
-def recolored(old: Colors, new: Colors, levels: int) -> Recolored:
+def recolored(
+    old: Colors, new: Colors, levels: int, shown: npt.NDArray[np.bool_] | None = None
+) -> Recolored:
     """Round new colors to what can be stored, and compare them with the old ones.
 
     Parameters
@@ -33,6 +36,9 @@ def recolored(old: Colors, new: Colors, levels: int) -> Recolored:
     old, new : (..., channels) float32
     levels : int
         255 for bytes, 0 for floats.
+    shown : (...,) bool, optional
+        Which of them count; all if left out. What is filled in around the charts of a texture is
+        not seen.
 
     Returns
     -------
@@ -46,10 +52,14 @@ def recolored(old: Colors, new: Colors, levels: int) -> Recolored:
         for start in range(0, len(old), band):
             ask()
             rows = slice(start, start + band)
-            same = _choose(old[rows], new[rows], levels, colors[rows])
-            changed += int(np.count_nonzero(~same.all(axis=-1)))
-            largest = max(largest, float(np.abs(colors[rows] - old[rows]).max()))
-    return Recolored(colors, changed, largest)
+            other = ~_choose(old[rows], new[rows], levels, colors[rows]).all(axis=-1)
+            if shown is not None:
+                other &= shown[rows]
+            changed += int(np.count_nonzero(other))
+            apart = np.abs(colors[rows] - old[rows]).max(axis=-1)
+            largest = max(largest, float(apart.max(initial=0.0, where=other)))
+    counted = old[..., 0].size if shown is None else int(np.count_nonzero(shown))
+    return Recolored(colors, changed, largest, counted)
 
 
 def _choose(old: Colors, new: Colors, levels: int, colors: Colors) -> npt.NDArray[np.bool_]:

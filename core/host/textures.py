@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..base.memo import kept
@@ -32,9 +33,10 @@ _ANALYSIS = 0.3  # of the time that a run takes
 
 @dataclass(frozen=True)
 class Retextured:
-    """New colors of a texture, and what is unusual about its coordinates."""
+    """New colors of a texture, which of them count, and what is unusual about its coordinates."""
 
     recolored: Recolored
+    shown: npt.NDArray[np.bool_] | None
     notes: tuple[str, ...]
 
 
@@ -64,6 +66,7 @@ def filter_texture(
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
             atlas = _atlas(surface)
             mask = _mask(surface, atlas)
+            shown = atlas.inside if find(name).takes_mask else None  # all, if it is the gutter's
         with phase(_ANALYSIS, 1.0, "Filtering"):
             if surface.guide is not None and find(name).takes_guide:
                 words["guide"] = _guiding(surface.guide, (height, width))
@@ -76,8 +79,10 @@ def filter_texture(
                     words["gain"] = _gains(surface, atlas, settings.gain)
                 where = atlas.mesh, surface.faces.uv
                 words |= {"mask": mask, "atlas": atlas}
-                changed = filter_pixels(surface.picture, name, settings, *where, **words)
-    return Retextured(changed, tuple(atlas.report.sentences()))
+                changed = filter_pixels(
+                    surface.picture, name, settings, *where, shown=shown, **words
+                )
+    return Retextured(changed, shown, tuple(atlas.report.sentences()))
 
 
 def analyse(
@@ -146,7 +151,7 @@ def _tried(
             share = np.float32((settings.gain - other) / (gain - other))
             return second + share * (first - second)
 
-    return Recolored(filter_channels(picture, function, settings.alpha), 0, 0.0)
+    return Recolored(filter_channels(picture, function, settings.alpha), 0, 0.0, 0)
 
 
 def _joined(
@@ -169,7 +174,7 @@ def _joined(
 
     picture = surface.picture
     new = filter_channels(picture, function, settings.alpha)
-    return recolored(picture.pixels, new, picture.levels)
+    return recolored(picture.pixels, new, picture.levels, atlas.inside)
 
 
 def _straight(image: HostImage) -> Pixels:

@@ -350,7 +350,7 @@ def describe_colors(results: Sequence[Any], things: str, advice: str) -> str:
     advice : str
         Empty for none.
     """
-    total = sum(result.colors[..., 0].size for result in results)
+    total = sum(result.counted for result in results)
     # All pixels of an enlarged image are new, but not another picture.
     changed = sum(result.changed for result in results if result.largest_change)
     largest = max(result.largest_change for result in results)

@@ -114,7 +114,7 @@ class OneImageOperator(FilterOperator):
         """Count pixels, of all parts."""
         parts = self._all_parts()
         changed = sum(part.changed for part in parts)
-        return changed, sum(part.colors[..., 0].size for part in parts)
+        return changed, sum(part.counted for part in parts)
 
     def facts(self, written: list[Written], seconds: float) -> dict[str, Any]:
         """Return what `summary` names."""
@@ -125,6 +125,15 @@ class OneImageOperator(FilterOperator):
             changes = pgettext_rpt(self.row.changes).format(changed=changed, total=total)
         names = {"old": target.name, "new": image.name}
         return {"done": self.done(), "changes": changes, "seconds": seconds, **names}
+
+    def unchanged(self, facts: dict[str, Any]) -> str:
+        """Say instead of a summary that nothing was done."""
+        text = pgettext_rpt(
+            "Nothing in {old} has changed: {changes}, {seconds:.1f} s."
+            if facts["new"] == facts["old"]
+            else "Nothing in {old} has changed, and {new} equals it: {changes}, {seconds:.1f} s."
+        )
+        return text.format(**facts)
 
     def _all_parts(self) -> list[Any]:
         return [part for parts in self._parts for part in parts.values()]
@@ -153,6 +162,8 @@ class ImageOperator(OneImageOperator):
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count pixels."""
         facts = self.facts(written, seconds)
+        if not self.counts(written)[0]:
+            return self.unchanged(facts)
         text = pgettext_rpt(
             "{done} the image {old}: {changes}, {seconds:.1f} s."
             if facts["new"] == facts["old"]

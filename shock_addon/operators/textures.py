@@ -66,8 +66,9 @@ class TextureOperator(OneImageOperator):
         if target.mosaic is None:
             return {data.images.UNTILED: result.recolored}
         levels = target.surface.picture.levels
+        shown = {} if result.shown is None else target.mosaic.cut(result.shown)
         return {
-            number: recolored(target.parts[number], new, levels)
+            number: recolored(target.parts[number], new, levels, shown.get(number))
             for number, new in target.mosaic.cut(result.recolored.colors).items()
         }
 
@@ -81,6 +82,8 @@ class TextureOperator(OneImageOperator):
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count objects and pixels."""
         facts = self.facts(written, seconds)
+        if not self.counts(written)[0]:
+            return self.unchanged(facts)
         target = written[0].target
         text = pgettext_rpt(
             "{done} the texture {old} on {objects}: {changes}, {seconds:.1f} s."
