@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's command line: each test runs batch.py in a Blender process of its own."""
+"""Blender's command line: batch.py, run in a Blender process that the tests share."""
 
 import copy
+import functools
 import json
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,22 +31,40 @@ AS_IN_THE_PAPER = [
 ]
 """Flags of what the default has beyond the paper."""
 
-# The bpy module stands in for `blender -b [FILE] -P batch.py -- WORDS`.
+# The bpy module stands in for `blender -b [FILE] -P batch.py -- WORDS`. It is started once, which
+# takes seconds, and runs one task for each line that it reads.
 PROCESS = """
-import json, os, runpy, sys
+import json, os, runpy, sys, traceback
 import bpy
-batch, words, before, after = json.loads(sys.argv[1])
-bpy.ops.wm.read_homefile(use_empty=True)
-exec(before)
-sys.argv = ["blender", "-b", "-P", batch, "--", *words]
-try:
-    runpy.run_path(batch, run_name="__main__")
-except SystemExit as stop:
-    code = stop.code
-exec(after)
-sys.stdout.flush()
-sys.stderr.flush()
-os._exit(code)  # the bpy module, unlike Blender, may hang when Python takes it down
+
+def run(batch, words, before, after):
+    bpy.ops.wm.read_homefile(use_empty=True)
+    names = {"bpy": bpy, "json": json, "os": os, "sys": sys}
+    exec(before, names)
+    sys.argv = ["blender", "-b", "-P", batch, "--", *words]
+    code = 0
+    try:
+        runpy.run_path(batch, run_name="__main__")
+    except SystemExit as stop:
+        code = stop.code
+    exec(after, names)
+    return code
+
+answers = os.fdopen(os.dup(1), "w")
+for line in sys.stdin:
+    folder, out, err, *task = json.loads(line)
+    for stream, name in ((sys.stdout, out), (sys.stderr, err)):
+        os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT), stream.fileno())
+    os.chdir(folder)
+    try:
+        code = run(*task)
+    except Exception:
+        traceback.print_exc()
+        code = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    print(code, file=answers, flush=True)
+os._exit(0)  # the bpy module, unlike Blender, may hang when Python takes it down
 """
 
 # A scene as people have them: two rounded boxes (one hidden), a light, a material, a picture.
@@ -103,15 +124,42 @@ class Run:
     state: dict | None = None
 
 
-def blender(*words, before="", after="", look_at=None):
-    """Run batch.py; with `look_at`, `Run.state` says what that file holds afterwards."""
+def start_process():
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    return subprocess.Popen([sys.executable, "-c", PROCESS], text=True, **pipes)
+
+
+def end_process(process):
+    process.communicate(timeout=60)
+
+
+shared_process = functools.cache(start_process)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _shared_process_ends():
+    yield
+    end_process(shared_process())
+
+
+def blender(*words, before="", after="", look_at=None, alone=False):
+    """Run batch.py; with `look_at`, `Run.state` says what that file holds afterwards.
+
+    `alone` is for what would not leave Blender as it was.
+    """
     if look_at is not None:
         after += LOOK.format(path=str(Path(look_at).absolute()))
-    task = json.dumps([str(BATCH), [str(word) for word in words], before, after])
-    process = subprocess.run(
-        [sys.executable, "-c", PROCESS, task], capture_output=True, text=True, timeout=300
-    )
-    run = Run(process.returncode, process.stdout, process.stderr)
+    with tempfile.TemporaryDirectory() as said:
+        outputs = [Path(said, name) for name in ("out", "err")]
+        task = [os.getcwd(), *map(str, outputs), str(BATCH), [str(word) for word in words]]
+        process = start_process() if alone else shared_process()
+        print(json.dumps([*task, before, after]), file=process.stdin, flush=True)
+        code = process.stdout.readline()
+        if alone:
+            end_process(process)
+        out, err = (path.read_text(encoding="utf-8") for path in outputs)
+    assert code, f"Blender has ended:\n{err}"
+    run = Run(int(code), out, err)
     if look_at is not None and run.code == 0:
         run.state = json.loads(run.out.splitlines()[-1])
     return run
@@ -821,7 +869,7 @@ def test_half_a_file_is_never_left(folder, command, endings):
         else:
             Image.fromarray(pixels).save(f"in{ending}")
     names = [f"in{ending}" for ending in endings]
-    run = blender(command, *names, "out/", before=FULL_DISK)
+    run = blender(command, *names, "out/", before=FULL_DISK, alone=True)
     assert run.code == 1
     failures = [line for line in run.err.splitlines() if line.startswith("Failed: ")]
     assert len(failures) == len(endings)
@@ -834,7 +882,7 @@ def test_half_a_file_is_never_left(folder, command, endings):
 def test_half_a_blend_file_is_never_left(scene, old, folder):
     shutil.copyfile(scene, "out.blend")
     for words in (["new.blend"], ["out.blend", "--overwrite"]):
-        run = blender("sharpen-geometry", scene, *words, before=FULL_DISK)
+        run = blender("sharpen-geometry", scene, *words, before=FULL_DISK, alone=True)
         assert run.code == 1
         assert "The disk of" in run.err
         assert "is full" in run.err
@@ -873,7 +921,7 @@ def test_what_cannot_be_read_back_replaces_nothing(scene, old, folder):
         ("sharpen-geometry", scene, "out.blend"),
     ):
         Path(target).write_text("old")
-        run = blender(command, source, target, "--overwrite", before=SPOILED)
+        run = blender(command, source, target, "--overwrite", before=SPOILED, alone=True)
         assert run.code == 1
         assert f"{target} was not written: it could not be read back" in run.err
         assert Path(target).read_text() == "old"
@@ -935,21 +983,23 @@ print(operator, hasattr(bpy.types.Scene, "shock_filter"))
 
 
 def test_kernels_are_left_to_the_operator_to_load(scene, old, folder):
-    run = blender("sharpen-geometry", "gone.obj", "out.obj", after="print('numba' in sys.modules)")
+    run = blender(
+        "sharpen-geometry", "gone.obj", "out.obj", after="print('numba' in sys.modules)", alone=True
+    )
     assert run.code == 1
     assert run.out.splitlines()[-1] == "False"
 
 
 def test_an_unforeseen_error_is_shown_and_fails(scene, old, folder):
     before = "import pathlib; pathlib.Path.exists = lambda path: 1 / 0"
-    run = blender("sharpen-geometry", scene, "out.blend", before=before)
+    run = blender("sharpen-geometry", scene, "out.blend", before=before, alone=True)
     assert run.code == 1
     assert "ZeroDivisionError" in run.err
 
 
 def test_an_error_before_the_start_fails_too(scene, old, folder):
     before = "bpy.utils.register_class = None"
-    run = blender("sharpen-geometry", scene, "out.blend", before=before)
+    run = blender("sharpen-geometry", scene, "out.blend", before=before, alone=True)
     assert run.code == 1
     assert "TypeError" in run.err
 
@@ -964,7 +1014,7 @@ def interrupted(fraction=0.0):
     ask(fraction)
 parallel.ask = interrupted
 """
-    run = blender("sharpen-geometry", scene, "out.blend", before=before)
+    run = blender("sharpen-geometry", scene, "out.blend", before=before, alone=True)
     assert run.code == 130, run.err
     assert not (folder / "out.blend").exists()
 
@@ -987,6 +1037,7 @@ addon_utils.disable("shock_filter")
         "out.blend",
         before=before,
         after=after.format(scene=str(scene)),
+        alone=True,
     )
     assert run.code == 0, run.err
     assert run.out.splitlines()[-1] == "True True 0 2"
