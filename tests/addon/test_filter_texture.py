@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shock_filter import core
 from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data import tiles
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.preview import images as preview_images
@@ -131,6 +132,56 @@ def test_middle_gray_keeps_every_bit(sheet):
     gray_image("Map", [127 / 255, MIDDLE])
     filter_texture(gain=3.0, gain_map="Map")
     np.testing.assert_array_equal(read(bpy.data.images["Wood filtered"]), waves_stored())
+
+
+def squeeze(obj, left, width):
+    """Move the UVs, which fill the image, into these columns of it."""
+    for loop in obj.data.uv_layers.active.uv:
+        loop.vector = left + width * loop.vector[0], loop.vector[1]
+
+
+def test_objects_on_one_image_have_gain_colors_of_their_own():
+    wood = add_image("Wood", waves())
+    for left, gray in ((0.0, 0.0), (0.5, 1.0)):
+        sheet = add_sheet(wood)
+        squeeze(sheet, left, 0.5)
+        sheet.location.x = 9.0 * left
+        paint_corners(sheet, "FLOAT_COLOR", [gray])
+    for obj in bpy.data.objects:
+        obj.select_set(True)
+    assert filter_texture(gain=3.0, radius=8.0, gain_colors="Grays") == {"FINISHED"}
+    assert "on 2 objects" in operators.summaries["detail"]
+    before, after = detail(waves()), detail(read(bpy.data.images["Wood filtered"]))
+    assert after[0] < 0.1 * before[0]
+    assert after[3] > 2.5 * before[3]
+
+
+def add_tiles(name, folder, tiles):
+    """An image with UDIM tiles, from files."""
+    for number, pixels in tiles.items():
+        part = add_image("part", pixels, is_data=True)
+        part.file_format = "PNG"
+        part.save(filepath=f"{folder}/{name}.{number}.png")
+        bpy.data.images.remove(part)
+    image = bpy.data.images.load(f"{folder}/{name}.{min(tiles)}.png")
+    image.name, image.source = name, "TILED"
+    image.colorspace_settings.name = "Non-Color"
+    return image
+
+
+def test_tiles_have_gain_maps_with_the_same_tiles(tmp_path):
+    sheet = add_sheet(add_tiles("Wood", tmp_path, {1001: waves(), 1002: waves()}))
+    squeeze(sheet, 0.0, 2.0)
+    sheet.scale.x = 2.0
+    bpy.context.view_layer.update()
+    black, white = np.zeros((SIZE, SIZE, 4)), np.ones((SIZE, SIZE, 4))
+    black[..., 3] = 1.0
+    add_tiles("Grays", tmp_path, {1001: black, 1002: white})
+    assert filter_texture(gain=3.0, radius=8.0, gain_map="Grays") == {"FINISHED"}
+    result = tiles.read_tiles(bpy.data.images["Wood filtered"])
+    before = detail(waves())
+    assert detail(result[1001])[0] < 0.1 * before[0]
+    assert detail(result[1002])[3] > 2.5 * before[3]
 
 
 @pytest.mark.parametrize("kind", ["BYTE_COLOR", "FLOAT_COLOR"])

@@ -193,6 +193,21 @@ def test_colors_of_floats_count_before_they_are_multiplied():
     np.testing.assert_allclose(read("One stitched"), waves(), atol=1e-3)
 
 
+def test_pictures_of_several_objects_become_one(photos):
+    other = add_sheet()
+    other.location.x = 9.0
+    show(other, bpy.data.images["Left"])
+    for obj, left in ((photos, 0.0), (other, 0.5)):
+        for loop in obj.data.uv_layers.active.uv:
+            loop.vector = left + 0.5 * loop.vector[0], loop.vector[1]
+        obj.select_set(True)
+    assert stitch_textures(**THREE) == {"FINISHED"}
+    assert "on 2 objects" in operators.summaries["stitch"]
+    result = read("Left stitched")
+    for half in (slice(2, HALF - 2), slice(HALF + 2, SIZE - 2)):
+        assert spread(result[2:-2, half], waves()[2:-2, half]) < 0.02
+
+
 def test_a_mask_keeps_the_first_picture(photos):
     mask = np.ones((SIZE, SIZE, 4), dtype=np.float32)
     mask[:, :HALF, :3] = 0.0
