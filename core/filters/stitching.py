@@ -91,7 +91,8 @@ def stitch_textures(
     Raises
     ------
     InvalidUV, InvalidSignal, Cancelled
-        As in `sharpen_texture`; also if images, confidences or labels do not fit one another.
+        As in `sharpen_texture`; also if images, confidences or labels do not fit one another, or
+        nothing is known anywhere.
     SolverError
         If no solution is found.
 
@@ -181,6 +182,10 @@ def _target_of(
         at_nodes = source.confidence[:nodes].reshape(believed.shape)
         believed += at_nodes
         mean += at_nodes * source.values
+    if not believed.any():
+        raise InvalidSignal(
+            "Nothing is known of any texel; give confidences, labels or opacity above 0 somewhere."
+        )
     mean /= np.maximum(believed, np.float32(1e-30))
     for source, weights in zip(sources, least, strict=True):
         shares = CellWeights(_divided(weights.cells, total.cells).astype(np.float32),

@@ -172,6 +172,8 @@ def test_whole_numbers_come_back(dtype):
         ({"confidences": [np.ones((8, 8)), -np.ones((8, 8))]}, "negative"),
         ({"labels": np.zeros((8, 8))}, "whole numbers"),
         ({"labels": np.full((8, 8), 2)}, "count from 0"),
+        ({"confidences": [np.zeros((8, 8))] * 2}, "Nothing is known"),
+        ({"labels": np.full((8, 8), -1)}, "Nothing is known"),
         ({"labels": np.zeros((8, 8), int), "confidences": [np.ones((8, 8))] * 2}, "one of them"),
     ],
 )
@@ -180,12 +182,6 @@ def test_what_does_not_fit_is_named(given, words):
     images = given.pop("images", [np.zeros((8, 8)), np.ones((8, 8))])
     with pytest.raises(core.InvalidSignal, match=words):
         core.stitch_textures(mesh, uv, images, **given)
-
-
-def test_nothing_known_at_all_gives_finite_values():
-    mesh, uv = plain(8)
-    result = core.stitch_textures(mesh, uv, np.ones((8, 8)), confidences=[np.zeros((8, 8))])
-    assert np.isfinite(result).all()
 
 
 def test_parts_that_share_an_edge_of_three_sheets_become_one():
