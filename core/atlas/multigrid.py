@@ -227,20 +227,21 @@ class SheetSolver:
             return
         height, width = matrix.labels.shape
         pairs = (height + 1) // 2
-        chunk = max(NODES // width, 2)
+        chunk = max(NODES // (2 * width), 1)
+        chunks = -(-pairs // chunk)
         smoother = runs, matrix.stencil, inverse, b, x
         x[:, height * width :] = 0.0
-        run(_begin, pairs, *smoother, chunk=chunk // 2)
-        run(_sweep, pairs, 1, False, *smoother, chunk=chunk // 2)
+        run(_sweep_down, pairs, *smoother, chunk=chunk)
+        run(_sweep_between, chunks, chunk, False, *smoother)
         block.solve(b, x)
         coarse = vectors[depth]
         run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
-            chunk=chunk // 2)  # fmt: skip
+            chunk=chunk)  # fmt: skip
         self._cycle(depth + 1, coarse.b, coarse.x, vectors)
-        run(prolong, height, runs, coarse.x, x, width, chunk=chunk)
+        run(prolong, height, runs, coarse.x, x, width, chunk=2 * chunk)
         block.solve(b, x)
-        run(_sweep, pairs, 1, True, *smoother, chunk=chunk // 2)
-        run(_sweep, pairs, 0, True, *smoother, chunk=chunk // 2)
+        run(_sweep_up, pairs, *smoother, chunk=chunk)
+        run(_sweep_between, chunks, chunk, True, *smoother)
 
     def _multiply(self, x: Singles, out: Singles) -> None:
         # A x at the unknowns: (c, n)
@@ -277,15 +278,17 @@ def _dot(u: Singles, v: Singles) -> float:
 
 
 @sum_kernel
-def _begin(start, stop, runs, stencil, inverse, b, x):
-    # The sweep of the even rows from zero, in pairs of rows: only the node before has a value.
+def _sweep_down(start, stop, runs, stencil, inverse, b, x):
+    # Gauss-Seidel from zero: the even row of each pair, and then the odd one before, as long as
+    # both are near at hand; the last odd one is left to `_sweep_between`.
     columns = stencil.shape[2]
-    rest = np.empty(columns, dtype=np.float32)
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
     pull = np.empty(columns, dtype=np.float32)
     for pair in range(start, stop):
         y = 2 * pair
         x[:, y * columns : min(y + 2, stencil.shape[1]) * columns] = 0
         for k in range(runs.start[y], runs.start[y + 1]):
+            # Only the node before has a value.
             first, last = runs.columns[k]
             i = y * columns + first
             n = last - first
@@ -295,65 +298,113 @@ def _begin(start, stop, runs, stencil, inverse, b, x):
                 pull[u] = scale[u] * behind[u]
             for j in range(x.shape[0]):
                 rhs = b[j, i : i + n]
+                row = rest[j]
                 for u in range(n):
-                    rest[u] = scale[u] * rhs[u]
-                _recur(rest, pull, x[j, i - 1 : i + n + 1], False)
+                    row[u] = scale[u] * rhs[u]
+            _recur(rest, pull[:n], x, i, False)
+        if pair > start:
+            _relax_row(y - 1, False, runs, stencil, inverse, b, x, rest, pull)
 
 
 @sum_kernel
-def _recur(rest, pull, here, backward):
-    # Nodes of a run one by one, each from the one before; the row begins and ends one beside it.
-    n = len(here) - 2
-    if backward:
-        before = here[n + 1]
-        for u in range(n - 1, -1, -1):
-            before = rest[u] - pull[u] * before
-            here[u + 1] = before
-    else:
-        before = here[0]
-        for u in range(n):
-            before = rest[u] - pull[u] * before
-            here[u + 1] = before
-
-
-@sum_kernel
-def _sweep(start, stop, parity, backward, runs, stencil, inverse, b, x):
-    # Gauss-Seidel in each second row: first all but the node before, then that, one by one.
+def _sweep_up(start, stop, runs, stencil, inverse, b, x):
+    # The reverse: the odd row of each pair, then the even one; the first of these is left.
     columns = stencil.shape[2]
-    rest = np.empty(columns, dtype=np.float32)
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
     pull = np.empty(columns, dtype=np.float32)
-    side = 0 if backward else 1
     for pair in range(start, stop):
-        y = 2 * pair + parity
-        if y >= stencil.shape[1]:
-            break
-        for k in range(runs.start[y], runs.start[y + 1]):
-            first, last = runs.columns[k]
-            i = y * columns + first
-            n = last - first
-            ahead = stencil[0, y, first - 1 + side : last - 1 + side]
-            behind = stencil[0, y, first - side : last - side]
-            q = stencil[3, y - 1, first - 1 : last - 1]
-            c = stencil[2, y - 1, first:last]
-            d = stencil[1, y - 1, first + 1 : last + 1]
-            e = stencil[1, y, first:last]
-            f = stencil[2, y, first:last]
-            g = stencil[3, y, first:last]
-            scale = inverse[i : i + n]
+        if 2 * pair + 1 < stencil.shape[1]:
+            _relax_row(2 * pair + 1, True, runs, stencil, inverse, b, x, rest, pull)
+        if pair > start:
+            _relax_row(2 * pair, True, runs, stencil, inverse, b, x, rest, pull)
+
+
+@sum_kernel
+def _sweep_between(start, stop, chunk, backward, runs, stencil, inverse, b, x):
+    # The rows that the sweeps over chunks of pairs left out.
+    columns = stencil.shape[2]
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
+    for part in range(start, stop):
+        y = 2 * chunk * part
+        if not backward:
+            y = min(y + 2 * chunk, stencil.shape[1] + stencil.shape[1] % 2) - 1
+        if y < stencil.shape[1]:
+            _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull)
+
+
+@sum_kernel
+def _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull):
+    # First all but the node before, then that, one by one; `rest` and `pull` are scratch.
+    columns = stencil.shape[2]
+    side = 0 if backward else 1
+    for k in range(runs.start[y], runs.start[y + 1]):
+        first, last = runs.columns[k]
+        i = y * columns + first
+        n = last - first
+        ahead = stencil[0, y, first - 1 + side : last - 1 + side]
+        behind = stencil[0, y, first - side : last - side]
+        q = stencil[3, y - 1, first - 1 : last - 1]
+        c = stencil[2, y - 1, first:last]
+        d = stencil[1, y - 1, first + 1 : last + 1]
+        e = stencil[1, y, first:last]
+        f = stencil[2, y, first:last]
+        g = stencil[3, y, first:last]
+        scale = inverse[i : i + n]
+        for u in range(n):
+            pull[u] = scale[u] * behind[u]
+        for j in range(x.shape[0]):
+            beside = x[j, i - 1 + 2 * side : i - 1 + 2 * side + n]
+            upper = x[j, i - columns - 1 : i - columns + n + 1]
+            lower = x[j, i + columns - 1 : i + columns + n + 1]
+            rhs = b[j, i : i + n]
+            row = rest[j]
             for u in range(n):
-                pull[u] = scale[u] * behind[u]
-            for j in range(x.shape[0]):
-                here = x[j, i - 1 : i + n + 1]
-                beside = here[2 * side : 2 * side + n]
-                upper = x[j, i - columns - 1 : i - columns + n + 1]
-                lower = x[j, i + columns - 1 : i + columns + n + 1]
-                rhs = b[j, i : i + n]
+                total = rhs[u] - ahead[u] * beside[u]
+                total -= q[u] * upper[u] + c[u] * upper[u + 1] + d[u] * upper[u + 2]
+                total -= e[u] * lower[u] + f[u] * lower[u + 1] + g[u] * lower[u + 2]
+                row[u] = scale[u] * total
+        _recur(rest, pull[:n], x, i, backward)
+
+
+@sum_kernel
+def _recur(rest, pull, x, i, backward):
+    # Nodes of a run from number i on, one by one, each from the one before. Each waits for the
+    # last: three channels side by side take no longer than one.
+    n = len(pull)
+    before = i + n if backward else i - 1
+    j = 0
+    while j < x.shape[0]:
+        if j + 2 < x.shape[0]:
+            one, two, three = x[j, before], x[j + 1, before], x[j + 2, before]
+            here_one, here_two = x[j, i : i + n], x[j + 1, i : i + n]
+            here_three = x[j + 2, i : i + n]
+            rest_one, rest_two, rest_three = rest[j], rest[j + 1], rest[j + 2]
+            if backward:
+                for u in range(n - 1, -1, -1):
+                    one = rest_one[u] - pull[u] * one
+                    two = rest_two[u] - pull[u] * two
+                    three = rest_three[u] - pull[u] * three
+                    here_one[u], here_two[u], here_three[u] = one, two, three
+            else:
                 for u in range(n):
-                    total = rhs[u] - ahead[u] * beside[u]
-                    total -= q[u] * upper[u] + c[u] * upper[u + 1] + d[u] * upper[u + 2]
-                    total -= e[u] * lower[u] + f[u] * lower[u + 1] + g[u] * lower[u + 2]
-                    rest[u] = scale[u] * total
-                _recur(rest, pull, here, backward)
+                    one = rest_one[u] - pull[u] * one
+                    two = rest_two[u] - pull[u] * two
+                    three = rest_three[u] - pull[u] * three
+                    here_one[u], here_two[u], here_three[u] = one, two, three
+            j += 3
+        else:
+            one = x[j, before]
+            here, row = x[j, i : i + n], rest[j]
+            if backward:
+                for u in range(n - 1, -1, -1):
+                    one = row[u] - pull[u] * one
+                    here[u] = one
+            else:
+                for u in range(n):
+                    one = row[u] - pull[u] * one
+                    here[u] = one
+            j += 1
 
 
 @kernel

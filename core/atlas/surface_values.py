@@ -129,6 +129,52 @@ def sheet_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
     flat[cut.hidden[:, 0]] = at_points
 
 
+def added_to_sheet(
+    space: TextureSpace,
+    sheet: _Single,
+    values: _Single,
+    change: _Single,
+    factor: float,
+    alpha: int = -1,
+) -> _Single:
+    """Return a sheet with a change of the function that was read from it.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    sheet : (rows, columns, c) float32
+    values : (n, c) float32
+        The function; without the channel `alpha`, if there is one.
+    change : (n, c) float32
+        Counts as much as `factor` says.
+    factor : float
+    alpha : int
+        A channel of the sheet that stays; -1: none.
+    """
+    result = np.empty_like(sheet)
+    flat, scale = result.reshape(-1, sheet.shape[2]), np.float32(factor)
+    given = sheet.reshape(flat.shape)
+    with aside("Filling the gutter"):
+        run(_add_to_nodes, len(flat), space.labels.reshape(-1), given, change, scale, alpha, flat)
+    cut = space.cut_cells
+    nodes, points = cut.hidden.T
+    whole = values[cut.unknowns] + scale * change[cut.unknowns]
+    channels = np.flatnonzero(np.arange(flat.shape[1]) != alpha)
+    flat[nodes[:, None], channels] = cut.interpolation[points] @ whole
+    return result
+
+
+@kernel
+def _add_to_nodes(start, stop, labels, sheet, change, factor, alpha, out):
+    for i in range(start, stop):
+        for c in range(out.shape[1]):
+            out[i, c] = sheet[i, c]
+        if labels[i] == NOTHING:
+            continue
+        for c in range(change.shape[1]):
+            out[i, c + (0 <= alpha <= c)] += factor * change[i, c]
+
+
 @kernel
 def _copy_nodes(start, stop, labels, values, out):
     for i in range(start, stop):
