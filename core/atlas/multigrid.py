@@ -13,14 +13,16 @@ Inside, vectors are (channels, n): rows become vector instructions, which takes 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.parallel import chunk_size, kernel, run, sum_kernel
+from ..base.checks import Floats
+from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import aside, phase
 from ..errors import SolverError
 from ..linear.cg import SolveReport
+from ..mesh.triangle_mesh import Ints
 from .coarsening import coarsened, prolong, restrict
 from .seam_block import SeamBlock
 from .sheet import ROWS
@@ -47,7 +49,10 @@ _ROUNDING = float(np.finfo(np.float32).eps)
 """Residuals below this share of the solution come from its rounding: no solution is better."""
 
 _BLOCK = 1 << 12
-"""Rows of what is turned that stay near at hand."""
+"""Numbers of unknowns that vectors are cut into; what is summed up is so block by block."""
+
+_GAP = 32
+"""Numbers of no unknown, between two of unknowns, that cost less than a gap."""
 
 NODES = 1 << 15
 """Nodes that a thread gets at once: waking it takes as long as a thousand of them."""
@@ -63,6 +68,14 @@ class _Level(NamedTuple):
     @property
     def coarsest(self) -> bool:
         return len(self.runs.columns) == 0
+
+
+class _Spans(NamedTuple):
+    # Runs of numbers that hold all unknowns, in blocks of `_BLOCK`: block k has those from start[k]
+    # on. And sums of the blocks, to be overwritten.
+    start: Ints
+    ranges: Ints
+    sums: Floats
 
 
 class _Vectors(NamedTuple):
@@ -98,13 +111,14 @@ class SheetSolver:
                 if self._levels[-1].coarsest:
                     break
                 matrix = coarsened(matrix, kinds, rows, number)
+        self._spans = _spans_of(self._levels[0].inverse)
 
     def apply(self, x: Singles, out: Singles) -> None:
         """Put ``A x`` (n, c) into `out`; where there is no unknown, that stays as it is."""
-        flat, product = np.empty(x.shape[::-1], np.float32), np.empty(x.shape[::-1], np.float32)
-        run(_turn, len(x), x, flat, chunk=_BLOCK)
+        flat, product = np.zeros(x.shape[::-1], np.float32), np.zeros(x.shape[::-1], np.float32)
+        self._run(_turn, x, flat)
         self._multiply(flat, product)
-        run(_turn_back, len(x), self._levels[0].inverse, product, out, chunk=_BLOCK)
+        self._run(_turn_back, self._levels[0].inverse, product, out)
 
     def solve(
         self,
@@ -143,8 +157,8 @@ class SheetSolver:
         with aside(message):
             vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(5)]
             flat, r = vectors[:2]
-            run(_turn, len(x), rhs, r, chunk=_BLOCK)
-            run(_turn, len(x), x, flat, chunk=_BLOCK)
+            self._run(_turn, rhs, r)
+            self._run(_turn, x, flat)
             scale = self._norm(r)
             if not np.isfinite(scale):
                 raise SolverError("The right-hand side of the linear system is not finite.")
@@ -174,7 +188,7 @@ class SheetSolver:
                 tolerance=tolerance,
             )
         with aside(message):
-            run(_turn_back, len(x), self._levels[0].inverse, flat, x, chunk=_BLOCK)
+            self._run(_turn_back, self._levels[0].inverse, flat, x)
         return SolveReport(iterations, relative, True)
 
     def cycle(self, b: Singles, x: Singles) -> None:
@@ -182,34 +196,35 @@ class SheetSolver:
         self._cycle(0, b, x, self._buffers(len(x)))
 
     def _residual(self, rhs: Singles, x: Singles, r: Singles, scale: float) -> tuple[float, float]:
-        # Puts it into r. Returns its size, and that which the rounding of x alone has.
-        self._multiply(x, r)
-        run(_subtract_from, len(rhs), self._levels[0].inverse, rhs, r, chunk=_BLOCK)
-        rounding = _ROUNDING * self._norm(x, solution=True)
-        return self._norm(r) / scale, rounding / scale
+        # Puts it into r, which holds the right-hand side as long as x is 0. Returns its size, and
+        # that which the rounding of x alone has.
+        size = self._norm(x, solution=True)
+        if size > 0:
+            self._multiply(x, r)
+            self._run(_subtract_from, self._levels[0].inverse, rhs, r)
+        return self._norm(r) / scale, _ROUNDING * size / scale
 
     def _conjugate_gradients(
         self, vectors: list[Singles], tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as a positive one.
         x, r, z, p, q = vectors
-        flat = [vector.reshape(-1) for vector in vectors]
+        inverse, sums = self._levels[0].inverse, self._spans.sums
         first = self._norm(r)
         before, done = 1.0, 0.0
         for iteration in range(limit):
             with phase(done, done, message):
                 self.cycle(r, z)
-                product = _dot(r, z)
+                product = self._dot(r, z)
                 beta = np.float32(product / before if iteration else 0.0)
-                run(_direct, p.size, beta, flat[2], flat[3])
+                self._run(_direct, beta, z, p)
                 self._multiply(p, q)
-                curvature = _dot(p, q)
+                curvature = self._dot(p, q)
                 if not (curvature > 0 and product > 0):
                     return iteration, False
                 alpha = np.float32(product / curvature)
-                run(_add, x.size, alpha, flat[3], flat[0])
-                run(_add, x.size, -alpha, flat[4], flat[1])
-                norm = self._norm(r)
+                self._run(_step, alpha, inverse, p, q, x, r, sums)
+                norm = float(np.sqrt(sums.sum()))
                 if not np.isfinite(norm):
                     return iteration + 1, False
             before = product
@@ -252,11 +267,18 @@ class SheetSolver:
 
     def _norm(self, values: Singles, solution: bool = False) -> float:
         # Of a residual, or of a solution, in the unknowns in which the diagonal is 1.
-        inverse = self._levels[0].inverse
-        size = chunk_size(len(inverse))
-        sums = np.zeros(-(-len(inverse) // size))
-        run(_add_squares, len(inverse), size, solution, inverse, values, sums, chunk=size)
+        sums = self._spans.sums
+        self._run(_add_squares, solution, self._levels[0].inverse, values, sums)
         return float(np.sqrt(sums.sum()))
+
+    def _dot(self, u: Singles, v: Singles) -> float:
+        self._run(_add_products, u, v, self._spans.sums)
+        return float(self._spans.sums.sum())
+
+    def _run(self, function: Any, *arguments: Any) -> None:
+        # Over the blocks of vectors.
+        blocks = len(self._spans.sums)
+        run(function, blocks, self._spans, *arguments, chunk=max(blocks // 16, 1))
 
     def _buffers(self, channels: int) -> list[_Vectors]:
         # What the coarse levels need for some number of channels, kept.
@@ -270,11 +292,14 @@ class SheetSolver:
         return self._kept[channels]
 
 
-def _dot(u: Singles, v: Singles) -> float:
-    size = chunk_size(u.size)
-    sums = np.zeros(-(-u.size // size))
-    run(_add_products, u.size, size, u.reshape(-1), v.reshape(-1), sums, chunk=size)
-    return float(sums.sum())
+def _spans_of(inverse: Singles) -> _Spans:
+    blocks = -(-len(inverse) // _BLOCK)
+    start = np.zeros(blocks + 1, dtype=np.int32)
+    run(_count_spans, blocks, inverse, start[1:], chunk=16)
+    np.cumsum(start, out=start)
+    ranges = np.zeros((start[-1], 2), dtype=np.int32)
+    run(_find_spans, blocks, inverse, start, ranges, chunk=16)
+    return _Spans(start, ranges, np.zeros(blocks))
 
 
 @sum_kernel
@@ -408,69 +433,111 @@ def _recur(rest, pull, x, i, backward):
 
 
 @kernel
-def _turn(start, stop, values, out):
-    for j in range(values.shape[1]):
-        row = out[j, start:stop]
-        part = values[start:stop, j]
-        for i in range(len(row)):
-            row[i] = part[i]
+def _count_spans(start, stop, inverse, counts):
+    for block in range(start, stop):
+        last = -1
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(inverse))):
+            if inverse[i] > 0:
+                counts[block] += last < 0 or i > last + _GAP
+                last = i
 
 
 @kernel
-def _turn_back(start, stop, inverse, values, out):
-    for j in range(out.shape[1]):
-        row = values[j, start:stop]
-        part = out[start:stop, j]
-        for i in range(len(row)):
-            if inverse[start + i] > 0:
-                part[i] = row[i]
+def _find_spans(start, stop, inverse, starts, ranges):
+    for block in range(start, stop):
+        k = starts[block] - 1
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(inverse))):
+            if inverse[i] > 0:
+                if k < starts[block] or i >= ranges[k, 1] + _GAP:
+                    k += 1
+                    ranges[k, 0] = i
+                ranges[k, 1] = i + 1
 
 
 @kernel
-def _subtract_from(start, stop, inverse, rhs, product):
-    for j in range(rhs.shape[1]):
-        row = product[j, start:stop]
-        part = rhs[start:stop, j]
-        for i in range(len(row)):
-            row[i] = part[i] - row[i] if inverse[start + i] > 0 else np.float32(0)
+def _turn(start, stop, spans, values, out):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(values.shape[1]):
+            row = out[j, first:last]
+            part = values[first:last, j]
+            for i in range(len(row)):
+                row[i] = part[i]
+
+
+@kernel
+def _turn_back(start, stop, spans, inverse, values, out):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(out.shape[1]):
+            row = values[j, first:last]
+            part = out[first:last, j]
+            for i in range(len(row)):
+                if inverse[first + i] > 0:
+                    part[i] = row[i]
+
+
+@kernel
+def _subtract_from(start, stop, spans, inverse, rhs, product):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(rhs.shape[1]):
+            row = product[j, first:last]
+            part = rhs[first:last, j]
+            for i in range(len(row)):
+                row[i] = part[i] - row[i] if inverse[first + i] > 0 else np.float32(0)
 
 
 @sum_kernel
-def _add_squares(start, stop, chunk, solution, inverse, values, sums):
-    scale = inverse[start:stop]
-    total = 0.0
-    for j in range(values.shape[0]):
-        row = values[j, start:stop]
-        for i in range(len(row)):
-            square = np.float64(row[i]) * row[i]
-            if not solution:
-                total += square * scale[i]
-            elif scale[i] > 0:
-                total += square / scale[i]
-    sums[start // chunk] = total
+def _add_squares(start, stop, spans, solution, inverse, values, sums):
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            scale = inverse[first:last]
+            for j in range(values.shape[0]):
+                row = values[j, first:last]
+                for i in range(len(row)):
+                    square = np.float64(row[i]) * row[i]
+                    if not solution:
+                        total += square * scale[i]
+                    elif scale[i] > 0:
+                        total += square / scale[i]
+        sums[block] = total
 
 
 @sum_kernel
-def _add_products(start, stop, chunk, u, v, sums):
-    u = u[start:stop]
-    v = v[start:stop]
-    total = 0.0
-    for i in range(len(u)):
-        total += np.float64(u[i]) * v[i]
-    sums[start // chunk] = total
+def _add_products(start, stop, spans, u, v, sums):
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            for j in range(len(u)):
+                one = u[j, first:last]
+                other = v[j, first:last]
+                for i in range(len(one)):
+                    total += np.float64(one[i]) * other[i]
+        sums[block] = total
 
 
 @sum_kernel
-def _direct(start, stop, beta, z, p):
-    z = z[start:stop]
-    p = p[start:stop]
-    for i in range(len(p)):
-        p[i] = z[i] + beta * p[i]
+def _direct(start, stop, spans, beta, z, p):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(len(p)):
+            one = z[j, first:last]
+            row = p[j, first:last]
+            for i in range(len(row)):
+                row[i] = one[i] + beta * row[i]
 
 
 @sum_kernel
-def _add(start, stop, factor, values, out):
-    values = values[start:stop]
-    out = out[start:stop]
-    for i in range(len(out)):
-        out[i] += factor * values[i]
+def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
+    # Along the direction p; sums up the squares of the new residual.
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            scale = inverse[first:last]
+            for j in range(len(x)):
+                way, change = p[j, first:last], q[j, first:last]
+                solution, residual = x[j, first:last], r[j, first:last]
+                for i in range(len(way)):
+                    solution[i] += alpha * way[i]
+                    value = residual[i] - alpha * change[i]
+                    residual[i] = value
+                    total += np.float64(value) * value * scale[i]
+        sums[block] = total

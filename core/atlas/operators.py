@@ -25,6 +25,7 @@ from scipy.sparse.csgraph import connected_components
 from ..base.checks import Floats
 from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import aside, ask
+from ..base.vectors import after
 from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
 from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
@@ -33,6 +34,9 @@ from .sheet_matrix import SheetMatrix
 
 _LEAST_MASS = 1e-12
 """Least mass of an unknown, so that each has an equation, if only slivers lie around it."""
+
+_LITTLE = 1e-9
+"""Share of a cell below which a face does not count there: rounding."""
 
 _CHUNKS = 16
 """Sums over all texels are taken in so many chunks, on every machine."""
@@ -284,67 +288,67 @@ def _measure_cells(
 
 
 @kernel
-def _clipped_area(triangle, row, column, one, two):
-    # Area of a triangle within a cell (Sutherland, Hodgman 1974); one and two are scratch.
-    count = 3
-    for k in range(3):
-        one[k, 0] = triangle[k, 0] - row
-        one[k, 1] = triangle[k, 1] - column
-    for side in range(4):
-        axis = side >> 1
-        kept = 0
-        for n in range(count):
-            m = n + 1 if n + 1 < count else 0
-            a = 1.0 - one[n, axis] if side & 1 else one[n, axis]
-            b = 1.0 - one[m, axis] if side & 1 else one[m, axis]
-            if a >= 0:
-                two[kept, 0] = one[n, 0]
-                two[kept, 1] = one[n, 1]
-                kept += 1
-            if (a > 0 and b < 0) or (a < 0 and b > 0):
-                share = a / (a - b)
-                two[kept, 0] = one[n, 0] + share * (one[m, 0] - one[n, 0])
-                two[kept, 1] = one[n, 1] + share * (one[m, 1] - one[n, 1])
-                kept += 1
-        count = kept
-        if count < 3:
-            return 0.0
-        one[:count] = two[:count]
-    area = 0.0
-    for n in range(1, count - 1):
-        area += (one[n, 0] - one[0, 0]) * (one[n + 1, 1] - one[0, 1])
-        area -= (one[n, 1] - one[0, 1]) * (one[n + 1, 0] - one[0, 0])
-    return 0.5 * abs(area)
+def _add_cover(column, height, middle, parts, covers):
+    # A piece of an edge within a cell: to its right it covers so much of this one, and of all that
+    # follow.
+    parts[column] += height * (1.0 - (middle - column))
+    covers[column + 1] += height
+
+
+@kernel
+def _add_edge(triangle, k, row, left, parts, covers):
+    # The part of an edge within a row of cells, of which columns are counted from `left` on.
+    m = after(k)
+    ay, ax = triangle[k, 0] - row, triangle[k, 1] - left
+    by, bx = triangle[m, 0] - row, triangle[m, 1] - left
+    if ay == by or max(ay, by) <= 0.0 or min(ay, by) >= 1.0:
+        return
+    most = parts.shape[0] - 1.0
+    slope = (bx - ax) / (by - ay)
+    y, end_y = min(max(ay, 0.0), 1.0), min(max(by, 0.0), 1.0)
+    x = min(max(ax + slope * (y - ay), 0.0), most)
+    end_x = min(max(bx + slope * (end_y - by), 0.0), most)
+    column, last = int(x), int(end_x)
+    step = 1 if last > column else -1
+    steepness = (end_y - y) / (end_x - x) if last != column else 0.0
+    first_y, first_x = y, x
+    while column != last:
+        next_x = column + 1.0 if step > 0 else float(column)
+        next_y = first_y + (next_x - first_x) * steepness
+        _add_cover(column, next_y - y, 0.5 * (x + next_x), parts, covers)
+        y, x = next_y, next_x
+        column += step
+    _add_cover(column, end_y - y, 0.5 * (x + end_x), parts, covers)
 
 
 @kernel
 def _integrate_cells(start, stop, points, by_rows, integrals, cut, faces, cells):
-    one, two = np.empty((12, 2)), np.empty((12, 2))
+    parts, covers = np.zeros(cut.shape[1] + 2), np.zeros(cut.shape[1] + 3)
     bands, listed, in_rows = by_rows
     chunk = start // ROWS
     for f in in_rows[listed[chunk] : listed[chunk + 1]]:
         triangle = points[f]
         if integrals[f, 3] == 0:
             continue
+        whole = integrals[f]
         for row in range(max(bands[f, 0], start), min(bands[f, 1] + 1, stop)):
             first, last = span(triangle, row, row + 1)
             if last < first:
                 continue
-            # Cells between these columns lie in the face with all corners, and so as a whole.
-            top_first, top_last = span(triangle, row, row)
-            low_first, low_last = span(triangle, row + 1, row + 1)
-            left = np.ceil(max(top_first, low_first))
-            right = np.floor(min(top_last, low_last)) - 1
-            for column in range(int(np.floor(first)), int(np.floor(last)) + 1):
-                if cut[row, column]:
-                    continue
-                share = 1.0
-                if not left <= column <= right:
-                    share = _clipped_area(triangle, row, column, one, two)
-                if share > 0:
-                    faces[row, column] = f
-                    for n in range(4):
-                        cells[row, column, n] += share * integrals[f, n]
+            left, right = int(np.floor(first)), int(np.floor(last))
+            count = right - left + 1
+            parts[: count + 1] = 0.0
+            covers[: count + 2] = 0.0
+            for k in range(3):
+                _add_edge(triangle, k, row, left, parts[: count + 1], covers)
+            cover = 0.0
+            for n in range(count):
+                cover += covers[n]
+                share = abs(cover + parts[n])
+                if share > _LITTLE and not cut[row, left + n]:
+                    faces[row, left + n] = f
+                    for m in range(4):
+                        cells[row, left + n, m] += share * whole[m]
 
 
 @kernel
