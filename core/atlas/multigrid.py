@@ -13,12 +13,13 @@ Inside, vectors are (channels, n): rows become vector instructions, which takes 
 
 from __future__ import annotations
 
+from concurrent.futures import wait
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..base.checks import Floats
-from ..base.parallel import kernel, run, sum_kernel
+from ..base.parallel import begin, kernel, run, sum_kernel
 from ..base.progress import aside, phase
 from ..errors import SolverError
 from ..linear.cg import SolveReport
@@ -54,8 +55,8 @@ _BLOCK = 1 << 12
 _GAP = 32
 """Numbers of no unknown, between two of unknowns, that cost less than a gap."""
 
-NODES = 1 << 15
-"""Nodes that a thread gets at once: waking it takes as long as a thousand of them."""
+NODES = 1 << 16
+"""Nodes that a thread gets at once: waking it takes as long as thousands of them."""
 
 
 class _Level(NamedTuple):
@@ -97,20 +98,29 @@ class SheetSolver:
     """
 
     def __init__(self, matrix: SheetMatrix) -> None:
-        self._levels: list[_Level] = []
         self._kept: dict[int, list[_Vectors]] = {}
-        while True:
-            done = min(0.2 * len(self._levels), 1.0)
-            with phase(done, done, "Coarsening"):
-                whole = int((matrix.labels >= 0).sum()) <= DIRECT
-                kinds = kinds_of(matrix, whole)
-                rows, number = block_rows(matrix, kinds)
-                inverse = inverse_diagonal(matrix, kinds, rows)
-                block = SeamBlock(rows, number)
-                self._levels.append(_Level(matrix, rows, block, runs_of(kinds), inverse))
-                if self._levels[-1].coarsest:
-                    break
-                matrix = coarsened(matrix, kinds, rows, number)
+        self._vectors: list[Singles] | None = None
+        parts, blocks = [], []
+        try:
+            while True:
+                done = min(0.2 * len(blocks), 0.9)
+                with phase(done, done, "Coarsening"):
+                    whole = int((matrix.labels >= 0).sum()) <= DIRECT
+                    kinds = kinds_of(matrix, whole)
+                    rows, number = block_rows(matrix, kinds)
+                    inverse = inverse_diagonal(matrix, kinds, rows)
+                    # Factoring takes one core, and nothing else of the set-up needs it.
+                    blocks.append(begin(SeamBlock, rows, number))
+                    parts.append((matrix, rows, runs_of(kinds), inverse))
+                    if len(parts[-1][2].columns) == 0:
+                        break
+                    matrix = coarsened(matrix, kinds, rows, number)
+        finally:
+            wait(blocks)
+        self._levels = [
+            _Level(matrix, rows, block.result(), runs, inverse)
+            for (matrix, rows, runs, inverse), block in zip(parts, blocks, strict=True)
+        ]
         self._spans = _spans_of(self._levels[0].inverse)
 
     def apply(self, x: Singles, out: Singles) -> None:
@@ -155,7 +165,9 @@ class SheetSolver:
             tolerance is not reached within `limit` iterations, though single precision could.
         """
         with aside(message):
-            vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(5)]
+            if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
+                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(5)]
+            vectors = self._vectors
             flat, r = vectors[:2]
             self._run(_turn, rhs, r)
             self._run(_turn, x, flat)
@@ -521,6 +533,9 @@ def _direct(start, stop, spans, beta, z, p):
         for j in range(len(p)):
             one = z[j, first:last]
             row = p[j, first:last]
+            if beta == 0:
+                row[:] = one
+                continue
             for i in range(len(row)):
                 row[i] = one[i] + beta * row[i]
 

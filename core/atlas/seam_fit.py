@@ -132,14 +132,16 @@ def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArr
 
 @kernel
 def _bound(start, stop, owners, inside, values, lows, highs):
-    low = lows[start // ROWS]
-    high = highs[start // ROWS]
-    for y in range(start, stop):
-        for x in range(owners.shape[1]):
-            if inside[y, x]:
-                for c in range(values.shape[1]):
-                    low[c] = min(low[c], values[owners[y, x], c])
-                    high[c] = max(high[c], values[owners[y, x], c])
+    for c in range(values.shape[1]):
+        low, high = np.float32(np.inf), np.float32(-np.inf)
+        for y in range(start, stop):
+            for x in range(owners.shape[1]):
+                if inside[y, x]:
+                    value = values[owners[y, x], c]
+                    low = min(low, value)
+                    high = max(high, value)
+        lows[start // ROWS, c] = low
+        highs[start // ROWS, c] = high
 
 
 @kernel
