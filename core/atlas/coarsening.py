@@ -72,15 +72,16 @@ def _interpolation(
     run(_inherit, len(bound), bound, rows.unknowns, kinds.shape[1], coarse_columns, parents, shares)
     free = np.flatnonzero(loose)
     after, weights = parents.copy(), shares.copy()
-    empty = len(free)
-    left = _SWEEPS
-    while left > 0:
-        run(_average, len(free), free, rows, number, kinds.shape[1], coarse_columns, parents,
-            shares, after, weights)  # fmt: skip
+    given = rows, number, kinds.shape[1], coarse_columns
+    empty, before = free, -1
+    while len(empty) not in (0, before):  # what reaches no coarse node stays empty
+        before = len(empty)
+        run(_average, before, empty, *given, parents, shares, after, weights)
+        parents[empty], shares[empty] = after[empty], weights[empty]
+        empty = empty[parents[empty, 0] < 0]
+    for _ in range(_SWEEPS):
+        run(_average, len(free), free, *given, parents, shares, after, weights)
         parents, after, shares, weights = after, parents, weights, shares
-        before, empty = empty, int((parents[free, 0] < 0).sum())
-        if empty == before or empty == 0:  # what reaches no coarse node stays empty
-            left -= 1
     return parents, shares
 
 

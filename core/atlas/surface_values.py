@@ -99,13 +99,17 @@ def _means(points: npt.NDArray[np.int64], corners: Floats, count: int) -> Floats
 def _spread(space: TextureSpace, at_points: Floats) -> None:
     # Points without a value get the mean of those around them.
     pieces = space.cut_cells.pieces
+    points = pieces.points
     piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
     while True:
         missing = np.isnan(at_points[:, 0])
         if not missing.any():
             return
-        means = _means(piece, at_points[pieces.points], len(pieces.faces))
-        found = _means(pieces.points, means[piece], len(at_points))[missing]
+        beside = np.zeros(len(pieces.faces), dtype=np.bool_)
+        beside[piece[missing[points]]] = True
+        points, piece = points[beside[piece]], piece[beside[piece]]
+        means = _means(piece, at_points[points], len(pieces.faces))
+        found = _means(points, means[piece], len(at_points))[missing]
         if np.isnan(found[:, 0]).all():
             break
         at_points[missing] = found
