@@ -31,6 +31,10 @@ from .filters.beltrami.textures import (
 from .filters.fit import (
     fit_to_normals,
 )
+from .filters.geodesic_distance import (
+    geodesic_distance,
+    vertex_distance,
+)
 from .filters.geometry import (
     geometry_flow,
     sharpen_geometry,
@@ -73,6 +77,7 @@ from .settings import (
     BeltramiSettings,
     BeltramiTextureSettings,
     DilateSettings,
+    DistanceSettings,
     FilterSettings,
     FitSettings,
     GeometrySettings,
@@ -89,6 +94,7 @@ __all__ = [
     "BeltramiTextureSettings",
     "Cancelled",
     "DilateSettings",
+    "DistanceSettings",
     "FilterSettings",
     "FitSettings",
     "GeometrySettings",
@@ -118,6 +124,7 @@ __all__ = [
     "filter_texture",
     "fit_to_normals",
     "flow_field",
+    "geodesic_distance",
     "geometry_flow",
     "osher_rudin_image",
     "sharpen_corner_signal",
@@ -127,6 +134,7 @@ __all__ = [
     "sharpen_texture",
     "sharpen_vertex_signal",
     "stitch_textures",
+    "vertex_distance",
     "weld",
     "weld_borders",
 ]
