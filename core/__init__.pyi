@@ -47,6 +47,9 @@ from .filters.gradient_domain import (
 from .filters.images import (
     sharpen_image,
 )
+from .filters.line_convolution import (
+    surface_line_convolution,
+)
 from .filters.pde import (
     osher_rudin_image,
 )
@@ -63,6 +66,11 @@ from .filters.textures import (
 )
 from .flow.potential import (
     flow_field,
+)
+from .mesh.directions import (
+    axis_directions,
+    gradient_directions,
+    principal_directions,
 )
 from .mesh.triangle_mesh import (
     TriangleMesh,
@@ -84,6 +92,7 @@ from .settings import (
     ImageSettings,
     ShockSettings,
     StitchSettings,
+    StreakSettings,
     TextureSettings,
 )
 
@@ -107,11 +116,13 @@ __all__ = [
     "ShockSettings",
     "SolverError",
     "StitchSettings",
+    "StreakSettings",
     "TextureAtlas",
     "TextureSettings",
     "TextureSolver",
     "TriangleMesh",
     "UVReport",
+    "axis_directions",
     "beltrami_corner_signal",
     "beltrami_image",
     "beltrami_joint",
@@ -126,7 +137,9 @@ __all__ = [
     "flow_field",
     "geodesic_distance",
     "geometry_flow",
+    "gradient_directions",
     "osher_rudin_image",
+    "principal_directions",
     "sharpen_corner_signal",
     "sharpen_geometry",
     "sharpen_image",
@@ -134,6 +147,7 @@ __all__ = [
     "sharpen_texture",
     "sharpen_vertex_signal",
     "stitch_textures",
+    "surface_line_convolution",
     "vertex_distance",
     "weld",
     "weld_borders",

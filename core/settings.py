@@ -506,6 +506,42 @@ class DistanceSettings(_Settings):
 
 
 @_fields
+class StreakSettings(_Settings):
+    """Settings of :func:`shock_filter.core.surface_line_convolution`."""
+
+    length: float = _setting(
+        24.0,
+        "How long streaks are. 3 gives grains, 100 long hair",
+        unit="mean texel sizes on the surface",
+        minimum=1.0,
+        maximum=1e4,
+        soft_maximum=200.0,
+        length_power=1,
+    )
+    width: float = _setting(
+        2.0,
+        "How wide streaks are. Those as wide as long are grains",
+        unit="mean texel sizes on the surface",
+        maximum=1e4,
+        soft_maximum=20.0,
+        length_power=1,
+    )
+    contrast: float = _setting(
+        1.0,
+        "How far values go from gray. 0 is gray everywhere, 1 fills the range, more clips",
+        maximum=100.0,
+        soft_maximum=3.0,
+    )
+    seed: int = _setting(
+        0,
+        "Other numbers give other streaks of the same kind",
+        maximum=2**31 - 1,
+        soft_maximum=100,
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
 class MaskSettings(_Settings):
     """Settings of the command ``texture-mask``."""
 

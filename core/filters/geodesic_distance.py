@@ -18,7 +18,7 @@ from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
 from ..mesh.triangle_mesh import Ints, TriangleMesh
 from ..settings import DilateSettings, DistanceSettings
-from .texels import Texture, checked_atlas, written
+from .texels import Texture, checked_atlas, checked_size, written
 
 _TOLERANCE = 1e-4
 """Residual of the smoothed distance relative to the right-hand side."""
@@ -103,7 +103,7 @@ def geodesic_distance(
     True
     """
     settings = settings or DistanceSettings()
-    rows, columns = _checked_size(size)
+    rows, columns = checked_size(size)
     sources = _checked_sources(mesh, (rows, columns), vertices, points, edges, image)
     with reporting(progress):
         with phase(0.0, 0.5, "Finding texels"):
@@ -171,7 +171,7 @@ def vertex_distance(
     [0.0, 3.0, 5.0, 4.0]
     """
     settings = settings or DistanceSettings()
-    rows, columns = _checked_size(size)
+    rows, columns = checked_size(size)
     sources = _checked_sources(mesh, (rows, columns), vertices, points, edges, image)
     with reporting(progress):
         with phase(0.0, 0.6, "Finding texels"):
@@ -235,13 +235,6 @@ def _shown(
     turns = 2.0 * np.pi * np.where(np.isfinite(distances), distances, 0.0)
     lines = 0.5 + 0.5 * np.cos(turns / (settings.width or largest / _LINES))
     return np.where(np.isfinite(distances), lines, 0.0).astype(distances.dtype)
-
-
-def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    given = as_array(size, "size")
-    if given.shape != (2,) or given.dtype.kind not in "iu":
-        raise InvalidSignal(f"The size is {size!r}; give the image's rows and columns.")
-    return int(given[0]), int(given[1])
 
 
 def _checked_sources(
