@@ -129,6 +129,31 @@ class TextureSpace:
         other.fans[:, first:] *= np.repeat(weights.pieces, repeats)[:, None]
         return other
 
+    def diffusing(self, tensors: Floats) -> TextureSpace:
+        """Let gradients count as tensors say, in the stiffness alone: diffusion along and across.
+
+        Parameters
+        ----------
+        tensors : (m, 3) float64
+            Symmetric and positive definite, in the frame of each face: first first, first second,
+            second second axis. 1, 0, 1 changes nothing.
+        """
+        other = copy(self)
+        jacobians = tempered_jacobians(self.atlas.metric)
+        with aside("Measuring texels"):
+            integrals = _integrals(jacobians, tensors)
+            other.cells, _ = _integrated(self.atlas, integrals, self.cut_cells.cut)
+            pieces = self.cut_cells.pieces
+            # In the frame times the tensor's inverse root, diffusion is the same in all directions.
+            roots, areas = _inverse_roots(tensors)
+            piece = np.repeat(pieces.faces, np.diff(pieces.start))
+            frame = np.einsum("vij,vj->vi", roots[piece], pieces.frame)
+            other.fans = np.zeros_like(self.fans)
+            run(_measure_fans, len(pieces.faces), pieces._replace(frame=frame), other.fans)
+            other.fans[:, :3] *= areas[piece, None]
+            other.fans[:, 3] = self.fans[:, 3]
+        return other
+
     @cached_property
     def _components(self) -> Ints:
         # The connected part of the surface on which each unknown lies: (n,), -1 at no unknowns.
@@ -259,24 +284,7 @@ def _measure_cells(
 ) -> tuple[npt.NDArray[np.int32], _Single]:
     # The labels of the nodes, and the integrals over uncut cells.
     shape = atlas.sheet.nodes.shape
-    with np.errstate(all="ignore"):
-        metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
-        areas = np.abs(np.linalg.det(jacobians))
-        integrals = np.stack(
-            [
-                metrics[:, 1, 1] / areas,
-                -metrics[:, 0, 1] / areas,
-                metrics[:, 0, 0] / areas,
-                areas,
-            ],
-            axis=1,
-        )
-    integrals[~(areas > 0)] = 0.0
-    cells = np.zeros((*shape, 4), dtype=np.float32)
-    faces = np.full(shape, NOTHING, dtype=np.int32)
-    by_rows = faces_by_rows(atlas.sheet.points, shape[0])
-    run(_integrate_cells, shape[0], atlas.sheet.points, by_rows, integrals, cut_cells.cut, faces,
-        cells, chunk=ROWS)  # fmt: skip
+    cells, faces = _integrated(atlas, _integrals(jacobians), cut_cells.cut)
     labels = np.full(shape, NOTHING, dtype=np.int32)
     run(_label_nodes, shape[0], faces, atlas.charts.labels, labels, chunk=ROWS)
     pieces = cut_cells.pieces
@@ -285,6 +293,49 @@ def _measure_cells(
     y, x = np.round(pieces.places[own]).astype(np.int64).T
     labels[y, x] = atlas.charts.labels[pieces.faces[piece]]
     return labels, cells
+
+
+def _integrals(jacobians: Floats, tensors: Floats | None = None) -> Floats:
+    # What a cell within each face has: see `TextureSpace.cells`.
+    areas = np.abs(np.linalg.det(jacobians))
+    (a, b), (c, d) = np.moveaxis(jacobians, 0, -1)
+    p, q, r = (1.0, 0.0, 1.0) if tensors is None else tensors.T
+    with np.errstate(all="ignore"):
+        # sqrt(det h) J^-1 D J^-T, where the inverse is the adjoint over the determinant.
+        integrals = np.stack(
+            [
+                (d * d * p - 2.0 * d * b * q + b * b * r) / areas,
+                (-d * c * p + (d * a + b * c) * q - a * b * r) / areas,
+                (c * c * p - 2.0 * c * a * q + a * a * r) / areas,
+                areas,
+            ],
+            axis=1,
+        )
+    integrals[~(areas > 0)] = 0.0
+    return integrals
+
+
+def _integrated(
+    atlas: TextureAtlas, integrals: Floats, cut: npt.NDArray[np.bool_]
+) -> tuple[_Single, npt.NDArray[np.int32]]:
+    # Over uncut cells, and a face of each.
+    shape = atlas.sheet.nodes.shape
+    cells = np.zeros((*shape, 4), dtype=np.float32)
+    faces = np.full(shape, NOTHING, dtype=np.int32)
+    by_rows = faces_by_rows(atlas.sheet.points, shape[0])
+    run(_integrate_cells, shape[0], atlas.sheet.points, by_rows, integrals, cut, faces, cells,
+        chunk=ROWS)  # fmt: skip
+    return cells, faces
+
+
+def _inverse_roots(tensors: Floats) -> tuple[npt.NDArray[np.float64], Floats]:
+    # D^(-1/2) of each face, and the root of det D.
+    a, b, c = tensors.T
+    det = np.sqrt(a * c - b * b)
+    # The root of a matrix of two rows is it plus the root of its determinant, scaled.
+    scale = det * np.sqrt(a + c + 2.0 * det)
+    roots = np.stack([c + det, -b, -b, a + det], axis=1).reshape(-1, 2, 2)
+    return roots / scale[:, None, None], det
 
 
 @kernel

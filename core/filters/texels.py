@@ -14,7 +14,7 @@ from ..atlas.gutter import TexelWriter, unit_normals
 from ..atlas.seam_fit import SeamFit
 from ..atlas.seams import settle_seams
 from ..atlas.sheet import ROWS
-from ..base.checks import BAND, SCALES
+from ..base.checks import BAND, SCALES, as_array
 from ..base.parallel import blocks, run
 from ..base.progress import aside, phase
 from ..errors import InvalidSignal
@@ -159,3 +159,11 @@ def checked_atlas(
             f" has {width} x {height}; make an atlas for this mesh and size."
         )
     return atlas
+
+
+def checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return the rows and columns of an image to make."""
+    given = as_array(size, "size")
+    if given.shape != (2,) or given.dtype.kind not in "iu":
+        raise InvalidSignal(f"The size is {size!r}; give the image's rows and columns.")
+    return int(given[0]), int(given[1])

@@ -107,6 +107,29 @@ def test_linear_functions_have_the_energy_of_the_surface(space):
     assert (ways * result).sum() == pytest.approx(space.area, rel=2e-5)
 
 
+def test_diffusion_along_and_across_has_the_energy_of_its_tensor(space):
+    mesh = space.atlas.mesh
+    corners = mesh.vertices[mesh.faces][..., :2]
+    one = corners[:, 1] - corners[:, 0]
+    one /= np.linalg.norm(one, axis=1, keepdims=True)
+    axes = np.stack([one, one[:, ::-1] * mesh.normals[:, 2:] * [-1.0, 1.0]], axis=1)
+    tensor = np.array([[1.0, 0.3], [0.3, 0.2]])
+    turned = axes @ tensor @ axes.transpose(0, 2, 1)
+    other = space.diffusing(np.stack([turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 1]], axis=1))
+    assert other.area == pytest.approx(space.area, rel=1e-6)
+    way = np.array([0.6, -0.8])
+    values = (positions(space)[:, :2] @ way / space.atlas.texel_size)[:, None]
+    values = np.nan_to_num(values - np.nanmean(values))
+    energy = (values * other.apply_stiffness(values.astype(np.float32))).sum()
+    assert energy == pytest.approx(way @ tensor @ way * space.area, rel=5e-5)
+
+
+def test_diffusion_alike_in_all_directions_changes_nothing(space):
+    same = space.diffusing(np.tile([1.0, 0.0, 1.0], (space.atlas.mesh.face_count, 1)))
+    assert np.array_equal(same.cells, space.cells)
+    assert np.allclose(same.fans, space.fans, rtol=1e-6, atol=1e-9)
+
+
 def poisson_error(space, n):
     """Root mean square error of a solution on the square, and the largest."""
     matrix, used = in_full(space, (space.atlas.texel_size / n) ** 2)
