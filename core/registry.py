@@ -262,7 +262,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "ShockError",
         "SolverError",
     ),
-    "settings": ("DistanceSettings", "FitSettings", "StreakSettings"),
+    "settings": ("DistanceSettings", "FitSettings", "ReactionSettings", "StreakSettings"),
     "mesh.directions": ("axis_directions", "gradient_directions", "principal_directions"),
     "mesh.triangle_mesh": ("TriangleMesh",),
     "mesh.weld": ("weld", "weld_borders"),
@@ -276,6 +276,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "filters.gradient_domain": ("TextureSolver",),
     "filters.line_convolution": ("surface_line_convolution",),
     "filters.pde": ("osher_rudin_image",),
+    "filters.reaction_diffusion": ("reaction_diffusion",),
 }
 """The public names that no row gives, by their modules."""
 

@@ -542,6 +542,54 @@ class StreakSettings(_Settings):
 
 
 @_fields
+class ReactionSettings(_Settings):
+    """Settings of :func:`shock_filter.core.reaction_diffusion`."""
+
+    steps: int = _setting(
+        2000,
+        "How long the pattern grows. 0 returns the start; about 1000 cover the surface, more order"
+        " it",
+        maximum=MOST_STEPS,
+        soft_maximum=10_000,
+    )
+    feed: float = _setting(
+        0.037,
+        "How fast the first substance is fed in. 0 feeds none, and all patterns fade",
+        maximum=0.2,
+        soft_maximum=0.1,
+    )
+    kill: float = _setting(
+        0.06,
+        "How fast the second substance is taken out. More makes spots of stripes, then nothing",
+        maximum=0.2,
+        soft_minimum=0.03,
+        soft_maximum=0.07,
+    )
+    scale: float = _setting(
+        12.0,
+        "Distance from one stripe or spot to the next",
+        unit="mean texel sizes on the surface",
+        minimum=6.0,
+        maximum=1e4,
+        soft_maximum=100.0,
+        length_power=1,
+    )
+    stretch: float = _setting(
+        2.0,
+        "How much longer the pattern is along given directions than across. 1 ignores these",
+        minimum=1.0,
+        maximum=8.0,
+    )
+    seed: int = _setting(
+        0,
+        "Other numbers give other patterns of the same kind",
+        maximum=2**31 - 1,
+        soft_maximum=100,
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
 class MaskSettings(_Settings):
     """Settings of the command ``texture-mask``."""
 

@@ -90,6 +90,8 @@ class SheetSolver:
     Parameters
     ----------
     matrix : SheetMatrix
+    coarsen : bool
+        Without coarser levels there is smoothing alone: that is enough where the diagonal rules.
 
     Raises
     ------
@@ -97,7 +99,7 @@ class SheetSolver:
         If the matrix is not positive definite.
     """
 
-    def __init__(self, matrix: SheetMatrix) -> None:
+    def __init__(self, matrix: SheetMatrix, coarsen: bool = True) -> None:
         self._kept: dict[int, list[_Vectors]] = {}
         self._vectors: list[Singles] | None = None
         parts, blocks = [], []
@@ -112,7 +114,7 @@ class SheetSolver:
                     # Factoring takes one core, and nothing else of the set-up needs it.
                     blocks.append(begin(SeamBlock, rows, number))
                     parts.append((matrix, rows, runs_of(kinds), inverse))
-                    if len(parts[-1][2].columns) == 0:
+                    if len(parts[-1][2].columns) == 0 or not coarsen:
                         break
                     matrix = coarsened(matrix, kinds, rows, number)
         finally:
@@ -207,6 +209,19 @@ class SheetSolver:
         """Solve ``A x = b`` approximately by one V-cycle from zero: (c, n)."""
         self._cycle(0, b, x, self._buffers(len(x)))
 
+    def relax(self, b: Singles, x: Singles) -> None:
+        """Bring `x` nearer to the solution of ``A x = b``, by one sweep over all: (c, n)."""
+        if len(self._levels[0].runs.columns):
+            self._sweep(0, b, x)
+        self._levels[0].block.solve(b, x)
+
+    def residual(self, b: Singles, x: Singles) -> float:
+        """Return the residual relative to `b`, as `solve` measures both: (c, n)."""
+        r = np.zeros_like(x)
+        self._multiply(x, r)
+        self._run(_subtract_from, self._levels[0].inverse, b.T, r)
+        return self._norm(r) / max(self._norm(b), 1e-30)
+
     def _residual(self, rhs: Singles, x: Singles, r: Singles, scale: float) -> tuple[float, float]:
         # Puts it into r, which holds the right-hand side as long as x is 0. Returns its size, and
         # that which the rounding of x alone has.
@@ -261,14 +276,24 @@ class SheetSolver:
         run(_sweep_down, pairs, *smoother, chunk=chunk)
         run(_sweep_between, chunks, chunk, False, *smoother)
         block.solve(b, x)
-        coarse = vectors[depth]
-        run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
-            chunk=chunk)  # fmt: skip
-        self._cycle(depth + 1, coarse.b, coarse.x, vectors)
-        run(prolong, height, runs, coarse.x, x, width, chunk=2 * chunk)
-        block.solve(b, x)
+        if depth + 1 < len(self._levels):
+            coarse = vectors[depth]
+            run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
+                chunk=chunk)  # fmt: skip
+            self._cycle(depth + 1, coarse.b, coarse.x, vectors)
+            run(prolong, height, runs, coarse.x, x, width, chunk=2 * chunk)
+            block.solve(b, x)
+        self._sweep(depth, b, x)
+
+    def _sweep(self, depth: int, b: Singles, x: Singles) -> None:
+        # Of the regular nodes, odd rows first.
+        matrix, _, _, runs, inverse = self._levels[depth]
+        height, width = matrix.labels.shape
+        pairs = (height + 1) // 2
+        chunk = max(NODES // (2 * width), 1)
+        smoother = runs, matrix.stencil, inverse, b, x
         run(_sweep_up, pairs, *smoother, chunk=chunk)
-        run(_sweep_between, chunks, chunk, True, *smoother)
+        run(_sweep_between, -(-pairs // chunk), chunk, True, *smoother)
 
     def _multiply(self, x: Singles, out: Singles) -> None:
         # A x at the unknowns: (c, n)

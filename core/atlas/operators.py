@@ -187,15 +187,15 @@ class TextureSpace:
             means = sums[:, :-1] / np.where(sums[:, -1:] > 0, sums[:, -1:], 1.0)
             run(_subtract_means, len(values), parts, means, values, result)
 
-    def matrix(self, screen: float) -> SheetMatrix:
-        """Assemble stiffness plus `screen` times mass."""
+    def matrix(self, screen: float, lumped: bool = False) -> SheetMatrix:
+        """Assemble stiffness plus `screen` times mass; lumped: all of that on the diagonal."""
         rows, columns = self.labels.shape
         stencil = np.zeros((4, rows, columns), dtype=np.float32)
         screens = np.zeros(self.size, dtype=np.float32)
         with aside("Assembling"):
-            run(_assemble_cells, rows, self.cells, screen, stencil, screens, chunk=ROWS)
+            run(_assemble_cells, rows, self.cells, screen, lumped, stencil, screens, chunk=ROWS)
         ask()
-        seam, masses = self._assemble_pieces(screen)
+        seam, masses = self._assemble_pieces(0.0 if lumped else screen)
         unknowns = self.cut_cells.unknowns
         screens[unknowns] += (screen * masses).astype(np.float32)
         return SheetMatrix(
@@ -476,8 +476,9 @@ def _least_in_pieces(start, stop, cells, nodes, values, out):
 
 
 @kernel
-def _assemble_cells(start, stop, cells, screen, stencil, screens):
+def _assemble_cells(start, stop, cells, screen, lumped, stencil, screens):
     columns = cells.shape[1]
+    shared = 0.0 if lumped else screen
     for y in range(max(start, 1), stop):
         for x in range(1, columns):
             # Cells above left, above right, below left and below right of the node.
@@ -486,10 +487,10 @@ def _assemble_cells(start, stop, cells, screen, stencil, screens):
             if area == 0:
                 continue
             screens[y * columns + x] = 0.25 * screen * area
-            stencil[0, y, x] = (b[0] + d[0]) / 6 - (b[2] + d[2]) / 3 + screen * (b[3] + d[3]) / 18
-            stencil[2, y, x] = (c[2] + d[2]) / 6 - (c[0] + d[0]) / 3 + screen * (c[3] + d[3]) / 18
-            stencil[1, y, x] = -(c[0] + c[2]) / 6 + c[1] / 2 + screen * c[3] / 36
-            stencil[3, y, x] = -(d[0] + d[2]) / 6 - d[1] / 2 + screen * d[3] / 36
+            stencil[0, y, x] = (b[0] + d[0]) / 6 - (b[2] + d[2]) / 3 + shared * (b[3] + d[3]) / 18
+            stencil[2, y, x] = (c[2] + d[2]) / 6 - (c[0] + d[0]) / 3 + shared * (c[3] + d[3]) / 18
+            stencil[1, y, x] = -(c[0] + c[2]) / 6 + c[1] / 2 + shared * c[3] / 36
+            stencil[3, y, x] = -(d[0] + d[2]) / 6 - d[1] / 2 + shared * d[3] / 36
 
 
 @kernel

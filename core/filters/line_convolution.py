@@ -91,7 +91,7 @@ def surface_line_convolution(
     """
     settings = settings or StreakSettings()
     shape = checked_size(size)
-    given = _checked_directions(mesh, directions)
+    given = checked_directions(mesh, directions)
     with reporting(progress):
         with phase(0.0, 0.1, "Finding directions"):
             tensors = _tensors(mesh, given, settings)
@@ -149,7 +149,8 @@ def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings)
     return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
 
 
-def _checked_directions(mesh: TriangleMesh, directions: npt.ArrayLike | None) -> Floats | None:
+def checked_directions(mesh: TriangleMesh, directions: npt.ArrayLike | None) -> Floats | None:
+    """Return directions at faces or vertices as unit vectors; raises `InvalidSignal`."""
     if directions is None:
         return None
     given = as_array(directions, "directions")
