@@ -53,6 +53,9 @@ from .filters.line_convolution import (
 from .filters.pde import (
     osher_rudin_image,
 )
+from .filters.reaction_diffusion import (
+    reaction_diffusion,
+)
 from .filters.signals import (
     sharpen_corner_signal,
     sharpen_vertex_signal,
@@ -90,6 +93,7 @@ from .settings import (
     FitSettings,
     GeometrySettings,
     ImageSettings,
+    ReactionSettings,
     ShockSettings,
     StitchSettings,
     StreakSettings,
@@ -112,6 +116,7 @@ __all__ = [
     "InvalidSettings",
     "InvalidSignal",
     "InvalidUV",
+    "ReactionSettings",
     "ShockError",
     "ShockSettings",
     "SolverError",
@@ -140,6 +145,7 @@ __all__ = [
     "gradient_directions",
     "osher_rudin_image",
     "principal_directions",
+    "reaction_diffusion",
     "sharpen_corner_signal",
     "sharpen_geometry",
     "sharpen_image",

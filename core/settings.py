@@ -546,9 +546,9 @@ class ReactionSettings(_Settings):
     """Settings of :func:`shock_filter.core.reaction_diffusion`."""
 
     steps: int = _setting(
-        2000,
-        "How long the pattern grows. 0 returns the start; about 1000 cover the surface, more order"
-        " it",
+        1000,
+        "How long the pattern grows. 0 returns the start; about 500 cover the surface, 2000 order"
+        " what is there",
         maximum=MOST_STEPS,
         soft_maximum=10_000,
     )

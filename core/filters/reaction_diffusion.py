@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Patterns of two substances that react and diffuse on a textured surface (paper B, section 7.5)."""
+"""Patterns of two substances that react and diffuse on a surface (paper B, section 7.5)."""
 
 from __future__ import annotations
 
@@ -32,17 +32,20 @@ _SCALE = 13.5
 _TOLERANCE = 1e-4
 """Residual of each step relative to its right-hand side."""
 
-_MOST_SWEEPS = 8
+_MOST_SWEEPS = 12
 """Sweeps of smoothing beyond which multigrid takes fewer operations."""
 
-_CHECKED = 64
-"""Each so many steps, sweeps are counted anew."""
+_COUNTED = 32
+"""Each so many steps, and after the first few, sweeps are counted anew."""
 
-_SPOT = 0.6
+_SPOT = 0.5
 """Radius of the spots from which patterns grow, in scales."""
 
-_APART = 2.5
-"""Mean distance of these, in scales."""
+_APART = 0.9
+"""Least distance of these, in scales."""
+
+_CANDIDATES = 3.0
+"""Places among which they are chosen, in a square of that size."""
 
 _LEAST_RATE = 0.1
 
@@ -102,6 +105,20 @@ def reaction_diffusion(
     ``u' = D_u lap u - u v^2 + feed (1 - u)`` and ``v' = D_v lap v + u v^2 - (feed + kill) v``. Each
     step is 1 long, explicit in the reaction and implicit in diffusion (paper B, 7.5). The mass is
     lumped, so that no step leaves the range of its values where texels are not much stretched.
+    A stripe needs about three texels in each direction: where those of a chart are so long that it
+    has fewer, nothing grows.
+
+    Patterns by feed and kill, and the steps after which they look finished:
+
+    ========= ====== ====== ===== =============================================
+    pattern   feed   kill   steps
+    ========= ====== ====== ===== =============================================
+    labyrinth 0.037  0.06    1000
+    stripes   0.029  0.057   1500 a zebra's with directions and a stretch of 3
+    dots      0.03   0.062   1500
+    coral     0.0545 0.062   1500
+    holes     0.039  0.058   1000 the reverse of dots
+    ========= ====== ====== ===== =============================================
 
     Examples
     --------
@@ -148,60 +165,64 @@ class _Diffusion:
     def __init__(self, space: TextureSpace, settings: ReactionSettings, diffusion: float) -> None:
         screen = (_SCALE / settings.scale) ** 2 / diffusion
         self._matrix = space.matrix(screen, lumped=True)
-        self._solver = SheetSolver(self._matrix, coarsen=False)
-        self._sweeps = 0  # that are enough; 0: as many as it takes
+        self._smoother = SheetSolver(self._matrix, coarsen=False)
+        self._solver: SheetSolver | None = None
+        self._sweeps = 0  # that were enough when they were counted
         self.masses = self._matrix.screen
 
-    def apply(self, rhs: _Single, x: _Single, check: bool) -> None:
-        if self._sweeps > _MOST_SWEEPS:
-            self._solver.solve(rhs.T, x.T, _TOLERANCE, message="Growing a pattern")
-            return
-        if not check:
+    def apply(self, rhs: _Single, x: _Single, count: bool) -> None:
+        """Solve for (1, n), in place; `count` the sweeps that this takes, or do as many again."""
+        if count:
+            self._sweeps = 0
+            while self._sweeps <= _MOST_SWEEPS and self._smoother.residual(rhs, x) > _TOLERANCE:
+                self._smoother.relax(rhs, x)
+                self._sweeps += 1
+        elif self._sweeps <= _MOST_SWEEPS:
             for _ in range(self._sweeps):
-                self._solver.relax(rhs, x)
-            return
-        self._sweeps = 0
-        while self._sweeps <= _MOST_SWEEPS and self._solver.residual(rhs, x) > _TOLERANCE:
-            self._solver.relax(rhs, x)
-            self._sweeps += 1
+                self._smoother.relax(rhs, x)
         if self._sweeps > _MOST_SWEEPS:
-            self._solver = SheetSolver(self._matrix)
-            self.apply(rhs, x, check)
+            self._solver = self._solver or SheetSolver(self._matrix)
+            self._solver.solve(rhs.T, x.T, _TOLERANCE, message="Growing a pattern")
 
 
 def _grow(space: TextureSpace, values: _Single, settings: ReactionSettings) -> None:
     # Steps in place.
     both = [_Diffusion(space, settings, diffusion) for diffusion in _DIFFUSION]
     substances = np.ascontiguousarray(values.T)
-    sides = np.zeros_like(substances)
+    sides = substances * np.stack([one.masses for one in both])
     steps = settings.steps
     for step in range(steps):
+        count = step % _COUNTED == 0 or step & (step - 1) == 0
         with phase(step / steps, (step + 1) / steps, "Growing a pattern"):
             with aside("Growing a pattern"):
                 run(_react, len(values), settings.feed, settings.kill, both[0].masses,
                     both[1].masses, substances, sides)  # fmt: skip
             for k, one in enumerate(both):
                 with phase(0.5 * k, 0.5 * (k + 1), "Growing a pattern"):
-                    one.apply(sides[k : k + 1], substances[k : k + 1], step % _CHECKED == 0)
+                    one.apply(sides[k : k + 1], substances[k : k + 1], count)
     values[:] = substances.T
 
 
 @sum_kernel
 def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
-    # A unit of time without diffusion; the right-hand sides are the masses times that.
+    # A unit of time without diffusion; the right-hand sides are the masses times that. Diffusion is
+    # expected to add what it did in the step before, whose right-hand sides are still there.
     feed, loss, one = np.float32(feed), np.float32(feed + kill), np.float32(1)
     us, vs = values[0, start:stop], values[1, start:stop]
     rhs_u, rhs_v = rhs[0, start:stop], rhs[1, start:stop]
     masses_u, masses_v = masses_u[start:stop], masses_v[start:stop]
     for i in range(len(us)):
+        if masses_u[i] <= 0:
+            continue
         u, v = us[i], vs[i]
+        more_u, more_v = u - rhs_u[i] / masses_u[i], v - rhs_v[i] / masses_v[i]
         eaten = u * v * v
         u += feed * (one - u) - eaten
         v += eaten - loss * v
         # Far from all patterns it would fall for ever, and the smallest numbers take longest.
         v = v if v > _LEAST else np.float32(0)
-        us[i], vs[i] = u, v
         rhs_u[i], rhs_v[i] = masses_u[i] * u, masses_v[i] * v
+        us[i], vs[i] = u + more_u, v + more_v
 
 
 def _on_surface(space: TextureSpace, image: _Single) -> _Single:
@@ -217,12 +238,16 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     corners = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(np.cross(*np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)), axis=1)
     distance = settings.scale * atlas.texel_size
-    count = int(np.clip(0.5 * areas.sum() / (_APART * distance) ** 2, 1, 1_000_000))
+    apart = _APART * distance
+    count = int(np.clip(_CANDIDATES * 0.5 * areas.sum() / apart**2, 1, 1_000_000))
     random = np.random.default_rng(settings.seed)
     faces = np.searchsorted(np.cumsum(areas) / areas.sum(), random.random(count))
     shares = np.sort(random.random((count, 2)), axis=1)
     shares = np.stack([shares[:, 0], shares[:, 1] - shares[:, 0], 1.0 - shares[:, 1]], axis=1)
     places = np.einsum("sk,skx->sx", shares, corners[np.minimum(faces, len(corners) - 1)])
+    # Of two that are too near the first one stays (Matern 1960): neither crowds nor large gaps.
+    near = cKDTree(places).query_pairs(apart, output_type="ndarray")
+    places = np.delete(places, near.max(axis=1, initial=0), axis=0) if len(near) else places
     texels = np.flatnonzero(atlas.inside)
     away, _ = cKDTree(places).query(atlas.bake(corners).reshape(-1, 3)[texels])
     inside = np.exp(-((away / (_SPOT * distance)) ** 4))
