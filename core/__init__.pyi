@@ -50,6 +50,10 @@ from .filters.images import (
 from .filters.line_convolution import (
     surface_line_convolution,
 )
+from .filters.normal_maps import (
+    object_normals,
+    tangent_normals,
+)
 from .filters.pde import (
     osher_rudin_image,
 )
@@ -138,6 +142,7 @@ __all__ = [
     "geodesic_distance",
     "geometry_flow",
     "gradient_directions",
+    "object_normals",
     "osher_rudin_image",
     "principal_directions",
     "sharpen_corner_signal",
@@ -148,6 +153,7 @@ __all__ = [
     "sharpen_vertex_signal",
     "stitch_textures",
     "surface_line_convolution",
+    "tangent_normals",
     "vertex_distance",
     "weld",
     "weld_borders",
