@@ -50,6 +50,10 @@ from .filters.images import (
 from .filters.line_convolution import (
     surface_line_convolution,
 )
+from .filters.normal_maps import (
+    object_normals,
+    tangent_normals,
+)
 from .filters.pde import (
     osher_rudin_image,
 )
@@ -143,6 +147,7 @@ __all__ = [
     "geodesic_distance",
     "geometry_flow",
     "gradient_directions",
+    "object_normals",
     "osher_rudin_image",
     "principal_directions",
     "reaction_diffusion",
@@ -154,6 +159,7 @@ __all__ = [
     "sharpen_vertex_signal",
     "stitch_textures",
     "surface_line_convolution",
+    "tangent_normals",
     "vertex_distance",
     "weld",
     "weld_borders",

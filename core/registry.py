@@ -275,6 +275,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "filters.geometry": ("geometry_flow", "sharpen_normals"),
     "filters.gradient_domain": ("TextureSolver",),
     "filters.line_convolution": ("surface_line_convolution",),
+    "filters.normal_maps": ("object_normals", "tangent_normals"),
     "filters.pde": ("osher_rudin_image",),
     "filters.reaction_diffusion": ("reaction_diffusion",),
 }

@@ -64,7 +64,7 @@ class Segments(NamedTuple):
 
 class _Polygons(NamedTuple):
     # Uncut cells and pieces. Points are the sheet's nodes, then those of pieces that are no nodes.
-    cells: npt.NDArray[np.float32]
+    cells: npt.NDArray[np.float32]  # see TextureSpace.mean_metrics
     start: npt.NDArray[np.int64]  # corners of each piece
     points: Ints  # at corners
     frame: Floats  # of corners
@@ -177,7 +177,8 @@ def _polygons_of(space: TextureSpace) -> tuple[_Polygons, Ints]:
         y, x = np.round(pieces.places[own]).astype(np.int64).T
         numbers[pieces.points[own]] = y * space.labels.shape[1] + x
         ask()
-        points, frame, sizes = _cells_with_crossings(space, numbers)
+        cells = space.mean_metrics()
+        points, frame, sizes = _cells_with_crossings(space, cells, numbers)
         points = np.concatenate([numbers[pieces.points], points])
         start = np.concatenate([pieces.start, pieces.start[-1] + np.cumsum(sizes)])
         total = count + np.count_nonzero(others)
@@ -187,11 +188,11 @@ def _polygons_of(space: TextureSpace) -> tuple[_Polygons, Ints]:
         of_corners = np.repeat(np.arange(len(start) - 1, dtype=np.int32), np.diff(start))
         ask()
     frame = np.concatenate([pieces.frame, frame])
-    return _Polygons(space.cells, start, points, frame, first, corners, of_corners), numbers
+    return _Polygons(cells, start, points, frame, first, corners, of_corners), numbers
 
 
 def _cells_with_crossings(
-    space: TextureSpace, numbers: Ints
+    space: TextureSpace, cells: npt.NDArray[np.float32], numbers: Ints
 ) -> tuple[Ints, Floats, npt.NDArray[np.int64]]:
     # Uncut cells whose sides have points that pieces beside them need: the points around them,
     # their places in a plane, and how many each cell has.
@@ -203,7 +204,7 @@ def _cells_with_crossings(
     cell = np.floor(place).astype(np.int64)
     beside = cell - np.stack([on_row, ~on_row], axis=1)
     cell, point, place = np.concatenate([cell, beside]), np.tile(point, 2), np.tile(place, (2, 1))
-    uncut = space.cells[cell[:, 0], cell[:, 1], 3] > 0
+    uncut = cells[cell[:, 0], cell[:, 1], 3] > 0
     cell, point, place = cell[uncut], point[uncut], place[uncut]
     chosen = np.unique(cell[:, 0] * columns + cell[:, 1])
     steps = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
@@ -213,10 +214,10 @@ def _cells_with_crossings(
     place = np.concatenate([nodes.reshape(-1, 2).astype(np.float64), place])
     dy, dx = (place - np.stack(np.divmod(owner, columns), axis=1)).T
     order = np.lexsort([np.arctan2(dy - 0.5, dx - 0.5), owner])
-    rr, rc, cc, area = space.cells.reshape(-1, 4)[owner].astype(np.float64).T
-    scale = area / np.sqrt(rr * cc - rc * rc)
-    rows = np.sqrt(scale * cc)
-    frame = np.stack([rows * dy - scale * rc / rows * dx, area / rows * dx], axis=1)
+    rows, mixed, across, _ = cells.reshape(-1, 4)[owner].astype(np.float64).T
+    length = np.sqrt(rows)
+    off = np.sqrt(across - mixed * mixed / rows)
+    frame = np.stack([length * dy + mixed / length * dx, off * dx], axis=1)
     sizes = np.unique(owner, return_counts=True)[1]
     return point[order], frame[order], sizes
 
@@ -224,9 +225,7 @@ def _cells_with_crossings(
 @kernel
 def _metric(cell):
     # Squared lengths of a step of one row and of one column, and their product.
-    rr, rc, cc, area = np.float64(cell[0]), np.float64(cell[1]), np.float64(cell[2]), cell[3]
-    scale = area / np.sqrt(rr * cc - rc * rc)
-    return scale * cc, scale * rr, -scale * rc
+    return np.float64(cell[0]), np.float64(cell[2]), np.float64(cell[1])
 
 
 @kernel

@@ -60,6 +60,9 @@ class TextureSpace:
     Parameters
     ----------
     atlas : TextureAtlas
+    jump : float
+        Where lengths change by more than this from face to face, in mean texel sizes over a texel,
+        the faces are told apart within cells, too.
 
     Attributes
     ----------
@@ -76,10 +79,10 @@ class TextureSpace:
     cut_cells : CutCells
     """
 
-    def __init__(self, atlas: TextureAtlas) -> None:
+    def __init__(self, atlas: TextureAtlas, jump: float = np.inf) -> None:
         self.atlas = atlas
         jacobians = tempered_jacobians(atlas.metric)
-        self.cut_cells = find_cut_cells(atlas, jacobians)
+        self.cut_cells = find_cut_cells(atlas, jacobians, jump)
         self.size = atlas.sheet.nodes.size + int(
             np.count_nonzero(self.cut_cells.unknowns >= atlas.sheet.nodes.size)
         )
@@ -153,6 +156,15 @@ class TextureSpace:
             other.fans[:, :3] *= areas[piece, None]
             other.fans[:, 3] = self.fans[:, 3]
         return other
+
+    def mean_metrics(self) -> _Single:
+        """The metric h (row row, row column, column column) of uncut cells, and their area."""
+        jacobians = tempered_jacobians(self.atlas.metric)
+        with aside("Measuring texels"):
+            metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
+            areas = np.abs(np.linalg.det(jacobians))
+            parts = [metrics[:, 0, 0], metrics[:, 0, 1], metrics[:, 1, 1], areas]
+            return _integrated(self.atlas, np.stack(parts, axis=1), self.cut_cells.cut)[0]
 
     @cached_property
     def _components(self) -> Ints:

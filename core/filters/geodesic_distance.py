@@ -23,6 +23,9 @@ from .texels import Texture, checked_atlas, checked_size, written
 _TOLERANCE = 1e-4
 """Residual of the smoothed distance relative to the right-hand side."""
 
+_JUMP = 0.6
+"""Where lengths change by more than this over a texel, its mean metric would not do."""
+
 _LINES = 10
 """Lines from the source to the farthest point, where their width is not given."""
 
@@ -110,7 +113,7 @@ def geodesic_distance(
             pixels = np.zeros((rows, columns, 2), dtype=np.float32)
             pixels[..., 1] = _BEYOND
             texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
-            space = TextureSpace(texture.atlas)
+            space = TextureSpace(texture.atlas, _JUMP)
         with phase(0.5, 0.8, "Measuring distance"):
             values = _spread(space, sources, settings).values()
         with phase(0.8, 0.9, "Smoothing"):
@@ -176,7 +179,7 @@ def vertex_distance(
     with reporting(progress):
         with phase(0.0, 0.6, "Finding texels"):
             pixels = np.zeros((rows, columns, 1), dtype=np.float32)
-            space = TextureSpace(checked_atlas(atlas, mesh, uv, pixels))
+            space = TextureSpace(checked_atlas(atlas, mesh, uv, pixels), _JUMP)
         with phase(0.6, 1.0, "Measuring distance"):
             fronts = _spread(space, sources, settings)
             with aside("Measuring distance"):

@@ -104,6 +104,34 @@ def test_two_cuts_of_one_surface_agree():
     assert np.abs(found[0] - found[1]).max() < 0.005 * found[0].max()
 
 
+def steep_cone(sides=24, rows=12, height=8.0):
+    """A cone around Z: mesh, and each vertex's place from above."""
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    rings = np.linspace(0.05, 1.0, rows)[:, None, None] * ring
+    flat = np.concatenate([[[0.0, 0.0]], rings.reshape(-1, 2)])
+    k = np.arange(sides)
+    faces = [np.stack([0 * k, 1 + k, 1 + (k + 1) % sides], axis=1)]
+    for row in range(rows - 1):
+        a, b = 1 + sides * row + k, 1 + sides * row + (k + 1) % sides
+        faces += [np.stack([a, a + sides, b + sides], 1), np.stack([a, b + sides, b], 1)]
+    height = height * (1.0 - np.linalg.norm(flat, axis=1))
+    return core.TriangleMesh(np.column_stack([flat, height]), np.concatenate(faces)), flat
+
+
+@pytest.mark.parametrize("power", [1.0, 3.0])
+def test_on_a_steep_cone_the_straight_way_to_the_tip_is_exact(power):
+    # Seen from above, texels are eight times as long upwards as across; and with `power` the tip
+    # is a single texel.
+    mesh, flat = steep_cone()
+    far = np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9)
+    uv = (0.5 + 0.45 * flat * far ** (power - 1.0))[mesh.faces]
+    found = core.vertex_distance(mesh, uv, (96, 96), vertices=[1 + 24 * 11])
+    line = [0, *(1 + 24 * np.arange(12))]
+    straight = np.linalg.norm(mesh.vertices[line] - mesh.vertices[line[-1]], axis=1)
+    assert np.abs(found[line] - straight).max() < 2e-3 * straight.max()
+
+
 def test_there_and_back_are_as_long():
     mesh, layouts = wavy()
     uv, size = layouts[0]

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 from shock_filter import core
+from shock_filter.core.atlas.operators import TextureSpace
 from surface_spaces import in_full, positions, space_of, square
 
 
@@ -105,6 +106,19 @@ def test_linear_functions_have_the_energy_of_the_surface(space):
     ways = np.nan_to_num(ways - np.nanmean(ways))  # 0 at what is no unknown
     result = space.apply_stiffness(ways.astype(np.float32))
     assert (ways * result).sum() == pytest.approx(space.area, rel=2e-5)
+
+
+def test_faces_told_apart_within_cells_have_the_same_area_and_energy():
+    mesh, uv, size = square(64, False)
+    uv = uv + 0.05 * np.sin(9 * uv[..., ::-1])
+    space = space_of(mesh, uv, size)
+    finer = TextureSpace(space.atlas, 0.1)
+    assert finer.cut_cells.cut.sum() > 1.3 * space.cut_cells.cut.sum()
+    assert finer.area == pytest.approx(space.area, rel=1e-6)
+    places = positions(finer)
+    ways = np.nan_to_num(places[:, :1] - np.nanmean(places[:, 0])) / finer.atlas.texel_size
+    result = finer.apply_stiffness(ways.astype(np.float32))
+    assert (ways * result).sum() == pytest.approx(finer.area, rel=1e-2)
 
 
 def test_diffusion_along_and_across_has_the_energy_of_its_tensor(space):
