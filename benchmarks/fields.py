@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure distance and streaks in textures.
+"""Measure distance, streaks and patterns in textures.
 
 ``python benchmarks/fields.py --data FOLDER`` measures all and prints tables. Without data, a ball
 made by code stands in for the models.
@@ -23,6 +23,7 @@ from texture_models import BALL, Model, ball, load_model, names, read_model, sav
 
 SIZES = (96, 192, 384, 512, 768)
 LARGE = 1024
+STEPS = 64
 SOURCE = np.array([0.3, 0.5, 0.8])
 """The source is the vertex that is farthest in this direction."""
 
@@ -244,7 +245,55 @@ def angle_to(atlas: core.TextureAtlas, image: np.ndarray, field: np.ndarray) -> 
     return float(np.average(angles, weights=mesh.areas[seen]))
 
 
-SECTIONS = {"ball": on_ball, "peers": against_peers, "speed": speed, "streaks": streaks}
+def timed_steps(path: Path) -> dict[str, float]:
+    """Grow a pattern on a stored model: seconds of wall clock and processor for a step."""
+    model = read_model(path)
+    mesh, size = model.mesh(), model.image.shape[:2]
+    atlas = core.TextureAtlas(mesh, model.uv, *size)
+    found: dict[str, float] = {}
+    clocks = {"wall": time.perf_counter, "processor": time.process_time}
+    for run in range(3):
+        before = {}
+        for steps in (1, STEPS + 1):
+            start = {what: clock() for what, clock in clocks.items()}
+            settings = core.ReactionSettings(steps=steps)
+            core.reaction_diffusion(mesh, model.uv, size, settings, atlas=atlas)
+            long = {what: clock() - start[what] for what, clock in clocks.items()}
+            for what in long if run and before else ():
+                step = (long[what] - before[what]) / STEPS
+                found[what] = min(step, found.get(what, np.inf))
+            before = long
+    return found
+
+
+def patterns(job: common.Job) -> None:
+    """How long a step of reaction and diffusion takes; and a pattern."""
+    rows, goals, picture = [], [], ""
+    for name in chosen(job):
+        for size in (512, LARGE):
+            found = common.in_own_process(timed_steps, stored(job, name, size))
+            times = [1e3 * found[what] for what in ("wall", "processor")]
+            rows.append([name, f"{size}²", *(f"{milliseconds:.1f}" for milliseconds in times)])
+            if size == 512:
+                goals.append(Target(f"{name}, 512²: a step, ms", times[0], 40.0, "{:.1f}"))
+        if name in ("blub", BALL):
+            model = read_model(stored(job, name, 512))
+            grown = core.reaction_diffusion(model.mesh(), model.uv, (512, 512))
+            shades = np.rint(255 * np.clip(grown[::-1, :, 1] / 0.4, 0, 1))
+            about = "The second substance after 1000 steps."
+            picture = job.page.picture("patterns", Image.fromarray(shades.astype(np.uint8)), about)
+    head = ["model", "image", "a step, ms", "processor, ms"]
+    text = f"Mean of {STEPS} steps from the start; best of two runs."
+    job.page.write("patterns", "\n\n".join([text, table(head, rows), targets(goals)]) + picture)
+
+
+SECTIONS = {
+    "ball": on_ball,
+    "peers": against_peers,
+    "speed": speed,
+    "streaks": streaks,
+    "patterns": patterns,
+}
 
 
 if __name__ == "__main__":
