@@ -13,7 +13,7 @@ Inside, vectors are (channels, n): rows become vector instructions, which takes 
 
 from __future__ import annotations
 
-from concurrent.futures import wait
+from concurrent.futures import Future, wait
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,7 +102,8 @@ class SheetSolver:
     def __init__(self, matrix: SheetMatrix, coarsen: bool = True) -> None:
         self._kept: dict[int, list[_Vectors]] = {}
         self._vectors: list[Singles] | None = None
-        parts, blocks = [], []
+        parts: list[tuple[SheetMatrix, BlockRows, Runs, Singles]] = []
+        blocks: list[Future[SeamBlock]] = []
         try:
             while True:
                 done = min(0.2 * len(blocks), 0.9)
@@ -168,7 +169,7 @@ class SheetSolver:
         """
         with aside(message):
             if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
-                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(5)]
+                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(4)]
             vectors = self._vectors
             flat, r = vectors[:2]
             self._run(_turn, rhs, r)
@@ -235,7 +236,7 @@ class SheetSolver:
         self, vectors: list[Singles], tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as a positive one.
-        x, r, z, p, q = vectors
+        x, r, z, p = vectors
         inverse, sums = self._levels[0].inverse, self._spans.sums
         first = self._norm(r)
         before, done = 1.0, 0.0
@@ -245,12 +246,13 @@ class SheetSolver:
                 product = self._dot(r, z)
                 beta = np.float32(product / before if iteration else 0.0)
                 self._run(_direct, beta, z, p)
-                self._multiply(p, q)
-                curvature = self._dot(p, q)
+                change = z  # whose values are not needed any more
+                self._multiply(p, change)
+                curvature = self._dot(p, change)
                 if not (curvature > 0 and product > 0):
                     return iteration, False
                 alpha = np.float32(product / curvature)
-                self._run(_step, alpha, inverse, p, q, x, r, sums)
+                self._run(_step, alpha, inverse, p, change, x, r, sums)
                 norm = float(np.sqrt(sums.sum()))
                 if not np.isfinite(norm):
                     return iteration + 1, False

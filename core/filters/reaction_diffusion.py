@@ -271,7 +271,8 @@ def _tensors(mesh: TriangleMesh, directions: Floats, stretch: float) -> Floats:
 
 def _varied(space: TextureSpace, factors: _Single) -> TextureSpace:
     # Scales go with the root of diffusion.
-    other = space.weighted(space.means(np.maximum(factors, np.float32(_LEAST_RATE)) ** 2))
+    squares = np.maximum(factors, np.float32(_LEAST_RATE)).astype(np.float32) ** np.float32(2)
+    other = space.weighted(space.means(squares.astype(np.float32)))
     other.cells[..., 3] = space.cells[..., 3]
     other.fans[:, 3] = space.fans[:, 3]
     return other
