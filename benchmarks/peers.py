@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Other programs' filters, called on arrays: Adobe's Lagrange and MeshLab."""
+"""Other programs' filters, called on arrays: Lagrange, MeshLab, potpourri3d, pygeodesic."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ from typing import Any
 
 import numpy as np
 
-PACKAGES = {"Lagrange": ("lagrange", "lagrange-open"), "MeshLab": ("pymeshlab", "pymeshlab")}
+PACKAGES = {
+    "Lagrange": ("lagrange", "lagrange-open"),
+    "MeshLab": ("pymeshlab", "pymeshlab"),
+    "potpourri3d": ("potpourri3d", "potpourri3d"),
+    "pygeodesic": ("pygeodesic", "pygeodesic"),
+}
 """Per program, the module that is imported and the package that brings it."""
 
 Settings = dict[str, Any]
@@ -204,3 +209,25 @@ def filter_texture(
         mesh, values, value_weight=weight, gradient_scale=scale
     )
     return np.array(result)[::-1], time.perf_counter() - start
+
+
+def heat_distance(vertices: np.ndarray, faces: np.ndarray, source: int) -> tuple[np.ndarray, float]:
+    """Geodesic distance of the vertices from one by the heat method of potpourri3d, and seconds."""
+    import potpourri3d
+
+    start = time.perf_counter()
+    solver = potpourri3d.MeshHeatMethodDistanceSolver(vertices, faces)
+    found = solver.compute_distance(source)
+    return found, time.perf_counter() - start
+
+
+def exact_distance(
+    vertices: np.ndarray, faces: np.ndarray, source: int
+) -> tuple[np.ndarray, float]:
+    """Exact distance on the mesh by pygeodesic, of all vertices from one; and seconds."""
+    from pygeodesic import geodesic
+
+    start = time.perf_counter()
+    solver = geodesic.PyGeodesicAlgorithmExact(vertices, faces.astype(np.int32))
+    found, _ = solver.geodesicDistances(np.array([source]), None)
+    return np.asarray(found), time.perf_counter() - start

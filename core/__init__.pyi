@@ -31,6 +31,10 @@ from .filters.beltrami.textures import (
 from .filters.fit import (
     fit_to_normals,
 )
+from .filters.geodesic_distance import (
+    geodesic_distance,
+    vertex_distance,
+)
 from .filters.geometry import (
     geometry_flow,
     sharpen_geometry,
@@ -43,8 +47,18 @@ from .filters.gradient_domain import (
 from .filters.images import (
     sharpen_image,
 )
+from .filters.line_convolution import (
+    surface_line_convolution,
+)
+from .filters.normal_maps import (
+    object_normals,
+    tangent_normals,
+)
 from .filters.pde import (
     osher_rudin_image,
+)
+from .filters.reaction_diffusion import (
+    reaction_diffusion,
 )
 from .filters.signals import (
     sharpen_corner_signal,
@@ -60,6 +74,11 @@ from .filters.textures import (
 from .flow.potential import (
     flow_field,
 )
+from .mesh.directions import (
+    axis_directions,
+    gradient_directions,
+    principal_directions,
+)
 from .mesh.triangle_mesh import (
     TriangleMesh,
 )
@@ -73,12 +92,15 @@ from .settings import (
     BeltramiSettings,
     BeltramiTextureSettings,
     DilateSettings,
+    DistanceSettings,
     FilterSettings,
     FitSettings,
     GeometrySettings,
     ImageSettings,
+    ReactionSettings,
     ShockSettings,
     StitchSettings,
+    StreakSettings,
     TextureSettings,
 )
 
@@ -89,6 +111,7 @@ __all__ = [
     "BeltramiTextureSettings",
     "Cancelled",
     "DilateSettings",
+    "DistanceSettings",
     "FilterSettings",
     "FitSettings",
     "GeometrySettings",
@@ -97,15 +120,18 @@ __all__ = [
     "InvalidSettings",
     "InvalidSignal",
     "InvalidUV",
+    "ReactionSettings",
     "ShockError",
     "ShockSettings",
     "SolverError",
     "StitchSettings",
+    "StreakSettings",
     "TextureAtlas",
     "TextureSettings",
     "TextureSolver",
     "TriangleMesh",
     "UVReport",
+    "axis_directions",
     "beltrami_corner_signal",
     "beltrami_image",
     "beltrami_joint",
@@ -118,8 +144,13 @@ __all__ = [
     "filter_texture",
     "fit_to_normals",
     "flow_field",
+    "geodesic_distance",
     "geometry_flow",
+    "gradient_directions",
+    "object_normals",
     "osher_rudin_image",
+    "principal_directions",
+    "reaction_diffusion",
     "sharpen_corner_signal",
     "sharpen_geometry",
     "sharpen_image",
@@ -127,6 +158,9 @@ __all__ = [
     "sharpen_texture",
     "sharpen_vertex_signal",
     "stitch_textures",
+    "surface_line_convolution",
+    "tangent_normals",
+    "vertex_distance",
     "weld",
     "weld_borders",
 ]

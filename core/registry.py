@@ -262,7 +262,8 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "ShockError",
         "SolverError",
     ),
-    "settings": ("FitSettings",),
+    "settings": ("DistanceSettings", "FitSettings", "ReactionSettings", "StreakSettings"),
+    "mesh.directions": ("axis_directions", "gradient_directions", "principal_directions"),
     "mesh.triangle_mesh": ("TriangleMesh",),
     "mesh.weld": ("weld", "weld_borders"),
     "atlas": ("TextureAtlas", "UVReport"),
@@ -270,9 +271,13 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "filters.beltrami.images": ("beltrami_manifold",),
     "filters.beltrami.meshes": ("beltrami_joint", "beltrami_mesh"),
     "filters.fit": ("fit_to_normals",),
+    "filters.geodesic_distance": ("geodesic_distance", "vertex_distance"),
     "filters.geometry": ("geometry_flow", "sharpen_normals"),
     "filters.gradient_domain": ("TextureSolver",),
+    "filters.line_convolution": ("surface_line_convolution",),
+    "filters.normal_maps": ("object_normals", "tangent_normals"),
     "filters.pde": ("osher_rudin_image",),
+    "filters.reaction_diffusion": ("reaction_diffusion",),
 }
 """The public names that no row gives, by their modules."""
 

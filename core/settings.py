@@ -465,6 +465,131 @@ class StitchSettings(DilateSettings):
 
 
 @_fields
+class DistanceSettings(_Settings):
+    """Settings of :func:`shock_filter.core.geodesic_distance`."""
+
+    source: str = _setting(
+        "given",
+        "From where distance counts",
+        choices={
+            "given": "What is given: vertices, points, edges, or what is painted",
+            "border": "Where the mesh ends, too",
+            "seams": "Seams and where the mesh ends, too: the borders of the charts",
+        },
+    )
+    look: str = _setting(
+        "distance",
+        "What the values are",
+        choices={
+            "distance": "The distance itself, in units of the mesh; infinite where no way leads",
+            "gradient": "1 at the source, falling to 0 at the width",
+            "lines": "Soft lines of equal distance, each a width farther away",
+        },
+    )
+    width: float = _setting(
+        0.0,
+        "Where a gradient ends, or how far lines are apart. 0 takes the largest distance for a"
+        " gradient, and a tenth of it for lines",
+        unit="units of the mesh",
+        soft_maximum=10.0,
+        length_power=1,
+    )
+    smoothing: float = _setting(
+        0.0,
+        "How far the ridges are rounded where ways from two sides meet. 0 keeps them sharp",
+        unit="mean texel sizes on the surface",
+        maximum=1e4,
+        soft_maximum=100.0,
+        length_power=1,
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
+class StreakSettings(_Settings):
+    """Settings of :func:`shock_filter.core.surface_line_convolution`."""
+
+    length: float = _setting(
+        24.0,
+        "How long streaks are. 3 gives grains, 100 long hair",
+        unit="mean texel sizes on the surface",
+        minimum=1.0,
+        maximum=1e4,
+        soft_maximum=200.0,
+        length_power=1,
+    )
+    width: float = _setting(
+        2.0,
+        "How wide streaks are. Those as wide as long are grains",
+        unit="mean texel sizes on the surface",
+        maximum=1e4,
+        soft_maximum=20.0,
+        length_power=1,
+    )
+    contrast: float = _setting(
+        1.0,
+        "How far values go from gray. 0 is gray everywhere, 1 fills the range, more clips",
+        maximum=100.0,
+        soft_maximum=3.0,
+    )
+    seed: int = _setting(
+        0,
+        "Other numbers give other streaks of the same kind",
+        maximum=2**31 - 1,
+        soft_maximum=100,
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
+class ReactionSettings(_Settings):
+    """Settings of :func:`shock_filter.core.reaction_diffusion`."""
+
+    steps: int = _setting(
+        1000,
+        "How long the pattern grows. 0 returns the start; about 500 cover the surface, 2000 order"
+        " what is there",
+        maximum=MOST_STEPS,
+        soft_maximum=10_000,
+    )
+    feed: float = _setting(
+        0.037,
+        "How fast the first substance is fed in. 0 feeds none, and all patterns fade",
+        maximum=0.2,
+        soft_maximum=0.1,
+    )
+    kill: float = _setting(
+        0.06,
+        "How fast the second substance is taken out. More makes spots of stripes, then nothing",
+        maximum=0.2,
+        soft_minimum=0.03,
+        soft_maximum=0.07,
+    )
+    scale: float = _setting(
+        12.0,
+        "Distance from one stripe or spot to the next",
+        unit="mean texel sizes on the surface",
+        minimum=6.0,
+        maximum=1e4,
+        soft_maximum=100.0,
+        length_power=1,
+    )
+    stretch: float = _setting(
+        2.0,
+        "How much longer the pattern is along given directions than across. 1 ignores these",
+        minimum=1.0,
+        maximum=8.0,
+    )
+    seed: int = _setting(
+        0,
+        "Other numbers give other patterns of the same kind",
+        maximum=2**31 - 1,
+        soft_maximum=100,
+    )
+    gutter: int = _changed(DilateSettings, "gutter", 16)
+
+
+@_fields
 class MaskSettings(_Settings):
     """Settings of the command ``texture-mask``."""
 

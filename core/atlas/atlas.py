@@ -305,7 +305,13 @@ def _texel(charts, sheet, y, x, height, width):
     if face < 0:
         return -1, -1
     label = charts.labels[face]
-    return (y - sheet.shifts[label, 0]) % height, (x - sheet.shifts[label, 1]) % width
+    row, column = y - sheet.shifts[label, 0], x - sheet.shifts[label, 1]
+    # Rarely so, and dividing takes longest.
+    if not 0 <= row < height:
+        row %= height
+    if not 0 <= column < width:
+        column %= width
+    return row, column
 
 
 def _owned_within(nodes: Ints, height: int, width: int) -> Ints:

@@ -16,7 +16,7 @@ from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import ask
 from ..mesh.triangle_mesh import Floats, Ints
 from .sheet import ROWS
-from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix, multiply_row
+from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix
 
 _KEPT = 8
 """Most coarse nodes that an unknown is interpolated from."""
@@ -72,15 +72,16 @@ def _interpolation(
     run(_inherit, len(bound), bound, rows.unknowns, kinds.shape[1], coarse_columns, parents, shares)
     free = np.flatnonzero(loose)
     after, weights = parents.copy(), shares.copy()
-    empty = len(free)
-    left = _SWEEPS
-    while left > 0:
-        run(_average, len(free), free, rows, number, kinds.shape[1], coarse_columns, parents,
-            shares, after, weights)  # fmt: skip
+    given = rows, number, kinds.shape[1], coarse_columns
+    empty, before = free, -1
+    while len(empty) not in (0, before):  # what reaches no coarse node stays empty
+        before = len(empty)
+        run(_average, before, empty, *given, parents, shares, after, weights)
+        parents[empty], shares[empty] = after[empty], weights[empty]
+        empty = empty[parents[empty, 0] < 0]
+    for _ in range(_SWEEPS):
+        run(_average, len(free), free, *given, parents, shares, after, weights)
         parents, after, shares, weights = after, parents, weights, shares
-        before, empty = empty, int((parents[free, 0] < 0).sum())
-        if empty == before or empty == 0:  # what reaches no coarse node stays empty
-            left -= 1
     return parents, shares
 
 
@@ -362,16 +363,33 @@ def restrict(start, stop, stencil, screen, runs, b, x, coarse):
 
 @sum_kernel
 def _subtract_row(y, stencil, screen, runs, b, x, out):
-    # The residual of a row's regular nodes, all channels.
+    # The residual of a row's regular nodes, all channels; see `multiply_row`.
     columns = stencil.shape[2]
-    for j in range(x.shape[0]):
-        multiply_row(y, stencil, screen, runs, x[j], out[j])
-        for k in range(runs.start[y], runs.start[y + 1]):
-            first, last = runs.columns[k]
+    for k in range(runs.start[y], runs.start[y + 1]):
+        first, last = runs.columns[k]
+        i = y * columns + first
+        n = last - first
+        level = stencil[0, y, first - 1 : last]
+        a = stencil[3, y - 1, first - 1 : last - 1]
+        d = stencil[1, y, first:last]
+        e = stencil[2, y, first:last]
+        f = stencil[3, y, first:last]
+        g = stencil[2, y - 1, first:last]
+        h = stencil[1, y - 1, first + 1 : last + 1]
+        rest = screen[i : i + n]
+        for j in range(x.shape[0]):
+            here = x[j, i - 1 : i + n + 1]
+            upper = x[j, i - columns - 1 : i - columns + n + 1]
+            lower = x[j, i + columns - 1 : i + columns + n + 1]
+            rhs = b[j, i : i + n]
             row = out[j, first:last]
-            rhs = b[j, y * columns + first : y * columns + last]
-            for u in range(last - first):
-                row[u] = rhs[u] - row[u]
+            for u in range(n):
+                value = here[u + 1]
+                total = rhs[u] - np.float32(rest[u]) * value
+                total -= level[u] * (here[u] - value) + level[u + 1] * (here[u + 2] - value)
+                total -= a[u] * (upper[u] - value) + g[u] * (upper[u + 1] - value)
+                total -= h[u] * (upper[u + 2] - value) + d[u] * (lower[u] - value)
+                row[u] = total - e[u] * (lower[u + 1] - value) - f[u] * (lower[u + 2] - value)
 
 
 @sum_kernel

@@ -147,8 +147,12 @@ class CutCells(NamedTuple):
     hidden: npt.NDArray[np.int64]
 
 
-def find_cut_cells(atlas: TextureAtlas, jacobians: Floats) -> CutCells:
-    """Find the cut cells of an atlas, whose faces are stretched as `jacobians` say."""
+def find_cut_cells(atlas: TextureAtlas, jacobians: Floats, jump: float = np.inf) -> CutCells:
+    """Find the cut cells of an atlas, whose faces are stretched as `jacobians` say.
+
+    Cells that edges of the mesh cross are cut, too, where lengths change there by more than `jump`
+    from one side to the other, over a texel.
+    """
     mesh, sheet, metric = atlas.mesh, atlas.sheet, atlas.metric
     flat = degenerate_faces(atlas.charts)
     with aside("Finding seams"):
@@ -160,6 +164,9 @@ def find_cut_cells(atlas: TextureAtlas, jacobians: Floats) -> CutCells:
         at_end[corners[ends_here // 3, (ends_here + 1) % 3]] = True
         cut = np.zeros(sheet.nodes.shape, dtype=np.bool_)
         _mark_cut(ends_here, sheet.points, flat, cut)
+        if jump < np.inf:
+            rough = np.flatnonzero(_jumps(mesh.twins, jacobians) > jump)
+            _mark_cut(rough, sheet.points, flat, cut)
         ask()
         names, pieces = _cut_faces(atlas, jacobians, flat, seams, corners, at_end, cut)
         ask()
@@ -192,6 +199,21 @@ def tempered_jacobians(metric: AtlasMetric) -> Floats:
     sizes = np.stack([mean * most, mean / most], axis=1)
     jacobians[wild] = left @ (sizes[:, :, None] * right)
     return jacobians
+
+
+def _jumps(twins: Ints, jacobians: Floats) -> Floats:
+    # How much lengths differ on both sides of each half-edge, over a texel: (3 m,). Logarithms of
+    # the stretch from one side to the other, times the longer texel.
+    f, g = np.repeat(np.arange(len(twins)), 3), twins.reshape(-1) // 3
+    metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
+    p, q, r = metrics[:, 0, 0], metrics[:, 0, 1], metrics[:, 1, 1]
+    det = p * r - q * q
+    both = p[f] * r[g] + r[f] * p[g] - 2.0 * q[f] * q[g]
+    with np.errstate(all="ignore"):
+        squares = both / det[f] + both / det[g] - 4.0
+    sizes = np.sqrt(np.maximum(p + r, 0.0))
+    found = np.sqrt(np.maximum(squares, 0.0)) * np.maximum(sizes[f], sizes[g])
+    return np.where((g >= 0) & (det[f] > 0) & (det[g] > 0), found, 0.0)
 
 
 def _find_seam_points(atlas: TextureAtlas, flat: npt.NDArray[np.bool_]) -> SeamPoints:

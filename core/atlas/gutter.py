@@ -41,50 +41,108 @@ class _Coding(NamedTuple):
     normals: bool
 
 
-def write_texels(
-    atlas: TextureAtlas,
-    values: npt.NDArray[np.float32],
-    settings: DilateSettings,
-    keep: npt.NDArray[np.bool_] | None,
-    out: npt.NDArray,
-    *,
-    opacity: int = -1,
-    normals: bool = False,
-) -> None:
-    """Write the values of a sheet into an image: charts, gutter and background.
+class _Gutter(NamedTuple):
+    # Where the values of texels beside charts lie: row times width plus column of the texels, row
+    # times columns plus column of cells, (down, across) in these, and what turns normals.
+    texels: npt.NDArray[np.int64]
+    cells: Ints
+    places: npt.NDArray[np.float32]
+    turns: npt.NDArray[np.float32]
+
+
+class TexelWriter:
+    """Where each texel of an image gets its value from: charts, gutter and background.
 
     Parameters
     ----------
-    values : (rows, columns, c) float32
-        Values of nodes and ghosts.
+    atlas : TextureAtlas
     settings : DilateSettings
-    keep : (h, w) bool, optional
-        Texels inside charts that are left as they are.
-    out : (h, w, c) array
-        Overwritten where there is something to write; whole numbers are rounded.
-    opacity : int
-        A channel that is left as it is inside charts; -1: none.
     normals : bool
         The values are colors of tangent-space normals, which turn across seams.
     """
-    coding = _Coding(1.0 / SCALES[out.dtype.name], out.dtype.kind == "u", normals)
-    flat = values.reshape(-1, values.shape[2])
-    inside = atlas.inside
-    kept = np.zeros(inside.shape, dtype=np.bool_) if keep is None else keep & inside
-    with phase(0.0, 0.4, "Filling the gutter"):
-        run(_write_owned, atlas.height, atlas.owners, inside, flat, coding, kept, opacity, out,
-            chunk=ROWS)  # fmt: skip
-    filled = atlas.owners != NOTHING
-    if not filled.all():
-        radius = max(float(settings.gutter), _LEAST)
-        with phase(0.4, 0.8, "Filling the gutter"):
+
+    def __init__(
+        self, atlas: TextureAtlas, settings: DilateSettings, *, normals: bool = False
+    ) -> None:
+        self._atlas = atlas
+        self._normals = normals
+        self._known = atlas.sources.cells >= 0
+        filled = atlas.owners != NOTHING
+        self._gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), normals)
+        self._beyond = np.zeros((2, 0), dtype=np.int64)
+        if settings.background == "nearest":
+            filled.reshape(-1)[self._gutter.texels] = True
+            if filled.any() and not filled.all():
+                self._beyond = _nearest_filled(filled)
+
+    def write(
+        self,
+        values: npt.NDArray[np.float32],
+        keep: npt.NDArray[np.bool_] | None,
+        out: npt.NDArray,
+        *,
+        opacity: int = -1,
+    ) -> None:
+        """Write the values of a sheet into an image.
+
+        Parameters
+        ----------
+        values : (rows, columns, c) float32
+            Values of nodes and ghosts.
+        keep : (h, w) bool, optional
+            Texels inside charts that are left as they are.
+        out : (h, w, c) array, contiguous
+            Overwritten where there is something to write; whole numbers are rounded.
+        opacity : int
+            A channel that is left as it is inside charts; -1: none.
+        """
+        atlas = self._atlas
+        coding = _Coding(1.0 / SCALES[out.dtype.name], out.dtype.kind == "u", self._normals)
+        flat = values.reshape(-1, values.shape[2])
+        inside = atlas.inside
+        kept = np.zeros(inside.shape, dtype=np.bool_) if keep is None else keep & inside
+        texels = out.reshape(-1, out.shape[2])
+        with phase(0.0, 0.6, "Filling the gutter"):
+            run(_write_owned, atlas.height, atlas.owners, inside, flat, coding, kept, opacity, out,
+                chunk=ROWS)  # fmt: skip
+        with phase(0.6, 1.0, "Filling the gutter"):
+            run(_write_gutter, len(self._gutter.texels), self._gutter, atlas.sheet.nodes,
+                self._known, flat, coding, texels)  # fmt: skip
+        if self._beyond.size:
+            texels[self._beyond[0]] = texels[self._beyond[1]]
+
+
+def _find_gutter(
+    atlas: TextureAtlas, filled: npt.NDArray[np.bool_], radius: float, normals: bool
+) -> _Gutter:
+    if filled.all():
+        texels = np.zeros(0, dtype=np.int64)
+    else:
+        with phase(0.0, 0.6, "Filling the gutter"):
             borders = _nearest_borders(atlas, filled, radius)
-        with phase(0.8, 1.0, "Filling the gutter"):
-            run(_write_gutter, atlas.height, borders, filled, radius, atlas.charts, atlas.sheet,
-                atlas.metric, atlas.sources.cells >= 0, flat, coding, out, chunk=ROWS)  # fmt: skip
-    if settings.background == "nearest" and filled.any() and not filled.all():
-        rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
-        out[~filled] = out[rows[~filled], columns[~filled]]
+        near = ~filled & (borders.edges >= 0) & (borders.squares <= radius * radius)
+        texels = np.flatnonzero(near)
+    count = len(texels)
+    found = _Gutter(
+        texels,
+        np.full(count, -1, dtype=np.int32),
+        np.empty((count, 2), dtype=np.float32),
+        np.empty((count if normals else 0, 2, 2), dtype=np.float32),
+    )
+    if count:
+        with phase(0.6, 1.0, "Filling the gutter"):
+            run(_place_gutter, count, borders, atlas.charts, atlas.sheet, atlas.metric,
+                atlas.sources.cells >= 0, normals, found)  # fmt: skip
+    held = found.cells >= 0
+    return _Gutter(texels[held], found.cells[held], found.places[held],
+                   found.turns[held] if normals else found.turns)  # fmt: skip
+
+
+def _nearest_filled(filled: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    # Texels that nothing is written to, and the nearest others.
+    rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
+    nearest = np.ravel_multi_index((rows[~filled], columns[~filled]), filled.shape)
+    return np.stack([np.flatnonzero(~filled), nearest])
 
 
 def _nearest_borders(atlas: TextureAtlas, filled: npt.NDArray[np.bool_], reach: float) -> _Borders:
@@ -118,6 +176,8 @@ def _beside(points, around, edge, y, x, height, width):
 
 @kernel
 def _offer(points, found, edge, y, x):
+    if found.edges[y, x] == edge:
+        return
     height, width = found.squares.shape
     there, across = _beside(points, found.around, edge, y, x, height, width)
     _, square = nearest_on_edge(points, edge, there, across)
@@ -202,39 +262,48 @@ def _write_owned(start, stop, owners, inside, values, coding, kept, opacity, out
 
 
 @kernel
-def _write_gutter(
-    start, stop, borders, filled, radius, charts, sheet, metric, known, values, coding, out
-):
-    height, width = filled.shape
+def _place_gutter(start, stop, borders, charts, sheet, metric, known, normals, found):
+    height, width = borders.edges.shape
     nodes, points, cells = sheet.nodes, sheet.points, sheet.cells
     ways, shapes, jacobians = metric.ways, metric.shapes, metric.jacobians
     b = np.empty(3)
     turn = np.empty((2, 2))
-    color = np.empty(out.shape[2])
-    for y in range(start, stop):
-        for x in range(width):
-            edge = borders.edges[y, x]
-            if filled[y, x] or edge < 0 or borders.squares[y, x] > radius * radius:
-                continue
-            label = charts.labels[edge // 3]
-            there, across = _beside(charts.points, borders.around, edge, y, x, height, width)
-            there += sheet.shifts[label, 0]
-            across += sheet.shifts[label, 1]
-            face, row, column, _, _ = place_beyond(
-                points, ways, shapes, jacobians, cells, edge, there, across, b, turn
-            )
-            if face < 0:  # the surface ends: the nearest value on its border
-                share, _ = nearest_on_edge(points, edge, there, across)
-                row, column = place_on_edge(points, edge, share)
-            cell = int(row) * nodes.shape[1] + int(column)
-            down, across = row - int(row), column - int(column)
-            color[:] = 0.0
-            if interpolate(nodes, known, values, cell, down, across, -1, color) <= _LITTLE:
-                continue
-            filled[y, x] = True
-            if coding.normals:
-                if face >= 0:
-                    turn_direction(turn, color, 0.5)
-                unit_normal(color)
-            for c in range(out.shape[2]):
-                out[y, x, c] = _coded(color[c], coding)
+    nothing = np.zeros((1, 0), dtype=np.float32)
+    for i in range(start, stop):
+        y, x = divmod(found.texels[i], width)
+        edge = borders.edges[y, x]
+        label = charts.labels[edge // 3]
+        there, across = _beside(charts.points, borders.around, edge, y, x, height, width)
+        there += sheet.shifts[label, 0]
+        across += sheet.shifts[label, 1]
+        face, row, column, _, _ = place_beyond(
+            points, ways, shapes, jacobians, cells, edge, there, across, b, turn
+        )
+        if face < 0:  # the surface ends: the nearest value on its border
+            share, _ = nearest_on_edge(points, edge, there, across)
+            row, column = place_on_edge(points, edge, share)
+            turn[0, 0] = turn[1, 1] = 1.0
+            turn[0, 1] = turn[1, 0] = 0.0
+        cell = int(row) * nodes.shape[1] + int(column)
+        down, across = row - int(row), column - int(column)
+        if interpolate(nodes, known, nothing, cell, down, across, -1, b[:0]) <= _LITTLE:
+            continue
+        found.cells[i] = cell
+        found.places[i, 0] = down
+        found.places[i, 1] = across
+        if normals:
+            found.turns[i] = turn
+
+
+@kernel
+def _write_gutter(start, stop, gutter, nodes, known, values, coding, out):
+    color = np.empty(out.shape[1])
+    for i in range(start, stop):
+        down, across = gutter.places[i]
+        color[:] = 0.0
+        interpolate(nodes, known, values, gutter.cells[i], down, across, -1, color)
+        if coding.normals:
+            turn_direction(gutter.turns[i], color, 0.5)
+            unit_normal(color)
+        for c in range(out.shape[1]):
+            out[gutter.texels[i], c] = _coded(color[c], coding)

@@ -13,14 +13,17 @@ Inside, vectors are (channels, n): rows become vector instructions, which takes 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from concurrent.futures import Future, wait
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.parallel import chunk_size, kernel, run, sum_kernel
+from ..base.checks import Floats
+from ..base.parallel import begin, kernel, run, sum_kernel
 from ..base.progress import aside, phase
 from ..errors import SolverError
 from ..linear.cg import SolveReport
+from ..mesh.triangle_mesh import Ints
 from .coarsening import coarsened, prolong, restrict
 from .seam_block import SeamBlock
 from .sheet import ROWS
@@ -47,10 +50,13 @@ _ROUNDING = float(np.finfo(np.float32).eps)
 """Residuals below this share of the solution come from its rounding: no solution is better."""
 
 _BLOCK = 1 << 12
-"""Rows of what is turned that stay near at hand."""
+"""Numbers of unknowns that vectors are cut into; what is summed up is so block by block."""
 
-NODES = 1 << 15
-"""Nodes that a thread gets at once: waking it takes as long as a thousand of them."""
+_GAP = 32
+"""Numbers of no unknown, between two of unknowns, that cost less than a gap."""
+
+NODES = 1 << 16
+"""Nodes that a thread gets at once: waking it takes as long as thousands of them."""
 
 
 class _Level(NamedTuple):
@@ -65,6 +71,14 @@ class _Level(NamedTuple):
         return len(self.runs.columns) == 0
 
 
+class _Spans(NamedTuple):
+    # Runs of numbers that hold all unknowns, in blocks of `_BLOCK`: block k has those from start[k]
+    # on. And sums of the blocks, to be overwritten.
+    start: Ints
+    ranges: Ints
+    sums: Floats
+
+
 class _Vectors(NamedTuple):
     x: Singles
     b: Singles
@@ -76,6 +90,8 @@ class SheetSolver:
     Parameters
     ----------
     matrix : SheetMatrix
+    coarsen : bool
+        Without coarser levels there is smoothing alone: that is enough where the diagonal rules.
 
     Raises
     ------
@@ -83,28 +99,39 @@ class SheetSolver:
         If the matrix is not positive definite.
     """
 
-    def __init__(self, matrix: SheetMatrix) -> None:
-        self._levels: list[_Level] = []
+    def __init__(self, matrix: SheetMatrix, coarsen: bool = True) -> None:
         self._kept: dict[int, list[_Vectors]] = {}
-        while True:
-            done = min(0.2 * len(self._levels), 1.0)
-            with phase(done, done, "Coarsening"):
-                whole = int((matrix.labels >= 0).sum()) <= DIRECT
-                kinds = kinds_of(matrix, whole)
-                rows, number = block_rows(matrix, kinds)
-                inverse = inverse_diagonal(matrix, kinds, rows)
-                block = SeamBlock(rows, number)
-                self._levels.append(_Level(matrix, rows, block, runs_of(kinds), inverse))
-                if self._levels[-1].coarsest:
-                    break
-                matrix = coarsened(matrix, kinds, rows, number)
+        self._vectors: list[Singles] | None = None
+        parts: list[tuple[SheetMatrix, BlockRows, Runs, Singles]] = []
+        blocks: list[Future[SeamBlock]] = []
+        try:
+            while True:
+                done = min(0.2 * len(blocks), 0.9)
+                with phase(done, done, "Coarsening"):
+                    whole = int((matrix.labels >= 0).sum()) <= DIRECT
+                    kinds = kinds_of(matrix, whole)
+                    rows, number = block_rows(matrix, kinds)
+                    inverse = inverse_diagonal(matrix, kinds, rows)
+                    # Factoring takes one core, and nothing else of the set-up needs it.
+                    blocks.append(begin(SeamBlock, rows, number))
+                    parts.append((matrix, rows, runs_of(kinds), inverse))
+                    if len(parts[-1][2].columns) == 0 or not coarsen:
+                        break
+                    matrix = coarsened(matrix, kinds, rows, number)
+        finally:
+            wait(blocks)
+        self._levels = [
+            _Level(matrix, rows, block.result(), runs, inverse)
+            for (matrix, rows, runs, inverse), block in zip(parts, blocks, strict=True)
+        ]
+        self._spans = _spans_of(self._levels[0].inverse)
 
     def apply(self, x: Singles, out: Singles) -> None:
         """Put ``A x`` (n, c) into `out`; where there is no unknown, that stays as it is."""
-        flat, product = np.empty(x.shape[::-1], np.float32), np.empty(x.shape[::-1], np.float32)
-        run(_turn, len(x), x, flat, chunk=_BLOCK)
+        flat, product = np.zeros(x.shape[::-1], np.float32), np.zeros(x.shape[::-1], np.float32)
+        self._run(_turn, x, flat)
         self._multiply(flat, product)
-        run(_turn_back, len(x), self._levels[0].inverse, product, out, chunk=_BLOCK)
+        self._run(_turn_back, self._levels[0].inverse, product, out)
 
     def solve(
         self,
@@ -141,10 +168,12 @@ class SheetSolver:
             tolerance is not reached within `limit` iterations, though single precision could.
         """
         with aside(message):
-            vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(5)]
+            if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
+                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(4)]
+            vectors = self._vectors
             flat, r = vectors[:2]
-            run(_turn, len(x), rhs, r, chunk=_BLOCK)
-            run(_turn, len(x), x, flat, chunk=_BLOCK)
+            self._run(_turn, rhs, r)
+            self._run(_turn, x, flat)
             scale = self._norm(r)
             if not np.isfinite(scale):
                 raise SolverError("The right-hand side of the linear system is not finite.")
@@ -174,42 +203,57 @@ class SheetSolver:
                 tolerance=tolerance,
             )
         with aside(message):
-            run(_turn_back, len(x), self._levels[0].inverse, flat, x, chunk=_BLOCK)
+            self._run(_turn_back, self._levels[0].inverse, flat, x)
         return SolveReport(iterations, relative, True)
 
     def cycle(self, b: Singles, x: Singles) -> None:
         """Solve ``A x = b`` approximately by one V-cycle from zero: (c, n)."""
         self._cycle(0, b, x, self._buffers(len(x)))
 
-    def _residual(self, rhs: Singles, x: Singles, r: Singles, scale: float) -> tuple[float, float]:
-        # Puts it into r. Returns its size, and that which the rounding of x alone has.
+    def relax(self, b: Singles, x: Singles) -> None:
+        """Bring `x` nearer to the solution of ``A x = b``, by one sweep over all: (c, n)."""
+        if len(self._levels[0].runs.columns):
+            self._sweep(0, b, x)
+        self._levels[0].block.solve(b, x)
+
+    def residual(self, b: Singles, x: Singles) -> float:
+        """Return the residual relative to `b`, as `solve` measures both: (c, n)."""
+        r = np.zeros_like(x)
         self._multiply(x, r)
-        run(_subtract_from, len(rhs), self._levels[0].inverse, rhs, r, chunk=_BLOCK)
-        rounding = _ROUNDING * self._norm(x, solution=True)
-        return self._norm(r) / scale, rounding / scale
+        self._run(_subtract_from, self._levels[0].inverse, b.T, r)
+        return self._norm(r) / max(self._norm(b), 1e-30)
+
+    def _residual(self, rhs: Singles, x: Singles, r: Singles, scale: float) -> tuple[float, float]:
+        # Puts it into r, which holds the right-hand side as long as x is 0. Returns its size, and
+        # that which the rounding of x alone has.
+        size = self._norm(x, solution=True)
+        if size > 0:
+            self._multiply(x, r)
+            self._run(_subtract_from, self._levels[0].inverse, rhs, r)
+        return self._norm(r) / scale, _ROUNDING * size / scale
 
     def _conjugate_gradients(
         self, vectors: list[Singles], tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as a positive one.
-        x, r, z, p, q = vectors
-        flat = [vector.reshape(-1) for vector in vectors]
+        x, r, z, p = vectors
+        inverse, sums = self._levels[0].inverse, self._spans.sums
         first = self._norm(r)
         before, done = 1.0, 0.0
         for iteration in range(limit):
             with phase(done, done, message):
                 self.cycle(r, z)
-                product = _dot(r, z)
+                product = self._dot(r, z)
                 beta = np.float32(product / before if iteration else 0.0)
-                run(_direct, p.size, beta, flat[2], flat[3])
-                self._multiply(p, q)
-                curvature = _dot(p, q)
+                self._run(_direct, beta, z, p)
+                change = z  # whose values are not needed any more
+                self._multiply(p, change)
+                curvature = self._dot(p, change)
                 if not (curvature > 0 and product > 0):
                     return iteration, False
                 alpha = np.float32(product / curvature)
-                run(_add, x.size, alpha, flat[3], flat[0])
-                run(_add, x.size, -alpha, flat[4], flat[1])
-                norm = self._norm(r)
+                self._run(_step, alpha, inverse, p, change, x, r, sums)
+                norm = float(np.sqrt(sums.sum()))
                 if not np.isfinite(norm):
                     return iteration + 1, False
             before = product
@@ -227,20 +271,31 @@ class SheetSolver:
             return
         height, width = matrix.labels.shape
         pairs = (height + 1) // 2
-        chunk = max(NODES // width, 2)
+        chunk = max(NODES // (2 * width), 1)
+        chunks = -(-pairs // chunk)
         smoother = runs, matrix.stencil, inverse, b, x
         x[:, height * width :] = 0.0
-        run(_begin, pairs, *smoother, chunk=chunk // 2)
-        run(_sweep, pairs, 1, False, *smoother, chunk=chunk // 2)
+        run(_sweep_down, pairs, *smoother, chunk=chunk)
+        run(_sweep_between, chunks, chunk, False, *smoother)
         block.solve(b, x)
-        coarse = vectors[depth]
-        run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
-            chunk=chunk // 2)  # fmt: skip
-        self._cycle(depth + 1, coarse.b, coarse.x, vectors)
-        run(prolong, height, runs, coarse.x, x, width, chunk=chunk)
-        block.solve(b, x)
-        run(_sweep, pairs, 1, True, *smoother, chunk=chunk // 2)
-        run(_sweep, pairs, 0, True, *smoother, chunk=chunk // 2)
+        if depth + 1 < len(self._levels):
+            coarse = vectors[depth]
+            run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
+                chunk=chunk)  # fmt: skip
+            self._cycle(depth + 1, coarse.b, coarse.x, vectors)
+            run(prolong, height, runs, coarse.x, x, width, chunk=2 * chunk)
+            block.solve(b, x)
+        self._sweep(depth, b, x)
+
+    def _sweep(self, depth: int, b: Singles, x: Singles) -> None:
+        # Of the regular nodes, odd rows first.
+        matrix, _, _, runs, inverse = self._levels[depth]
+        height, width = matrix.labels.shape
+        pairs = (height + 1) // 2
+        chunk = max(NODES // (2 * width), 1)
+        smoother = runs, matrix.stencil, inverse, b, x
+        run(_sweep_up, pairs, *smoother, chunk=chunk)
+        run(_sweep_between, -(-pairs // chunk), chunk, True, *smoother)
 
     def _multiply(self, x: Singles, out: Singles) -> None:
         # A x at the unknowns: (c, n)
@@ -251,11 +306,18 @@ class SheetSolver:
 
     def _norm(self, values: Singles, solution: bool = False) -> float:
         # Of a residual, or of a solution, in the unknowns in which the diagonal is 1.
-        inverse = self._levels[0].inverse
-        size = chunk_size(len(inverse))
-        sums = np.zeros(-(-len(inverse) // size))
-        run(_add_squares, len(inverse), size, solution, inverse, values, sums, chunk=size)
+        sums = self._spans.sums
+        self._run(_add_squares, solution, self._levels[0].inverse, values, sums)
         return float(np.sqrt(sums.sum()))
+
+    def _dot(self, u: Singles, v: Singles) -> float:
+        self._run(_add_products, u, v, self._spans.sums)
+        return float(self._spans.sums.sum())
+
+    def _run(self, function: Any, *arguments: Any) -> None:
+        # Over the blocks of vectors.
+        blocks = len(self._spans.sums)
+        run(function, blocks, self._spans, *arguments, chunk=max(blocks // 16, 1))
 
     def _buffers(self, channels: int) -> list[_Vectors]:
         # What the coarse levels need for some number of channels, kept.
@@ -269,23 +331,28 @@ class SheetSolver:
         return self._kept[channels]
 
 
-def _dot(u: Singles, v: Singles) -> float:
-    size = chunk_size(u.size)
-    sums = np.zeros(-(-u.size // size))
-    run(_add_products, u.size, size, u.reshape(-1), v.reshape(-1), sums, chunk=size)
-    return float(sums.sum())
+def _spans_of(inverse: Singles) -> _Spans:
+    blocks = -(-len(inverse) // _BLOCK)
+    start = np.zeros(blocks + 1, dtype=np.int32)
+    run(_count_spans, blocks, inverse, start[1:], chunk=16)
+    np.cumsum(start, out=start)
+    ranges = np.zeros((start[-1], 2), dtype=np.int32)
+    run(_find_spans, blocks, inverse, start, ranges, chunk=16)
+    return _Spans(start, ranges, np.zeros(blocks))
 
 
 @sum_kernel
-def _begin(start, stop, runs, stencil, inverse, b, x):
-    # The sweep of the even rows from zero, in pairs of rows: only the node before has a value.
+def _sweep_down(start, stop, runs, stencil, inverse, b, x):
+    # Gauss-Seidel from zero: the even row of each pair, and then the odd one before, as long as
+    # both are near at hand; the last odd one is left to `_sweep_between`.
     columns = stencil.shape[2]
-    rest = np.empty(columns, dtype=np.float32)
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
     pull = np.empty(columns, dtype=np.float32)
     for pair in range(start, stop):
         y = 2 * pair
         x[:, y * columns : min(y + 2, stencil.shape[1]) * columns] = 0
         for k in range(runs.start[y], runs.start[y + 1]):
+            # Only the node before has a value.
             first, last = runs.columns[k]
             i = y * columns + first
             n = last - first
@@ -295,131 +362,224 @@ def _begin(start, stop, runs, stencil, inverse, b, x):
                 pull[u] = scale[u] * behind[u]
             for j in range(x.shape[0]):
                 rhs = b[j, i : i + n]
+                row = rest[j]
                 for u in range(n):
-                    rest[u] = scale[u] * rhs[u]
-                _recur(rest, pull, x[j, i - 1 : i + n + 1], False)
+                    row[u] = scale[u] * rhs[u]
+            _recur(rest, pull[:n], x, i, False)
+        if pair > start:
+            _relax_row(y - 1, False, runs, stencil, inverse, b, x, rest, pull)
 
 
 @sum_kernel
-def _recur(rest, pull, here, backward):
-    # Nodes of a run one by one, each from the one before; the row begins and ends one beside it.
-    n = len(here) - 2
-    if backward:
-        before = here[n + 1]
-        for u in range(n - 1, -1, -1):
-            before = rest[u] - pull[u] * before
-            here[u + 1] = before
-    else:
-        before = here[0]
-        for u in range(n):
-            before = rest[u] - pull[u] * before
-            here[u + 1] = before
-
-
-@sum_kernel
-def _sweep(start, stop, parity, backward, runs, stencil, inverse, b, x):
-    # Gauss-Seidel in each second row: first all but the node before, then that, one by one.
+def _sweep_up(start, stop, runs, stencil, inverse, b, x):
+    # The reverse: the odd row of each pair, then the even one; the first of these is left.
     columns = stencil.shape[2]
-    rest = np.empty(columns, dtype=np.float32)
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
     pull = np.empty(columns, dtype=np.float32)
-    side = 0 if backward else 1
     for pair in range(start, stop):
-        y = 2 * pair + parity
-        if y >= stencil.shape[1]:
-            break
-        for k in range(runs.start[y], runs.start[y + 1]):
-            first, last = runs.columns[k]
-            i = y * columns + first
-            n = last - first
-            ahead = stencil[0, y, first - 1 + side : last - 1 + side]
-            behind = stencil[0, y, first - side : last - side]
-            q = stencil[3, y - 1, first - 1 : last - 1]
-            c = stencil[2, y - 1, first:last]
-            d = stencil[1, y - 1, first + 1 : last + 1]
-            e = stencil[1, y, first:last]
-            f = stencil[2, y, first:last]
-            g = stencil[3, y, first:last]
-            scale = inverse[i : i + n]
+        if 2 * pair + 1 < stencil.shape[1]:
+            _relax_row(2 * pair + 1, True, runs, stencil, inverse, b, x, rest, pull)
+        if pair > start:
+            _relax_row(2 * pair, True, runs, stencil, inverse, b, x, rest, pull)
+
+
+@sum_kernel
+def _sweep_between(start, stop, chunk, backward, runs, stencil, inverse, b, x):
+    # The rows that the sweeps over chunks of pairs left out.
+    columns = stencil.shape[2]
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
+    for part in range(start, stop):
+        y = 2 * chunk * part
+        if not backward:
+            y = min(y + 2 * chunk, stencil.shape[1] + stencil.shape[1] % 2) - 1
+        if y < stencil.shape[1]:
+            _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull)
+
+
+@sum_kernel
+def _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull):
+    # First all but the node before, then that, one by one; `rest` and `pull` are scratch.
+    columns = stencil.shape[2]
+    side = 0 if backward else 1
+    for k in range(runs.start[y], runs.start[y + 1]):
+        first, last = runs.columns[k]
+        i = y * columns + first
+        n = last - first
+        ahead = stencil[0, y, first - 1 + side : last - 1 + side]
+        behind = stencil[0, y, first - side : last - side]
+        q = stencil[3, y - 1, first - 1 : last - 1]
+        c = stencil[2, y - 1, first:last]
+        d = stencil[1, y - 1, first + 1 : last + 1]
+        e = stencil[1, y, first:last]
+        f = stencil[2, y, first:last]
+        g = stencil[3, y, first:last]
+        scale = inverse[i : i + n]
+        for u in range(n):
+            pull[u] = scale[u] * behind[u]
+        for j in range(x.shape[0]):
+            beside = x[j, i - 1 + 2 * side : i - 1 + 2 * side + n]
+            upper = x[j, i - columns - 1 : i - columns + n + 1]
+            lower = x[j, i + columns - 1 : i + columns + n + 1]
+            rhs = b[j, i : i + n]
+            row = rest[j]
             for u in range(n):
-                pull[u] = scale[u] * behind[u]
-            for j in range(x.shape[0]):
-                here = x[j, i - 1 : i + n + 1]
-                beside = here[2 * side : 2 * side + n]
-                upper = x[j, i - columns - 1 : i - columns + n + 1]
-                lower = x[j, i + columns - 1 : i + columns + n + 1]
-                rhs = b[j, i : i + n]
+                total = rhs[u] - ahead[u] * beside[u]
+                total -= q[u] * upper[u] + c[u] * upper[u + 1] + d[u] * upper[u + 2]
+                total -= e[u] * lower[u] + f[u] * lower[u + 1] + g[u] * lower[u + 2]
+                row[u] = scale[u] * total
+        _recur(rest, pull[:n], x, i, backward)
+
+
+@sum_kernel
+def _recur(rest, pull, x, i, backward):
+    # Nodes of a run from number i on, one by one, each from the one before. Each waits for the
+    # last: three channels side by side take no longer than one.
+    n = len(pull)
+    before = i + n if backward else i - 1
+    j = 0
+    while j < x.shape[0]:
+        if j + 2 < x.shape[0]:
+            one, two, three = x[j, before], x[j + 1, before], x[j + 2, before]
+            here_one, here_two = x[j, i : i + n], x[j + 1, i : i + n]
+            here_three = x[j + 2, i : i + n]
+            rest_one, rest_two, rest_three = rest[j], rest[j + 1], rest[j + 2]
+            if backward:
+                for u in range(n - 1, -1, -1):
+                    one = rest_one[u] - pull[u] * one
+                    two = rest_two[u] - pull[u] * two
+                    three = rest_three[u] - pull[u] * three
+                    here_one[u], here_two[u], here_three[u] = one, two, three
+            else:
                 for u in range(n):
-                    total = rhs[u] - ahead[u] * beside[u]
-                    total -= q[u] * upper[u] + c[u] * upper[u + 1] + d[u] * upper[u + 2]
-                    total -= e[u] * lower[u] + f[u] * lower[u + 1] + g[u] * lower[u + 2]
-                    rest[u] = scale[u] * total
-                _recur(rest, pull, here, backward)
+                    one = rest_one[u] - pull[u] * one
+                    two = rest_two[u] - pull[u] * two
+                    three = rest_three[u] - pull[u] * three
+                    here_one[u], here_two[u], here_three[u] = one, two, three
+            j += 3
+        else:
+            one = x[j, before]
+            here, row = x[j, i : i + n], rest[j]
+            if backward:
+                for u in range(n - 1, -1, -1):
+                    one = row[u] - pull[u] * one
+                    here[u] = one
+            else:
+                for u in range(n):
+                    one = row[u] - pull[u] * one
+                    here[u] = one
+            j += 1
 
 
 @kernel
-def _turn(start, stop, values, out):
-    for j in range(values.shape[1]):
-        row = out[j, start:stop]
-        part = values[start:stop, j]
-        for i in range(len(row)):
-            row[i] = part[i]
+def _count_spans(start, stop, inverse, counts):
+    for block in range(start, stop):
+        last = -1
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(inverse))):
+            if inverse[i] > 0:
+                counts[block] += last < 0 or i > last + _GAP
+                last = i
 
 
 @kernel
-def _turn_back(start, stop, inverse, values, out):
-    for j in range(out.shape[1]):
-        row = values[j, start:stop]
-        part = out[start:stop, j]
-        for i in range(len(row)):
-            if inverse[start + i] > 0:
-                part[i] = row[i]
+def _find_spans(start, stop, inverse, starts, ranges):
+    for block in range(start, stop):
+        k = starts[block] - 1
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(inverse))):
+            if inverse[i] > 0:
+                if k < starts[block] or i >= ranges[k, 1] + _GAP:
+                    k += 1
+                    ranges[k, 0] = i
+                ranges[k, 1] = i + 1
 
 
 @kernel
-def _subtract_from(start, stop, inverse, rhs, product):
-    for j in range(rhs.shape[1]):
-        row = product[j, start:stop]
-        part = rhs[start:stop, j]
-        for i in range(len(row)):
-            row[i] = part[i] - row[i] if inverse[start + i] > 0 else np.float32(0)
+def _turn(start, stop, spans, values, out):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(values.shape[1]):
+            row = out[j, first:last]
+            part = values[first:last, j]
+            for i in range(len(row)):
+                row[i] = part[i]
+
+
+@kernel
+def _turn_back(start, stop, spans, inverse, values, out):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(out.shape[1]):
+            row = values[j, first:last]
+            part = out[first:last, j]
+            for i in range(len(row)):
+                if inverse[first + i] > 0:
+                    part[i] = row[i]
+
+
+@kernel
+def _subtract_from(start, stop, spans, inverse, rhs, product):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(rhs.shape[1]):
+            row = product[j, first:last]
+            part = rhs[first:last, j]
+            for i in range(len(row)):
+                row[i] = part[i] - row[i] if inverse[first + i] > 0 else np.float32(0)
 
 
 @sum_kernel
-def _add_squares(start, stop, chunk, solution, inverse, values, sums):
-    scale = inverse[start:stop]
-    total = 0.0
-    for j in range(values.shape[0]):
-        row = values[j, start:stop]
-        for i in range(len(row)):
-            square = np.float64(row[i]) * row[i]
-            if not solution:
-                total += square * scale[i]
-            elif scale[i] > 0:
-                total += square / scale[i]
-    sums[start // chunk] = total
+def _add_squares(start, stop, spans, solution, inverse, values, sums):
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            scale = inverse[first:last]
+            for j in range(values.shape[0]):
+                row = values[j, first:last]
+                for i in range(len(row)):
+                    square = np.float64(row[i]) * row[i]
+                    if not solution:
+                        total += square * scale[i]
+                    elif scale[i] > 0:
+                        total += square / scale[i]
+        sums[block] = total
 
 
 @sum_kernel
-def _add_products(start, stop, chunk, u, v, sums):
-    u = u[start:stop]
-    v = v[start:stop]
-    total = 0.0
-    for i in range(len(u)):
-        total += np.float64(u[i]) * v[i]
-    sums[start // chunk] = total
+def _add_products(start, stop, spans, u, v, sums):
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            for j in range(len(u)):
+                one = u[j, first:last]
+                other = v[j, first:last]
+                for i in range(len(one)):
+                    total += np.float64(one[i]) * other[i]
+        sums[block] = total
 
 
 @sum_kernel
-def _direct(start, stop, beta, z, p):
-    z = z[start:stop]
-    p = p[start:stop]
-    for i in range(len(p)):
-        p[i] = z[i] + beta * p[i]
+def _direct(start, stop, spans, beta, z, p):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(len(p)):
+            one = z[j, first:last]
+            row = p[j, first:last]
+            if beta == 0:
+                row[:] = one
+                continue
+            for i in range(len(row)):
+                row[i] = one[i] + beta * row[i]
 
 
 @sum_kernel
-def _add(start, stop, factor, values, out):
-    values = values[start:stop]
-    out = out[start:stop]
-    for i in range(len(out)):
-        out[i] += factor * values[i]
+def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
+    # Along the direction p; sums up the squares of the new residual.
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            scale = inverse[first:last]
+            for j in range(len(x)):
+                way, change = p[j, first:last], q[j, first:last]
+                solution, residual = x[j, first:last], r[j, first:last]
+                for i in range(len(way)):
+                    solution[i] += alpha * way[i]
+                    value = residual[i] - alpha * change[i]
+                    residual[i] = value
+                    total += np.float64(value) * value * scale[i]
+        sums[block] = total

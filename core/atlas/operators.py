@@ -23,8 +23,9 @@ import scipy.sparse
 from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
-from ..base.parallel import kernel, run
+from ..base.parallel import kernel, run, sum_kernel
 from ..base.progress import aside, ask
+from ..base.vectors import after
 from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
 from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
@@ -33,6 +34,12 @@ from .sheet_matrix import SheetMatrix
 
 _LEAST_MASS = 1e-12
 """Least mass of an unknown, so that each has an equation, if only slivers lie around it."""
+
+_LITTLE = 1e-9
+"""Share of a cell below which a face does not count there: rounding."""
+
+_CHUNKS = 16
+"""Sums over all texels are taken in so many chunks, on every machine."""
 
 _Single = npt.NDArray[np.float32]
 
@@ -53,6 +60,9 @@ class TextureSpace:
     Parameters
     ----------
     atlas : TextureAtlas
+    jump : float
+        Where lengths change by more than this from face to face, in mean texel sizes over a texel,
+        the faces are told apart within cells, too.
 
     Attributes
     ----------
@@ -69,10 +79,10 @@ class TextureSpace:
     cut_cells : CutCells
     """
 
-    def __init__(self, atlas: TextureAtlas) -> None:
+    def __init__(self, atlas: TextureAtlas, jump: float = np.inf) -> None:
         self.atlas = atlas
         jacobians = tempered_jacobians(atlas.metric)
-        self.cut_cells = find_cut_cells(atlas, jacobians)
+        self.cut_cells = find_cut_cells(atlas, jacobians, jump)
         self.size = atlas.sheet.nodes.size + int(
             np.count_nonzero(self.cut_cells.unknowns >= atlas.sheet.nodes.size)
         )
@@ -122,6 +132,40 @@ class TextureSpace:
         other.fans[:, first:] *= np.repeat(weights.pieces, repeats)[:, None]
         return other
 
+    def diffusing(self, tensors: Floats) -> TextureSpace:
+        """Let gradients count as tensors say, in the stiffness alone: diffusion along and across.
+
+        Parameters
+        ----------
+        tensors : (m, 3) float64
+            Symmetric and positive definite, in the frame of each face: first first, first second,
+            second second axis. 1, 0, 1 changes nothing.
+        """
+        other = copy(self)
+        jacobians = tempered_jacobians(self.atlas.metric)
+        with aside("Measuring texels"):
+            integrals = _integrals(jacobians, tensors)
+            other.cells, _ = _integrated(self.atlas, integrals, self.cut_cells.cut)
+            pieces = self.cut_cells.pieces
+            # In the frame times the tensor's inverse root, diffusion is the same in all directions.
+            roots, areas = _inverse_roots(tensors)
+            piece = np.repeat(pieces.faces, np.diff(pieces.start))
+            frame = np.einsum("vij,vj->vi", roots[piece], pieces.frame)
+            other.fans = np.zeros_like(self.fans)
+            run(_measure_fans, len(pieces.faces), pieces._replace(frame=frame), other.fans)
+            other.fans[:, :3] *= areas[piece, None]
+            other.fans[:, 3] = self.fans[:, 3]
+        return other
+
+    def mean_metrics(self) -> _Single:
+        """The metric h (row row, row column, column column) of uncut cells, and their area."""
+        jacobians = tempered_jacobians(self.atlas.metric)
+        with aside("Measuring texels"):
+            metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
+            areas = np.abs(np.linalg.det(jacobians))
+            parts = [metrics[:, 0, 0], metrics[:, 0, 1], metrics[:, 1, 1], areas]
+            return _integrated(self.atlas, np.stack(parts, axis=1), self.cut_cells.cut)[0]
+
     @cached_property
     def _components(self) -> Ints:
         # The connected part of the surface on which each unknown lies: (n,), -1 at no unknowns.
@@ -138,26 +182,32 @@ class TextureSpace:
         found[cut.unknowns] = parts[count + cut.free]
         return found
 
-    def without_means(self, values: _Single, weights: npt.NDArray[np.floating]) -> _Single:
-        """Take the weighted mean (n,) off each column, on each connected part by itself."""
+    def without_means(
+        self, values: _Single, weights: npt.NDArray[np.floating], result: _Single
+    ) -> None:
+        """Take the weighted mean (n,) off each column, on each connected part by itself.
+
+        `result` may be `values`.
+        """
         parts = self._components
-        sums = np.zeros((int(parts.max(initial=0)) + 1, values.shape[1] + 1))
-        result = np.empty_like(values)
+        chunk = -(-len(values) // _CHUNKS)
+        count = int(parts.max(initial=0)) + 1
+        by_chunk = np.zeros((_CHUNKS, count, values.shape[1] + 1))
         with aside("Comparing texels"):
-            _add_weighted(parts, weights, values, sums)
+            run(_add_weighted, len(values), chunk, parts, weights, values, by_chunk, chunk=chunk)
+            sums = by_chunk.sum(axis=0)
             means = sums[:, :-1] / np.where(sums[:, -1:] > 0, sums[:, -1:], 1.0)
             run(_subtract_means, len(values), parts, means, values, result)
-        return result
 
-    def matrix(self, screen: float) -> SheetMatrix:
-        """Assemble stiffness plus `screen` times mass."""
+    def matrix(self, screen: float, lumped: bool = False) -> SheetMatrix:
+        """Assemble stiffness plus `screen` times mass; lumped: all of that on the diagonal."""
         rows, columns = self.labels.shape
         stencil = np.zeros((4, rows, columns), dtype=np.float32)
         screens = np.zeros(self.size, dtype=np.float32)
         with aside("Assembling"):
-            run(_assemble_cells, rows, self.cells, screen, stencil, screens, chunk=ROWS)
+            run(_assemble_cells, rows, self.cells, screen, lumped, stencil, screens, chunk=ROWS)
         ask()
-        seam, masses = self._assemble_pieces(screen)
+        seam, masses = self._assemble_pieces(0.0 if lumped else screen)
         unknowns = self.cut_cells.unknowns
         screens[unknowns] += (screen * masses).astype(np.float32)
         return SheetMatrix(
@@ -246,24 +296,7 @@ def _measure_cells(
 ) -> tuple[npt.NDArray[np.int32], _Single]:
     # The labels of the nodes, and the integrals over uncut cells.
     shape = atlas.sheet.nodes.shape
-    with np.errstate(all="ignore"):
-        metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
-        areas = np.abs(np.linalg.det(jacobians))
-        integrals = np.stack(
-            [
-                metrics[:, 1, 1] / areas,
-                -metrics[:, 0, 1] / areas,
-                metrics[:, 0, 0] / areas,
-                areas,
-            ],
-            axis=1,
-        )
-    integrals[~(areas > 0)] = 0.0
-    cells = np.zeros((*shape, 4), dtype=np.float32)
-    faces = np.full(shape, NOTHING, dtype=np.int32)
-    by_rows = faces_by_rows(atlas.sheet.points, shape[0])
-    run(_integrate_cells, shape[0], atlas.sheet.points, by_rows, integrals, cut_cells.cut, faces,
-        cells, chunk=ROWS)  # fmt: skip
+    cells, faces = _integrated(atlas, _integrals(jacobians), cut_cells.cut)
     labels = np.full(shape, NOTHING, dtype=np.int32)
     run(_label_nodes, shape[0], faces, atlas.charts.labels, labels, chunk=ROWS)
     pieces = cut_cells.pieces
@@ -274,68 +307,111 @@ def _measure_cells(
     return labels, cells
 
 
+def _integrals(jacobians: Floats, tensors: Floats | None = None) -> Floats:
+    # What a cell within each face has: see `TextureSpace.cells`.
+    areas = np.abs(np.linalg.det(jacobians))
+    (a, b), (c, d) = np.moveaxis(jacobians, 0, -1)
+    p, q, r = (1.0, 0.0, 1.0) if tensors is None else tensors.T
+    with np.errstate(all="ignore"):
+        # sqrt(det h) J^-1 D J^-T, where the inverse is the adjoint over the determinant.
+        integrals = np.stack(
+            [
+                (d * d * p - 2.0 * d * b * q + b * b * r) / areas,
+                (-d * c * p + (d * a + b * c) * q - a * b * r) / areas,
+                (c * c * p - 2.0 * c * a * q + a * a * r) / areas,
+                areas,
+            ],
+            axis=1,
+        )
+    integrals[~(areas > 0)] = 0.0
+    return integrals
+
+
+def _integrated(
+    atlas: TextureAtlas, integrals: Floats, cut: npt.NDArray[np.bool_]
+) -> tuple[_Single, npt.NDArray[np.int32]]:
+    # Over uncut cells, and a face of each.
+    shape = atlas.sheet.nodes.shape
+    cells = np.zeros((*shape, 4), dtype=np.float32)
+    faces = np.full(shape, NOTHING, dtype=np.int32)
+    by_rows = faces_by_rows(atlas.sheet.points, shape[0])
+    run(_integrate_cells, shape[0], atlas.sheet.points, by_rows, integrals, cut, faces, cells,
+        chunk=ROWS)  # fmt: skip
+    return cells, faces
+
+
+def _inverse_roots(tensors: Floats) -> tuple[npt.NDArray[np.float64], Floats]:
+    # D^(-1/2) of each face, and the root of det D.
+    a, b, c = tensors.T
+    det = np.sqrt(a * c - b * b)
+    # The root of a matrix of two rows is it plus the root of its determinant, scaled.
+    scale = det * np.sqrt(a + c + 2.0 * det)
+    roots = np.stack([c + det, -b, -b, a + det], axis=1).reshape(-1, 2, 2)
+    return roots / scale[:, None, None], det
+
+
 @kernel
-def _clipped_area(triangle, row, column, one, two):
-    # Area of a triangle within a cell (Sutherland, Hodgman 1974); one and two are scratch.
-    count = 3
-    for k in range(3):
-        one[k, 0] = triangle[k, 0] - row
-        one[k, 1] = triangle[k, 1] - column
-    for side in range(4):
-        axis = side >> 1
-        kept = 0
-        for n in range(count):
-            m = n + 1 if n + 1 < count else 0
-            a = 1.0 - one[n, axis] if side & 1 else one[n, axis]
-            b = 1.0 - one[m, axis] if side & 1 else one[m, axis]
-            if a >= 0:
-                two[kept, 0] = one[n, 0]
-                two[kept, 1] = one[n, 1]
-                kept += 1
-            if (a > 0 and b < 0) or (a < 0 and b > 0):
-                share = a / (a - b)
-                two[kept, 0] = one[n, 0] + share * (one[m, 0] - one[n, 0])
-                two[kept, 1] = one[n, 1] + share * (one[m, 1] - one[n, 1])
-                kept += 1
-        count = kept
-        if count < 3:
-            return 0.0
-        one[:count] = two[:count]
-    area = 0.0
-    for n in range(1, count - 1):
-        area += (one[n, 0] - one[0, 0]) * (one[n + 1, 1] - one[0, 1])
-        area -= (one[n, 1] - one[0, 1]) * (one[n + 1, 0] - one[0, 0])
-    return 0.5 * abs(area)
+def _add_cover(column, height, middle, parts, covers):
+    # A piece of an edge within a cell: to its right it covers so much of this one, and of all that
+    # follow.
+    parts[column] += height * (1.0 - (middle - column))
+    covers[column + 1] += height
+
+
+@kernel
+def _add_edge(triangle, k, row, left, parts, covers):
+    # The part of an edge within a row of cells, of which columns are counted from `left` on.
+    m = after(k)
+    ay, ax = triangle[k, 0] - row, triangle[k, 1] - left
+    by, bx = triangle[m, 0] - row, triangle[m, 1] - left
+    if ay == by or max(ay, by) <= 0.0 or min(ay, by) >= 1.0:
+        return
+    most = parts.shape[0] - 1.0
+    slope = (bx - ax) / (by - ay)
+    y, end_y = min(max(ay, 0.0), 1.0), min(max(by, 0.0), 1.0)
+    x = min(max(ax + slope * (y - ay), 0.0), most)
+    end_x = min(max(bx + slope * (end_y - by), 0.0), most)
+    column, last = int(x), int(end_x)
+    step = 1 if last > column else -1
+    steepness = (end_y - y) / (end_x - x) if last != column else 0.0
+    first_y, first_x = y, x
+    while column != last:
+        next_x = column + 1.0 if step > 0 else float(column)
+        next_y = first_y + (next_x - first_x) * steepness
+        _add_cover(column, next_y - y, 0.5 * (x + next_x), parts, covers)
+        y, x = next_y, next_x
+        column += step
+    _add_cover(column, end_y - y, 0.5 * (x + end_x), parts, covers)
 
 
 @kernel
 def _integrate_cells(start, stop, points, by_rows, integrals, cut, faces, cells):
-    one, two = np.empty((12, 2)), np.empty((12, 2))
+    parts, covers = np.zeros(cut.shape[1] + 2), np.zeros(cut.shape[1] + 3)
     bands, listed, in_rows = by_rows
     chunk = start // ROWS
     for f in in_rows[listed[chunk] : listed[chunk + 1]]:
         triangle = points[f]
         if integrals[f, 3] == 0:
             continue
+        whole = integrals[f]
         for row in range(max(bands[f, 0], start), min(bands[f, 1] + 1, stop)):
             first, last = span(triangle, row, row + 1)
             if last < first:
                 continue
-            # Cells between these columns lie in the face with all corners, and so as a whole.
-            top_first, top_last = span(triangle, row, row)
-            low_first, low_last = span(triangle, row + 1, row + 1)
-            left = np.ceil(max(top_first, low_first))
-            right = np.floor(min(top_last, low_last)) - 1
-            for column in range(int(np.floor(first)), int(np.floor(last)) + 1):
-                if cut[row, column]:
-                    continue
-                share = 1.0
-                if not left <= column <= right:
-                    share = _clipped_area(triangle, row, column, one, two)
-                if share > 0:
-                    faces[row, column] = f
-                    for n in range(4):
-                        cells[row, column, n] += share * integrals[f, n]
+            left, right = int(np.floor(first)), int(np.floor(last))
+            count = right - left + 1
+            parts[: count + 1] = 0.0
+            covers[: count + 2] = 0.0
+            for k in range(3):
+                _add_edge(triangle, k, row, left, parts[: count + 1], covers)
+            cover = 0.0
+            for n in range(count):
+                cover += covers[n]
+                share = abs(cover + parts[n])
+                if share > _LITTLE and not cut[row, left + n]:
+                    faces[row, left + n] = f
+                    for m in range(4):
+                        cells[row, left + n, m] += share * whole[m]
 
 
 @kernel
@@ -412,8 +488,9 @@ def _least_in_pieces(start, stop, cells, nodes, values, out):
 
 
 @kernel
-def _assemble_cells(start, stop, cells, screen, stencil, screens):
+def _assemble_cells(start, stop, cells, screen, lumped, stencil, screens):
     columns = cells.shape[1]
+    shared = 0.0 if lumped else screen
     for y in range(max(start, 1), stop):
         for x in range(1, columns):
             # Cells above left, above right, below left and below right of the node.
@@ -422,10 +499,10 @@ def _assemble_cells(start, stop, cells, screen, stencil, screens):
             if area == 0:
                 continue
             screens[y * columns + x] = 0.25 * screen * area
-            stencil[0, y, x] = (b[0] + d[0]) / 6 - (b[2] + d[2]) / 3 + screen * (b[3] + d[3]) / 18
-            stencil[2, y, x] = (c[2] + d[2]) / 6 - (c[0] + d[0]) / 3 + screen * (c[3] + d[3]) / 18
-            stencil[1, y, x] = -(c[0] + c[2]) / 6 + c[1] / 2 + screen * c[3] / 36
-            stencil[3, y, x] = -(d[0] + d[2]) / 6 - d[1] / 2 + screen * d[3] / 36
+            stencil[0, y, x] = (b[0] + d[0]) / 6 - (b[2] + d[2]) / 3 + shared * (b[3] + d[3]) / 18
+            stencil[2, y, x] = (c[2] + d[2]) / 6 - (c[0] + d[0]) / 3 + shared * (c[3] + d[3]) / 18
+            stencil[1, y, x] = -(c[0] + c[2]) / 6 + c[1] / 2 + shared * c[3] / 36
+            stencil[3, y, x] = -(d[0] + d[2]) / 6 - d[1] / 2 + shared * d[3] / 36
 
 
 @kernel
@@ -462,14 +539,24 @@ def _assemble_fans(start, stop, pieces, fans, first, screen, rows, columns, entr
 
 
 @kernel
-def _add_weighted(parts, weights, values, sums):
+def _add_weighted(start, stop, chunk, parts, weights, values, sums):
     last = values.shape[1]
-    for i in range(len(parts)):
-        if parts[i] >= 0:
-            weight = np.float64(weights[i])
-            sums[parts[i], last] += weight
-            for c in range(last):
-                sums[parts[i], c] += weight * values[i, c]
+    total = np.zeros(last + 1)
+    part = -1
+    for i in range(start, stop):
+        if parts[i] < 0:
+            continue
+        if parts[i] != part:
+            if part >= 0:
+                sums[start // chunk, part] += total
+            part = parts[i]
+            total[:] = 0.0
+        weight = np.float64(weights[i])
+        total[last] += weight
+        for c in range(last):
+            total[c] += weight * values[i, c]
+    if part >= 0:
+        sums[start // chunk, part] += total
 
 
 @kernel
@@ -480,59 +567,121 @@ def _subtract_means(start, stop, parts, means, values, out):
             out[i, c] = values[i, c] - mean
 
 
-@kernel
+@sum_kernel
 def _apply_stiffness(start, stop, cells, weights, values, out):
-    # Adds to the nodes in rows start .. stop - 1.
-    columns = cells.shape[1]
-    for y in range(max(start - 1, 0), stop):
-        for x in range(columns - 1):
-            rr, rc, cc, area = cells[y, x]
-            weight = weights[y, x]
-            if area == 0 or weight == 0:
-                continue
-            rr *= weight
-            rc *= weight
-            cc *= weight
-            top = y * columns + x
-            low = top + columns
-            for c in range(values.shape[1]):
-                left = values[low, c] - values[top, c]
-                right = values[low + 1, c] - values[top + 1, c]
-                above = values[top + 1, c] - values[top, c]
-                below = values[low + 1, c] - values[low, c]
-                on_left = rr * (left / 3 + right / 6)
-                on_right = rr * (left / 6 + right / 3)
-                on_top = cc * (above / 3 + below / 6)
-                on_low = cc * (above / 6 + below / 3)
-                mixed = 0.25 * rc * (above + below)
-                other = 0.25 * rc * (left + right)
-                if y >= start:
-                    out[top, c] -= on_left + on_top + mixed + other
-                    out[top + 1, c] += on_top - on_right + other - mixed
-                if y + 1 < stop:
-                    out[low, c] += on_left - on_low + mixed - other
-                    out[low + 1, c] += on_right + on_low + mixed + other
+    # Puts the nodes' sums in rows start .. stop - 1. Channels are taken apart row by row, so that
+    # the loops along rows become vector instructions.
+    rows, columns = weights.shape
+    third, sixth, quarter = np.float32(1 / 3), np.float32(1 / 6), np.float32(0.25)
+    given = np.zeros((2, values.shape[1], columns), dtype=np.float32)
+    found = np.zeros_like(given)
+    parts = np.zeros((3, columns), dtype=np.float32)
+    behind = np.zeros((2, columns), dtype=np.float32)
+    first = max(start - 1, 0)
+    _take_row(values, first, given[first & 1])
+    for y in range(first, min(stop, rows - 1)):
+        upper, lower = given[y & 1], given[(y + 1) & 1]
+        sums, next_sums = found[y & 1], found[(y + 1) & 1]
+        _take_row(values, y + 1, lower)
+        row, share = cells[y], weights[y]
+        for k in range(3):
+            part = parts[k]
+            for x in range(columns):
+                part[x] = share[x] * row[x, k]
+        rr, rc, cc = parts[0], parts[1], parts[2]
+        on_upper, on_lower = behind[0], behind[1]
+        for j in range(values.shape[1]):
+            a, d = upper[j], lower[j]
+            own, its = sums[j], next_sums[j]
+            for x in range(columns - 1):
+                left, right = d[x] - a[x], d[x + 1] - a[x + 1]
+                above, below = a[x + 1] - a[x], d[x + 1] - d[x]
+                on_left = rr[x] * (third * left + sixth * right)
+                on_top = cc[x] * (third * above + sixth * below)
+                mixed = quarter * rc[x] * (above + below)
+                other = quarter * rc[x] * (left + right)
+                own[x] -= on_left + on_top + mixed + other
+                on_right = rr[x] * (sixth * left + third * right)
+                on_upper[x] = on_top - on_right + other - mixed
+            for x in range(columns - 1):
+                left, right = d[x] - a[x], d[x + 1] - a[x + 1]
+                above, below = a[x + 1] - a[x], d[x + 1] - d[x]
+                on_low = cc[x] * (sixth * above + third * below)
+                mixed = quarter * rc[x] * (above + below)
+                other = quarter * rc[x] * (left + right)
+                its[x] = rr[x] * (third * left + sixth * right) - on_low + mixed - other
+                on_right = rr[x] * (sixth * left + third * right)
+                on_lower[x] = on_right + on_low + mixed + other
+            _add_behind(on_upper, own)
+            _add_behind(on_lower, its)
+        if y >= start:
+            _put_row(sums, y, out)
 
 
-@kernel
+@sum_kernel
 def _apply_mass(start, stop, cells, weights, values, out):
-    columns = cells.shape[1]
-    for y in range(max(start - 1, 0), stop):
-        for x in range(columns - 1):
-            if cells[y, x, 3] == 0:
-                continue
-            mass = weights[y, x] * cells[y, x, 3] / 36
-            top = y * columns + x
-            low = top + columns
-            for c in range(values.shape[1]):
-                a, b = values[top, c], values[top + 1, c]
-                d, e = values[low, c], values[low + 1, c]
-                if y >= start:
-                    out[top, c] += mass * (4 * a + 2 * (b + d) + e)
-                    out[top + 1, c] += mass * (4 * b + 2 * (a + e) + d)
-                if y + 1 < stop:
-                    out[low, c] += mass * (4 * d + 2 * (a + e) + b)
-                    out[low + 1, c] += mass * (4 * e + 2 * (b + d) + a)
+    # See `_apply_stiffness`.
+    rows, columns = weights.shape
+    given = np.zeros((2, values.shape[1], columns), dtype=np.float32)
+    found = np.zeros_like(given)
+    mass = np.zeros(columns, dtype=np.float32)
+    on_upper = np.zeros(columns, dtype=np.float32)
+    on_lower = np.zeros(columns, dtype=np.float32)
+    two, share = np.float32(2), np.float32(1 / 36)
+    first = max(start - 1, 0)
+    _take_row(values, first, given[first & 1])
+    for y in range(first, min(stop, rows - 1)):
+        upper, lower = given[y & 1], given[(y + 1) & 1]
+        sums, next_sums = found[y & 1], found[(y + 1) & 1]
+        _take_row(values, y + 1, lower)
+        row, weight = cells[y], weights[y]
+        for x in range(columns):
+            mass[x] = share * weight[x] * row[x, 3]
+        for j in range(values.shape[1]):
+            a, d = upper[j], lower[j]
+            own, its = sums[j], next_sums[j]
+            for x in range(columns - 1):
+                one = two * a[x] + d[x]
+                other = two * a[x + 1] + d[x + 1]
+                own[x] += mass[x] * (two * one + other)
+                on_upper[x] = mass[x] * (one + two * other)
+            for x in range(columns - 1):
+                one = a[x] + two * d[x]
+                other = a[x + 1] + two * d[x + 1]
+                its[x] = mass[x] * (two * one + other)
+                on_lower[x] = mass[x] * (one + two * other)
+            _add_behind(on_upper, own)
+            _add_behind(on_lower, its)
+        if y >= start:
+            _put_row(sums, y, out)
+
+
+@sum_kernel
+def _take_row(values, y, out):
+    columns = out.shape[1]
+    for j in range(out.shape[0]):
+        part = values[y * columns : (y + 1) * columns, j]
+        row = out[j]
+        for x in range(columns):
+            row[x] = part[x]
+
+
+@sum_kernel
+def _put_row(sums, y, out):
+    columns = sums.shape[1]
+    for j in range(sums.shape[0]):
+        part = out[y * columns : (y + 1) * columns, j]
+        row = sums[j]
+        for x in range(columns):
+            part[x] = row[x]
+
+
+@sum_kernel
+def _add_behind(values, out):
+    # What cells give to the nodes on their right.
+    row = out[1:]
+    for x in range(len(row)):
+        row[x] += values[x]
 
 
 @kernel

@@ -35,59 +35,69 @@ _SLACK = 0.5
 seen; where it is seen, on the chart, the values mix to ones that both sides have."""
 
 
-def stitch(atlas: TextureAtlas, values: npt.NDArray[np.float32], step: float) -> None:
-    """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
+class SeamFit:
+    """The least squares of an atlas, for any number of textures."""
 
-    What is seen on the charts stays in the range of what is read along the seam there, and no
-    value leaves the range of the texture. Results will be rounded to multiples of `step`, which
-    leaves as much freedom where values are alike; 0 for floats.
-    """
-    nodes = atlas.sheet.nodes.reshape(-1)
-    free = atlas.owners[(atlas.owners != NOTHING) & ~atlas.inside]
-    ask()
-    reads, weights = _seam_samples(atlas)
-    ask()
-    numbers = np.full(len(nodes), -1, dtype=np.int32)
-    numbers[free] = np.arange(len(free), dtype=np.int32)
-    columns = numbers[reads]
-    useful = (columns >= 0).any(axis=1)
-    reads, weights, columns = reads[useful], weights[useful], columns[useful]
-    if len(reads) == 0:
-        return
-    flat = values.reshape(len(nodes), -1)
-    ask()
-    known = columns >= 0
-    rows = np.broadcast_to(np.arange(len(reads))[:, None], columns.shape)
-    reading = csr_matrix(
-        (weights[known], (rows[known], columns[known])), shape=(len(reads), len(free))
-    )
-    jumps = np.einsum("sk,skc->sc", weights, flat[reads])
-    largest = np.abs(jumps).max(axis=0).astype(np.float64)
-    largest[largest == 0] = 1.0
-    # Columns that are alike in size count alike, whatever the unit of the values.
-    adjustment = largest * _least_squares(reading, jumps / largest)
-    adjusted = flat[free] - adjustment.astype(np.float32)
-    low = flat[free]
-    high = low.copy()
-    _widen(reads, columns, flat, low, high)
-    slack = np.maximum(_SLACK * (high - low), np.float32(step))
-    shape = -(-atlas.height // ROWS), flat.shape[1]
-    least, most = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
-    with aside("Filling the gutter"):
-        run(_bound, atlas.height, atlas.owners, atlas.inside, flat, least, most, chunk=ROWS)
-    low = np.maximum(low - slack, least.min(axis=0))
-    high = np.minimum(high + slack, most.max(axis=0))
-    flat[free] = np.clip(adjusted, low, high)
+    def __init__(self, atlas: TextureAtlas) -> None:
+        self._atlas = atlas
+        count = atlas.sheet.nodes.size
+        self._free = free = atlas.owners[(atlas.owners != NOTHING) & ~atlas.inside]
+        ask()
+        reads, weights = _seam_samples(atlas)
+        ask()
+        numbers = np.full(count, -1, dtype=np.int32)
+        numbers[free] = np.arange(len(free), dtype=np.int32)
+        columns = numbers[reads]
+        useful = (columns >= 0).any(axis=1)
+        self._reads, self._weights = reads[useful], weights[useful]
+        self._columns = columns = columns[useful]
+        if len(columns) == 0:
+            return
+        ask()
+        known = columns >= 0
+        rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
+        entries = self._weights[known], (rows[known], columns[known])
+        self._reading = csr_matrix(entries, shape=(len(columns), len(free)))
+        ask()
+        normal = (self._reading.T @ self._reading).tocsr()
+        self._system = LinearSystem.from_csr(normal + _HOLD * identity(normal.shape[0]))
 
+    def apply(self, values: npt.NDArray[np.float32], step: float) -> None:
+        """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
-def _least_squares(reading: csr_matrix, wanted: Floats) -> Floats:
-    # min |A x - wanted|^2 + hold |x|^2, all columns at once.
-    normal = (reading.T @ reading).tocsr()
-    ask()
-    system = LinearSystem.from_csr(normal + _HOLD * identity(normal.shape[0]))
-    with aside("Filling the gutter"):
-        solution, _ = solve(system, reading.T @ wanted, _TOLERANCE, message="Filling the gutter")
-    return solution
+        What is seen on the charts stays in the range of what is read along the seam there, and no
+        value leaves the range of the texture. Results will be rounded to multiples of `step`,
+        which leaves as much freedom where values are alike; 0 for floats.
+        """
+        if len(self._columns) == 0:
+            return
+        atlas, free = self._atlas, self._free
+        flat = values.reshape(-1, values.shape[2])
+        ask()
+        jumps = np.einsum("sk,skc->sc", self._weights, flat[self._reads])
+        largest = np.abs(jumps).max(axis=0).astype(np.float64)
+        largest[largest == 0] = 1.0
+        # Columns that are alike in size count alike, whatever the unit of the values.
+        adjustment = largest * self._least_squares(jumps / largest)
+        adjusted = flat[free] - adjustment.astype(np.float32)
+        low = flat[free]
+        high = low.copy()
+        _widen(self._reads, self._columns, flat, low, high)
+        slack = np.maximum(_SLACK * (high - low), np.float32(step))
+        shape = -(-atlas.height // ROWS), flat.shape[1]
+        least, most = np.full(shape, np.inf, np.float32), np.full(shape, -np.inf, np.float32)
+        with aside("Filling the gutter"):
+            run(_bound, atlas.height, atlas.owners, atlas.inside, flat, least, most, chunk=ROWS)
+        low = np.maximum(low - slack, least.min(axis=0))
+        high = np.minimum(high + slack, most.max(axis=0))
+        flat[free] = np.clip(adjusted, low, high)
+
+    def _least_squares(self, wanted: Floats) -> Floats:
+        # min |A x - wanted|^2 + hold |x|^2, all columns at once.
+        message = "Filling the gutter"
+        with aside(message):
+            rhs = self._reading.T @ wanted
+            return solve(self._system, rhs, _TOLERANCE, message=message)[0]
 
 
 def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
@@ -122,26 +132,30 @@ def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArr
 
 @kernel
 def _bound(start, stop, owners, inside, values, lows, highs):
-    low = lows[start // ROWS]
-    high = highs[start // ROWS]
-    for y in range(start, stop):
-        for x in range(owners.shape[1]):
-            if inside[y, x]:
-                for c in range(values.shape[1]):
-                    low[c] = min(low[c], values[owners[y, x], c])
-                    high[c] = max(high[c], values[owners[y, x], c])
+    for c in range(values.shape[1]):
+        low, high = np.float32(np.inf), np.float32(-np.inf)
+        for y in range(start, stop):
+            for x in range(owners.shape[1]):
+                if inside[y, x]:
+                    value = values[owners[y, x], c]
+                    low = min(low, value)
+                    high = max(high, value)
+        lows[start // ROWS, c] = low
+        highs[start // ROWS, c] = high
 
 
 @kernel
 def _widen(reads, columns, values, low, high):
     # Extend each free node's range to what the samples that read it read.
     for sample in range(reads.shape[0]):
-        for slot in range(8):
-            number = columns[sample, slot]
-            if number < 0:
-                continue
-            for other in range(8):
-                for c in range(values.shape[1]):
-                    value = values[reads[sample, other], c]
-                    low[number, c] = min(low[number, c], value)
-                    high[number, c] = max(high[number, c], value)
+        for c in range(values.shape[1]):
+            least = most = values[reads[sample, 0], c]
+            for slot in range(1, 8):
+                value = values[reads[sample, slot], c]
+                least = min(least, value)
+                most = max(most, value)
+            for slot in range(8):
+                number = columns[sample, slot]
+                if number >= 0:
+                    low[number, c] = min(low[number, c], least)
+                    high[number, c] = max(high[number, c], most)

@@ -99,13 +99,17 @@ def _means(points: npt.NDArray[np.int64], corners: Floats, count: int) -> Floats
 def _spread(space: TextureSpace, at_points: Floats) -> None:
     # Points without a value get the mean of those around them.
     pieces = space.cut_cells.pieces
+    points = pieces.points
     piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
     while True:
         missing = np.isnan(at_points[:, 0])
         if not missing.any():
             return
-        means = _means(piece, at_points[pieces.points], len(pieces.faces))
-        found = _means(pieces.points, means[piece], len(at_points))[missing]
+        beside = np.zeros(len(pieces.faces), dtype=np.bool_)
+        beside[piece[missing[points]]] = True
+        points, piece = points[beside[piece]], piece[beside[piece]]
+        means = _means(piece, at_points[points], len(pieces.faces))
+        found = _means(points, means[piece], len(at_points))[missing]
         if np.isnan(found[:, 0]).all():
             break
         at_points[missing] = found
@@ -127,6 +131,52 @@ def sheet_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
     cut = space.cut_cells
     at_points = cut.interpolation[cut.hidden[:, 1]] @ values[cut.unknowns]
     flat[cut.hidden[:, 0]] = at_points
+
+
+def added_to_sheet(
+    space: TextureSpace,
+    sheet: _Single,
+    values: _Single,
+    change: _Single,
+    factor: float,
+    alpha: int = -1,
+) -> _Single:
+    """Return a sheet with a change of the function that was read from it.
+
+    Parameters
+    ----------
+    space : TextureSpace
+    sheet : (rows, columns, c) float32
+    values : (n, c) float32
+        The function; without the channel `alpha`, if there is one.
+    change : (n, c) float32
+        Counts as much as `factor` says.
+    factor : float
+    alpha : int
+        A channel of the sheet that stays; -1: none.
+    """
+    result = np.empty_like(sheet)
+    flat, scale = result.reshape(-1, sheet.shape[2]), np.float32(factor)
+    given = sheet.reshape(flat.shape)
+    with aside("Filling the gutter"):
+        run(_add_to_nodes, len(flat), space.labels.reshape(-1), given, change, scale, alpha, flat)
+    cut = space.cut_cells
+    nodes, points = cut.hidden.T
+    whole = values[cut.unknowns] + scale * change[cut.unknowns]
+    channels = np.flatnonzero(np.arange(flat.shape[1]) != alpha)
+    flat[nodes[:, None], channels] = cut.interpolation[points] @ whole
+    return result
+
+
+@kernel
+def _add_to_nodes(start, stop, labels, sheet, change, factor, alpha, out):
+    for i in range(start, stop):
+        for c in range(out.shape[1]):
+            out[i, c] = sheet[i, c]
+        if labels[i] == NOTHING:
+            continue
+        for c in range(change.shape[1]):
+            out[i, c + (0 <= alpha <= c)] += factor * change[i, c]
 
 
 @kernel

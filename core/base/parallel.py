@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
 
@@ -81,6 +81,11 @@ def blocks(count: int, size: int) -> Iterator[slice]:
 
 if hasattr(os, "register_at_fork"):  # a forked process has no threads of its parent's
     os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+def begin(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    """Call a function on another core, while this one goes on; it reports no progress."""
+    return _pool().submit(function, *arguments)
 
 
 def run(

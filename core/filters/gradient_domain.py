@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from threading import Lock
 
 import numpy as np
@@ -12,15 +13,14 @@ from ..atlas import TextureAtlas
 from ..atlas.ghosts import fill_ghosts
 from ..atlas.multigrid import SheetSolver
 from ..atlas.operators import CellWeights, TextureSpace
-from ..atlas.surface_values import corner_values, sheet_values, surface_values
+from ..atlas.surface_values import added_to_sheet, corner_values, surface_values
 from ..base.checks import LARGEST, as_array, checked_image, checked_weights
-from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
-from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import FilterSettings
-from .texels import Texture, checked_atlas, gathered, mix_texels, written
+from .texels import Output, Texture, checked_atlas, gathered, mix_texels
 
 _TOLERANCE = 1e-3
 """Residual of the solution relative to the right-hand side; its error is far below what 8 bits
@@ -171,7 +171,6 @@ class TextureSolver:
                 self._solver, self._masses = SheetSolver(matrix), matrix.screen
         self._change = np.zeros_like(self._input)
         self._one_at_a_time = Lock()
-        self._of_unit: npt.NDArray[np.float32] | None = None
 
     def filtered(
         self,
@@ -202,53 +201,50 @@ class TextureSolver:
             return self._image.copy()
         with reporting(progress):
             with phase(0.0, 0.7, "Filtering"), self._one_at_a_time:
-                change = self._changed(gains)
+                result = self._changed(gains)
             with phase(0.7, 1.0, "Filling the gutter"):
-                return self._written(change, weights)
+                return self._written(result, weights)
 
     def _changed(self, gains: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        # What is to be added to the input; painted gains go on from the last ones' solution.
+        # The values of nodes; painted gains go on from the last ones' solution.
+        change, factor = self._change, 1.0
         if gains.ndim:
             on_nodes = self._texture.atlas.gather(gains[..., None] - np.float32(1.0))
             sheet, sources = self._texture.atlas.sheet, self._texture.atlas.sources
             known = fill_ghosts(sheet, sources, on_nodes)
             corners = corner_values(self._space, on_nodes, known)
             shares = surface_values(self._space, on_nodes, corners)[:, 0]
-            self._solve(self._space.means(shares), self._change)
-            return self._change.copy()
-        if self._of_unit is None:
-            self._of_unit = np.zeros_like(self._input)
-            try:
-                self._solve(self._space.alike, self._of_unit)
-            except BaseException:
-                self._of_unit = None
-                raise
-        return self._of_unit * np.float32(gains - 1.0)
+            self._solve(self._space.means(shares), change)
+        else:
+            change, factor = self._of_unit, float(gains) - 1.0
+        alpha = self._texture.alpha
+        return added_to_sheet(self._space, self._values, self._input, change, factor, alpha)
+
+    @cached_property
+    def _of_unit(self) -> npt.NDArray[np.float32]:
+        # The change for a gain of 2.
+        change = np.zeros_like(self._input)
+        self._solve(self._space.alike, change)
+        return change
+
+    @cached_property
+    def _output(self) -> Output:
+        return Output(self._texture, self._settings)
 
     def _solve(self, gains: CellWeights, change: npt.NDArray[np.float32]) -> None:
         rhs = self._space.apply_stiffness(self._input, gains)
         self._solver.solve(rhs, change, _TOLERANCE, message="Filtering")
         # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
-        change[:] = self._space.without_means(change, self._masses)
+        self._space.without_means(change, self._masses, change)
 
     def _written(
-        self, change: npt.NDArray[np.float32], weights: npt.NDArray[np.float64] | None
+        self, result: npt.NDArray[np.float32], weights: npt.NDArray[np.float64] | None
     ) -> npt.NDArray:
-        atlas, alpha = self._texture.atlas, self._texture.alpha
-        with aside("Filling the gutter"):
-            result = copied(self._values)
-            filtered = change + self._input
-            if alpha >= 0:
-                opacity = np.zeros((len(change), 1), dtype=np.float32)
-                nodes = atlas.sheet.nodes.size
-                opacity[:nodes, 0] = self._values[..., alpha].reshape(-1)
-                filtered = np.insert(filtered, [alpha], opacity, axis=1)
-            sheet_values(self._space, filtered, result)
         keep = None
         if weights is not None:
-            mix_texels(atlas, self._values, 1.0, weights, result)
+            mix_texels(self._texture.atlas, self._values, 1.0, weights, result)
             keep = weights == 0
-        return written(self._texture, result, self._settings, keep).reshape(self._image.shape)
+        return self._output.written(result, keep).reshape(self._image.shape)
 
 
 def _checked_gain(gain: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArray | None:

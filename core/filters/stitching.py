@@ -263,7 +263,7 @@ def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _
     change = np.zeros_like(target.values)
     SheetSolver(matrix).solve(target.unbalance, change, _TOLERANCE, message="Stitching")
     # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
-    change = space.without_means(change, matrix.screen)
+    space.without_means(change, matrix.screen, change)
     if settings.where == "seams":
         free = np.zeros(len(change), dtype=np.bool_)
         free[space.cut_cells.unknowns] = True

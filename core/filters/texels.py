@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..atlas.ghosts import fill_ghosts
-from ..atlas.gutter import unit_normals, write_texels
-from ..atlas.seam_fit import stitch
+from ..atlas.gutter import TexelWriter, unit_normals
+from ..atlas.seam_fit import SeamFit
 from ..atlas.seams import settle_seams
 from ..atlas.sheet import ROWS
-from ..base.checks import BAND, SCALES
+from ..base.checks import BAND, SCALES, as_array
 from ..base.parallel import blocks, run
 from ..base.progress import aside, phase
 from ..errors import InvalidSignal
@@ -87,33 +87,57 @@ def mix_texels(
             run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
 
 
+class Output:
+    """Where texels get their values from, for any number of results for one texture.
+
+    Parameters
+    ----------
+    texture : Texture
+    settings : DilateSettings
+    """
+
+    def __init__(self, texture: Texture, settings: DilateSettings) -> None:
+        self._texture = texture
+        with phase(0.0, 0.5, "Filling the gutter"):
+            self._fit = None if texture.normals else SeamFit(texture.atlas)
+        with phase(0.5, 1.0, "Filling the gutter"):
+            self._writer = TexelWriter(texture.atlas, settings, normals=texture.normals)
+
+    def written(
+        self, values: npt.NDArray[np.float32], keep: npt.NDArray[np.bool_] | None
+    ) -> npt.NDArray:
+        """Return the image with values of nodes inside charts, and what follows beside them.
+
+        Parameters
+        ----------
+        values : (rows, columns, c) float32
+            Overwritten.
+        keep : (h, w) bool, optional
+            Texels inside charts that stay as they are.
+        """
+        texture = self._texture
+        with aside("Filling the gutter"):
+            read_ghosts(texture, values)
+            if self._fit is None:
+                run(unit_normals, len(values), values, chunk=ROWS)
+            else:
+                self._fit.apply(values, least_step(texture.pixels))
+            out = copied(texture.pixels)
+        self._writer.write(values, keep, out, opacity=texture.alpha)
+        return out
+
+
 def written(
     texture: Texture,
     values: npt.NDArray[np.float32],
     settings: DilateSettings,
     keep: npt.NDArray[np.bool_] | None,
 ) -> npt.NDArray:
-    """Return the image with the values of the nodes inside charts, and what follows beside them.
-
-    Parameters
-    ----------
-    texture : Texture
-    values : (rows, columns, c) float32
-        Overwritten.
-    settings : DilateSettings
-    keep : (h, w) bool, optional
-        Texels inside charts that stay as they are.
-    """
-    atlas, pixels, alpha, normals = texture
-    with aside("Filling the gutter"):
-        read_ghosts(texture, values)
-        if normals:
-            run(unit_normals, len(values), values, chunk=ROWS)
-        else:
-            stitch(atlas, values, least_step(pixels))
-        out = copied(pixels)
-    write_texels(atlas, values, settings, keep, out, opacity=alpha, normals=normals)
-    return out
+    """Return the image with values as `Output.written` does, once."""
+    with phase(0.0, 0.6, "Filling the gutter"):
+        output = Output(texture, settings)
+    with phase(0.6, 1.0, "Filling the gutter"):
+        return output.written(values, keep)
 
 
 def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:
@@ -135,3 +159,11 @@ def checked_atlas(
             f" has {width} x {height}; make an atlas for this mesh and size."
         )
     return atlas
+
+
+def checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return the rows and columns of an image to make."""
+    given = as_array(size, "size")
+    if given.shape != (2,) or given.dtype.kind not in "iu":
+        raise InvalidSignal(f"The size is {size!r}; give the image's rows and columns.")
+    return int(given[0]), int(given[1])

@@ -12,7 +12,7 @@ from ..base.parallel import blocks
 
 def copied(pixels: npt.NDArray) -> npt.NDArray:
     """Copy an image, asking whether to go on."""
-    copy = np.empty_like(pixels)
+    copy = np.empty_like(pixels, order="C")
     for band in blocks(len(pixels), BAND):
         copy[band] = pixels[band]
     return copy

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 from shock_filter import core
+from shock_filter.core.atlas.operators import TextureSpace
 from surface_spaces import in_full, positions, space_of, square
 
 
@@ -105,6 +106,42 @@ def test_linear_functions_have_the_energy_of_the_surface(space):
     ways = np.nan_to_num(ways - np.nanmean(ways))  # 0 at what is no unknown
     result = space.apply_stiffness(ways.astype(np.float32))
     assert (ways * result).sum() == pytest.approx(space.area, rel=2e-5)
+
+
+def test_faces_told_apart_within_cells_have_the_same_area_and_energy():
+    mesh, uv, size = square(64, False)
+    uv = uv + 0.05 * np.sin(9 * uv[..., ::-1])
+    space = space_of(mesh, uv, size)
+    finer = TextureSpace(space.atlas, 0.1)
+    assert finer.cut_cells.cut.sum() > 1.3 * space.cut_cells.cut.sum()
+    assert finer.area == pytest.approx(space.area, rel=1e-6)
+    places = positions(finer)
+    ways = np.nan_to_num(places[:, :1] - np.nanmean(places[:, 0])) / finer.atlas.texel_size
+    result = finer.apply_stiffness(ways.astype(np.float32))
+    assert (ways * result).sum() == pytest.approx(finer.area, rel=1e-2)
+
+
+def test_diffusion_along_and_across_has_the_energy_of_its_tensor(space):
+    mesh = space.atlas.mesh
+    corners = mesh.vertices[mesh.faces][..., :2]
+    one = corners[:, 1] - corners[:, 0]
+    one /= np.linalg.norm(one, axis=1, keepdims=True)
+    axes = np.stack([one, one[:, ::-1] * mesh.normals[:, 2:] * [-1.0, 1.0]], axis=1)
+    tensor = np.array([[1.0, 0.3], [0.3, 0.2]])
+    turned = axes @ tensor @ axes.transpose(0, 2, 1)
+    other = space.diffusing(np.stack([turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 1]], axis=1))
+    assert other.area == pytest.approx(space.area, rel=1e-6)
+    way = np.array([0.6, -0.8])
+    values = (positions(space)[:, :2] @ way / space.atlas.texel_size)[:, None]
+    values = np.nan_to_num(values - np.nanmean(values))
+    energy = (values * other.apply_stiffness(values.astype(np.float32))).sum()
+    assert energy == pytest.approx(way @ tensor @ way * space.area, rel=5e-5)
+
+
+def test_diffusion_alike_in_all_directions_changes_nothing(space):
+    same = space.diffusing(np.tile([1.0, 0.0, 1.0], (space.atlas.mesh.face_count, 1)))
+    assert np.array_equal(same.cells, space.cells)
+    assert np.allclose(same.fans, space.fans, rtol=1e-6, atol=1e-9)
 
 
 def poisson_error(space, n):

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Streaks along a field of directions, in a texture, across seams (paper B, section 7.4)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.multigrid import SheetSolver
+from ..atlas.operators import TextureSpace
+from ..atlas.surface_values import sheet_values
+from ..base.checks import Floats, as_array
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..errors import InvalidSignal
+from ..mesh.directions import face_tensors, principal_directions
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import DilateSettings, StreakSettings
+from .texels import Texture, checked_atlas, checked_size, written
+
+_Single = npt.NDArray[np.float32]
+
+_TOLERANCE = 3e-3
+"""Residual of the solution relative to the right-hand side."""
+
+_DEVIATION = 0.18
+"""Standard deviation of the values at a contrast of 1."""
+
+_LEAST_WIDTH = 0.02
+"""Narrowest streaks against their length: narrower ones cannot be solved for."""
+
+
+def surface_line_convolution(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    size: tuple[int, int],
+    directions: npt.ArrayLike | None = None,
+    settings: StreakSettings | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    atlas: TextureAtlas | None = None,
+) -> _Single:
+    """Draw noise as streaks along directions on the surface, across seams.
+
+    Parameters
+    ----------
+    mesh, uv, progress, atlas
+        As in `sharpen_texture`.
+    size : (int, int)
+        Rows and columns of the image that is made.
+    directions : (m, 3) or (n, 3) array of float, optional
+        At faces or at vertices. Signs and lengths do not matter, but where a vector is zero
+        there are grains instead of streaks. Left out, where the surface bends least, see
+        `principal_directions`; others are made by `gradient_directions` and `axis_directions`.
+    settings : StreakSettings, optional
+
+    Returns
+    -------
+    (h, w) float32
+        In [0, 1], 0.5 on the mean. Around the charts the gutter is filled; beyond, it is 0.
+
+    Raises
+    ------
+    InvalidUV, Cancelled
+        As in `sharpen_texture`.
+    InvalidSignal
+        If the directions do not fit the mesh.
+    SolverError
+        If no solution is found.
+
+    Notes
+    -----
+    White noise is diffused, in one implicit step, by a tensor that is 1 along the direction and
+    (width / length)^2 across. Paper B smooths a random value of each texel; here the noise is as
+    strong for each area of the surface, so that it does not change at seams or with the density
+    of texels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
+    >>> along = core.axis_directions(mesh, [1, 0, 0])
+    >>> image = core.surface_line_convolution(mesh, uv, (64, 64), along)
+    >>> rough = [float(np.abs(np.diff(image, axis=axis)).mean()) for axis in (0, 1)]
+    >>> rough[0] > 4 * rough[1]
+    True
+    """
+    settings = settings or StreakSettings()
+    shape = checked_size(size)
+    given = checked_directions(mesh, directions)
+    with reporting(progress):
+        with phase(0.0, 0.1, "Finding directions"):
+            tensors = _tensors(mesh, given, settings)
+        with phase(0.1, 0.4, "Finding texels"):
+            pixels = np.zeros((*shape, 1), dtype=np.float32)
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
+            space = TextureSpace(texture.atlas).diffusing(tensors)
+        with phase(0.4, 0.9, "Drawing streaks"):
+            values = _streaks(space, settings)
+        with phase(0.9, 1.0, "Filling the gutter"):
+            sheet = np.zeros((*space.labels.shape, 1), dtype=np.float32)
+            sheet_values(space, values, sheet)
+            image = written(texture, sheet, DilateSettings(gutter=settings.gutter), None)
+            return np.clip(image[..., 0], 0.0, 1.0)
+
+
+def _streaks(space: TextureSpace, settings: StreakSettings) -> _Single:
+    screen = 2.0 / settings.length**2
+    matrix = space.matrix(screen)
+    solver = SheetSolver(matrix)
+    with aside("Drawing streaks"):
+        noise = np.zeros((space.size, 1), dtype=np.float32)
+        masses = matrix.screen.astype(np.float64) / screen
+        used = np.concatenate(
+            [space.labels.reshape(-1) >= 0, np.ones(space.size - space.labels.size, dtype=np.bool_)]
+        )
+        run(_make_noise, space.size, used, masses, np.uint64(settings.seed), noise[:, 0])
+    values = np.zeros_like(noise)
+    solver.solve(noise, values, _TOLERANCE, message="Drawing streaks")
+    with aside("Drawing streaks"):
+        weights = np.where(used, masses, 0.0)
+        total = weights.sum()
+        flat = values[:, 0].astype(np.float64)
+        mean = weights @ flat / total
+        deviation = np.sqrt(weights @ (flat - mean) ** 2 / total)
+        scale = settings.contrast * _DEVIATION / max(deviation, 1e-30)
+        values[used, 0] = np.clip(0.5 + scale * (flat[used] - mean), 0.0, 1.0)
+    return values
+
+
+def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings) -> Floats:
+    # Those of diffusion: in each direction the square of how far it goes, against the length.
+    directions = principal_directions(mesh) if given is None else given
+    a, b, c = face_tensors(mesh, directions).T
+    trace, apart = a + c, np.hypot(a - c, 2.0 * b)
+    clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
+    if given is None:
+        clear *= np.minimum(np.sqrt(trace) * 2.0, 1.0)
+    across = max(settings.width / settings.length, _LEAST_WIDTH)
+    # The same area is smoothed over everywhere, which keeps the noise as strong.
+    most, least = across ** (1.0 - clear), across ** (1.0 + clear)
+    turn = np.maximum(apart, 1e-300)
+    mean, half = 0.5 * (most + least), 0.5 * (most - least)
+    cosine, sine = (a - c) / turn, 2.0 * b / turn
+    return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
+
+
+def checked_directions(mesh: TriangleMesh, directions: npt.ArrayLike | None) -> Floats | None:
+    """Return directions at faces or vertices as unit vectors; raises `InvalidSignal`."""
+    if directions is None:
+        return None
+    given = as_array(directions, "directions")
+    if given.shape not in ((mesh.face_count, 3), (mesh.vertex_count, 3)):
+        raise InvalidSignal(
+            f"The directions have the shape {given.shape}; give ({mesh.face_count}, 3) or"
+            f" ({mesh.vertex_count}, 3)."
+        )
+    if given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+        raise InvalidSignal("The directions hold NaN, infinity or no numbers; give vectors.")
+    vectors = given.astype(np.float64)
+    largest = np.abs(vectors).max(axis=1, keepdims=True)
+    vectors /= np.where(largest > 0, largest, 1.0)
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
+
+
+@kernel
+def _mix(x):
+    # The finalizer of splitmix64 (Steele, Lea, Flood 2014).
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+@kernel
+def _make_noise(start, stop, used, masses, seed, out):
+    # The integral of white noise around each unknown: its variance is the area there.
+    step = np.uint64(0x9E3779B97F4A7C15)
+    for i in range(start, stop):
+        if used[i]:
+            bits = _mix(_mix(seed * step + step) + np.uint64(i) * step)
+            even = np.float64(bits >> np.uint64(11)) * 2.0**-53
+            out[i] = np.sqrt(12.0 * masses[i]) * (even - 0.5)

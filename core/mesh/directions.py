@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Directions on a mesh, such as streaks follow: line fields, in which signs do not matter.
+
+They are averaged as tensors d d^T, which are the same for d and -d.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import Floats, as_array
+from ..base.progress import ProgressCallback, ask, phase, reporting
+from ..errors import InvalidSettings, InvalidSignal
+from .calculus import average_to_vertices, gradient, smooth_vertices
+from .triangle_mesh import TriangleMesh
+
+_LITTLE = 1e-12
+
+
+def principal_directions(
+    mesh: TriangleMesh,
+    which: str = "least",
+    passes: int = 8,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Find the directions in which a surface bends least or most.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    which : {"least", "most"}
+        Along a limb or around it.
+    passes : int
+        How often the curvature is smoothed: 0 shows all that the mesh has, 50 large shapes only.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (n, 3) float64
+        Tangent vectors at the vertices, as long as the directions are clear: 1 on a cylinder, 0
+        where the surface bends alike in all directions, as on a plane or a ball.
+
+    Raises
+    ------
+    InvalidSettings
+        If `which` is another word.
+    Cancelled
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9), indexing="ij")
+    >>> vertices = np.stack([x, y, np.sqrt(2 - x * x)], axis=-1).reshape(-1, 3)
+    >>> a = np.arange(72).reshape(8, 9)[:, :8].reshape(-1)
+    >>> faces = np.concatenate([np.stack([a, a + 9, a + 10], 1), np.stack([a, a + 10, a + 1], 1)])
+    >>> directions = core.principal_directions(core.TriangleMesh(vertices, faces))
+    >>> bool(abs(directions[40, 1]) > 0.9)
+    True
+    """
+    if which not in ("least", "most"):
+        raise InvalidSettings(f"which is {which!r}; choose one of: least, most.")
+    with reporting(progress), phase(0.0, 1.0, "Finding directions"):
+        normals = average_to_vertices(mesh, mesh.normals)
+        normals = _unit(normals)
+        # How the normal changes in each face, within its plane.
+        change = _tangential(mesh.normals, gradient(mesh, normals))
+        ask()
+        rows = 0.5 * (change + change.transpose(0, 2, 1)).reshape(-1, 9)
+        rows = smooth_vertices(mesh, average_to_vertices(mesh, rows), passes)
+        one, two = _frames(normals)
+        a, b, c = _in_frames(one, two, rows.reshape(-1, 3, 3))
+        ask()
+        # The larger one of both curvatures, by size, has the sign of their mean.
+        angle = 0.5 * np.arctan2(2.0 * b, a - c)
+        angle += 0.5 * np.pi * ((a + c < 0) != (which == "least"))
+        apart, mean = np.hypot(a - c, 2.0 * b), np.abs(a + c)
+        largest = 0.5 * (apart + mean)
+        clear = np.minimum(apart, mean) / np.maximum(largest, _LITTLE)
+        return clear[:, None] * (np.cos(angle)[:, None] * one + np.sin(angle)[:, None] * two)
+
+
+def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool = False) -> Floats:
+    """Find the direction in which a signal rises in each face, or the one of equal values.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    signal : (n,) or (m, 3) array of float
+        At the vertices, or at the corners of the faces that the mesh was made from.
+    turned : bool
+        By a right angle: along lines of equal values.
+
+    Returns
+    -------
+    (m, 3) float64
+        Unit vectors, 0 where the signal does not change or a value is not finite, as distance
+        where no way leads.
+
+    Raises
+    ------
+    InvalidSignal
+        If the signal does not fit the mesh.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> core.gradient_directions(mesh, [0, 2, 0]).round(3).tolist()
+    [[1.0, 0.0, -0.0]]
+    """
+    values = as_array(signal, "signal")
+    if values.dtype.kind not in "biuf" or values.shape not in (
+        (mesh.vertex_count,),
+        (mesh.face_count, 3),
+    ):
+        raise InvalidSignal(
+            f"The signal has the shape {values.shape}; give ({mesh.vertex_count},) or"
+            f" ({mesh.face_count}, 3) numbers."
+        )
+    corners = values[mesh.faces] if values.ndim == 1 else mesh.own_corners(values)
+    corners = corners.astype(np.float64)
+    corners[~np.isfinite(corners).all(axis=1)] = 0.0
+    corners = corners - corners[:, :1]
+    corners /= np.maximum(np.abs(corners).max(axis=1, keepdims=True), 1e-300)
+    places = mesh.scaled_vertices[mesh.faces]
+    sides = np.roll(places, 1, axis=1) - np.roll(places, -1, axis=1)
+    along = np.einsum("fk,fkx->fx", corners, sides)  # of equal values
+    return _unit(along if turned else np.cross(mesh.normals, along))
+
+
+def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = False) -> Floats:
+    """Lay a direction in space onto each face, or the one of the face that is square to it.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    axis : (3,) array of float
+    turned : bool
+        By a right angle: around the axis.
+
+    Returns
+    -------
+    (m, 3) float64
+        Unit vectors, 0 where the axis stands upright on the face.
+
+    Raises
+    ------
+    InvalidSignal
+        If the axis is no direction.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> core.axis_directions(mesh, [1, 0, 1], turned=True).tolist()
+    [[0.0, 1.0, 0.0]]
+    """
+    given = as_array(axis, "axis")
+    if given.shape != (3,) or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+        raise InvalidSignal(f"The axis is {axis!r}; give three numbers.")
+    if not given.any():
+        raise InvalidSignal("The axis has no length; give another one.")
+    wanted = given / np.abs(given).max()
+    around = np.cross(mesh.normals, wanted)
+    return _unit(around if turned else np.cross(around, mesh.normals))
+
+
+def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
+    """Average directions as tensors in the frame of each face.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    directions : (m, 3) or (n, 3) float64
+        At faces or at vertices.
+
+    Returns
+    -------
+    (m, 3) float64
+        First first, first second, second second axis: the first one along the edge of corners 0
+        and 1, the second one towards corner 2.
+    """
+    corners = mesh.vertices[mesh.faces]
+    one = _unit(corners[:, 1] - corners[:, 0])
+    two = np.cross(mesh.normals, one)
+    if len(directions) == mesh.face_count:
+        u, v = _dots(directions, one), _dots(directions, two)
+        return np.stack([u * u, u * v, v * v], axis=1)
+    tensors = np.zeros((mesh.face_count, 3))
+    for k in range(3):
+        given = directions[mesh.faces[:, k]]
+        u, v = _dots(given, one), _dots(given, two)
+        tensors += np.stack([u * u, u * v, v * v], axis=1) / 3.0
+    return tensors
+
+
+def _dots(one: Floats, other: Floats) -> Floats:
+    return np.einsum("ix,ix->i", one, other)
+
+
+def _unit(vectors: Floats) -> Floats:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > _LITTLE, length, np.inf)
+
+
+def _tangential(normals: Floats, change: Floats) -> Floats:
+    # Both sides of matrices (k, 3, 3) without what is along the normal.
+    keep = np.eye(3) - normals[:, :, None] * normals[:, None]
+    return keep @ change @ keep
+
+
+def _frames(normals: Floats) -> tuple[Floats, Floats]:
+    # Two unit vectors at right angles to each other and to the normal.
+    off = np.zeros_like(normals)
+    off[np.arange(len(normals)), np.argmin(np.abs(normals), axis=1)] = 1.0
+    one = _unit(np.cross(normals, off))
+    return one, np.cross(normals, one)
+
+
+def _in_frames(one: Floats, two: Floats, tensors: Floats) -> tuple[Floats, Floats, Floats]:
+    first, second = np.einsum("ixy,iy->ix", tensors, one), np.einsum("ixy,iy->ix", tensors, two)
+    return _dots(one, first), _dots(one, second), _dots(two, second)

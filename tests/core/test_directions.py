@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of directions on meshes: principal curvature, gradients, axes, and their tensors."""
+
+import numpy as np
+import pytest
+from shapes import grid, icosphere, rotation
+from shock_filter import core
+from shock_filter.core.mesh.directions import face_tensors
+
+
+def bent_sheet(n=16, radius=10.0, saddle=False):
+    """A sheet bent around the Y axis; or a saddle, less bent the other way."""
+    vertices, faces = grid(n, n, jitter=0.15)
+    x, y = vertices[:, 0] - n / 2, vertices[:, 1] - n / 2
+    if saddle:
+        vertices[:, 2] = x * x / 20 - y * y / 60
+    else:
+        vertices[:, 0] = radius * np.sin(x / radius)
+        vertices[:, 2] = radius * np.cos(x / radius)
+    return vertices, faces
+
+
+def inner(vertices, n=16, off=4):
+    index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    return index[off:-off, off:-off].reshape(-1)
+
+
+def test_a_cylinder_bends_least_along_and_most_around():
+    vertices, faces = bent_sheet()
+    turn = rotation()
+    mesh = core.TriangleMesh(vertices @ turn.T, faces)
+    chosen = inner(vertices)
+    along = core.principal_directions(mesh)[chosen] @ turn
+    around = core.principal_directions(mesh, "most")[chosen] @ turn
+    assert (np.abs(along[:, 1]) > 0.99 * np.linalg.norm(along, axis=1)).all()
+    assert np.linalg.norm(along, axis=1).min() > 0.7
+    assert (np.abs(around[:, 1]) < 0.1).all() and np.abs((along * around).sum(axis=1)).max() < 1e-9
+
+
+def test_a_saddle_bends_least_where_it_is_flatter():
+    vertices, faces = bent_sheet(saddle=True)
+    for sign in (1, -1):
+        mesh = core.TriangleMesh(vertices * [1, 1, sign], faces)
+        found = core.principal_directions(mesh)[inner(vertices, off=6)]
+        assert (np.abs(found[:, 1]) > 0.9 * np.linalg.norm(found, axis=1)).all()
+
+
+def test_planes_and_balls_have_no_direction():
+    flat = core.TriangleMesh(*grid(4, 4))
+    assert np.abs(core.principal_directions(flat)).max() < 1e-6
+    ball = core.principal_directions(core.TriangleMesh(*icosphere(3)))
+    assert np.linalg.norm(ball, axis=1).max() < 0.1
+
+
+def test_gradients_point_uphill_and_turned_ones_along():
+    vertices, faces = grid(5, 4, jitter=0.2)
+    mesh = core.TriangleMesh(vertices, faces)
+    signal = vertices[:, 0] * 3 + vertices[:, 1] * 4
+    for given in (signal, signal[faces], 1e-30 * signal + 7e-30, 1e200 * signal):
+        assert np.allclose(core.gradient_directions(mesh, given), [0.6, 0.8, 0])
+    along = core.gradient_directions(mesh, signal, turned=True)
+    assert np.allclose(np.abs(along), [0.8, 0.6, 0])
+    assert (core.gradient_directions(mesh, np.full(len(vertices), 3.0)) == 0).all()
+    signal[0] = np.inf
+    assert np.isfinite(core.gradient_directions(mesh, signal)).all()
+
+
+def test_axes_lie_in_the_faces():
+    mesh = core.TriangleMesh(*icosphere(2))
+    along = core.axis_directions(mesh, [0, 0, 5.0])
+    around = core.axis_directions(mesh, [0, 0, 5.0], turned=True)
+    for found in (along, around):
+        assert np.abs((found * mesh.normals).sum(axis=1)).max() < 1e-12
+        assert np.allclose(np.linalg.norm(found, axis=1), 1)
+    assert np.abs(around[:, 2]).max() < 1e-12 and (along[:, 2] > 0).all()
+    upright = core.TriangleMesh(*grid(1, 1))
+    assert (core.axis_directions(upright, [0, 0, 1]) == 0).all()
+
+
+def test_signs_do_not_matter_to_tensors():
+    mesh = core.TriangleMesh(*icosphere(1))
+    rng = np.random.default_rng(0)
+    vectors = rng.normal(size=(mesh.vertex_count, 3))
+    signs = rng.choice([-1.0, 1.0], size=(mesh.vertex_count, 1))
+    assert np.allclose(face_tensors(mesh, vectors), face_tensors(mesh, signs * vectors))
+
+
+def test_wrong_input_is_named():
+    mesh = core.TriangleMesh(*grid(1, 1))
+    with pytest.raises(core.InvalidSettings, match="least, most"):
+        core.principal_directions(mesh, "longest")
+    with pytest.raises(core.InvalidSignal, match="give \\(4,\\) or \\(2, 3\\)"):
+        core.gradient_directions(mesh, np.zeros(3))
+    for axis in ([0, 1], [0, 0, np.nan], ["a", "b", "c"]):
+        with pytest.raises(core.InvalidSignal, match="three numbers"):
+            core.axis_directions(mesh, axis)
+    with pytest.raises(core.InvalidSignal, match="no length"):
+        core.axis_directions(mesh, [0, 0, 0])
+    with pytest.raises(core.Cancelled):
+        core.principal_directions(mesh, progress=lambda *_: False)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of patterns that react and diffuse in textures."""
+
+import numpy as np
+import pytest
+import scipy.sparse
+import scipy.sparse.linalg
+from atlases import sample
+from shock_filter import core
+from shock_filter.core.atlas.operators import TextureSpace
+from shock_filter.core.base import parallel
+from shock_filter.core.filters import reaction_diffusion as rd
+from surface_spaces import in_full, square
+from test_geodesic_distance import plain
+from test_texture_space import LAYOUTS
+
+
+def start_of(atlas, wave=9.0):
+    """Both substances in waves over the surface, the same however it is cut."""
+    x, y, z = np.moveaxis(atlas.bake(atlas.mesh.vertices[atlas.mesh.faces]), -1, 0)
+    v = 0.2 + 0.2 * np.sin(x / wave) * np.cos((y + z) / wave)
+    return np.stack([1.0 - 1.5 * v, v], axis=-1)
+
+
+def react(values, feed, kill):
+    u, v = values.T.astype(np.float64)
+    return np.stack([u - u * v * v + feed * (1 - u), v + u * v * v - (feed + kill) * v], axis=1)
+
+
+@pytest.mark.parametrize("layout", ["turned charts", "another density", "stretched"])
+@pytest.mark.parametrize("scale", [10.0, 60.0])
+def test_a_step_is_that_of_a_direct_solve(layout, scale):
+    charts, angle, change = LAYOUTS[layout]
+    mesh, uv, size = square(48, charts, angle, change)
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    space, start = TextureSpace(atlas), start_of(atlas)
+    settings = core.ReactionSettings(steps=1, scale=scale)
+    image = core.reaction_diffusion(mesh, uv, (size, size), settings, start, atlas=atlas)
+    stiffness, used = in_full(space, 0.0)
+    masses = in_full(space, 1.0)[0].sum(axis=1).A1
+    before = rd._on_surface(space, start.astype(np.float32))[used]
+    wanted = react(before, settings.feed, settings.kill)
+    for k, diffusion in enumerate(rd._DIFFUSION):
+        matrix = scipy.sparse.diags(masses) + diffusion * (scale / rd._SCALE) ** 2 * stiffness
+        wanted[:, k] = scipy.sparse.linalg.spsolve(matrix.tocsc(), masses * wanted[:, k])
+    found = atlas.gather(image).reshape(-1, 2)
+    inside = used[used < space.labels.size]
+    within = atlas.sheet.nodes.reshape(-1)[inside] >= 0
+    off = found[inside[within]] - wanted[: len(inside)][within]
+    assert np.abs(off).max() < 3e-4
+    assert np.abs(wanted - before).max() > 30 * np.abs(off).max()
+
+
+def test_patterns_do_not_know_where_the_surface_is_cut():
+    settings = core.ReactionSettings(steps=300, scale=10)
+    places = np.random.default_rng(0).random((4000, 3))
+    found = []
+    for charts in (False, True):
+        mesh, uv, size = square(96, charts)
+        image = core.reaction_diffusion(mesh, uv, (size, size), settings, start_at(mesh, uv, size))
+        found.append(at_places(mesh, uv, image, places))
+    one, other = found
+    assert one.std() > 0.05
+    assert one.mean() == pytest.approx(other.mean(), rel=0.05)
+    assert one.std() == pytest.approx(other.std(), rel=0.05)
+    assert np.corrcoef(one, other)[0, 1] > 0.95
+
+
+def start_at(mesh, uv, size):
+    return start_of(core.TextureAtlas(mesh, uv, size, size), 5.0)
+
+
+def at_places(mesh, uv, image, places):
+    """The second substance at places of a flat square, in shares of its sides."""
+    side = mesh.vertices.max()
+    x, y = side * places[:, 0], side * places[:, 1]
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces][..., :2], 1, 0)
+    value = np.full(len(x), np.nan)
+    for n in range(len(x)):
+        p = np.array([x[n], y[n]])
+        det = np.cross(b - a, c - a)
+        second, third = np.cross(p - a, c - a) / det, np.cross(b - a, p - a) / det
+        face = int(np.argmax(np.minimum(np.minimum(second, third), 1 - second - third)))
+        shares = np.array([1 - second[face] - third[face], second[face], third[face]])
+        value[n] = sample(image, (shares @ uv[face])[None, None])[0, 0, 1]
+    return value
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_values_stay_in_their_range(layout):
+    charts, angle, change = LAYOUTS[layout]
+    mesh, uv, size = square(48, charts, angle, change)
+    space = TextureSpace(core.TextureAtlas(mesh, uv, size, size))
+    settings = core.ReactionSettings(steps=150, scale=10)
+    values = rd._on_surface(space, rd._spots(space.atlas, settings))
+    rd._grow(space, values, settings)
+    assert values[:, 1].max() > 0.2
+    assert values.min() > -1e-3 and values.max() < 1 + 1e-3
+
+
+def test_no_steps_return_the_start():
+    mesh, uv = plain(32)
+    start = np.random.default_rng(0).random((32, 32, 2))
+    start[..., 0] *= 1 - start[..., 1]
+    image = core.reaction_diffusion(mesh, uv, (32, 32), core.ReactionSettings(steps=0), start)
+    assert np.allclose(image, start, atol=1e-6)
+
+
+def test_a_result_goes_on_growing():
+    mesh, uv = plain(48)
+    size = (48, 48)
+    whole = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=40))
+    half = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=20))
+    again = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=20), half)
+    assert np.abs(whole - half).max() > 0.05
+    assert np.abs(whole - again).max() < 2e-3
+
+
+def test_rates_vary_the_scale():
+    mesh, uv = plain(64)
+    size = (64, 64)
+    start = start_at(mesh, uv, 64)
+    twice = core.ReactionSettings(steps=30, scale=20)
+    one = core.reaction_diffusion(mesh, uv, size, twice, start)
+    settings = core.ReactionSettings(steps=30, scale=10)
+    other = core.reaction_diffusion(mesh, uv, size, settings, start, np.full(size, 2.0))
+    assert np.abs(one - other).max() < 1e-3
+    rates = np.where(np.arange(64) < 32, 2.0, 1.0) * np.ones((64, 1))
+    mixed = core.reaction_diffusion(mesh, uv, size, settings, start, rates)
+    plainly = core.reaction_diffusion(mesh, uv, size, settings, start)
+    assert np.abs(mixed - one)[:, :16].max() < 0.02
+    assert np.abs(mixed - plainly)[:, 48:].max() < 0.02
+
+
+@pytest.mark.parametrize("at", ["faces", "vertices"])
+def test_patterns_are_longer_along_directions(at):
+    mesh, uv = plain(64)
+    y, x = np.mgrid[:64, :64] - 31.5
+    start = np.zeros((64, 64, 2))
+    start[..., 1] = np.exp(-(x**2 + y**2) / 16)
+    count = mesh.face_count if at == "faces" else mesh.vertex_count
+    directions = np.tile([1.0, 1.0, 0.0], (count, 1))
+
+    def spread(stretch):
+        # How much wider the second substance becomes, where nothing reacts with it.
+        settings = core.ReactionSettings(steps=100, feed=0, kill=0, scale=10, stretch=stretch)
+        v = core.reaction_diffusion(mesh, uv, (64, 64), settings, start, None, directions)[..., 1]
+        assert v.sum() == pytest.approx(start.sum(), rel=1e-3)
+        return np.array([((v - start[..., 1]) * (x + k * y) ** 2).sum() for k in (1, -1)])
+
+    along, across = spread(2.0)
+    assert along / across == pytest.approx(4, rel=0.05)
+    along, across = spread(1.0)
+    assert along / across == pytest.approx(1, rel=0.01)
+
+
+def test_seeds_give_other_patterns_of_one_kind():
+    mesh, uv = plain(48)
+    images = [
+        core.reaction_diffusion(mesh, uv, (48, 48), core.ReactionSettings(steps=10, seed=seed))
+        for seed in (0, 0, 1)
+    ]
+    assert np.array_equal(images[0], images[1])
+    assert np.abs(images[0] - images[2]).max() > 0.1
+
+
+def test_results_are_the_same_on_one_core_and_two(monkeypatch):
+    mesh, uv, size = square(48)
+    images = []
+    for count in (1, 2):
+        monkeypatch.setattr(parallel, "thread_count", lambda count=count: count)
+        settings = core.ReactionSettings(steps=5)
+        images.append(core.reaction_diffusion(mesh, uv, (size, size), settings))
+    assert np.array_equal(*images)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (9, 1)])
+def test_tiny_images_give_finite_results(size):
+    mesh, uv = plain(8)
+    image = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=3))
+    assert image.shape == (*size, 2) and image.dtype == np.float32
+    assert np.isfinite(image).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"start": np.zeros((8, 8))}, "start has the shape"),
+        ({"start": np.full((8, 8, 2), 2.0)}, "start leaves"),
+        ({"start": np.full((8, 8, 2), np.nan)}, "start holds NaN"),
+        ({"rates": np.ones((4, 8))}, "rates have the shape"),
+        ({"rates": np.full((8, 8), -1.0)}, "rates leave"),
+        ({"rates": np.full((8, 8), np.inf)}, "rates hold NaN"),
+        ({"directions": np.ones((3, 3))}, "directions have the shape"),
+    ],
+)
+def test_what_does_not_fit_is_named(given, words):
+    mesh, uv = plain(8)
+    with pytest.raises(core.InvalidSignal, match=words):
+        core.reaction_diffusion(mesh, uv, (8, 8), core.ReactionSettings(steps=1), **given)
+
+
+def test_cancelled_runs_raise():
+    mesh, uv = plain(32)
+    for most in (0, 3, 30, 100):
+        told = []
+
+        def ask(fraction, message, most=most, told=told):
+            told.append(fraction)
+            return len(told) <= most
+
+        with pytest.raises(core.Cancelled):
+            core.reaction_diffusion(mesh, uv, (32, 32), progress=ask)
+        assert len(told) == most + 1
+        assert told == sorted(told)
