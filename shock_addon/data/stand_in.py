@@ -18,8 +18,8 @@ _INTERVAL = 0.1
 _CALM = 50
 """Rounds of this interval without an icon being drawn, before an image is removed.
 
-Where a list or a button shows an icon, Blender waits two seconds and then draws it on a thread, from
-a copy of the material that it made at first. Nobody can ask what waits.
+Where a list or a button shows an icon, Blender waits two seconds and then draws it on a thread,
+from a copy of the material that it made at first. Nobody can ask what waits.
 """
 
 _ORIGINAL = "shock_filter_original"

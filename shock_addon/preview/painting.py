@@ -25,7 +25,7 @@ from .previewing import Preview, parameters_of
 
 _INTERVAL = 0.05
 _SHARE = 5
-"""How many times as long as a look at the map takes until the next one: large maps take their time."""
+"""How many times as long as a look at the map takes, until the next one."""
 
 _BRUSH = "PAINT_OT_image_paint"
 _MIDDLE = 128 / 255
