@@ -33,8 +33,12 @@ def gains_of(grays: npt.ArrayLike, gain: float) -> npt.NDArray[np.float32]:
     >>> gains_of([0.0, 127 / 255, 128 / 255, 1.0], 3.0).tolist()
     [0.0, 1.0, 1.0, 3.0]
     """
-    signed = np.clip(np.asarray(grays, dtype=np.float32), 0.0, 1.0) - np.float32(0.5)
-    share = (np.abs(signed) - np.float32(_HALF)) / np.float32(0.5 - _HALF)
-    share[share < _ROUNDING] = 0.0
-    slopes = np.where(signed < 0, np.float32(-1.0), np.float32(gain - 1.0))
-    return np.float32(1.0) + slopes * share
+    signed = np.clip(np.asarray(grays, dtype=np.float32), 0.0, 1.0)
+    signed -= np.float32(0.5)
+    gains = np.abs(signed)
+    gains -= np.float32(_HALF)
+    gains /= np.float32(0.5 - _HALF)
+    gains[gains < _ROUNDING] = 0.0
+    gains *= np.where(signed < 0, np.float32(-1.0), np.float32(gain - 1.0))
+    gains += np.float32(1.0)
+    return gains

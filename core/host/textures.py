@@ -126,7 +126,7 @@ def _tried(
         shared = replace(settings, gain=1.0, alpha=alpha)
         key = (id(picture), *vars(shared).values())
 
-        # The picture is kept with the solver, so that no other one has its number.
+        # The picture is kept with its solver, so that no other one has its number meanwhile.
         def make() -> tuple[HostImage, TextureSolver]:
             return picture, TextureSolver(atlas.mesh, uv, pixels, shared, atlas=atlas)
 
@@ -137,17 +137,15 @@ def _tried(
         with phase(0.0, 0.5, "Measuring texels"):
             _, solver = kept(surface.faces, "solver", key, make)
         with phase(0.5, 1.0, "Filtering"):
-            key = (*key, surface.grays, surface.mask)
-            gain, first = kept(
-                surface.faces, "first", key, lambda: (settings.gain, result(settings.gain))
-            )
+            key = surface.grays, surface.mask
+            gain, first = kept(solver, "first", key, lambda: (settings.gain, result(settings.gain)))
             other = 0.0 if gain > 0.5 else 2.0
             is_painted = surface.grays is not None or surface.faces.grays is not None
             if settings.gain == gain and is_painted:  # the second one takes another solution
                 return first
             if surface.grays is not None and surface.faces.grays is not None:
                 return result(settings.gain)  # their product is not linear
-            second = kept(surface.faces, "second", (*key, other), lambda: result(other))
+            second = kept(solver, "second", (*key, other), lambda: result(other))
             share = np.float32((settings.gain - other) / (gain - other))
             return second + share * (first - second)
 

@@ -14,7 +14,13 @@ from .images import new_like
 from .materials import image_nodes
 
 _NAME = ".shock_filter preview"  # lists leave such names out
-_INTERVAL = 0.2
+_INTERVAL = 0.1
+_CALM = 50
+"""Rounds of this interval without an icon being drawn, before an image is removed.
+
+Where a list or a button shows an icon, Blender waits two seconds and then draws it on a thread,
+from a copy of the material that it made at first. Nobody can ask what waits.
+"""
 
 _ORIGINAL = "shock_filter_original"
 """The image that it stands for: files that are saved by themselves, and undo, may hold both."""
@@ -81,26 +87,43 @@ def put_away() -> None:
         _remove(stand_in)
 
 
+def remove_left() -> None:
+    """Remove those that were put away already; undo may bring them back."""
+    for image in list(bpy.data.images):
+        if image.name.startswith(_NAME) and _ORIGINAL not in image:
+            _remove(image)
+
+
 def _remove(stand_in: bpy.types.Image) -> None:
-    """Remove it, as soon as no material's icon is drawn: Blender crashes if its image goes."""
+    """Remove it when no material's icon can need it any more: Blender crashes if its image goes.
+
+    Until then nothing uses it, so that no file is saved with it.
+    """
     if _ORIGINAL in stand_in:
         del stand_in[_ORIGINAL]
-    uid = stand_in.session_uid
+    stand_in.use_fake_user = False
+    if bpy.app.background:  # without icons, and without timers
+        bpy.data.images.remove(stand_in)
+        return
+    uid, calm = stand_in.session_uid, 0
 
     def remove() -> float | None:
-        if bpy.app.is_job_running("RENDER_PREVIEW"):
+        nonlocal calm
+        calm = 0 if bpy.app.is_job_running("RENDER_PREVIEW") else calm + 1
+        if calm < _CALM:
             return _INTERVAL
         if (image := _find(uid)) is not None:
             bpy.data.images.remove(image)
         return None
 
-    if remove() is not None:
-        bpy.app.timers.register(remove, first_interval=_INTERVAL)
+    bpy.app.timers.register(remove, first_interval=_INTERVAL)
 
 
 def _new(image: bpy.types.Image) -> bpy.types.Image:
     stand_in = new_like(image, _NAME, image.size)
     stand_in[_ORIGINAL] = image
+    icon = stand_in.preview_ensure()
+    icon.icon_size = icon.image_size = (1, 1)  # else lists of images draw one, on a thread
     return stand_in
 
 

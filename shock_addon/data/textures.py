@@ -363,7 +363,8 @@ def _read_others(
 
 def grays_of(pixels: npt.NDArray[np.float32]) -> Floats:
     """Return the mean of the colors, without opacity, clipped to [0, 1]."""
-    return np.clip(pixels[..., :3].mean(axis=-1, dtype=np.float64), 0.0, 1.0)
+    red, green, blue = (pixels[..., channel] for channel in range(3))
+    return np.clip((red.astype(np.float64) + green + blue) / 3.0, 0.0, 1.0)
 
 
 _MASK_REASONS = (

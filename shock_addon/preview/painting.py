@@ -6,6 +6,7 @@ Nothing is modal, so that Blender's brushes and the panel work as they always do
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -22,9 +23,13 @@ from ..operators import poll as obstacles
 from ..operators.base import can_run
 from .previewing import Preview, parameters_of
 
-_INTERVAL = 0.1
+_INTERVAL = 0.05
+_SHARE = 5
+"""How many times as long as a look at the map takes, until the next one."""
+
+_BRUSH = "PAINT_OT_image_paint"
 _MIDDLE = 128 / 255
-_ORIGINAL = "shock_filter_original"  # as in data.stand_in, which needs numpy
+_STAND_IN = ".shock_filter preview"  # as in data.stand_in, which needs numpy
 
 _running: list[_Painting] = []
 
@@ -89,17 +94,26 @@ class _Painting:
         _paint_on(context, gain_map)
         self.stage = _Stage(image, gain_map, target.surface)
         self.preview = Preview(mode, parameters, self.stage)
-        self._strokes = 0
+        self._strokes, self._next_look = 0, 0.0
 
     def tick(self) -> None:
         """Show what is ready, and begin anew if something was painted or set."""
         preview = self.preview
         parameters = parameters_of(bpy.data.scenes[self._scene], self._mode)
-        if not preview.is_computing and self.stage.look():
+        if not preview.is_computing and not _is_brush_down() and self._look():
             self._strokes += 1
         parameters.strokes = self._strokes
         preview.parameters = parameters
         preview.tick()
+
+    def _look(self) -> bool:
+        began = time.perf_counter()
+        if began < self._next_look:
+            return False
+        is_new = self.stage.look()
+        ended = time.perf_counter()
+        self._next_look = ended + _SHARE * (ended - began)
+        return is_new
 
     def is_lost(self) -> bool:
         """Whether there is nothing to show any more."""
@@ -159,8 +173,11 @@ def stop(*_: object) -> None:
 @persistent
 def put_away(*_: object) -> None:
     """Show textures instead of what stands for them in a file, or in a step of undo."""
-    if not _running and any(_ORIGINAL in image for image in bpy.data.images):
+    if not any(image.name.startswith(_STAND_IN) for image in bpy.data.images):
+        return
+    if not _running:
         data.stand_in.put_away()
+    data.stand_in.remove_left()
 
 
 def _tick() -> float | None:
@@ -170,7 +187,7 @@ def _tick() -> float | None:
     try:
         if painting.is_lost():
             stop()
-        elif not (jobs.is_scene_read() or bpy.app.is_job_running("RENDER_PREVIEW")):
+        elif not jobs.is_scene_read():
             painting.tick()
     except BaseException:
         stop()
@@ -221,6 +238,12 @@ def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image) -> None:
     shading = getattr(context.space_data, "shading", None)
     if shading is not None and shading.type in {"SOLID", "WIREFRAME"}:
         shading.type = "MATERIAL"
+
+
+def _is_brush_down() -> bool:
+    # What is computed in the middle of a stroke would be in the way at its end.
+    windows = bpy.context.window_manager.windows
+    return any(each.bl_idname == _BRUSH for window in windows for each in window.modal_operators)
 
 
 def _find(uid: int) -> bpy.types.Image | None:

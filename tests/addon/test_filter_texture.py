@@ -342,6 +342,12 @@ def test_painting_begins_with_a_map_that_keeps_everything(painted):
     assert shown_image().name.startswith(".")
 
 
+def test_the_stand_in_has_an_icon_so_that_none_is_drawn_from_its_pixels(painted):
+    settled()
+    assert shown_image().preview.is_icon_custom
+    assert shown_image().preview.is_image_custom
+
+
 def test_what_is_painted_and_set_is_shown(painted):
     before = waves_stored()
     paint("Wood gain", slice(SIZE // 2, SIZE), 1.0)

@@ -495,6 +495,34 @@ def test_any_filter_of_textures_may_be_followed_by_sharpening(monkeypatch, opaci
     np.testing.assert_array_equal(kept.recolored.colors[inside], surface.picture.pixels[inside])
 
 
+def test_what_is_kept_of_a_tried_picture_is_not_taken_for_another_at_its_address():
+    surface = on_host(Blocks(photo(32)), opacity="CHANNEL_PACKED")
+    grays = np.full(surface.picture.pixels.shape[:2], 1.0)
+    surface = replace(surface, is_tried=True, grays=grays)
+    pixels = surface.picture.pixels
+
+    def tried(picture, gain):
+        settings = core.FilterSettings(gain=gain)
+        result = filter_texture(replace(surface, picture=picture), "filter_texture", settings)
+        return result.recolored.colors
+
+    def copied(values):
+        return HostImage(values, "CHANNEL_PACKED", False, 0)
+
+    one = copied(pixels)
+    tried(one, 2.0), tried(one, 3.0)  # the second takes another solution
+    tried(copied(pixels[::-1].copy()), 2.0)
+    address = id(one)
+    del one
+    pictures = [copied(0.5 * pixels)]
+    while id(pictures[-1]) != address and len(pictures) < 5000:
+        pictures.append(copied(0.5 * pixels))
+    tried(pictures[-1], 2.0)
+    fresh = replace(surface, faces=replace(surface.faces), picture=pictures[-1], is_tried=False)
+    direct = filter_texture(fresh, "filter_texture", core.FilterSettings(gain=3.0))
+    np.testing.assert_allclose(tried(pictures[-1], 3.0), direct.recolored.colors, atol=1e-3)
+
+
 def test_the_bar_of_a_hosts_texture_does_not_jump():
     surface = on_host(Blocks(photo(64)))
     told = []

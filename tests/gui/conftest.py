@@ -14,9 +14,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -86,13 +88,26 @@ def blender(request: pytest.FixtureRequest):
 @pytest.fixture(scope="session")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder for all that Blender reads and writes, with the scenarios in it."""
-    folder = tmp_path_factory.mktemp("blender")
+    return _new_work(tmp_path_factory.mktemp("blender"))
+
+
+def _new_work(folder: Path) -> Path:
     (folder / "resources").mkdir()
     if kernels := os.environ.get("SHOCK_FILTER_KERNELS"):  # see tests/extension/test_installed.py
         extensions = folder / "resources" / "extensions"
         shutil.copytree(kernels, extensions / ".user" / "user_default" / "shock_filter")
     shutil.copytree(Path(__file__).parent / "inside", folder / "inside")
     return folder
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Let one worker in at a time."""
+    import fcntl  # where windows are tested
+
+    with path.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -106,14 +121,41 @@ def versions(blender, work: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="session")
-def installed(blender, work: Path, versions: dict[str, str]) -> subprocess.CompletedProcess[str]:
+def preparing(blender, work: Path, versions, tmp_path_factory) -> dict[str, dict]:
+    """Install, and let the extension compile its kernels by itself; return both scenarios' reports.
+
+    All others come after it, so that they find everything compiled. One worker does it, and the
+    others copy what it has made.
+    """
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return _prepare(blender, work, versions["python"])
+    shared = tmp_path_factory.getbasetemp().parent
+    with _alone(shared / "preparing.lock"):
+        reports = shared / "prepared.json"
+        if not reports.exists():
+            made = _prepare(blender, work, versions["python"])
+            shutil.copytree(work / "resources", shared / "resources", symlinks=True)
+            reports.write_text(json.dumps(made), encoding="utf-8")
+            return made
+    shutil.rmtree(work / "resources")
+    shutil.copytree(shared / "resources", work / "resources", symlinks=True)
+    return json.loads(reports.read_text(encoding="utf-8"))
+
+
+def _prepare(blender: Any, work: Path, python: str) -> dict[str, dict]:
+    done = _install(blender, work, python)
+    assert done.returncode == 0, done.stdout
+    names = ("preparing_interrupted", "preparing")
+    return {name: _play(blender, work, name, limit=PREPARING_LIMIT) for name in names}
+
+
+def _install(blender: Any, work: Path, python: str) -> subprocess.CompletedProcess[str]:
     """Install and enable the extension's zip from the command line, as users do."""
-    python = versions["python"]
     known = {*REQUIREMENTS, *(series.python for series in build_extension.SERIES.values())}
     if python not in known:
         pytest.skip(
-            f"The window tests were not run with Blender {versions['blender']}: its Python"
-            f" {python} has no entry in tests/gui/conftest.py's REQUIREMENTS."
+            f"The window tests were not run: Blender's Python {python} has no entry in"
+            " tests/gui/conftest.py's REQUIREMENTS."
         )
     build_extension.build(
         "linux-x64",
@@ -127,25 +169,14 @@ def installed(blender, work: Path, versions: dict[str, str]) -> subprocess.Compl
 
 
 @pytest.fixture(scope="session")
-def preparing(blender, work: Path, installed) -> dict[str, dict]:
-    """Let the extension compile its kernels as it does by itself; return both scenarios' reports.
-
-    All others come after it, so that they find everything compiled.
-    """
-    assert installed.returncode == 0, installed.stdout
-    names = ("preparing_interrupted", "preparing")
-    return {name: _play(blender, work, name, limit=PREPARING_LIMIT) for name in names}
-
-
-@pytest.fixture(scope="session")
 def play(blender, work: Path, preparing, versions, request) -> Callable[[str], dict]:
     """Return a function that runs a scenario in Blender, once, and returns its report."""
     reports: dict[str, dict] = dict(preparing)
 
     def play_once(name: str) -> dict:
         if name not in reports:
-            reports[name] = _play(blender, work, name)
             target = request.config.getoption("--pictures", None)
+            reports[name] = _play(blender, work, name, keep=target is not None)
             if target:
                 _keep_pictures(work / name, target, ".".join(versions["blender"].split(".")[:2]))
         return reports[name]
@@ -153,12 +184,13 @@ def play(blender, work: Path, preparing, versions, request) -> Callable[[str], d
     return play_once
 
 
-def _play(blender, work: Path, name: str, limit: float = LIMIT) -> dict:
+def _play(blender, work: Path, name: str, limit: float = LIMIT, keep: bool = False) -> dict:
     (work / name).mkdir()
     seen = blender.seen(work)
     window = ["--window-geometry", "0", "0", "1600", "900"]
     script = ["--python-exit-code", "1", "--python", str(seen / "inside" / "play.py")]
     targets = [name, str(seen / name / "report.json"), str(seen / name)]
+    targets += ["kept"] if keep else []
     done = blender.run(work, "blender", *window, *script, "--", *targets, screen=True, limit=limit)
     path = work / name / "report.json"
     report = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}

@@ -3,7 +3,8 @@
 
 import pytest
 
-SLOWEST = {"1024": 3.0}  # seconds; on two quiet cores 0.3
+SLOWEST = {"1024": 3.0, "2048": 5.0}  # seconds; on two quiet cores 0.3 and 0.5
+SLOWEST_STROKE = 5.0
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +38,13 @@ def test_the_model_shows_what_is_painted(report):
     assert seen["turned"] > 200
 
 
+def test_the_model_shows_a_stroke_soon_after_its_end(report, capsys):
+    seconds = report["painted"]["seconds"]
+    with capsys.disabled():
+        print("\nstrokes at 1024: " + ", ".join(f"{each:.2f} s" for each in seconds))
+    assert sorted(seconds)[len(seconds) // 2] < SLOWEST_STROKE
+
+
 def test_undo_takes_the_stroke_back_and_painting_goes_on(report):
     assert report["painted"]["undone"]
     assert report["painted"]["is_running"]
@@ -47,4 +55,5 @@ def test_a_run_ends_it_and_leaves_nothing_behind(report):
     assert seen["ended"]
     assert seen["shown"] == "Coat filtered"
     assert seen["kept"]
-    assert seen["left"] == []
+    assert seen["used"] == []
+    assert seen["left"] == 0

@@ -94,4 +94,5 @@ def texture(image: bpy.types.Image) -> dict:
     """Return what a preview of a texture must bring back."""
     node = bpy.data.materials["Coat"].node_tree.nodes.active
     state_ = {"pixels": pixels(image), "dirty": image.is_dirty, "users": image.users}
-    return {**state_, "material": node.image.name, "images": sorted(bpy.data.images.keys())}
+    images = sorted(image.name for image in bpy.data.images if image.users or image.name[0] != ".")
+    return {**state_, "material": node.image.name, "images": images}
