@@ -25,7 +25,7 @@ from ..base.checks import Floats
 from ..base.parallel import kernel
 from ..base.progress import aside, ask
 from ..mesh.triangle_mesh import Ints
-from .cut import CROSSING, NODE
+from .cut import CROSSING, NODE, tempered_jacobians
 from .operators import TextureSpace
 
 _FLAT = 1e6
@@ -90,15 +90,12 @@ class SurfaceDistance:
     Parameters
     ----------
     space : TextureSpace
-
-    Attributes
-    ----------
-    found : bool
-        Whether there is any source yet.
+        Best one that tells faces apart where the metric jumps.
     """
 
     def __init__(self, space: TextureSpace) -> None:
         self._space = space
+        self._jacobians = tempered_jacobians(space.atlas.metric)
         self._polygons, self._numbers = _polygons_of(space)
         count = len(self._polygons.first) - 1
         self._fronts = _Fronts(
@@ -113,6 +110,7 @@ class SurfaceDistance:
 
     @property
     def found(self) -> bool:
+        """Whether there is any source yet."""
         return bool(self._fronts.state[1])
 
     def start_at_nodes(self, chosen: npt.NDArray[np.bool_]) -> None:
@@ -126,11 +124,10 @@ class SurfaceDistance:
     def start_at_segments(self, segments: Segments) -> None:
         """Count from points and lines in faces."""
         atlas, cut = self._space.atlas, self._space.cut_cells
-        metric = atlas.metric
         for low in range(0, len(segments.faces), _ROUND):
             part = slice(low, low + _ROUND)
             _start_along(segments.faces[part], segments.ends[part], atlas.sheet.points,
-                         metric.jacobians, metric.shapes, cut.cut, cut.pieces.faces,
+                         self._jacobians, atlas.metric.shapes, cut.cut, cut.pieces.faces,
                          cut.pieces.cells, self._polygons, self._fronts)  # fmt: skip
             ask()
 
@@ -158,7 +155,7 @@ class SurfaceDistance:
         result = np.full(len(faces), np.inf)
         for low in range(0, len(faces), _ROUND):
             part = slice(low, low + _ROUND)
-            _read(faces[part], shares[part], atlas.sheet.points, atlas.metric.jacobians,
+            _read(faces[part], shares[part], atlas.sheet.points, self._jacobians,
                   atlas.metric.shapes, cut.cut, cut.pieces.faces, cut.pieces.cells,
                   self._polygons, self._fronts, result[part])  # fmt: skip
             ask()

@@ -73,7 +73,7 @@ def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None
     rows = (weights[..., None] * _unit(flat)).reshape(-1, 3)
     groups = _groups(mesh, uv, normals, signs)
     ask()
-    sums = np.stack([np.bincount(groups, column) for column in rows.T], axis=1)
+    sums: Floats = np.stack([np.bincount(groups, column) for column in rows.T], axis=1)
     tangents = _unit(sums)[groups].reshape(-1, 3, 3)
     # Where no face of the group has area in the texture, any direction will do.
     lost = ~tangents.any(axis=2)
