@@ -29,12 +29,15 @@ class Kind(NamedTuple):
         Whether these files are images; they are meshes otherwise.
     on_mesh : bool
         Whether a mesh file, whose surface shows the images, is needed beside each of them.
+    is_drawn : bool
+        Whether an image is made from the mesh alone.
     """
 
     name: str
     inputs: str
     is_image: bool = False
     on_mesh: bool = False
+    is_drawn: bool = False
 
 
 GEOMETRY = Kind("geometry", "mesh files")
@@ -55,8 +58,24 @@ One that has a parameter ``out`` is given an array for the result, which may be 
 TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_mesh=True)
 """``function(mesh, uv, image, settings, mask=, progress=, atlas=)`` returns an image."""
 
-MASK = Kind("mask", "mesh file")
+FIELD = Kind("field", "mesh file", is_drawn=True)
+"""``function(mesh, uv, size, settings=, progress=, atlas=)`` returns an image; some want more."""
+
+MASK = Kind("mask", "mesh file", is_drawn=True)
 """What each texel is: drawn from a mesh, and so the kind of no filter."""
+
+
+WAYS: Mapping[str, str] = {
+    "flat": "The way in which the surface bends least: along limbs and edges",
+    "bending": "The way in which it bends most: round them",
+    "x": "The X axis, laid onto the surface",
+    "y": "The Y axis",
+    "z": "The Z axis",
+    "around_x": "Round the X axis",
+    "around_y": "Round the Y axis",
+    "around_z": "Round the Z axis, as on turned metal",
+}
+"""Directions on a surface that have names."""
 
 
 class Filter(NamedTuple):
@@ -78,6 +97,9 @@ class Filter(NamedTuple):
         What it is for, in a few words that follow the command's name.
     corners : str
         For `COLORS`: name of the function for signals at the corners, in the same module.
+    vertices : str
+        For `FIELD`: name of the function that gives values at the vertices instead, if there is
+        one, in the same module.
     takes_mask : bool
         Whether it has a mask.
     takes_guide : bool
@@ -86,6 +108,12 @@ class Filter(NamedTuple):
         Whether its gain may be painted.
     takes_others : bool
         Whether it makes one image of several.
+    takes_starts : bool
+        Whether it begins at vertices, edges or what is painted.
+    way : str or None
+        Which of the `WAYS` it goes if nothing else is said, empty for none; None if it goes none.
+    takes_scale : bool
+        Whether its scale may be painted.
     then : str
         Name of the sharpening, of the same kind of data, that may follow in the same run.
     then_time : float
@@ -101,15 +129,21 @@ class Filter(NamedTuple):
     command: str
     about: str
     corners: str = ""
+    vertices: str = ""
     takes_mask: bool = True
     takes_guide: bool = False
     takes_gain: bool = False
     takes_others: bool = False
+    takes_starts: bool = False
+    way: str | None = None
+    takes_scale: bool = False
     then: str = ""
     then_time: float = 256.0
     then_settings: Mapping[str, Any] = {}
 
-    def function(self, then_time: float | None = None, corners: bool = False) -> Any:
+    def function(
+        self, then_time: float | None = None, corners: bool = False, vertices: bool = False
+    ) -> Any:
         """Load the function.
 
         Parameters
@@ -118,14 +152,17 @@ class Filter(NamedTuple):
             Flow time of the filter that follows; none follows if left out.
         corners : bool
             For `COLORS`: whether the signal is given at the corners.
+        vertices : bool
+            For `FIELD`: whether values at the vertices are wanted.
 
         Returns
         -------
         callable
             ``function(*data, settings=None, mask=None, progress=None)``
         """
-        function = _load(self.module, self.corners if corners else self.name)
-        if not self.takes_mask:
+        name = self.corners if corners else self.vertices if vertices else self.name
+        function = _load(self.module, name)
+        if not self.takes_mask and self.kind is not FIELD:
             function = _without_mask(function)
         if then_time is None:
             return function
@@ -241,6 +278,38 @@ FILTERS: tuple[Filter, ...] = (
         takes_others=True,
     ),
     Filter(
+        "geodesic_distance",
+        "filters.geodesic_distance",
+        _settings.DistanceSettings,
+        FIELD,
+        "geodesic-distance",
+        "draw how far each texel is along the surface",
+        vertices="vertex_distance",
+        takes_mask=False,
+        takes_starts=True,
+    ),
+    Filter(
+        "surface_line_convolution",
+        "filters.line_convolution",
+        _settings.StreakSettings,
+        FIELD,
+        "surface-streaks",
+        "draw streaks along directions on the surface, such as of brushed metal",
+        takes_mask=False,
+        way="flat",
+    ),
+    Filter(
+        "reaction_diffusion",
+        "filters.reaction_diffusion",
+        _settings.ReactionSettings,
+        FIELD,
+        "surface-pattern",
+        "grow stripes, dots and labyrinths on the surface, as on animals",
+        takes_mask=False,
+        way="",
+        takes_scale=True,
+    ),
+    Filter(
         "dilate_texture",
         "filters.textures",
         _settings.DilateSettings,
@@ -262,7 +331,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "ShockError",
         "SolverError",
     ),
-    "settings": ("DistanceSettings", "FitSettings", "ReactionSettings", "StreakSettings"),
+    "settings": ("FitSettings",),
     "mesh.directions": ("axis_directions", "gradient_directions", "principal_directions"),
     "mesh.triangle_mesh": ("TriangleMesh",),
     "mesh.weld": ("weld", "weld_borders"),
@@ -271,13 +340,10 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "filters.beltrami.images": ("beltrami_manifold",),
     "filters.beltrami.meshes": ("beltrami_joint", "beltrami_mesh"),
     "filters.fit": ("fit_to_normals",),
-    "filters.geodesic_distance": ("geodesic_distance", "vertex_distance"),
     "filters.geometry": ("geometry_flow", "sharpen_normals"),
     "filters.gradient_domain": ("TextureSolver",),
-    "filters.line_convolution": ("surface_line_convolution",),
     "filters.normal_maps": ("object_normals", "tangent_normals"),
     "filters.pde": ("osher_rudin_image",),
-    "filters.reaction_diffusion": ("reaction_diffusion",),
 }
 """The public names that no row gives, by their modules."""
 
@@ -293,8 +359,8 @@ def public_names() -> dict[str, str]:
     for row in FILTERS:
         names[row.name] = row.module
         names[row.settings.__name__] = "settings"
-        if row.corners:
-            names[row.corners] = row.module
+        for name in filter(None, (row.corners, row.vertices)):
+            names[name] = row.module
     return names
 
 

@@ -529,12 +529,14 @@ class StreakSettings(_Settings):
     contrast: float = _setting(
         1.0,
         "How far values go from gray. 0 is gray everywhere, 1 fills the range, more clips",
+        unit="times the range",
         maximum=100.0,
         soft_maximum=3.0,
     )
     seed: int = _setting(
         0,
         "Other numbers give other streaks of the same kind",
+        unit="any number",
         maximum=2**31 - 1,
         soft_maximum=100,
     )
@@ -549,18 +551,21 @@ class ReactionSettings(_Settings):
         1000,
         "How long the pattern grows. 0 returns the start; about 500 cover the surface, 2000 order"
         " what is there",
+        unit="steps",
         maximum=MOST_STEPS,
         soft_maximum=10_000,
     )
     feed: float = _setting(
         0.037,
         "How fast the first substance is fed in. 0 feeds none, and all patterns fade",
+        unit="a step",
         maximum=0.2,
         soft_maximum=0.1,
     )
     kill: float = _setting(
         0.06,
         "How fast the second substance is taken out. More makes spots of stripes, then nothing",
+        unit="a step",
         maximum=0.2,
         soft_minimum=0.03,
         soft_maximum=0.07,
@@ -577,12 +582,14 @@ class ReactionSettings(_Settings):
     stretch: float = _setting(
         2.0,
         "How much longer the pattern is along given directions than across. 1 ignores these",
+        unit="times",
         minimum=1.0,
         maximum=8.0,
     )
     seed: int = _setting(
         0,
         "Other numbers give other patterns of the same kind",
+        unit="any number",
         maximum=2**31 - 1,
         soft_maximum=100,
     )

@@ -36,6 +36,7 @@ COARSEST, OCTAVES = 20, 4
 """Grains of the coarsest kind in a unit of length; and how many kinds, each half as large."""
 
 STRENGTH = 3.0
+RADIUS = 30.0
 LOW, HIGH = -0.25, 0.15
 """Height up to which the model is smoothed, and from which it is raised."""
 
@@ -104,7 +105,7 @@ def show_painted(
 def filtered(image: bpy.types.Image, **settings: object) -> bpy.types.Image:
     """Filter a texture into a new image."""
     known = set(bpy.data.images)
-    run("filter_texture", {"image": image.name, "assign": False, **settings})
+    run("filter_texture", {"image": image.name, "assign": False, "radius": RADIUS, **settings})
     (result,) = set(bpy.data.images) - known
     return result
 

@@ -28,6 +28,9 @@ _TEXTURE = ("image", "maps", "output", "assign")
 PICTURES = ("image_2", "image_3", "image_4")
 """Properties that name further pictures of the same surface."""
 
+_GENERATED = ("image", "image_size", "add_node")
+"""Properties of what makes images."""
+
 _SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
 
 
@@ -68,6 +71,7 @@ class Data(NamedTuple):
 
 
 _MESH = ".operators.meshes:MeshOperator"
+_GENERATOR = ".operators.generating:GenerateOperator"
 
 DATA = {
     "geometry": Data(
@@ -124,6 +128,24 @@ DATA = {
         object_modes=("OBJECT", "PAINT_TEXTURE"),
         in_images=True,
     ),
+    "distance": Data(
+        _GENERATOR,
+        ("start", "start_group", "start_image", "into", *_GENERATED),
+        "..core.host.fields:generate",
+        object_modes=("OBJECT", "EDIT_MESH"),
+    ),
+    "streaks": Data(
+        _GENERATOR,
+        ("along", "along_attribute", *_GENERATED),
+        "..core.host.fields:generate",
+        object_modes=("OBJECT",),
+    ),
+    "pattern": Data(
+        _GENERATOR,
+        ("scale_map", "stretch_along", *_GENERATED),
+        "..core.host.fields:generate",
+        object_modes=("OBJECT",),
+    ),
 }
 """The kinds of Blender's data; those that the registry knows have its names."""
 
@@ -169,6 +191,8 @@ class Target(NamedTuple):
         What the names of its settings' properties begin with.
     kind : str
         Key of `DATA`; the registry's one if left out.
+    defaults : mapping
+        Those of settings that are other ones here.
     """
 
     filter: str
@@ -177,6 +201,7 @@ class Target(NamedTuple):
     about: str = ""
     prefix: str = ""
     kind: str = ""
+    defaults: Mapping[str, Any] = {}
 
     @property
     def row(self) -> registry.Filter:
@@ -322,6 +347,11 @@ class Mode(NamedTuple):
         return self.targets[-1].data
 
     @property
+    def has_preview(self) -> bool:
+        """Whether there is something that a preview could show instead."""
+        return "image_size" not in self.names
+
+    @property
     def follows(self) -> type | None:
         """The settings class of the sharpening that may follow in the same run."""
         then = self.targets[0].row.then
@@ -330,7 +360,8 @@ class Mode(NamedTuple):
     @property
     def names(self) -> tuple[str, ...]:
         """List its properties, which the panel keeps."""
-        return tuple(dict.fromkeys([*self.filter_names, *self.targets[-1].places]))
+        places = [name for target in self.targets for name in target.places]
+        return tuple(dict.fromkeys([*self.filter_names, *places]))
 
     @property
     def filter_names(self) -> list[str]:
@@ -635,7 +666,8 @@ MODES: list[Mode] = [
         " is larger than the radius stays",
         "filter_texture",
         "Raise or smooth the detail of a texture, on the surface and across UV seams",
-        (Target("filter_texture", kind="detail"),),
+        # Wider, logos and letters get a glow.
+        (Target("filter_texture", kind="detail", defaults={"radius": 10.0}),),
         "Filtered",
         "detail",
         second="radius",
@@ -692,6 +724,102 @@ MODES: list[Mode] = [
                 "Seams Only",
                 "For hairlines: both sides of each seam meet, and all else stays bit for bit",
                 {"where": "seams"},
+            ),
+        ),
+    ),
+    Mode(
+        "generate",
+        "Generate",
+        "Make an image from the shape of the surface, across seams: masks by distance, brushed"
+        " streaks, animal patterns",
+        "generate",
+        "Make a mask by distance, brushed streaks or an animal pattern on the surface, across UV"
+        " seams",
+        (
+            Target(
+                "geodesic_distance",
+                "distance",
+                "Distance",
+                "How far it is along the surface: masks, falloffs and lines",
+                kind="distance",
+                defaults={"look": "gradient"},  # which is seen, whatever the object's size
+            ),
+            Target(
+                "surface_line_convolution",
+                "streaks",
+                "Streaks",
+                "Noise drawn out along a direction: brushed metal, hair, wood",
+                prefix="streak_",
+                kind="streaks",
+            ),
+            Target(
+                "reaction_diffusion",
+                "pattern",
+                "Pattern",
+                "Stripes, dots and labyrinths that grow on the surface, as on animals",
+                prefix="pattern_",
+                kind="pattern",
+            ),
+        ),
+        "Generated",
+        "generate",
+        icon="TEXTURE",
+        presets=(
+            Preset(
+                "Contour Lines",
+                "For bands and rings: ten lines of equal distance",
+                {"look": "lines"},
+            ),
+            Preset(
+                "Measured",
+                "For shaders and scripts that count: the distance itself, in the scene's units",
+                {"look": "distance"},
+            ),
+            Preset(
+                "Brushed Metal",
+                "For roughness and bump: long, thin scratches",
+                {"target": "streaks", "streak_length": 150.0, "streak_width": 1.5},
+            ),
+            Preset(
+                "Hair",
+                "For fur and bark: streaks of some width",
+                {"target": "streaks", "streak_length": 60.0, "streak_width": 4.0},
+            ),
+            Preset(
+                "Labyrinth",
+                "For brains and fish: rings and winding walls",
+                {"target": "pattern"},
+            ),
+            Preset(
+                "Stripes",
+                "For zebras and fingerprints: lines that seldom branch; with Along and Stretch they"
+                " run one way",
+                {
+                    "target": "pattern",
+                    "pattern_feed": 0.029,
+                    "pattern_kill": 0.057,
+                    "pattern_steps": 1500,
+                },
+            ),
+            Preset(
+                "Dots",
+                "For leopards and ladybirds: spots at even distances",
+                {
+                    "target": "pattern",
+                    "pattern_feed": 0.03,
+                    "pattern_kill": 0.062,
+                    "pattern_steps": 1500,
+                },
+            ),
+            Preset(
+                "Coral",
+                "For corals and giraffes: rings that grow until they touch",
+                {
+                    "target": "pattern",
+                    "pattern_feed": 0.0545,
+                    "pattern_kill": 0.062,
+                    "pattern_steps": 1500,
+                },
             ),
         ),
     ),

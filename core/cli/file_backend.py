@@ -11,9 +11,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
+from ..registry import COLORS, FIELD, GEOMETRY, IMAGE, MASK, TEXTURE
 from .commands import Command
-from .parsing import add_gain_map, add_mask, add_others
+from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
 if TYPE_CHECKING:
     from ..files.output import Outcome
@@ -25,6 +25,7 @@ _FORMATS = {
     COLORS: "PLY, OBJ, GLB and glTF files, which keep their format",
     IMAGE: f"{_IMAGES}; 16 bits stay 16 bits",
     TEXTURE: f"{_IMAGES}; 16 bits stay 16 bits; on {_MESHES}",
+    FIELD: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold floats, PNG 16 bits",
     MASK: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold numbers, -1 for none, all others"
     " a picture",
 }
@@ -53,7 +54,7 @@ class FileBackend:
             action="store_true",
             help="read files, too, whose header claims far more than their size can hold",
         )
-        if command.kind in (TEXTURE, MASK):
+        if command.kind.on_mesh or command.kind.is_drawn:
             parser.add_argument(
                 "--material",
                 metavar="NAME",
@@ -76,6 +77,7 @@ class FileBackend:
             add_gain_map(parser)
         if command.takes_others:
             add_others(parser)
+        add_sources(parser, command)
 
     def filter(
         self,
@@ -99,6 +101,12 @@ class FileBackend:
 
             size = options.size or options.like
             return texture_mask_file(source, target, settings.kind, size, asked)
+        if command.kind is FIELD:
+            from ..files.fields import field_file
+
+            function = partial(command.function(), settings=settings)
+            size = options.size or options.like
+            return field_file(function, source, target, size, sources_of(options), asked)
         files = [options.mesh, source, target] if command.kind.on_mesh else [source, target]
         module, name = _PIPELINES[command.kind]
         pipeline = getattr(import_module(f"...files.{module}", __name__), name)

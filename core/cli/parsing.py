@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 from ... import __version__
-from ..registry import MASK, find
+from ..registry import WAYS, find
 from ..settings import Setting, describe
 from .commands import COMMANDS, Backend, Command
 from .inputs import UsageError
@@ -55,7 +55,7 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
         allow_abbrev=False,
     )
     parser.set_defaults(command=row)
-    if row.kind is MASK:
+    if row.kind.is_drawn:
         words: dict[str, Any] = {"nargs": 1, "metavar": "MESH", "help": row.kind.inputs}
         output = "image file to write, its ending says the format"
     else:
@@ -74,7 +74,7 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
     if row.then:
         _add_then_sharpen(parser, row)
     _add_settings(parser, row.settings)
-    if row.kind is MASK:
+    if row.kind.is_drawn:
         size = parser.add_mutually_exclusive_group(required=True)
         size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
         size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
@@ -110,6 +110,44 @@ def add_others(parser: argparse.ArgumentParser) -> None:
         help="another picture of the surface, of the size and type of IN (may be repeated): one"
         " texture is made of all; opacity says where each is known",
     )
+
+
+def add_sources(parser: argparse.ArgumentParser, command: Command) -> None:
+    """Add the flags that say what an image is made from, beside the mesh."""
+    if command.takes_starts:
+        parser.add_argument(
+            "--vertices",
+            type=int,
+            nargs="+",
+            metavar="N",
+            help="the distance is 0 at these vertices, counted from 0; give it after OUT",
+        )
+        parser.add_argument(
+            "--painted",
+            metavar="FILE",
+            help="the distance is 0 where this gray image of the same size is white",
+        )
+    if command.way is not None:
+        parser.add_argument(
+            "--along",
+            choices=list(WAYS),
+            default=command.way or None,
+            help=" ".join(f"{way}: {about}." for way, about in WAYS.items())
+            + f" (default {command.way or 'none'})",
+        )
+    if command.takes_scale:
+        parser.add_argument(
+            "--scale-map",
+            metavar="FILE",
+            help="gray image of the same size: white has the scale, middle gray half of it",
+        )
+
+
+def sources_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Collect what these flags say; files by their names."""
+    given = vars(options)
+    names = ("vertices", "painted", "along", "scale_map")
+    return {name: given[name] for name in names if given.get(name) is not None}
 
 
 def _add_then_sharpen(parser: argparse.ArgumentParser, row: Command) -> None:

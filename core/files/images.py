@@ -249,12 +249,12 @@ def read_beside(options: Options) -> dict[str, Pixels]:
     """Read what a filter is given by name beside the image: mask, guide and gains, if named."""
     words = {}
     if options.mask is not None:
-        weights = _read_grays(Path(options.mask), "mask", options.any_size)
+        weights = read_grays(Path(options.mask), "mask", options.any_size)
         words["mask"] = 1.0 - weights if options.invert_mask else weights
     if options.guide is not None:
         words["guide"] = read_pixels(options.guide, options.any_size)
     if options.gain_map is not None:
-        grays = _read_grays(Path(options.gain_map), "gain map", options.any_size)
+        grays = read_grays(Path(options.gain_map), "gain map", options.any_size)
         words["gain"] = gains_of(grays, options.gain)
     return words
 
@@ -265,8 +265,8 @@ def read_pixels(path: str | Path, any_size: bool) -> Pixels:
     return pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
 
 
-def _read_grays(path: Path, what: str, any_size: bool) -> Pixels:
-    # From 0 to 1.
+def read_grays(path: Path, what: str, any_size: bool) -> Pixels:
+    """Read a gray image file, from 0 to 1; `what` is what it holds, for people."""
     grays = _read(path, any_size).pixels
     if grays.ndim == 3 and grays.shape[2] == 1:
         grays = grays[..., 0]

@@ -161,6 +161,18 @@ def checked_atlas(
     return atlas
 
 
+def grays_of(values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]) -> npt.NDArray:
+    """Take what is to be seen of an image that was made: (h, w).
+
+    Of several channels, as of substances that react, it is the last one, stretched to [0, 1].
+    """
+    if values.ndim == 2:
+        return values
+    last = values[..., -1]
+    largest = float(last.max(initial=0.0, where=inside))
+    return last / np.float32(largest) if largest > 0 else last
+
+
 def checked_size(size: tuple[int, int]) -> tuple[int, int]:
     """Return the rows and columns of an image to make."""
     given = as_array(size, "size")

@@ -18,17 +18,19 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from ..base.progress import ProgressCallback
-from ..registry import FILTERS, Filter
+from ..registry import FILTERS, Filter, find
 from ..settings import (
     FilterSettings,
     GeometrySettings,
     ImageSettings,
+    ReactionSettings,
     ShockSettings,
     StitchSettings,
     describe,
 )
 from .colors import filter_colors
 from .denoising import filter_both
+from .fields import FieldSurface, generate
 from .flow import flow_of_colors, flow_of_shape
 from .geometry import filter_shape
 from .images import filter_image
@@ -54,13 +56,17 @@ _SIZE = 48
 _SOLVED = 160
 """Height of textures on which is solved, so that these have three levels."""
 
+_STEPS = 4
+"""Steps of what takes many."""
+
 _NUMBERS: dict[type, tuple[dict[str, Any], ...]] = {
     GeometrySettings: ({"mollify_passes": 1}, {"screening_radius": 30.0}),
     ImageSettings: ({"enlarge": 2},),
+    ReactionSettings: ({"scale": 60.0},),
 }
 """Settings that are no choices, and have kernels of their own."""
 
-_ORDER = ["geometry", "colors", "image", "texture"]
+_ORDER = ["geometry", "colors", "image", "texture", "field"]
 """Kinds of data, those first that are asked for most."""
 
 
@@ -102,11 +108,23 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
         examples = _examples(row.kind.name)
         if row.takes_others:
             examples += [partial(_on_texture, number, with_other=True) for number in range(2)]
+        examples += [partial(_generated, **given) for given in _given(row)]
         for settings in _settings(row):
             for function in examples:
                 yield partial(function, row.name, settings)
     if "colors" in kinds:
         yield from _runs_of_surfaces(rows)
+
+
+def _given(row: Filter) -> Iterator[dict[str, Any]]:
+    """List what may be given beside the faces, if an image is made from these."""
+    if row.takes_starts:
+        yield {"image": np.eye(_SOLVED)}
+    if row.takes_scale:
+        yield {"rates": np.full((_SOLVED, _SOLVED), 0.5)}
+    if row.way is not None:
+        yield {"along": "bending"}
+        yield {"along": "x"}
 
 
 def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
@@ -145,7 +163,21 @@ def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
         return [partial(_on_mesh, filter_colors, surface) for surface in surfaces]
     if kind == "image":
         return [partial(filter_image, _image(opacity)) for opacity in ("STRAIGHT", "NONE")]
+    if kind == "field":
+        return [_generated]
     return [partial(_on_texture, number) for number in range(2)]
+
+
+def _generated(name: str, settings: Any, **given: Any) -> Any:
+    shape = 2 * (_SOLVED,)
+    row = find(name)
+    start = {"vertices": [0], "edges": [[1, 2]]} if row.takes_starts else {}
+    if hasattr(settings, "steps"):
+        settings = replace(settings, steps=_STEPS)
+    for at_vertices in [False] + [True] * bool(row.vertices):
+        surface = FieldSurface(_textured(_SIZE)[0].faces, shape, start | given, at_vertices)
+        found = generate(surface, name, settings)
+    return found
 
 
 def _on_texture(number: int, name: str, settings: Any, with_other: bool = False) -> Any:

@@ -169,6 +169,27 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = Fals
     return _unit(around if turned else np.cross(around, mesh.normals))
 
 
+def named_directions(mesh: TriangleMesh, way: str) -> Floats:
+    """Find the directions that a word means, one of those in `registry.WAYS`.
+
+    Returns
+    -------
+    (n, 3) or (m, 3) float64
+        At vertices or faces.
+
+    Raises
+    ------
+    InvalidSettings
+        If it is another word.
+    """
+    if way in ("flat", "bending"):
+        return principal_directions(mesh, "least" if way == "flat" else "most")
+    if way.removeprefix("around_") not in ("x", "y", "z"):
+        raise InvalidSettings(f"There is no way {way!r}; give one such as flat, x or around_z.")
+    axis = np.eye(3)["xyz".index(way[-1])]
+    return axis_directions(mesh, axis, turned=way.startswith("around_"))
+
+
 def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
     """Average directions as tensors in the frame of each face.
 

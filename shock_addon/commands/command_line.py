@@ -14,9 +14,10 @@ from typing import Any
 import bpy
 
 from ...core import cli
+from ...core.cli.parsing import sources_of
 from ...core.errors import Cancelled, InvalidUV, ShockError
 from ...core.files.output import Outcome, staged
-from ...core.registry import GEOMETRY, MASK
+from ...core.registry import FIELD, GEOMETRY, MASK
 from .. import data
 from ..data.skipped import Skipped
 from ..modes import PICTURES
@@ -62,6 +63,8 @@ class BlenderBackend:
         """Filter one file into another; IN may be - for the open file, but not for images."""
         if command.kind is MASK:
             return _draw_mask(source, target, options, progress)
+        if command.kind is FIELD:
+            return _draw_field(source, target, settings, options, progress)
         run = _Run(command, flags.values_of(command, settings, options), progress)
         if not command.kind.is_image:
             return _filter_meshes(run, source, target, options)
@@ -188,6 +191,42 @@ def _draw_mask(
 ) -> Outcome:
     ending = target.suffix.lower()
     kind = None if ending == _ARRAY else files.image_format(target)
+    faces, size, notes = _to_draw_on(source, options)
+    from ...core.files.textures import mask_outcome, mask_pixels
+    from ...core.host.textures import analyse
+
+    atlas = analyse(faces, size, progress)
+    shown = mask_pixels(atlas, options.kind, ending)
+    with staged(target, options.overwrite) as path:
+        files.write_values(path, kind, shown)
+    return mask_outcome(atlas, notes)
+
+
+def _draw_field(
+    source: str, target: Path, settings: Any, options: argparse.Namespace, progress: Progress
+) -> Outcome:
+    kind = None if target.suffix.lower() == _ARRAY else files.image_format(target)
+    faces, size, notes = _to_draw_on(source, options)
+    import numpy as np
+
+    from ...core.files.fields import FILES, field_outcome, field_pixels
+    from ...core.host.fields import FieldSurface, generate
+
+    given = sources_of(options)
+    for flag, name in FILES.items():
+        if flag in given:
+            with files.loaded_image(given.pop(flag)) as image:
+                given[name] = data.textures.grays_of(data.arrays.read_pixels(image))
+    surface = FieldSurface(faces, size, given)
+    made = generate(surface, options.command.name, settings, progress)
+    pixels = field_pixels(made.values, made.shown, target, np.uint8)
+    with staged(target, options.overwrite) as path:
+        files.write_values(path, kind, pixels)
+    return field_outcome(made.values, made.shown, (*notes, *made.notes))
+
+
+def _to_draw_on(source: str, options: argparse.Namespace) -> tuple[Any, tuple[int, int], tuple]:
+    """Open a file; return its faces, the image's height and width, and what is to be said."""
     objects, notes = _opened(source, options)
     size = options.size
     if size is None:
@@ -195,18 +234,11 @@ def _draw_mask(
             size = image.size[1], image.size[0]
     kernels.choose_folder()
     kernels.load()
-    from ...core.files.textures import mask_outcome, mask_pixels
-    from ...core.host.textures import analyse
-
     try:
         faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, None)
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
-    atlas = analyse(faces, size, progress)
-    shown = mask_pixels(atlas, options.kind, ending)
-    with staged(target, options.overwrite) as path:
-        files.write_values(path, kind, shown)
-    return mask_outcome(atlas, (*notes, *skipped))
+    return faces, size, (*notes, *skipped)
 
 
 def _opened(source: str, options: argparse.Namespace) -> tuple[list[bpy.types.Object], list[str]]:

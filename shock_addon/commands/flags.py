@@ -9,8 +9,8 @@ from dataclasses import asdict
 from typing import Any
 
 from ...core.cli import Command
-from ...core.cli.parsing import add_gain_map, add_mask, add_others
-from ...core.registry import COLORS, GEOMETRY, IMAGE, MASK, TEXTURE
+from ...core.cli.parsing import add_gain_map, add_mask, add_others, add_sources
+from ...core.registry import COLORS, FIELD, GEOMETRY, IMAGE, MASK, TEXTURE
 from ..modes import MODES, Mode, Target
 from .blender_files import operator
 
@@ -23,6 +23,8 @@ FORMATS = {
     COLORS: _SCENES,
     IMAGE: f"{_IMAGES}, which keep their format",
     TEXTURE: f"{_IMAGES}, which keep their format, on whatever meshes this Blender reads",
+    FIELD: f"from whatever this Blender reads to {_IMAGES}; EXR and NumPy hold floats, all others"
+    " 8 bits",
     MASK: f"from whatever this Blender reads to {_IMAGES}; EXR and NumPy hold numbers",
 }
 """The files that commands on each kind of data read and write."""
@@ -47,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
         add_gain_map(parser)
     if command.takes_others:
         add_others(parser)
+    add_sources(parser, command)
     parser.add_argument(
         "--object",
         metavar="NAME",

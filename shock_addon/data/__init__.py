@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         arrays,
         chosen,
         colors,
+        fields,
         flow,
         geometry,
         images,

@@ -71,11 +71,36 @@ def draw_main(
         else:
             row.active = not _overridden(parameters, target, name)
             row.prop(parameters, name)
+    _draw_starts(column, context, parameters, target)
+    if "along" in target.places:
+        column.prop(parameters, "along")
+        if parameters.along == "ATTRIBUTE":
+            draw_search(column, context, parameters, "along_attribute", "attributes")
+    if "stretch_along" in target.places:
+        column.prop(parameters, "stretch_along")
+    if "scale_map" in target.places:
+        column.prop_search(parameters, "scale_map", bpy.data, "images")
     if "gain_map" in target.places:
         column.prop_search(parameters, "gain_map", bpy.data, "images")
         draw_search(column, context, parameters, "gain_colors", "color_attributes")
     if mode.follows is not None:
         _draw_switched(column, parameters, "then_sharpen", "sharpen_time")
+
+
+def _draw_starts(
+    column: bpy.types.UILayout,
+    context: bpy.types.Context,
+    parameters: Parameters,
+    target: Target,
+) -> None:
+    """Draw where a distance is 0."""
+    if "start" not in target.places or parameters.source != "given":
+        return
+    column.prop(parameters, "start")
+    if parameters.start == "GROUP":
+        draw_search(column, context, parameters, "start_group", "vertex_groups")
+    if parameters.start == "IMAGE":
+        column.prop_search(parameters, "start_image", bpy.data, "images")
 
 
 def _draw_pictures(column: bpy.types.UILayout, parameters: Parameters) -> None:
@@ -123,14 +148,27 @@ def draw_mask(
         draw_text(column, context, "The paint mask protects, too.", icon="INFO")
 
 
+def is_attribute(parameters: Parameters, mode: Mode) -> bool:
+    """Whether values go to the vertices, and into no image."""
+    return "into" in mode.names_for(parameters) and parameters.into == "ATTRIBUTE"
+
+
 def has_output(parameters: Parameters, mode: Mode) -> bool:
     """Whether there is a choice of where results go; colors stay where they are."""
-    return "output" in mode.names_for(parameters)
+    return bool({"output", "add_node"}.intersection(mode.names_for(parameters)))
 
 
 def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
     """Draw where results go, and what is set anew there."""
     column = split(layout)
+    if "add_node" in mode.names:
+        if "into" in mode.names_for(parameters):
+            column.prop(parameters, "into")
+        image = column.column()
+        image.active = not is_attribute(parameters, mode)
+        image.prop_search(parameters, "image", bpy.data, "images")
+        image.prop(parameters, "add_node")
+        return
     column.prop(parameters, "output", expand=True)
     if "assign" in mode.names:
         row = column.row()

@@ -32,6 +32,8 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
         return of_images(context) or _of_image(data.chosen.edited_image(context), tiles=False)
     if mode.data.in_images:
         return of_textures(context) or _of_texture(context, settings)
+    if "image_size" in mode.names:
+        return of_unwrapped(context)
     obstacle = of_meshes(context)
     if mode.makes_objects(settings):  # what is seen may have faces
         if context.mode != "OBJECT":
@@ -60,15 +62,23 @@ def of_images(context: bpy.types.Context) -> str:
     return "" if bpy.data.images else "Open an image."
 
 
-def of_textures(context: bpy.types.Context) -> str:
-    """Say what a texture's surface lacks."""
-    if not data.chosen.mesh_objects(context) and data.chosen.edited_image(context) is not None:
-        return "Select a mesh object that shows this image."
+def of_unwrapped(context: bpy.types.Context) -> str:
+    """Say what a surface that is to show an image lacks."""
     obstacle = of_meshes(context)
     if obstacle:
         return obstacle
     if not any(obj.data.uv_layers for obj in data.chosen.mesh_objects(context)):
         return "Unwrap the mesh in Edit Mode (UV > Unwrap): it has no UV map."
+    return ""
+
+
+def of_textures(context: bpy.types.Context) -> str:
+    """Say what a texture's surface lacks."""
+    if not data.chosen.mesh_objects(context) and data.chosen.edited_image(context) is not None:
+        return "Select a mesh object that shows this image."
+    obstacle = of_unwrapped(context)
+    if obstacle:
+        return obstacle
     if not bpy.data.images:
         return "Add an Image Texture node with an image to the material."
     return ""

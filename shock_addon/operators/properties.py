@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
 
-from ...core.registry import Filter, find
+from ...core.registry import WAYS, Filter, find
 from ...core.settings import Setting, describe
 from ..modes import PICTURES, STEADY_STATE, Mode, choices
 
@@ -16,14 +17,18 @@ _WIDE = 100.0
 """Numbers with a larger range are shown with one digit after the point instead of three."""
 
 
-def annotations_of(settings: type, prefix: str = "") -> dict[str, Any]:
+def annotations_of(
+    settings: type, prefix: str = "", defaults: Mapping[str, Any] = {}
+) -> dict[str, Any]:
     """Make the annotations of a Blender class from a settings class.
 
-    Each field becomes a property of the same name, after the prefix. Blender's numbers cannot be
-    infinite, so a time that may be has a checkbox for the steady state beside it.
+    Each field becomes a property of the same name, after the prefix, some with other defaults.
+    Blender's numbers cannot be infinite, so a time that may be has a checkbox for the steady state
+    beside it.
     """
     annotations = {}
     for name, (kind, default, about) in describe(settings).items():
+        default = defaults.get(name, default)
         annotations[prefix + name] = _property(name, kind, default, about)
         if name == "time" and math.isinf(about.maximum):
             annotations[prefix + STEADY_STATE] = bpy.props.BoolProperty(
@@ -188,6 +193,84 @@ _PLACES = {
     ),
     "image": bpy.props.StringProperty(**_TEXTURE_IMAGE),
     **{name: _picture(name) for name in PICTURES},
+    **{
+        f"{kind} image": bpy.props.StringProperty(
+            name="Image",
+            description="Image whose pixels are replaced. Empty makes a new one",
+        )
+        for kind in ("distance", "streaks", "pattern")
+    },
+    "image_size": bpy.props.EnumProperty(
+        name="Size",
+        description="Width and height of a new image, in pixels",
+        items=[(str(1 << n), f"{1 << n}", f"{1 << n} x {1 << n} pixels") for n in range(8, 14)],
+        default="1024",
+    ),
+    "add_node": bpy.props.BoolProperty(
+        name="Add Node",
+        description="Put the image into an Image Texture node of each object's material, unlinked;"
+        " an object without a material gets one that shows it",
+        default=True,
+    ),
+    "into": bpy.props.EnumProperty(
+        name="Into",
+        description="What is made",
+        items=[
+            ("IMAGE", "Image", "An image on the UV map"),
+            (
+                "ATTRIBUTE",
+                "Attribute",
+                "An attribute of the vertices, named Distance, for geometry nodes and shaders",
+            ),
+        ],
+        default="IMAGE",
+    ),
+    "start": bpy.props.EnumProperty(
+        name="Given By",
+        description="What says where the distance is 0",
+        items=[
+            ("SELECTED", "Selected", "The vertices and edges that are selected in Edit Mode"),
+            ("GROUP", "Vertex Group", "The vertices that weigh 0.5 or more in a vertex group"),
+            ("SEAMS", "Marked Seams", "The edges that are marked as seams"),
+            ("SHARP", "Sharp Edges", "The edges that are marked as sharp"),
+            ("IMAGE", "Painted", "Where an image of the same size is white"),
+        ],
+        default="SELECTED",
+    ),
+    "start_group": bpy.props.StringProperty(
+        name="Group",
+        description="Vertex group; vertices of weight 0.5 or more have the distance 0",
+    ),
+    "start_image": bpy.props.StringProperty(
+        name="Painted",
+        description="Image of the same size; where it is white (0.5 or more) the distance is 0",
+    ),
+    "along": bpy.props.EnumProperty(
+        name="Along",
+        description="Which way streaks run",
+        items=[
+            *((way.upper(), label(way), about) for way, about in WAYS.items()),
+            ("ATTRIBUTE", "Attribute", "As an attribute of the mesh says"),
+        ],
+    ),
+    "along_attribute": bpy.props.StringProperty(
+        name="Attribute",
+        description="Attribute of vectors, which streaks follow; or of colors or numbers, such as"
+        " Distance: streaks run the way in which these rise",
+    ),
+    "stretch_along": bpy.props.EnumProperty(
+        name="Along",
+        description="Which way the pattern is longer, as Stretch says",
+        items=[
+            ("NONE", "None", "It is alike in all directions"),
+            *((way.upper(), label(way), about) for way, about in WAYS.items()),
+        ],
+    ),
+    "scale_map": bpy.props.StringProperty(
+        name="Scale Map",
+        description="Image of the same size: white has the Scale, middle gray half of it. Empty"
+        " takes the Scale everywhere",
+    ),
     "detail maps": bpy.props.EnumProperty(
         name="Maps",
         description="Whether the other images of the material are filtered in the same run",
@@ -305,6 +388,7 @@ OF_ONE_RUN = {
     },
 }
 OF_ONE_RUN["detail"] = OF_ONE_RUN["stitch"] = OF_ONE_RUN["texture"]
+OF_ONE_RUN["distance"] = OF_ONE_RUN["streaks"] = OF_ONE_RUN["pattern"] = {"result": _RESULT}
 """What operators on a kind of data have beside what the panel keeps."""
 
 
@@ -318,12 +402,12 @@ def parameters_of(mode: Mode) -> dict[str, Any]:
             items=[(target.key, target.label, target.about) for target in mode.targets],
         )
     for target in mode.targets:
-        found |= annotations_of(target.row.settings, target.prefix)
+        found |= annotations_of(target.row.settings, target.prefix, target.defaults)
     if mode.follows is not None:
         found |= _then_sharpen(mode.targets[0].row)
-    widest = mode.targets[-1]
-    for name in widest.places:
-        found[name] = _PLACES.get(f"{widest.data_kind} {name}") or _PLACES[name]
+    for target in mode.targets:
+        for name in target.places:
+            found[name] = _PLACES.get(f"{target.data_kind} {name}") or _PLACES[name]
     return found
 
 

@@ -193,7 +193,11 @@ def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
     column = drawing.split(layout)
     if "attribute" in names:
         drawing.draw_search(column, context, settings, "attribute", "color_attributes")
-    if "image" in names:
+    if "image_size" in names:
+        row = column.row()
+        row.active = not settings.image
+        row.prop(settings, "image_size")
+    elif "image" in names:
         column.prop_search(settings, "image", bpy.data, "images")
         if not settings.image:
             _draw_shown_image(layout, context, panel.mode(context))
@@ -246,7 +250,8 @@ def _draw_buttons(
     row = column.row(align=True)
     preview = row.row(align=True)
     preview.enabled = enabled
-    preview.operator("shock_filter.preview")
+    if mode.has_preview:
+        preview.operator("shock_filter.preview")
     if "gain_map" in mode.names and context.space_data.type == "VIEW_3D":
         row.operator("shock_filter.paint_gain", depress=painting.is_running())
     shown = flow_overlay.shown_object()

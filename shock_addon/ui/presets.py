@@ -18,6 +18,10 @@ _OF_ONE_OBJECT = {
     "mask_image",
     "gain_map",
     "gain_colors",
+    "start_group",
+    "start_image",
+    "along_attribute",
+    "scale_map",
     *PICTURES,
 }
 

@@ -51,7 +51,15 @@ def press(mode) -> None:
         changes += [{"image_2": "Other"}]
     if "vertex_group" in mode.names:
         changes += [{**change, "vertex_group": "Some"} for change in ({}, *changes)]
-    for change in ({}, *changes):
+    if "image_size" in mode.names:
+        small = {"source": "seams", "image_size": "256", "pattern_steps": 4}
+        changes = [{**change, **small} for change in (*changes, {"into": "ATTRIBUTE"})]
+        ways = ("BENDING", "X", "ATTRIBUTE")
+        words = {"target": "streaks", "along_attribute": "Paint", **small}
+        changes += [{**words, "along": way} for way in ways]
+    else:
+        changes = [{}, *changes]
+    for change in changes:
         assert operator(**image, **change) == {"FINISHED"}, (mode.key, change)
 
 

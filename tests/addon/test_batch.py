@@ -19,6 +19,7 @@ from on_files import denoise_file, sharpen_colors_file, sharpen_file
 from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
+from shock_filter.core import cli
 from shock_filter.core.files.formats.exr import read_exr, write_exr
 from shock_filter.core.files.image_file import ImageFile
 from shock_filter.core.files.textures import texture_mask_file
@@ -641,6 +642,31 @@ def test_texture_masks_are_as_outside_blender(folder, kind):
     wanted = read_exr(Path("wanted-out.exr")).pixels
     shown = read_exr(Path("out.exr")).pixels
     np.testing.assert_array_equal(shown[..., 0], wanted)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("geodesic-distance", "--vertices", "0", "--look", "gradient"),
+        ("surface-streaks", "--along", "x"),
+        ("surface-pattern", "--steps", "20"),
+    ],
+)
+def test_images_from_the_shape_are_as_outside_blender(folder, words):
+    points = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    uv = "vt 0.1 0.1\nvt 0.6 0.1\nvt 0.6 0.9\nvt 0.1 0.9\n"
+    Path("mesh.obj").write_text(points + uv + "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+    command, *flags = words
+    flags += ["--size", "40x32"]
+    for name in ("out.npy", "out.png"):
+        run = blender(command, "mesh.obj", name, *flags)
+        assert run.code == 0, run.err
+        assert cli.main([command, "mesh.obj", f"wanted-{name}", *flags]) == 0
+    found, wanted = np.load("out.npy"), np.load("wanted-out.npy")
+    assert found.shape == (32, 40)
+    if command == "geodesic-distance":  # importers turn axes, and so the noise of the others
+        np.testing.assert_allclose(found, wanted, atol=1e-5)
+    assert np.ptp(pixels_of("out.png")[..., :3]) > 50
 
 
 def test_what_is_wrong_with_textures_is_named(folder):

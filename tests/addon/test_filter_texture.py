@@ -284,7 +284,7 @@ def test_a_preview_turns_the_gain_without_solving_again(sheet, monkeypatch):
     assert (read(wood).tobytes(), len(bpy.data.images)) == before
     assert len(made) == 1
     assert gain != 2.0
-    assert text.startswith(f"Gain {gain:.4g} (move mouse) | Radius 30 (wheel)")
+    assert text.startswith(f"Gain {gain:.4g} (move mouse) | Radius 10 (wheel)")
     filter_texture(gain=gain, output="REPLACE")
     np.testing.assert_allclose(read(wood), result, atol=1.01 / 255)
 

@@ -102,7 +102,7 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
     modes = [name for name, _ in drawn].index("prop")
-    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 7
+    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 8
     assert words(drawn, "prop") == main
     assert words(drawn, "operator") == [
         ("shock_filter.sharpen_geometry",),
@@ -155,7 +155,7 @@ def test_the_button_carries_the_panels_settings():
     settings = bpy.context.scene.shock_filter.geometry
     settings.repeat = 7
     settings.output = "SHAPE_KEY"
-    for menu, drawn in enumerate((draw(panels.SHOCK_FILTER_PT_main), filters_menu())):
+    for menu, drawn in enumerate((draw(panels.SHOCK_FILTER_PT_main), filters_menu("SCULPT"))):
         carried = words(drawn, "set")[-1 if menu else 0]
         assert carried.repeat == 7
         assert carried.output == "SHAPE_KEY"
@@ -353,7 +353,11 @@ def test_the_menu_has_the_modes_filters(mode, space, modes):
         ("shock_filter.stitch_textures",),
         ("shock_filter.dilate_texture",),
     ]
-    assert drawn == wanted + of_textures * ("texture" in modes)
+    wanted += of_textures[:-1] * ("texture" in modes)
+    wanted += [("shock_filter.generate",)] * (
+        space == "VIEW_3D" and mode in {"OBJECT", "EDIT_MESH"}
+    )
+    assert drawn == wanted + of_textures[-1:] * ("texture" in modes)
 
 
 def test_the_menu_stands_in_blenders_own():

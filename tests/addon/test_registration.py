@@ -80,9 +80,10 @@ print(json.dumps(states))
         "before_after", "cancel", "colors_preset_add", "denoise", "denoise_image",
         "denoise_image_preset_add", "denoise_preset_add", "denoise_texture",
         "denoise_texture_preset_add", "detail_preset_add", "dilate_texture", "filter_texture",
-        "geometry_preset_add", "hide_flow", "image_preset_add", "paint_gain", "preview",
-        "sharpen_colors", "sharpen_geometry", "sharpen_image", "sharpen_texture", "show_flow",
-        "stitch_preset_add", "stitch_textures", "texture_preset_add", "use_preset",
+        "generate", "generate_preset_add", "geometry_preset_add", "hide_flow", "image_preset_add",
+        "paint_gain", "preview", "sharpen_colors", "sharpen_geometry", "sharpen_image",
+        "sharpen_texture", "show_flow", "stitch_preset_add", "stitch_textures",
+        "texture_preset_add", "use_preset",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
     names = "", *4 * [".data.shown"], ".ui.translations"

@@ -174,14 +174,14 @@ def test_help_says_description_unit_range_and_default(capsys, command):
         if not about.choices:
             assert about.unit in text
             assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
-    unmasked = ("dilate-texture", "texture-mask")
-    assert ("--mask" in text) == (command.command not in unmasked)
+    unmasked = command.command == "dilate-texture" or command.kind.is_drawn
+    assert ("--mask" in text) != unmasked
     textures = ["denoise-texture", "sharpen-texture", "filter-texture", "stitch-textures"]
-    textures += unmasked
-    assert ("--material" in text) == (command.command in textures)
+    of_textures = unmasked or command.command in textures
+    assert ("--material" in text) == of_textures
     assert ("--gain-map" in text) == (command.command == "filter-texture")
     assert ("--with FILE" in text) == (command.command == "stitch-textures")
-    assert ("--size WxH" in text) == (command is cli.TEXTURE_MASK)
+    assert ("--size WxH" in text) == command.kind.is_drawn
 
 
 def test_help_is_quick_and_loads_no_numerics():

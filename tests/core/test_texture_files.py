@@ -513,3 +513,50 @@ def test_pictures_that_do_not_fit_are_named(tmp_path, capsys):
     assert cli.main([*words, "--with", str(tmp_path / "gone.png")]) == 1
     assert "gone.png" in capsys.readouterr().err
     assert not (tmp_path / "out.png").exists()
+
+
+def drawn(tmp_path, command, name, *words, size=f"{SIZE}x{SIZE}"):
+    """Run a command that makes an image of the sheet; return its code and the pixels."""
+    write_obj(tmp_path / "mesh.obj")
+    target = tmp_path / name
+    code = cli.main([command, str(tmp_path / "mesh.obj"), str(target), "--size", size, *words])
+    read = np.load if target.suffix == ".npy" else pixels_of
+    return code, read(target) if code == 0 else None
+
+
+def test_distances_are_drawn_from_meshes(tmp_path, capsys):
+    code, found = drawn(tmp_path, "geodesic-distance", "out.npy", "--vertices", "0", "8")
+    assert code == 0
+    assert found.shape == (SIZE, SIZE)
+    assert found.dtype == np.float32
+    # Row 0 of files is at the top, the vertices at the bottom, where the sheet is 1 wide.
+    assert found[-1, 0] < 0.02
+    np.testing.assert_allclose(found[0, 0], 1.0, atol=0.02)
+    assert " values 0.0" in capsys.readouterr().out
+    gray = np.zeros((SIZE, SIZE), np.uint8)
+    gray[-1] = 255
+    Image.fromarray(gray).save(tmp_path / "start.png")
+    words = ["--painted", str(tmp_path / "start.png"), "--look", "gradient"]
+    code, picture = drawn(tmp_path, "geodesic-distance", "out.png", *words)
+    assert code == 0
+    assert picture.dtype == np.uint16
+    assert picture[-1, 4] == 65535
+    assert (np.diff(picture[:, 4].astype(int)) >= 0).all()
+
+
+def test_streaks_and_patterns_are_drawn_from_meshes(tmp_path):
+    code, streaks = drawn(tmp_path, "surface-streaks", "s.png", "--along", "x")
+    assert code == 0
+    part = streaks[8:-8, 4:20].astype(float)
+    assert np.abs(np.diff(part, axis=1)).mean() < 0.5 * np.abs(np.diff(part, axis=0)).mean()
+    code, pattern = drawn(tmp_path, "surface-pattern", "p.png", "--steps", "300", "--scale", "8")
+    assert code == 0
+    assert pattern.max() > 30000
+
+
+def test_what_an_image_cannot_be_made_from_is_named(tmp_path, capsys):
+    assert drawn(tmp_path, "geodesic-distance", "out.npy")[0] == 1
+    assert "source" in capsys.readouterr().err
+    assert drawn(tmp_path, "geodesic-distance", "out.npy", "--vertices", "999")[0] == 1
+    assert "999" in capsys.readouterr().err
+    assert not (tmp_path / "out.npy").exists()

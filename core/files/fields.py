@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images that are made from a mesh file alone: distances, streaks, patterns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..atlas import TextureAtlas
+from ..base.progress import phase, reporting
+from ..errors import ShockError
+from ..filters.texels import grays_of
+from ..mesh.directions import named_directions
+from .images import Pixels, image_size, read_grays, write_image_file
+from .output import DEFAULTS, Options, Outcome
+from .textures import RAW, read_textured_mesh
+
+FILES = {"painted": "image", "scale_map": "rates"}
+"""What is given as the name of a file, and what the functions call its values."""
+
+
+def field_file(
+    function: Callable[..., Pixels],
+    mesh: str | Path,
+    target: str | Path,
+    size: tuple[int, int] | str | Path,
+    sources: Mapping[str, Any],
+    options: Options = DEFAULTS,
+) -> Outcome:
+    """Make an image on the surface of a mesh, and write it.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(mesh, uv, size, atlas=, **sources)`` returns (h, w) floats, of which row 0 is at
+        v = 0; see `registry.FIELD`.
+    mesh, options
+        As in :func:`shock_filter.core.files.textures.filter_texture_file`.
+    target : path
+        NumPy, TIFF and EXR files hold the values, PNG 16 bits and all others 8, from 0 to 1.
+    size : (int, int), or path
+        Height and width in texels, or an image file of the wanted size.
+    sources : mapping
+        What the function wants by name; images as paths, under the names of their flags.
+    """
+    target = Path(target)
+    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
+    surface = read_textured_mesh(mesh, options.material, options.any_size)
+    words = {FILES.get(name, name): value for name, value in sources.items()}
+    for flag, name in FILES.items():
+        if flag in sources:
+            grays = read_grays(Path(sources[flag]), flag.replace("_", " "), options.any_size)
+            words[name] = np.ascontiguousarray(grays[::-1])
+    with reporting(options.progress):
+        if "along" in words:
+            words["directions"] = named_directions(surface.mesh, words.pop("along"))
+        with phase(0.0, 0.3, "Finding the charts"):
+            atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
+        with phase(0.3, 1.0, "Generating"):
+            made = function(surface.mesh, surface.uv, (height, width), **words, atlas=atlas)
+    values = grays_of(made, atlas.inside)
+    depth = np.uint16 if target.suffix.lower() == ".png" else np.uint8
+    pixels = field_pixels(values, atlas.inside, target, depth)
+    write_image_file(target, np.ascontiguousarray(pixels[::-1]), options.overwrite)
+    notes = (*surface.notes, *atlas.report.sentences())
+    return field_outcome(values, atlas.inside, notes)
+
+
+def field_pixels(values: Pixels, inside: Pixels, target: Path, depth: type) -> Pixels:
+    """Turn values into what the target's format holds: floats, or whole numbers of this depth.
+
+    Raises
+    ------
+    ShockError
+        If it holds numbers from 0 to 1 only, and there are others.
+    """
+    if target.suffix.lower() in RAW:
+        return values
+    largest = values[inside].max(initial=0.0)
+    if not largest <= 1.0:
+        raise ShockError(
+            f"The values reach {largest:g}, and {target.suffix} files hold 0 to 1; choose another"
+            " look, or write .npy, .tif or .exr."
+        )
+    return np.rint(np.iinfo(depth).max * np.clip(values, 0.0, 1.0)).astype(depth)
+
+
+def field_outcome(values: Pixels, inside: Pixels, notes: tuple[str, ...]) -> Outcome:
+    """Say how large the values are, and on how much of the image."""
+    shown = values[inside]
+    low, high = shown.min(initial=np.inf), shown.max(initial=-np.inf)
+    done = f"values {low:.3g} to {high:.3g} on {{changed}} of {{total}} texels"
+    return Outcome(values.size, len(shown), notes, done)

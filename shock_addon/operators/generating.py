@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What operators do that make an image from the shape of objects."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+from bpy.app.translations import pgettext_rpt
+
+from .. import data
+from ..data.skipped import Refused, Skipped, sentences
+from . import poll as obstacles
+from .base import Done, FilterOperator, Written, counted, write_results
+
+
+class GenerateOperator(FilterOperator):
+    """Mixin for operators that make an image; they have the properties `image` and `result`."""
+
+    obstacle = staticmethod(obstacles.of_unwrapped)
+
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Read the objects, and the image if one is to be replaced."""
+        image = bpy.data.images.get(self.image) if self.image else None
+        if self.image and image is None:
+            text = "There is no image named {name!r}; name one, or leave the field empty."
+            raise Refused(text, name=self.image)
+        if image is not None and self.result == image.name and not self.options.is_repeat_last:
+            data.images.restore(image)  # redo undoes the run before
+        try:
+            places = self.row.target(self).places
+            target, skipped = data.fields.read_field(context, image, self, places)
+        except Skipped as reason:
+            name = data.chosen.mesh_objects(context)[0].name
+            return [], sentences([(name, str(reason))])
+        return [target], skipped
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
+        """Write the image, and show it in the Image Editor."""
+        data.images.forget_overwritten()
+        written, skipped = write_results(self.targets, results, self._write_one)
+        self._notes: list[str] = []
+        for target, image, _ in written:
+            if target.surface.at_vertices:
+                continue
+            self.result = image.name
+            if self.add_node:
+                self._notes += data.fields.add_nodes(target.objects, image)
+            data.images.keep(image)
+        return written, skipped
+
+    def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
+        if target.surface.at_vertices:
+            data.replaced.hold([])
+            return data.fields.write_attribute(target.objects, result.values)
+        pixels = data.fields.pixels_of(result.values)
+        if target.image_uid:
+            image = data.images.find_image(target)
+            digest = data.images.overwrite(image, target.parts, {data.images.UNTILED: pixels})
+            swap = data.replaced.PixelsSwap(image, target.parts, digest)
+            data.replaced.hold([swap])
+            return image
+        kind = pgettext_rpt(self.row.target(self).label)
+        name = f"{target.name} {kind}"
+        is_float = self.row.target(self).data_kind == "distance"
+        return data.fields.add_or_reuse(name, self.result, pixels, is_float)
+
+    def counts(self, written: list[Written]) -> tuple[int, int]:
+        """Count the texels that were made."""
+        shown = [each.result.shown for each in written]
+        return sum(int(each.sum()) for each in shown), sum(each.size for each in shown)
+
+    def summary(self, written: list[Written], seconds: float) -> str:
+        """Name the image and what is in it."""
+        target, made, result = written[0]
+        inside = result.values[result.shown]
+        text = pgettext_rpt(
+            "Generated {name} on {objects}: {size}, values {low:.3g} to {high:.3g}, {seconds:.1f}"
+            " s."
+        )
+        name, size = made.name, "{1} x {0} pixels".format(*target.surface.shape)
+        if target.surface.at_vertices:
+            name, size = data.fields.ATTRIBUTE, counted(len(inside), "1 vertex", "{:,} vertices")
+        return text.format(
+            name=name,
+            objects=counted(len(target.objects), "1 object", "{:,} objects"),
+            size=size,
+            low=float(inside.min(initial=math.inf)),
+            high=float(inside.max(initial=-math.inf)),
+            seconds=seconds,
+        )
+
+    def notes(self, written: list[Written]) -> str:
+        """Say what is unusual about the UV map, and where the image is seen."""
+        return " ".join(dict.fromkeys([*self._notes, *written[0].result.notes]))

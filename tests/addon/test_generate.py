@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator Generate: images, and attributes, that are made from the shape of objects."""
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.modes import find
+from shock_filter.shock_addon.operators import base as operators
+
+generate = bpy.ops.shock_filter.generate
+
+SIZE = 256
+LENGTH = 2.0
+"""Of the sheet's sides."""
+
+
+def read(name):
+    return image_data.read_pixels(bpy.data.images[name])[..., 0]
+
+
+def add_sheet(left=0.0, width=1.0):
+    """A sheet of 64 quads, whose UVs fill columns of the image; nothing is selected."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, calc_uvs=True)
+    sheet = bpy.context.object
+    for loop in sheet.data.uv_layers.active.uv:
+        loop.vector = left + width * loop.vector[0], loop.vector[1]
+    for elements in (sheet.data.vertices, sheet.data.edges, sheet.data.polygons):
+        elements.foreach_set("select", [False] * len(elements))
+    return sheet
+
+
+@pytest.fixture
+def sheet():
+    """A flat square, 2 by 2."""
+    return add_sheet()
+
+
+def in_column(obj, x):
+    """The edges of an object on a line."""
+    points = [vertex.co.x for vertex in obj.data.vertices]
+    return [e for e in obj.data.edges if all(abs(points[v] - x) < 1e-6 for v in e.vertices)]
+
+
+def from_left():
+    """How far each texel is from the left side."""
+    columns = (np.arange(SIZE) + 0.5) / SIZE * LENGTH
+    return np.broadcast_to(columns, (SIZE, SIZE))
+
+
+def select(obj):
+    for edge in in_column(obj, -1.0):
+        edge.select = True
+
+
+def mark_seams(obj):
+    for edge in in_column(obj, -1.0):
+        edge.use_seam = True
+
+
+def mark_sharp(obj):
+    for edge in in_column(obj, -1.0):
+        edge.use_edge_sharp = True
+
+
+def add_group(obj):
+    group = obj.vertex_groups.new(name="Left")
+    group.add([v.index for v in obj.data.vertices if v.co.x < -0.99], 0.5, "REPLACE")
+    group.add([v.index for v in obj.data.vertices if v.co.x > 0.99], 0.4, "REPLACE")
+
+
+def paint(obj):
+    pixels = np.zeros((SIZE, SIZE, 4), dtype=np.float32)
+    pixels[:, 0, :3] = pixels[..., 3:] = 1.0
+    image = bpy.data.images.new("Start", SIZE, SIZE)
+    image.pixels.foreach_set(pixels.reshape(-1))
+
+
+@pytest.mark.parametrize(
+    ("prepare", "words"),
+    [
+        (select, {}),
+        (mark_seams, {"start": "SEAMS"}),
+        (mark_sharp, {"start": "SHARP"}),
+        (add_group, {"start": "GROUP", "start_group": "Left"}),
+        (paint, {"start": "IMAGE", "start_image": "Start"}),
+    ],
+)
+def test_distance_counts_from_what_is_said(sheet, prepare, words):
+    prepare(sheet)
+    assert generate(look="distance", image_size=str(SIZE), **words) == {"FINISHED"}
+    image = bpy.data.images["Grid Distance"]
+    assert image.is_float
+    assert image.colorspace_settings.name == "Non-Color"
+    assert image.packed_file is not None
+    off = read("Grid Distance") - from_left()
+    assert np.abs(off).max() < 1.1 * LENGTH / SIZE  # painted texels are the start as a whole
+    said = operators.summaries["generate"]
+    assert "Generated Grid Distance on 1 object: 256 x 256 pixels" in said
+
+
+def test_distance_counts_from_borders(sheet):
+    assert generate(look="distance", source="border", image_size=str(SIZE)) == {"FINISHED"}
+    middle = read("Grid Distance")[SIZE // 2]
+    np.testing.assert_allclose(middle, np.minimum(from_left(), LENGTH - from_left())[0], atol=0.01)
+
+
+def test_the_default_is_seen_whatever_the_size_of_the_object(sheet):
+    sheet.scale = 100.0, 100.0, 1.0
+    select(sheet)
+    bpy.context.view_layer.update()
+    assert generate(image_size=str(SIZE)) == {"FINISHED"}
+    np.testing.assert_allclose(read("Grid Distance"), 1.0 - from_left() / LENGTH, atol=0.01)
+
+
+def test_distance_at_vertices_is_an_attribute(sheet):
+    other = add_sheet()
+    other.location.x = 9.0
+    for obj in (sheet, other):
+        select(obj)
+        obj.select_set(True)
+    for loop in other.data.uv_layers.active.uv:  # the objects share the image
+        loop.vector = 0.5 + 0.5 * loop.vector[0], loop.vector[1]
+    for loop in sheet.data.uv_layers.active.uv:
+        loop.vector = 0.5 * loop.vector[0], loop.vector[1]
+    assert generate(look="distance", into="ATTRIBUTE", image_size=str(SIZE)) == {"FINISHED"}
+    assert len(bpy.data.images) == 0
+    for obj in (sheet, other):
+        values = [each.value for each in obj.data.attributes["Distance"].data]
+        wanted = [vertex.co.x + 1.0 for vertex in obj.data.vertices]
+        np.testing.assert_allclose(values, wanted, atol=1e-5)
+    assert "Generated Distance on 2 objects: 162 vertices" in operators.summaries["generate"]
+
+
+@pytest.mark.parametrize(("along", "axis"), [("X", 1), ("Y", 0), ("AROUND_X", 0), ("AROUND_Y", 1)])
+def test_streaks_run_along(sheet, along, axis):
+    words = {"along": along, "image_size": str(SIZE)}
+    assert generate(target="streaks", **words) == {"FINISHED"}
+    values = read("Grid Streaks")
+    along_it, across = (np.abs(np.diff(values, axis=each)).mean() for each in (axis, 1 - axis))
+    assert along_it < 0.3 * across
+    assert values.std() > 0.05
+    assert not bpy.data.images["Grid Streaks"].is_float
+
+
+def test_a_pattern_grows_and_its_scale_is_painted(sheet):
+    pixels = np.ones((128, 128, 4), dtype=np.float32)
+    pixels[:, :64, :3] = 0.5
+    bpy.data.images.new("Scale", 128, 128, is_data=True).pixels.foreach_set(pixels.reshape(-1))
+    bpy.data.images.new("Skin", 128, 128, is_data=True)
+    words = {"pattern_steps": 600, "pattern_scale": 16.0, "image": "Skin"}
+    assert generate(target="pattern", scale_map="Scale", **words) == {"FINISHED"}
+    values = read("Skin")
+    assert values.min() < 0.1
+    assert values.max() > 0.9
+    fine, coarse = (np.abs(np.diff(half, axis=0)).mean() for half in np.split(values, 2, axis=1))
+    assert fine > 1.3 * coarse
+
+
+def add_numbers(sheet):
+    numbers = sheet.data.attributes.new("Way", "FLOAT", "POINT")
+    numbers.data.foreach_set("value", [vertex.co.y for vertex in sheet.data.vertices])
+
+
+def add_colors(sheet):
+    colors = sheet.data.color_attributes.new("Way", "FLOAT_COLOR", "CORNER")
+    for loop, color in zip(sheet.data.loops, colors.data, strict=True):
+        color.color = (*3 * [sheet.data.vertices[loop.vertex_index].co.y], 1.0)
+
+
+def add_vectors(sheet):
+    vectors = sheet.data.attributes.new("Way", "FLOAT_VECTOR", "FACE")
+    vectors.data.foreach_set("vector", [1.0, 0.0, 0.0] * len(sheet.data.polygons))
+    sheet.rotation_euler.z = np.pi / 2  # vectors turn with the object
+
+
+@pytest.mark.parametrize("add", [add_numbers, add_colors, add_vectors])
+def test_streaks_follow_an_attribute(sheet, add):
+    add(sheet)
+    bpy.context.view_layer.update()
+    words = {"along": "ATTRIBUTE", "along_attribute": "Way", "image_size": str(SIZE)}
+    assert generate(target="streaks", **words) == {"FINISHED"}
+    values = read("Grid Streaks")
+    rough = [np.abs(np.diff(values, axis=axis)).mean() for axis in (0, 1)]
+    calm = 1 if add is add_vectors else 0  # in the object's own frame, which the UVs follow
+    assert rough[calm] < 0.5 * rough[1 - calm]
+
+
+def test_an_object_without_a_material_shows_the_image(sheet):
+    generate(source="border", image_size=str(SIZE))
+    (material,) = sheet.data.materials
+    nodes = material.node_tree.nodes
+    (link,) = nodes["Principled BSDF"].inputs["Base Color"].links
+    assert link.from_node.image == bpy.data.images["Grid Distance"]
+
+
+def test_a_material_gets_a_node_that_waits(sheet):
+    material = bpy.data.materials.new("Wood")
+    material.use_nodes = True
+    sheet.data.materials.append(material)
+    links = len(material.node_tree.links)
+    for _ in range(2):
+        generate(source="border", image_size=str(SIZE), add_node=True)
+        assert material.node_tree.nodes.active.image is not None
+    assert len(material.node_tree.links) == links
+    generate(source="border", image_size=str(SIZE), add_node=False)
+    assert sum(node.type == "TEX_IMAGE" for node in material.node_tree.nodes) == 2
+
+
+def test_an_image_is_replaced_at_its_own_size(sheet):
+    image = bpy.data.images.new("Mask", 64, 48)
+    assert generate(source="border", image="Mask", add_node=False) == {"FINISHED"}
+    assert tuple(image.size) == (64, 48)
+    values = image_data.read_pixels(image)[..., 0]
+    assert values[0, 0] > 0.97
+    assert values[24, 32] < 0.05
+    assert [each.name for each in bpy.data.images] == ["Mask"]
+
+
+def test_redo_starts_anew(sheet, adjust):
+    bpy.ops.ed.undo_push(message="Start")
+    generate("EXEC_DEFAULT", True, source="border", image_size=str(SIZE))
+    before = read("Grid Distance")
+    adjust(look="lines")
+    assert [image.name for image in bpy.data.images] == ["Grid Distance"]
+    assert (read("Grid Distance") != before).any()
+
+
+def test_undo_takes_the_image_away(sheet):
+    bpy.ops.ed.undo_push(message="Start")
+    generate("EXEC_DEFAULT", True, source="border", image_size=str(SIZE))
+    bpy.ops.ed.undo()
+    assert "Grid Distance" not in bpy.data.images
+    assert not bpy.data.objects["Grid"].data.materials
+
+
+BAD = [
+    ({}, "nothing is selected"),
+    ({"start": "GROUP", "start_group": "None"}, "no vertex group named 'None'"),
+    ({"start": "SEAMS"}, "no edge is marked as a seam"),
+    ({"start": "SHARP"}, "no edge is marked as sharp"),
+    ({"start": "IMAGE", "start_image": "None"}, "no image named 'None'"),
+    ({"start": "IMAGE", "start_image": "Small"}, "another size; scale it to 256 x 256"),
+    ({"image": "None"}, "no image named 'None'"),
+    ({"target": "streaks", "along": "ATTRIBUTE", "along_attribute": "None"}, "named 'None'"),
+]
+
+
+@pytest.mark.parametrize(("words", "reason"), BAD)
+def test_what_is_missing_is_named(sheet, words, reason):
+    bpy.data.images.new("Small", 8, 8)
+    with pytest.raises(RuntimeError, match=reason):
+        generate(**({"image_size": str(SIZE)} | words))
+    assert [image.name for image in bpy.data.images] == ["Small"]
+    assert not sheet.data.materials
+
+
+def test_all_selected_is_no_start():
+    bpy.ops.mesh.primitive_grid_add(calc_uvs=True)
+    bpy.context.object.data.vertices.foreach_set("select", [True] * 121)
+    with pytest.raises(RuntimeError, match="all is selected"):
+        generate()
+
+
+def test_what_is_selected_in_edit_mode_counts_and_the_mode_stays(sheet):
+    select(sheet)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert generate(look="distance", image_size=str(SIZE)) == {"FINISHED"}
+    assert bpy.context.mode == "EDIT_MESH"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert np.abs(read("Grid Distance") - from_left()).max() < 0.02
+
+
+def test_a_mesh_without_uv_map_is_refused(sheet):
+    sheet.data.uv_layers.remove(sheet.data.uv_layers[0])
+    with pytest.raises(RuntimeError, match="Unwrap the mesh"):
+        generate(source="border")
+
+
+def test_parts_that_no_way_leads_to_are_black(sheet):
+    island = add_sheet(0.5, 0.5)
+    island.location.x = 9.0
+    for loop in sheet.data.uv_layers.active.uv:
+        loop.vector = 0.5 * loop.vector[0], loop.vector[1]
+    select(sheet)
+    for obj in (sheet, island):
+        obj.select_set(True)
+    assert generate(image_size=str(SIZE)) == {"FINISHED"}
+    (image,) = bpy.data.images
+    values = image_data.read_pixels(image)[..., 0]
+    assert values[:, : SIZE // 2 - 2].max() > 0.9
+    assert values[:, SIZE // 2 + 2 :].max() == 0.0
+
+
+def test_esc_leaves_everything(sheet, monkeypatch):
+    monkeypatch.setattr(operators, "listener", lambda fraction, message: False)
+    assert generate(source="border") == {"CANCELLED"}
+    assert len(bpy.data.images) == 0
+
+
+def test_each_target_has_a_preset():
+    mode = find("generate")
+    chosen = {preset.values.get("target", mode.targets[0].key) for preset in mode.presets}
+    assert chosen == {target.key for target in mode.targets}
