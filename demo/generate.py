@@ -25,7 +25,7 @@ OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "generate"
 TEXELS, PIXELS, COLORS = 1024, 420, 224
 VIEWS = {
     "spot": View(rotation=(90, 0, 215), centre=(-0.1, 0.08), size=1.8, light=(-0.3, -1.0, 0.6)),
-    "blub": View(rotation=(90, 0, 125), centre=(-0.1, 0.25), size=2.3, light=(-0.3, -1.0, 0.6)),
+    "blub": View(rotation=(90, 0, 125), centre=(-0.28, 0.25), size=2.7, light=(-0.3, -1.0, 0.6)),
 }
 INK, PAPER = (0.02, 0.08, 0.16), (0.9, 0.8, 0.62)
 """Colors of 0 and of 1."""

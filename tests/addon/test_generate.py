@@ -154,7 +154,7 @@ def test_a_pattern_grows_and_its_scale_is_painted(sheet):
     assert values.min() < 0.1
     assert values.max() > 0.9
     fine, coarse = (np.abs(np.diff(half, axis=0)).mean() for half in np.split(values, 2, axis=1))
-    assert fine > 1.3 * coarse
+    assert fine > 1.15 * coarse
 
 
 def add_numbers(sheet):

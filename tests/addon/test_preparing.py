@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
+from shock_filter.core import registry
 from shock_filter.core.base import cache_folder
 from shock_filter.shock_addon.operators import compiling, kernels, preparing
 
@@ -43,6 +44,11 @@ def watched():
     for process in preparing._processes:
         process.last_words()
     assert preparing._watch() is None
+
+
+def test_all_kinds_of_data_are_prepared():
+    kinds = [kind for share in preparing._SHARES for kind in share]
+    assert sorted(kinds) == sorted({row.kind.name for row in registry.FILTERS})
 
 
 def test_nothing_begins_by_itself_in_background_mode():
