@@ -224,6 +224,8 @@ def bench(session: nox.Session) -> None:
     session.run("python", "benchmarks/geometry.py", *session.posargs)
     session.run("python", "benchmarks/textures.py", *session.posargs)
     session.run("python", "benchmarks/denoise.py", *session.posargs)
+    session.run("python", "benchmarks/gradient_domain.py", *session.posargs)
+    session.run("python", "benchmarks/fields.py", *session.posargs)
 
 
 @nox.session(python=PYTHON)
