@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Patterns of two substances that react and diffuse on a surface (paper B, section 7.5)."""
+"""Patterns of two substances that react and diffuse on a surface, on paper B's elements."""
 
 from __future__ import annotations
 
@@ -103,8 +103,9 @@ def reaction_diffusion(
     -----
     The model of Gray and Scott (1984) with patterns after Pearson (1993):
     ``u' = D_u lap u - u v^2 + feed (1 - u)`` and ``v' = D_v lap v + u v^2 - (feed + kill) v``. Each
-    step is 1 long, explicit in the reaction and implicit in diffusion (paper B, 7.5). The mass is
-    lumped, so that no step leaves the range of its values where texels are not much stretched.
+    step is 1 long, explicit in the reaction and implicit in diffusion (the
+    paper has no such program; its systems, section 6, are of the same kind). The mass is lumped, so
+    that no step leaves the range of its values where texels are not much stretched.
     A stripe needs about three texels in each direction: where those of a chart are so long that it
     has fewer, nothing grows.
 

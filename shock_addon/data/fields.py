@@ -14,7 +14,7 @@ from bpy.app.translations import pgettext_rpt
 
 from ...core.host.fields import FieldSurface
 from . import arrays, images, meshes, textures
-from .chosen import mesh_users, refusal
+from .chosen import mesh_refusal, mesh_users, refusal
 from .images import ImageTarget
 from .skipped import Skipped, skip_if
 from .tiles import Tiles
@@ -89,11 +89,13 @@ def add_or_reuse(
     """Write pixels into the image named `used`, if an earlier run has made it so, or a new one."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.get(used)
-    if image is None or tuple(image.size) != (width, height) or image.is_float != is_float:
+    fits = image is not None and tuple(image.size) == (width, height)
+    if not (fits and image.is_float == is_float and images.is_as_written(image)):
         image = bpy.data.images.new(
             name, width, height, alpha=False, float_buffer=is_float, is_data=True
         )
     images.write_parts(image, {images.UNTILED: pixels}, pack=True)
+    images.note_written(image)
     return image
 
 
@@ -116,13 +118,18 @@ def write_attribute(names: list[str], values: npt.NDArray[np.float32]) -> bpy.ty
     Raises
     ------
     Skipped
-        If an object was removed or has other vertices now.
+        If an object was removed, has other vertices now, or cannot take the attribute.
     """
     objects = [bpy.data.objects.get(name) for name in names]
     with meshes.object_mode(bpy.context):
         counts = [0 if obj is None else len(obj.data.vertices) for obj in objects]
         if 0 in counts or sum(counts) != len(values):
             raise Skipped("it was changed meanwhile; run again")
+        for obj in objects:
+            skip_if(mesh_refusal(obj.data))
+            there = ATTRIBUTE in obj.data.attributes
+            if there and not arrays.find_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT"):
+                raise Skipped("it has another attribute named Distance; rename that one")
         for obj, part in zip(objects, np.split(values, np.cumsum(counts)[:-1]), strict=True):
             attribute = arrays.find_or_add_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT")
             arrays.write_attribute(attribute, part)
@@ -143,17 +150,18 @@ def add_nodes(names: list[str], image: bpy.types.Image) -> list[str]:
     notes = []
     for obj in (bpy.data.objects[name] for name in names):
         material = obj.active_material
-        if material is None:
+        if material is None and not mesh_refusal(obj.data):
             material = bpy.data.materials.new(obj.name)
-            material.use_nodes = True
+            if bpy.app.version < (5, 0, 0):  # later, all use them
+                material.use_nodes = True
             if obj.material_slots:
                 obj.material_slots[obj.active_material_index].material = material
             else:
                 obj.data.materials.append(material)
             _link_to_color(material, _image_node(material, image))
-        elif material.library is not None or material.node_tree is None:
+        elif material is None or material.library is not None or material.node_tree is None:
             text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
-            notes.append(text.format(name=material.name, image=image.name))
+            notes.append(text.format(name=(material or obj).name, image=image.name))
         else:
             _image_node(material, image)
     return notes

@@ -134,7 +134,7 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
     """
     image = bpy.data.images.get(used)
     fits = image is not None and image != source and _is_like(image, source, parts)
-    if fits and _is_as_written(image):
+    if fits and is_as_written(image):
         write_parts(image, parts, pack=True)
     elif source.source == "TILED":
         image = new_tiled_like(source, _name(source.name, suffix), parts)
@@ -213,13 +213,19 @@ def restore(image: bpy.types.Image) -> None:
     """
     old = _overwritten.get(image.session_uid)
     painted = image.source == "TILED" and image.is_dirty  # its files are read, not its pixels
-    if old is not None and _undone and not painted and _is_as_written(image):
+    if old is not None and _undone and not painted and is_as_written(image):
         write_parts(image, old, image.packed_file is not None)
 
 
-def _is_as_written(image: bpy.types.Image) -> bool:
+def is_as_written(image: bpy.types.Image) -> bool:
+    """Whether an image holds what a run has written, and nothing that was painted since."""
     written = _written.get(image.session_uid)
     return written is not None and written == digest_of(image)
+
+
+def note_written(image: bpy.types.Image) -> None:
+    """Remember what a run has written into an image."""
+    _written[image.session_uid] = digest_of(image)
 
 
 def digest_of(image: bpy.types.Image) -> bytes:

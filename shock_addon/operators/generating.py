@@ -37,7 +37,7 @@ class GenerateOperator(FilterOperator):
         return [target], skipped
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Write the image, and show it in the Image Editor."""
+        """Write the image, and put it into materials; or write the attribute."""
         data.images.forget_overwritten()
         written, skipped = write_results(self.targets, results, self._write_one)
         self._notes: list[str] = []

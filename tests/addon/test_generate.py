@@ -302,3 +302,20 @@ def test_each_target_has_a_preset():
     mode = find("generate")
     chosen = {preset.values.get("target", mode.targets[0].key) for preset in mode.presets}
     assert chosen == {target.key for target in mode.targets}
+
+
+def test_an_attribute_of_another_kind_is_kept(sheet):
+    sheet.data.attributes.new("Distance", "FLOAT_COLOR", "CORNER")
+    with pytest.raises(RuntimeError, match="another attribute named Distance"):
+        generate(source="border", into="ATTRIBUTE")
+    assert sheet.data.attributes["Distance"].data_type == "FLOAT_COLOR"
+
+
+def test_what_was_painted_since_is_kept(sheet):
+    words = {"source": "border", "image_size": str(SIZE)}
+    generate(**words)
+    image = bpy.data.images["Grid Distance"]
+    image.pixels[0] = 7.0
+    generate(**words, result="Grid Distance")
+    assert image.pixels[0] == 7.0
+    assert len(bpy.data.images) == 2
