@@ -54,9 +54,10 @@ def stored(job: common.Job, name: str, size: int) -> Path:
 def warm_up() -> None:
     """Load or compile all kernels."""
     tiny = ball(32, steps=2)
-    solver = core.TextureSolver(tiny.mesh(), tiny.uv, tiny.image)
-    solver.filtered()
-    solver.filtered(np.full(tiny.image.shape[:2], 2.0))
+    for image in (tiny.image, tiny.image.astype(np.float32) / 255):
+        solver = core.TextureSolver(tiny.mesh(), tiny.uv, image)
+        solver.filtered()
+        solver.filtered(np.full(image.shape[:2], 2.0))
 
 
 def timed_run(path: Path, runs: int) -> dict[str, float]:

@@ -18,11 +18,11 @@ from ..mesh.triangle_mesh import Floats, Ints
 from .sheet import ROWS
 from .sheet_matrix import LOOSE, NONE, BlockRows, SheetMatrix
 
-_KEPT = 8
+_KEPT = 4
 """Most coarse nodes that an unknown is interpolated from."""
 
-_SWEEPS = 2
-"""Rounds of averaging after the one that reached the last unknown."""
+_SWEEPS = 1
+"""Rounds of averaging after the one that reached the last unknown; more cost more than they save."""
 
 _CANDIDATES = 64
 

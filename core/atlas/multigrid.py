@@ -148,7 +148,7 @@ class SheetSolver:
         rhs : (n, c) float32
         x : (n, c) float32
             Where to start, 0 where there is no unknown. The solution takes its place; where
-            there is none, it stays.
+            there is no unknown, it stays. Whatever is raised, what is there can be started from.
         tolerance : float
             Wanted residual relative to the right-hand side, where each equation counts divided
             by the root of its diagonal entry.
@@ -169,32 +169,32 @@ class SheetSolver:
         """
         with aside(message):
             if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
-                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(4)]
+                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(3)]
             vectors = self._vectors
-            flat, r = vectors[:2]
-            self._run(_turn, rhs, r)
-            self._run(_turn, x, flat)
-            scale = self._norm(r)
+            self._run(_turn, rhs, vectors[0])
+            scale = self._norm(vectors[0])
             if not np.isfinite(scale):
                 raise SolverError("The right-hand side of the linear system is not finite.")
             if scale == 0:
                 x[:] = 0.0
                 return SolveReport(0, 0.0, True)
-            relative, reachable = self._residual(rhs, flat, r, scale)
+            relative, reachable = self._residual(rhs, x, vectors, scale)
         iterations = 0
         while relative > max(tolerance, reachable) and iterations < limit:
             wanted = max(0.9 * tolerance / relative, 1e-7)
             with phase(0.0, 1.0, message):
                 count, sound = self._conjugate_gradients(
-                    vectors, wanted, limit - iterations, message
+                    x, vectors, wanted, limit - iterations, message
                 )
             iterations += count
             with aside(message):
                 before = relative
-                relative, reachable = self._residual(rhs, flat, r, scale)
+                relative, reachable = self._residual(rhs, x, vectors, scale)
             if not sound or not relative <= 0.5 * before:
                 break
         if not relative <= max(tolerance, reachable):
+            if not np.isfinite(relative):
+                x[:] = 0.0
             raise SolverError(
                 "The linear solve stopped at a relative residual of {relative:.1e} after"
                 " {iterations} iterations ({tolerance:.1e} is needed).",
@@ -202,8 +202,6 @@ class SheetSolver:
                 iterations=iterations,
                 tolerance=tolerance,
             )
-        with aside(message):
-            self._run(_turn_back, self._levels[0].inverse, flat, x)
         return SolveReport(iterations, relative, True)
 
     def cycle(self, b: Singles, x: Singles) -> None:
@@ -223,20 +221,24 @@ class SheetSolver:
         self._run(_subtract_from, self._levels[0].inverse, b.T, r)
         return self._norm(r) / max(self._norm(b), 1e-30)
 
-    def _residual(self, rhs: Singles, x: Singles, r: Singles, scale: float) -> tuple[float, float]:
-        # Puts it into r, which holds the right-hand side as long as x is 0. Returns its size, and
-        # that which the rounding of x alone has.
-        size = self._norm(x, solution=True)
+    def _residual(
+        self, rhs: Singles, x: Singles, vectors: list[Singles], scale: float
+    ) -> tuple[float, float]:
+        # Puts it into the first vector, which holds the right-hand side as long as x is 0. Returns
+        # its size, and that which the rounding of x alone has.
+        r, flat, _ = vectors
+        self._run(_turn, x, flat)
+        size = self._norm(flat, solution=True)
         if size > 0:
-            self._multiply(x, r)
+            self._multiply(flat, r)
             self._run(_subtract_from, self._levels[0].inverse, rhs, r)
         return self._norm(r) / scale, _ROUNDING * size / scale
 
     def _conjugate_gradients(
-        self, vectors: list[Singles], tolerance: float, limit: int, message: str
+        self, x: Singles, vectors: list[Singles], tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
         # Returns the number of iterations, and whether the matrix behaved as a positive one.
-        x, r, z, p = vectors
+        r, z, p = vectors
         inverse, sums = self._levels[0].inverse, self._spans.sums
         first = self._norm(r)
         before, done = 1.0, 0.0
@@ -574,9 +576,9 @@ def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
         total = 0.0
         for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
             scale = inverse[first:last]
-            for j in range(len(x)):
+            for j in range(len(p)):
                 way, change = p[j, first:last], q[j, first:last]
-                solution, residual = x[j, first:last], r[j, first:last]
+                solution, residual = x[first:last, j], r[j, first:last]
                 for i in range(len(way)):
                     solution[i] += alpha * way[i]
                     value = residual[i] - alpha * change[i]

@@ -23,7 +23,7 @@ from .sheet_matrix import BlockRows, Singles, require_positive
 MOST = 1 << 19
 """Most unknowns of a block that is factored."""
 
-_CHUNK = 1 << 13
+_CHUNK = 1 << 15
 
 
 class SeamBlock:
@@ -63,9 +63,11 @@ class SeamBlock:
         """Solve for the block's unknowns in `x`, all others held: (c, n)."""
         n = len(self._rows.unknowns)
         y: Floats = np.empty((n, len(x)))
-        run(_subtract_regular, n, self._rows, self._place, b, x, y, chunk=_CHUNK)
+        # As many channels as a tuple is long: known to the compiler, which takes half of the time.
+        channels = (0.0,) * len(x)
+        run(_subtract_regular, n, self._rows, self._place, b, x, y, channels, chunk=_CHUNK)
         if self._factors is not None:
-            _substitute(*self._factors, y, (0.0,) * len(x))
+            _substitute(*self._factors, y, channels)
         elif self._hierarchy is not None:
             scale = self._inverse_root[:, None]
             y = scale * self._hierarchy.cycle(scale * y)
@@ -118,19 +120,23 @@ def _factored(matrix: scipy.sparse.csc_matrix) -> tuple[_Factors, Ints]:
 
 
 @kernel
-def _subtract_regular(start, stop, rows, place, b, x, y):
+def _subtract_regular(start, stop, rows, place, b, x, y, channels):
+    total = np.empty(len(channels))
     for p in range(start, stop):
-        for j in range(len(x)):
-            total = np.float64(b[j, rows.unknowns[p]])
-            for e in range(rows.middle[p], rows.start[p + 1]):
-                total -= rows.values[e] * x[j, rows.columns[e]]
-            y[place[p], j] = total
+        for j in range(len(channels)):
+            total[j] = b[j, rows.unknowns[p]]
+        for e in range(rows.middle[p], rows.start[p + 1]):
+            i = rows.columns[e]
+            value = rows.values[e]
+            for j in range(len(channels)):
+                total[j] -= value * x[j, i]
+        for j in range(len(channels)):
+            y[place[p], j] = total[j]
 
 
 @sum_kernel
 def _substitute(start, below, values, diagonal, y, channels):
-    # L comes by columns, without its ones. As many channels as a tuple is long: known to the
-    # compiler, which takes half of the time.
+    # L comes by columns, without its ones.
     n = len(diagonal)
     part = np.empty(len(channels))
     for k in range(n):

@@ -74,7 +74,8 @@ class SeamFit:
         atlas, free = self._atlas, self._free
         flat = values.reshape(-1, values.shape[2])
         ask()
-        jumps = np.einsum("sk,skc->sc", self._weights, flat[self._reads])
+        jumps = np.empty((len(self._reads), flat.shape[1]), dtype=np.float32)
+        run(_read, len(jumps), self._reads, self._weights, flat, jumps)
         largest = np.abs(jumps).max(axis=0).astype(np.float64)
         largest[largest == 0] = 1.0
         # Columns that are alike in size count alike, whatever the unit of the values.
@@ -131,17 +132,28 @@ def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArr
 
 
 @kernel
+def _read(start, stop, reads, weights, values, jumps):
+    for sample in range(start, stop):
+        for c in range(values.shape[1]):
+            total = np.float32(0)
+            for slot in range(8):
+                total += weights[sample, slot] * values[reads[sample, slot], c]
+            jumps[sample, c] = total
+
+
+@kernel
 def _bound(start, stop, owners, inside, values, lows, highs):
-    for c in range(values.shape[1]):
-        low, high = np.float32(np.inf), np.float32(-np.inf)
-        for y in range(start, stop):
-            for x in range(owners.shape[1]):
-                if inside[y, x]:
-                    value = values[owners[y, x], c]
-                    low = min(low, value)
-                    high = max(high, value)
-        lows[start // ROWS, c] = low
-        highs[start // ROWS, c] = high
+    low = np.full(values.shape[1], np.float32(np.inf), dtype=np.float32)
+    high = -low
+    for y in range(start, stop):
+        for x in range(owners.shape[1]):
+            if inside[y, x]:
+                node = owners[y, x]
+                for c in range(values.shape[1]):
+                    low[c] = min(low[c], values[node, c])
+                    high[c] = max(high[c], values[node, c])
+    lows[start // ROWS] = low
+    highs[start // ROWS] = high
 
 
 @kernel

@@ -15,6 +15,7 @@ from ..atlas.multigrid import SheetSolver
 from ..atlas.operators import CellWeights, TextureSpace
 from ..atlas.surface_values import added_to_sheet, corner_values, surface_values
 from ..base.checks import LARGEST, as_array, checked_image, checked_weights
+from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
@@ -170,6 +171,7 @@ class TextureSolver:
                 matrix = space.matrix(settings.radius**-2.0)
                 self._solver, self._masses = SheetSolver(matrix), matrix.screen
         self._change = np.zeros_like(self._input)
+        self._shares = np.zeros(len(self._input), dtype=np.float32)
         self._one_at_a_time = Lock()
 
     def filtered(
@@ -206,19 +208,25 @@ class TextureSolver:
                 return self._written(result, weights)
 
     def _changed(self, gains: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        # The values of nodes; painted gains go on from the last ones' solution.
+        # The values of nodes.
         change, factor = self._change, 1.0
         if gains.ndim:
-            on_nodes = self._texture.atlas.gather(gains[..., None] - np.float32(1.0))
-            sheet, sources = self._texture.atlas.sheet, self._texture.atlas.sources
-            known = fill_ghosts(sheet, sources, on_nodes)
-            corners = corner_values(self._space, on_nodes, known)
-            shares = surface_values(self._space, on_nodes, corners)[:, 0]
+            shares = self._on_surface(gains - np.float32(1.0))
+            if "_of_unit" in vars(self):
+                run(_foresee, len(shares), shares, self._shares, self._of_unit, change)
+                self._shares = shares
             self._solve(self._space.means(shares), change)
         else:
             change, factor = self._of_unit, float(gains) - 1.0
         alpha = self._texture.alpha
         return added_to_sheet(self._space, self._values, self._input, change, factor, alpha)
+
+    def _on_surface(self, painted: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        # Painted values (h, w) as a function on the surface: (n,).
+        sheet, sources = self._texture.atlas.sheet, self._texture.atlas.sources
+        on_nodes = self._texture.atlas.gather(painted[..., None])
+        known = fill_ghosts(sheet, sources, on_nodes)
+        return surface_values(self._space, on_nodes, corner_values(self._space, on_nodes, known))[:, 0]
 
     @cached_property
     def _of_unit(self) -> npt.NDArray[np.float32]:
@@ -245,6 +253,17 @@ class TextureSolver:
             mix_texels(self._texture.atlas, self._values, 1.0, weights, result)
             keep = weights == 0
         return self._output.written(result, keep).reshape(self._image.shape)
+
+
+@kernel
+def _foresee(start, stop, shares, before, unit, change):
+    # Painted gains go on from the last ones' solution. Where gains are alike for far around, the
+    # change is that of one gain for all, times gain - 1.
+    for i in range(start, stop):
+        more = shares[i] - before[i]
+        if more != 0:
+            for c in range(change.shape[1]):
+                change[i, c] += more * unit[i, c]
 
 
 def _checked_gain(gain: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArray | None:

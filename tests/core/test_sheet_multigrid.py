@@ -317,7 +317,8 @@ def test_too_few_iterations_are_an_error(small):
     x = np.zeros_like(rhs)
     with pytest.raises(SolverError, match="after 2 iterations"):
         SheetSolver(matrix).solve(rhs, x, 1e-6, limit=2)
-    assert (x == 0).all()
+    again = SheetSolver(matrix).solve(rhs, x, 1e-6)
+    assert again.iterations < SheetSolver(matrix).solve(rhs, np.zeros_like(x), 1e-6).iterations
 
 
 def test_what_is_no_unknown_may_not_be_coupled():
