@@ -22,7 +22,7 @@ _KEPT = 4
 """Most coarse nodes that an unknown is interpolated from."""
 
 _SWEEPS = 1
-"""Rounds of averaging after the one that reached the last unknown; more cost more than they save."""
+"""Rounds of averaging after the one that reached the last unknown: more save no iterations."""
 
 _CANDIDATES = 64
 

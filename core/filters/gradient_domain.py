@@ -226,7 +226,8 @@ class TextureSolver:
         sheet, sources = self._texture.atlas.sheet, self._texture.atlas.sources
         on_nodes = self._texture.atlas.gather(painted[..., None])
         known = fill_ghosts(sheet, sources, on_nodes)
-        return surface_values(self._space, on_nodes, corner_values(self._space, on_nodes, known))[:, 0]
+        corners = corner_values(self._space, on_nodes, known)
+        return surface_values(self._space, on_nodes, corners)[:, 0]
 
     @cached_property
     def _of_unit(self) -> npt.NDArray[np.float32]:
