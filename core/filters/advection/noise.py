@@ -174,16 +174,16 @@ class Noise:
         # A step may end a cell farther than it is long, and is read with the cell after.
         self._rim = math.ceil(longest) + 2
         padded = rows + 2 * self._rim, columns + 2 * self._rim
-        self._old: _Bits = np.empty(padded, dtype=np.uint8)
-        self._new: _Bits = np.empty(padded, dtype=np.uint8)
+        self._noise: _Bits = np.empty(padded, dtype=np.uint8)
+        self._quads: _Bits = np.zeros(padded, dtype=np.uint8)
         self._right: _Singles = np.empty(size, dtype=np.float32)
         self._down: _Singles = np.empty(size, dtype=np.float32)
         self._rates = np.empty(size, dtype=np.uint16)
         self._rates_of: Motion | None = None
         self.blended: _Singles = np.full(size, 0.5, dtype=np.float32)
         key = stream(settings.seed, 0, FIRST)
-        run(_begin, padded[0], key, self._rim, self._old, self._right, self._down, chunk=ROWS)
-        self._fill_rim(self._old, -1)
+        run(_begin, padded[0], key, self._rim, self._noise, self._right, self._down, chunk=ROWS)
+        self._make_ready(-(1 << 40))
 
     def step(self, motion: Motion, number: int) -> None:
         """Go on by a frame."""
@@ -192,11 +192,12 @@ class Noise:
             run(_find_rates, len(self._rates), motion.right, motion.down, motion.defined,
                 settings.injection, settings.divergence, self._rates, chunk=ROWS)  # fmt: skip
             self._rates_of = motion
-        run(_carry, len(self.blended), self._rim, self._old, motion.right, motion.down,
-            self._right, self._down, np.float32(settings.blending), self._new, self.blended,
-            self._rates, stream(settings.seed, number, CHANGED), chunk=ROWS)  # fmt: skip
-        self._fill_rim(self._new, number)
-        self._old, self._new = self._new, self._old
+        quads = self._quads.reshape(-1)
+        run(_carry, len(self.blended), self._rim, quads, self._quads.shape[1], motion.right,
+            motion.down, self._right, self._down, np.float32(settings.blending), self._noise,
+            self.blended, self._rates, stream(settings.seed, number, CHANGED),
+            chunk=ROWS)  # fmt: skip
+        self._make_ready(number)
 
     def smoothed(self, motion: Motion) -> _Singles:
         """Return the blended noise, smoothed along the flow."""
@@ -205,12 +206,14 @@ class Noise:
             motion, self._longest, self.blended, settings.convolution, self._wraps
         )
 
-    def _fill_rim(self, noise: _Bits, number: int) -> None:
+    def _make_ready(self, number: int) -> None:
+        # The rim, and what the next step reads.
         key = stream(self._settings.seed, number, BESIDE)
         wrap_x, wrap_y = self._wraps
-        inner = len(noise) - 2 * self._rim
-        _fill_beside(self._rim, self._rim + inner, self._rim, wrap_x, key, noise)
-        _fill_above_and_below(self._rim, wrap_x, wrap_y, key, noise)
+        inner = len(self._noise) - 2 * self._rim
+        _fill_beside(self._rim, self._rim + inner, self._rim, wrap_x, key, self._noise)
+        _fill_above_and_below(self._rim, wrap_x, wrap_y, key, self._noise)
+        run(_join_quads, len(self._noise), self._noise, self._quads, chunk=8 * ROWS)
 
 
 @kernel
@@ -250,32 +253,52 @@ def _find_rates(start, stop, right, down, defined, injection, divergence, rates)
 
 @kernel
 def _carry(
-    start, stop, rim, old, right, down, place_right, place_down, alpha, new, blended, rates, key
-):
+    start, stop, rim, quads, stride, right, down, place_right, place_down, alpha, new, blended,
+    rates, key,
+):  # fmt: skip
+    # Each row in three loops: where its cells come from, what is there, and what follows. The
+    # first and the last run on many cells at once.
+    columns = right.shape[1]
+    index = np.empty(columns, dtype=np.uint32)
+    found = np.empty(columns, dtype=np.uint8)
+    wide = np.int32(stride)
     for i in range(start, stop):
-        for j in range(right.shape[1]):
+        base = np.int32((i + rim) * stride + rim)
+        for j in range(columns):
             x = place_right[i, j] - right[i, j]
             y = place_down[i, j] - down[i, j]
-            left = np.floor(x)
-            top = np.floor(y)
-            x -= left
-            y -= top
-            place_right[i, j] = x
-            place_down[i, j] = y
-            row = np.uint64(i + rim + np.int32(top))
-            column = np.uint64(j + rim + np.int32(left))
-            a = old[row, column]
-            one = np.uint64(1)
-            upper = np.float32(a) + x * (np.float32(old[row, column + one]) - np.float32(a))
-            c = np.float32(old[row + one, column])
-            lower = c + x * (np.float32(old[row + one, column + one]) - c)
+            left, top = np.floor(x), np.floor(y)
+            place_right[i, j] = x - left
+            place_down[i, j] = y - top
+            index[j] = np.uint32(base + np.int32(j) + np.int32(top) * wide + np.int32(left))
+        for j in range(columns):
+            found[j] = quads[index[j]]
+        keys = row_key(key, i)
+        for j in range(columns):
+            quad = found[j]
+            x, y = place_right[i, j], place_down[i, j]
+            a, b = np.float32(quad & 1), np.float32((quad >> 1) & 1)
+            c, d = np.float32((quad >> 2) & 1), np.float32((quad >> 3) & 1)
+            upper = a + x * (b - a)
+            lower = c + x * (d - c)
             shown = upper + y * (lower - upper)
             blended[i, j] += alpha * (shown - blended[i, j])
-            new[i + rim, j + rim] = a
-        keys = row_key(key, i)
-        for j in range(right.shape[1]):
+        for j in range(columns):
             changes = (random_bits(keys, j) & np.uint32(0xFFFF)) < rates[i, j]
-            new[i + rim, j + rim] ^= np.uint8(changes)
+            new[i + rim, j + rim] = (found[j] & 1) ^ np.uint8(changes)
+
+
+@kernel
+def _join_quads(start, stop, noise, quads):
+    # Each cell with its neighbors to the right, below and both, in four bits: one is read.
+    for i in range(start, min(stop, noise.shape[0] - 1)):
+        for j in range(noise.shape[1] - 1):
+            quads[i, j] = (
+                noise[i, j]
+                | (noise[i, j + 1] << 1)
+                | (noise[i + 1, j] << 2)
+                | (noise[i + 1, j + 1] << 3)
+            )
 
 
 @kernel
