@@ -177,8 +177,8 @@ def _make_noise(start, stop, key, rim, joined, values):
 
 @kernel
 def _pack(start, stop, right, down, defined, scale, unit, values, rim, joined, packed):
-    # A way and a value in 64 bits, so that memory is read once for both. A value is negative where
-    # an average ends.
+    # A way and a value in 64 bits, so that memory is read once for both. The value's bits are
+    # inverted where an average ends, which makes it negative.
     rows, columns = right.shape
     wrap_x, wrap_y = joined
     everywhere = values.shape[0] > rows
@@ -195,7 +195,8 @@ def _pack(start, stop, right, down, defined, scale, unit, values, rim, joined, p
             ways[j] = np.int32(low | np.int32(np.int32(np.rint(v * factor * _WAY)) << 16))
         for j in range(columns):
             value = values[i, j + rim] if everywhere else values[y, j]
-            high = np.int32(value * _VALUE) if defined[y, j] and not beyond else np.int32(-1)
+            high = np.int32(value * _VALUE)
+            high = high if defined[y, j] and not beyond else np.int32(~high)
             packed[i, j + rim] = (np.int64(high) << 32) | np.int64(np.uint32(ways[j]))
         for k in range(2 * rim):
             j = k if k < rim else columns + k
@@ -203,8 +204,8 @@ def _pack(start, stop, right, down, defined, scale, unit, values, rim, joined, p
                 packed[i, j] = packed[i, rim + (j - rim) % columns]
             else:
                 x = 0 if k < rim else columns - 1
-                high = np.int32(values[i, j] * _VALUE) if everywhere else np.int32(-1)
-                high = high if defined[y, x] else np.int32(-1)
+                high = np.int32((values[i, j] if everywhere else values[y, x]) * _VALUE)
+                high = high if everywhere and defined[y, x] else np.int32(~high)
                 packed[i, j] = (np.int64(high) << 32) | np.int64(np.uint32(packed[i, rim + x]))
 
 
@@ -231,7 +232,8 @@ def _convolve(start, stop, packed, stride, rim, half, unit, out):
             base = (i + rim) * stride + first + rim
             for j in range(size):
                 here = packed[np.uint64(base + j)]
-                total[j] = np.float32(np.int32(here >> 32)) / _VALUE
+                high = np.int32(here >> 32)
+                total[j] = np.float32(high ^ np.int32(high >> 31)) / _VALUE
                 count[j] = 1
             for turn in range(2):
                 sign = np.float32(1 - 2 * turn)
@@ -241,7 +243,7 @@ def _convolve(start, stop, packed, stride, rim, half, unit, out):
                     v[j] = _down(np.int32(here)) * (sign / _WAY)
                     x[j] = np.float32(first + j + rim) + u[j]
                     y[j] = np.float32(i + rim) + v[j]
-                    alive[j] = u[j] != 0 or v[j] != 0
+                    alive[j] = here >= 0 and (u[j] != 0 or v[j] != 0)
                 for _ in range(half):
                     _place(size, x, across, index, np.int32(1), np.uint32(0))
                     _place(size, y, below, index, wide, np.uint32(1))
@@ -253,7 +255,7 @@ def _convolve(start, stop, packed, stride, rim, half, unit, out):
                         words[3, j] = packed[place + row + one]
                     for corner in range(4):
                         _split(size, words[corner], ways[corner], values[corner])
-                    _end(size, values[0], values[1], values[2], values[3], alive)
+                    _end(size, words, across, below, alive)
                     _add(size, values, across, below, alive, total, count)
                     _find_way(size, ways, across, below, way_x, way_y)
                     if unit:
@@ -279,15 +281,20 @@ def _place(size, x, share, index, stride, keep):
 @kernel
 def _split(size, words, ways, values):
     for j in range(size):
+        high = np.int32(words[j] >> 32)
         ways[j] = np.int32(words[j])
-        values[j] = np.float32(np.int32(words[j] >> 32)) * (np.float32(1) / _VALUE)
+        values[j] = np.float32(high ^ np.int32(high >> 31)) * (np.float32(1) / _VALUE)
 
 
 @kernel
-def _end(size, a, b, c, d, alive):
+def _end(size, words, across, below, alive):
+    a, b, c, d = words[0], words[1], words[2], words[3]
+    half = np.float32(0.5)
     for j in range(size):
-        inside = min(min(a[j], b[j]), min(c[j], d[j])) >= 0
-        alive[j] = alive[j] if inside else np.float32(0)
+        upper = a[j] if across[j] < half else b[j]
+        lower = c[j] if across[j] < half else d[j]
+        nearest = upper if below[j] < half else lower
+        alive[j] = alive[j] if nearest >= 0 else np.float32(0)
 
 
 @kernel
