@@ -271,6 +271,7 @@ def _read_back(start, stop, old, back, defined, joined, new):
 def _show(start, stop, shares, colors, below, defined, frame):
     zero = np.float32(0)
     one = np.float32(1)
+    least = np.float32(1e-6)
     opaque = below.shape[0] > 0
     last = below.shape[2] - 1  # gray pictures have one channel
     for i in range(start, stop):
@@ -285,7 +286,9 @@ def _show(start, stop, shares, colors, below, defined, frame):
                 red += share * colors[c, 0]
                 green += share * colors[c, 1]
                 blue += share * colors[c, 2]
-            if total > 0:
+            if total < least:
+                total = red = green = blue = zero
+            else:
                 red /= total
                 green /= total
                 blue /= total
