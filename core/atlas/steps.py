@@ -53,12 +53,13 @@ def steps_beyond(atlas: TextureAtlas, flow: Field, down: _Singles, across: _Sing
         The step to each node, straight.
     """
     sheet, labels = atlas.sheet, atlas.charts.labels
+    nearest = nearest_nodes(sheet, atlas.sources)
     leaves = np.zeros(sheet.nodes.shape, dtype=np.bool_)
-    run(_mark_leaving, len(leaves), sheet, labels, down, across, leaves, chunk=ROWS)
+    run(_mark_leaving, len(leaves), sheet, labels, nearest, down, across, leaves, chunk=ROWS)
     nodes = np.flatnonzero(leaves).astype(np.int32)
     sources = np.full((len(nodes), 4), NOTHING, dtype=np.int32)
     run(_follow_back, len(nodes), sheet, labels, atlas.metric, flow, MOST_STEPS, MOST_SEAMS,
-        nearest_nodes(sheet, atlas.sources), down, across, nodes, sources)  # fmt: skip
+        nearest, down, across, nodes, sources)  # fmt: skip
     return StepsBeyond(nodes, sources)
 
 
@@ -76,8 +77,9 @@ def _chart(sheet, labels, y, x):
 
 
 @kernel
-def _stays(sheet, labels, y, x, down, across):
-    # Whether a straight step from a node, and the four nodes around its end, lie in the chart.
+def _stays(sheet, labels, nearest, y, x, down, across):
+    # Whether a straight step from a node lies in the chart, and the nodes around its end have
+    # values.
     label = labels[sheet.nodes[y, x]]
     parts = int(np.ceil(max(abs(down), abs(across))))
     for part in range(1, parts):
@@ -89,16 +91,18 @@ def _stays(sheet, labels, y, x, down, across):
         for column in range(x + int(np.floor(across)), x + int(np.ceil(across)) + 1):
             if _chart(sheet, labels, row, column) != label:
                 return False
+            if nearest[row * sheet.nodes.shape[1] + column] == NOTHING:
+                return False
     return True
 
 
 @kernel
-def _mark_leaving(start, stop, sheet, labels, down, across, leaves):
+def _mark_leaving(start, stop, sheet, labels, nearest, down, across, leaves):
     for y in range(start, stop):
         for x in range(leaves.shape[1]):
             if sheet.nodes[y, x] >= 0:
                 leaves[y, x] = not _stays(
-                    sheet, labels, y, x, -float(down[y, x]), -float(across[y, x])
+                    sheet, labels, nearest, y, x, -float(down[y, x]), -float(across[y, x])
                 )
 
 
@@ -125,16 +129,19 @@ def _follow_back(
         for k in range(4):
             whole_down = np.floor(step) + 1 - (k >> 1)
             whole_across = np.floor(aside) + 1 - (k & 1)
-            if _stays(sheet, labels, y, x, -whole_down, -whole_across):
+            if _stays(sheet, labels, nearest, y, x, -whole_down, -whole_across):
                 there = (y - int(whole_down)) * columns + x - int(whole_across)
                 sources[i, k] = nearest[there]
             elif end >= 0:
                 p, q = step - whole_down, aside - whole_across
-                sources[i, k] = _nearest(
+                source = _nearest(
                     sheet.nodes, nearest,
                     row + matrix[0, 0] * p + matrix[0, 1] * q,
                     column + matrix[1, 0] * p + matrix[1, 1] * q,
                 )  # fmt: skip
+                if source == NOTHING:  # beside the border of the surface
+                    source = _nearest(sheet.nodes, nearest, row, column)
+                sources[i, k] = source
 
 
 @kernel

@@ -123,6 +123,7 @@ def told(frames: Frames, count: int, progress: ProgressCallback | None) -> Frame
 
 def noise_frames(flow: Flow, settings: NoiseSettings, look: Look) -> Frames:
     """Yield frames of noise for a flow that is ready; `advect_noise` says what they are."""
+
     def begin(first: int) -> Frames:
         return grays(Noise(flow.size, flow.longest, settings), flow.at, settings, first)
 
