@@ -113,9 +113,9 @@ def _flow_down(gain, upper, lower, flow):
 @kernel
 def _flow(gain, first, second, along, beside):
     # What flows from the first cell to the second: of what there is, as there is room. The small
-    # number keeps the slightest smoke at rest.
+    # number leaves faint smoke at rest, which would break up.
     one = np.float32(1)
-    way = gain * along / np.sqrt(along * along + beside * beside + np.float32(1e-5))
+    way = gain * along / np.sqrt(along * along + beside * beside + np.float32(1e-2))
     there = first * (one - second)
     back = second * (one - first)
     return way * (there if way > 0 else back)
