@@ -718,9 +718,8 @@ class DyeSettings(_Settings):
         "shock",
         "How the dye is sharpened",
         choices={
-            "shock": "Dye flows towards its borders: thin threads stay",
-            "rational": "Values are pushed away from the middle, each by itself, as in the paper:"
-            " fast, but thin threads vanish",
+            "shock": "Dye that has spread flows back to where there is more: none is lost",
+            "rational": "Each share is pushed away from a half, as in the paper: thin dye vanishes",
         },
         advanced=True,
     )

@@ -75,16 +75,15 @@ def test_steps_halfway_use_the_velocity_halfway_in_time():
 @pytest.mark.parametrize("sharpness", [0.0, 0.2, 0.5, 1.0])
 def test_rational_sharpening_is_the_papers(sharpness):
     settings = core.DyeSettings(sharpening="rational", sharpness=sharpness)
-    values = np.linspace(0, 1, 101, dtype=np.float32).reshape(1, -1, 1)
-    found = values.copy()
-    sharpen_dye(found, settings)
+    values = np.linspace(0, 1, 101, dtype=np.float32).reshape(1, 1, -1)
+    found = sharpen_dye(values.copy(), settings, (False, False))
     c = values.astype(float)
     with np.errstate(all="ignore"):
         expected = (1 - 2 * c) / (2 * (sharpness * (1 - abs(2 * c - 1)) - 1)) + 0.5
     expected[c == 0.5] = 0.5
     np.testing.assert_allclose(found, expected, atol=1e-5)
-    fixed = np.array([0.0, 0.5, 1.0], dtype=np.float32).reshape(1, 3, 1)
-    sharpen_dye(fixed, settings)
+    fixed = np.array([0.0, 0.5, 1.0], dtype=np.float32).reshape(1, 1, 3)
+    fixed = sharpen_dye(fixed, settings, (False, False))
     np.testing.assert_array_equal(fixed.ravel(), [0.0, 0.5, 1.0])
 
 
@@ -94,19 +93,35 @@ def test_thin_dye_is_lost_by_the_papers_function_and_kept_by_ours():
     velocity = rotation(size)
     frames = round(2 * np.pi * np.hypot(64, 64) / 4.0)
     kept, sharp = {}, {}
-    for sharpening in ("rational", "shock"):
+    for sharpening in ("rational", "shock", None):
+        how = {"sharpening": sharpening} if sharpening else PLAIN
         for width in (5.0, 12.0):
             given = core.advect_dye(velocity, spot(width=width),
-                                    core.DyeSettings(step=4.0, sharpening=sharpening),
+                                    core.DyeSettings(step=4.0, **how),
                                     frames)  # fmt: skip
             first = next(given)[..., 3]
             last = deque(given, maxlen=1)[0][..., 3]
             kept[sharpening, width] = last.sum() / first.sum()
             sharp[sharpening, width] = ((last > 0.1) & (last < 0.9)).sum() / (first > 0.1).sum()
     assert kept["rational", 5.0] < 0.05
-    assert 0.7 < kept["shock", 5.0] < 1.3
-    assert 0.85 < kept["shock", 12.0] < 1.15
-    assert sharp["shock", 12.0] < 0.7
+    assert kept["shock", 5.0] == pytest.approx(1.0, abs=0.02)
+    assert kept["shock", 12.0] == pytest.approx(1.0, abs=0.02)
+    assert sharp["shock", 12.0] < 1.2 < 2.5 < sharp[None, 12.0]
+
+
+@pytest.mark.parametrize("sharpness", [0.2, 1.0])
+def test_the_shock_filter_keeps_the_sum_and_the_range(sharpness):
+    random = np.random.default_rng(0).random((2, 30, 40), dtype=np.float32)
+    for joined in itertools.product([False, True], repeat=2):
+        found = random.copy()
+        for _ in range(10):
+            found = sharpen_dye(found, core.DyeSettings(sharpness=sharpness), joined)
+        np.testing.assert_allclose(found.sum(axis=(1, 2)), random.sum(axis=(1, 2)), rtol=1e-5)
+        assert found.min() >= 0 and found.max() <= 1 + 1e-6
+    ramp = np.tile(np.linspace(0, 1, 40, dtype=np.float32), (1, 9, 1))
+    for _ in range(300):
+        ramp = sharpen_dye(ramp, core.DyeSettings(sharpness=sharpness), (False, False))
+    assert ((ramp > 0.05) & (ramp < 0.95)).sum() <= 9
 
 
 def test_unsharpened_dye_is_neither_made_nor_lost_inside():
