@@ -142,7 +142,9 @@ ELSEWHERE = {
     "gain-map": "test_filter_texture.py::test_a_gain_map_says_where_by_its_stored_values",
     "gain-map-bad": "test_filter_texture.py::test_bad_gain_maps_are_named",
     "gain-both": "test_filter_texture.py::test_gain_colors_say_the_same_on_the_mesh",
-    "gain-normals": "test_filter_texture.py::test_other_maps_are_filtered_too_but_for_normals",
+    "gain-normals": "test_filter_texture.py::test_other_maps_are_filtered_too_and_normals_as_such",
+    "normals-node": "test_filter_normals.py::test_what_no_node_says_is_said_by_the_setting",
+    "normals-mirrored": "test_filter_normals.py::test_maps_of_both_spaces_are_lit_alike",
     "gain-painting": "test_filter_texture.py::test_painting_ends_with_what_it_is_about",
     "gain-painting-saved": (
         "test_filter_texture.py::test_files_that_were_saved_meanwhile_show_the_texture"
