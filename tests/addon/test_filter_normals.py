@@ -115,9 +115,7 @@ class Bumpy:
         )
         vectors = unit(axes[:, 2] + bump)
         if not in_space:
-            vectors = np.stack(
-                [np.linalg.solve(a.T, v) for a, v in zip(axes, vectors, strict=True)]
-            )
+            vectors = np.linalg.solve(np.swapaxes(axes, 1, 2), vectors[..., None])[..., 0]
         pixels = np.full((SIZE, SIZE, 4), 0.5, dtype=np.float32)
         pixels[..., 3] = 1.0
         pixels[rows, columns, :3] = 0.5 + 0.5 * unit(vectors)
