@@ -156,6 +156,7 @@ ELSEWHERE = {
     "stitch-seams": "test_stitch_textures.py::test_at_seams_alone_the_rest_stays",
     "stitch-unknown": "test_stitch_textures.py::test_what_no_picture_knows_stays_transparent",
     "generate-start": "test_generate.py::test_distance_counts_from_what_is_said",
+    "generate-first": ("test_generate.py::test_the_first_press_counts_from_the_lowest_vertices"),
     "generate-nothing": "test_generate.py::test_what_is_missing_is_named",
     "generate-all": "test_generate.py::test_all_selected_is_no_start",
     "generate-island": "test_generate.py::test_parts_that_no_way_leads_to_are_black",
@@ -199,6 +200,9 @@ ELSEWHERE = {
     ),
     "preview-texture-model": (
         "test_preview_images.py::test_a_texture_is_shown_on_the_model_and_the_material_comes_back"
+    ),
+    "preview-generate": (
+        "test_preview_fields.py::test_what_is_drawn_is_what_a_run_makes_but_smaller"
     ),
     "preview-handlers": "test_preview.py::test_blenders_handlers_end_it_first",
     "preview-gone": "test_preview.py::test_a_removed_object_ends_the_operator",
