@@ -108,6 +108,8 @@ class Filter(NamedTuple):
         Whether its gain may be painted.
     takes_others : bool
         Whether it makes one image of several.
+    takes_normals : bool
+        Whether it turns normals to object space, in frames of the mesh's shading.
     takes_starts : bool
         Whether it begins at vertices, edges or what is painted.
     way : str or None
@@ -134,6 +136,7 @@ class Filter(NamedTuple):
     takes_guide: bool = False
     takes_gain: bool = False
     takes_others: bool = False
+    takes_normals: bool = False
     takes_starts: bool = False
     way: str | None = None
     takes_scale: bool = False
@@ -267,6 +270,7 @@ FILTERS: tuple[Filter, ...] = (
         "filter-texture",
         "raise or smooth the detail of textures on the surface of a mesh, across seams",
         takes_gain=True,
+        takes_normals=True,
     ),
     Filter(
         "stitch_textures",
@@ -276,6 +280,7 @@ FILTERS: tuple[Filter, ...] = (
         "stitch-textures",
         "take the steps at seams away: baked light, scans, projected photos",
         takes_others=True,
+        takes_normals=True,
     ),
     Filter(
         "geodesic_distance",

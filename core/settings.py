@@ -393,6 +393,21 @@ def _content() -> Any:
     )
 
 
+def _content_of_vectors() -> Any:
+    return _setting(
+        "values",
+        "What the texture holds. Normals are worked on as vectors of the object's space, whichever"
+        " way the charts lie, and get unit length again",
+        choices={
+            "values": "Colors or other values that do not depend on the texture's layout",
+            "normals": "Tangent-space normals, as colors; green points up, as in Blender",
+            "normals_y_down": "Tangent-space normals whose green points down, as in DirectX",
+            "object_normals": "Object-space normals, as colors",
+        },
+        advanced=True,
+    )
+
+
 @_fields
 class TextureSettings(DilateSettings, _SignalSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
@@ -432,6 +447,7 @@ class FilterSettings(DilateSettings):
         length_power=1,
     )
     alpha: str = _alpha()
+    content: str = _content_of_vectors()
 
     @property
     def is_neutral(self) -> bool:
@@ -462,6 +478,7 @@ class StitchSettings(DilateSettings):
     )
     seams: str = _changed(DilateSettings, "seams", "continue")
     alpha: str = _alpha()
+    content: str = _content_of_vectors()
 
 
 @_fields

@@ -193,6 +193,8 @@ class Target(NamedTuple):
         Key of `DATA`; the registry's one if left out.
     defaults : mapping
         Those of settings that are other ones here.
+    dials : tuple of str or None
+        Settings that mouse and wheel change in a preview, if not the time and the mode's second.
     """
 
     filter: str
@@ -202,6 +204,7 @@ class Target(NamedTuple):
     prefix: str = ""
     kind: str = ""
     defaults: Mapping[str, Any] = {}
+    dials: tuple[str, str] | None = None
 
     @property
     def row(self) -> registry.Filter:
@@ -227,6 +230,8 @@ class Target(NamedTuple):
     def dial(self, parameters: Any) -> str:
         """Name the property that the mouse changes in a preview; empty if there is none."""
         width = f"{self.prefix}width"
+        if self.dials is not None:
+            return self.prefix + self.dials[0]
         if not self.time:
             names = (f"{self.prefix}gain", f"{self.prefix}radius")
             return next((name for name in names if name in self.fields), "")
@@ -234,6 +239,11 @@ class Target(NamedTuple):
         if width in self.fields and not is_endless and getattr(parameters, self.time) < 0:
             return width
         return self.time
+
+    def second(self, of_mode: str) -> str:
+        """Name the property that the wheel changes; empty if there is none."""
+        name = of_mode if self.dials is None else self.dials[1]
+        return self.prefix + name if name else ""
 
     @property
     def steady_state(self) -> str:
@@ -347,9 +357,11 @@ class Mode(NamedTuple):
         return self.targets[-1].data
 
     @property
-    def has_preview(self) -> bool:
-        """Whether there is something that a preview could show instead."""
-        return "image_size" not in self.names
+    def stage(self) -> str:
+        """Name the module of `preview` that shows what is tried."""
+        if "image_size" in self.names:
+            return "fields"
+        return "images" if self.data.in_images else "meshes"
 
     @property
     def follows(self) -> type | None:
@@ -743,6 +755,7 @@ MODES: list[Mode] = [
                 "How far it is along the surface: masks, falloffs and lines",
                 kind="distance",
                 defaults={"look": "gradient"},  # which is seen, whatever the object's size
+                dials=("width", "smoothing"),
             ),
             Target(
                 "surface_line_convolution",
@@ -751,6 +764,7 @@ MODES: list[Mode] = [
                 "Noise drawn out along a direction: brushed metal, hair, wood",
                 prefix="streak_",
                 kind="streaks",
+                dials=("length", "width"),
             ),
             Target(
                 "reaction_diffusion",
@@ -759,6 +773,7 @@ MODES: list[Mode] = [
                 "Stripes, dots and labyrinths that grow on the surface, as on animals",
                 prefix="pattern_",
                 kind="pattern",
+                dials=("scale", "seed"),
             ),
         ),
         "Generated",

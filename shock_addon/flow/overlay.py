@@ -14,16 +14,13 @@ import bpy
 import gpu
 from bpy.app.translations import pgettext_iface as iface_
 from gpu_extras.batch import batch_for_shader
-from mathutils import Matrix, Vector
+from mathutils import Vector
 
 from .. import data
+from ..operators import views
 
 _MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
 """Modes in which the mesh holds what is seen."""
-
-_LIFT = 0.0025
-"""How much nearer to the viewer the surface is drawn than it is, in parts of the distance."""
-
 
 _DISTANCE = 22.0
 """Pixels between arrows."""
@@ -88,7 +85,7 @@ def show(obj: bpy.types.Object, found: data.flow.FlowOfMesh) -> None:
     _shown = _Overlay(obj, found)
     for handlers, function in _handlers():
         handlers.append(function)
-    _redraw()
+    views.redraw()
 
 
 def hide(*_: object) -> None:
@@ -102,7 +99,7 @@ def hide(*_: object) -> None:
     for handlers, function in _handlers():
         if function in handlers:  # Blender drops them when it loads a file
             handlers.remove(function)
-    _redraw()
+    views.redraw()
 
 
 def _handlers() -> list[tuple]:
@@ -139,13 +136,6 @@ def _is_readable(obj: bpy.types.Object) -> bool:
     return obj.type == "MESH" and obj.mode in _MODES and not obj.data.is_editmode
 
 
-def _redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-
-
 def _draw_surface(overlay: _Overlay) -> None:
     context, obj = bpy.context, overlay.object()
     if not _is_seen(obj, context.space_data):
@@ -164,11 +154,11 @@ def _draw_surface(overlay: _Overlay) -> None:
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.multiply_matrix(obj.matrix_world)
         projection = gpu.matrix.get_projection_matrix()
-        gpu.matrix.load_projection_matrix(_lifted(projection, context.region_data, _LIFT))
+        gpu.matrix.load_projection_matrix(views.lifted(projection, context.region_data))
         overlay.surface.draw(smooth)
         for number, (batch, color) in enumerate(overlay.arrows[distance]):
-            lift = _LIFT * (2 + number)
-            gpu.matrix.load_projection_matrix(_lifted(projection, context.region_data, lift))
+            lift = views.LIFT * (2 + number)
+            gpu.matrix.load_projection_matrix(views.lifted(projection, context.region_data, lift))
             plain.uniform_float("color", color)
             batch.draw(plain)
     gpu.state.depth_test_set("NONE")
@@ -182,16 +172,6 @@ def _is_seen(obj: bpy.types.Object | None, view: bpy.types.SpaceView3D) -> bool:
         and view.overlay.show_overlays
         and obj.visible_get(viewport=view)
     )
-
-
-def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Matrix:
-    # Nearer to the viewer by this part of the distance, for the depth test only.
-    lifted = projection.copy()
-    if view.is_perspective:
-        lifted[2][3] *= 1.0 + lift
-    else:
-        lifted[2][3] += lifted[2][2] * lift * view.view_distance
-    return lifted
 
 
 def _distance(

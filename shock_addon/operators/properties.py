@@ -229,13 +229,20 @@ _PLACES = {
         name="Given By",
         description="What says where the distance is 0",
         items=[
+            (
+                "AUTO",
+                "Auto",
+                "The vertices and edges that are selected in Edit Mode; the lowest ones if that is"
+                " nothing, or everything",
+            ),
             ("SELECTED", "Selected", "The vertices and edges that are selected in Edit Mode"),
+            ("LOWEST", "Lowest", "The lowest vertices in the scene, such as those on the ground"),
             ("GROUP", "Vertex Group", "The vertices that weigh 0.5 or more in a vertex group"),
             ("SEAMS", "Marked Seams", "The edges that are marked as seams"),
             ("SHARP", "Sharp Edges", "The edges that are marked as sharp"),
             ("IMAGE", "Painted", "Where an image of the same size is white"),
         ],
-        default="SELECTED",
+        default="AUTO",
     ),
     "start_group": bpy.props.StringProperty(
         name="Group",
@@ -279,8 +286,8 @@ _PLACES = {
             (
                 "MATERIAL",
                 "All of Material",
-                "Also the other images in the materials that show it, such as roughness and height,"
-                " each by itself. Images that hold normals are left out",
+                "Also the other images in the materials that show it, such as roughness, height and"
+                " normals, each by itself",
             ),
         ],
         default="ONE",

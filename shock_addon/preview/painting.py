@@ -88,7 +88,7 @@ class _Painting:
         gain_map = bpy.data.images.get(settings.gain_map) or _new_map(image)
         parameters = parameters_of(context.scene, mode)
         parameters.gain_map = gain_map.name
-        target, _ = data.textures.read_texture(context, image, parameters)
+        target, _ = data.textures.read_texture(context, image, parameters, True)
         # What is painted on would count as the texture, and what is shown would be the stand-in.
         settings.image, settings.gain_map = image.name, gain_map.name
         _paint_on(context, gain_map)
