@@ -113,8 +113,8 @@ class FilterOperator(ModalJob):
         raise NotImplementedError
 
     @property
-    def color_advice(self) -> str:
-        """What to do if colors hardly changed; the filter may have said itself why they did not."""
+    def advice(self) -> str:
+        """What to do if little has changed; empty where the filter has said itself why."""
         return "" if self._findings else self.row.advice
 
     def notes(self, written: list[Written]) -> str:
