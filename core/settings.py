@@ -71,11 +71,16 @@ def _changed(settings: type, name: str, default: Any, description: str = "", **a
     return dataclasses.field(default=default, metadata={"setting": known})
 
 
+_described: dict[type, dict[str, tuple[Any, Any, Setting]]] = {}
+
+
 def describe(settings: type) -> dict[str, tuple[Any, Any, Setting]]:
     """List a settings class's fields as ``{name: (type, default, Setting)}``, in order."""
-    return {
-        f.name: (f.type, f.default, f.metadata["setting"]) for f in dataclasses.fields(settings)
-    }
+    if settings not in _described:
+        _described[settings] = {
+            f.name: (f.type, f.default, f.metadata["setting"]) for f in dataclasses.fields(settings)
+        }
+    return _described[settings]
 
 
 _Class = TypeVar("_Class", bound=type)

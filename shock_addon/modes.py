@@ -7,17 +7,18 @@ Blender's command line are made by walking over the rows; operators by ``type(..
 data, what may follow), and `DATA`, the table of Blender's data.
 
 *Mode* means a row here, as it does on screen; what Blender calls a mode of the 3D view is an
-*object mode*. Needs no bpy, neither numpy nor numba.
+*object mode*. Needs no bpy, neither numpy nor numba. Annotations are not postponed here, since
+evaluating them later takes longer.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..core import registry
+from ..core.registry import Row
 from ..core.settings import OF_PAPER, Setting, describe
 
 STEADY_STATE = "steady_state"
@@ -34,7 +35,7 @@ _GENERATED = ("image", "image_size", "add_node")
 _SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
 
 
-class Data(NamedTuple):
+class Data(Row):
     """A kind of Blender's data.
 
     Attributes
@@ -150,7 +151,7 @@ DATA = {
 """The kinds of Blender's data; those that the registry knows have its names."""
 
 
-class Preset(NamedTuple):
+class Preset(Row):
     """A named set of a mode's settings.
 
     Attributes
@@ -178,7 +179,7 @@ _PAINTERLY = Preset(
 )
 
 
-class Target(NamedTuple):
+class Target(Row):
     """What a run works on; a mode has one, or several among which a property chooses.
 
     Attributes
@@ -254,24 +255,29 @@ class Target(NamedTuple):
     @property
     def fields(self) -> dict[str, Setting]:
         """Describe the filter's settings, by the names of their properties."""
-        described = describe(self.row.settings).items()
-        return {self.prefix + name: about for name, (_, _, about) in described}
+        return _described(self.row.settings, self.prefix)
 
     @property
     def settings(self) -> list[str]:
         """List the properties that say what is done."""
-        names = list(self.fields)
-        if self.steady_state:
-            names.insert(names.index(self.time) + 1, self.steady_state)
+        names, steady_state = list(self.fields), self.steady_state
+        if steady_state:
+            names.insert(names.index(self.time) + 1, steady_state)
         return names
 
     @property
     def places(self) -> list[str]:
         """List the properties that say where it is done."""
-        return [name for name in self.data.properties if self.row.takes_mask or name not in _MASK]
+        names, row = self.data.properties, self.row
+        return [name for name in names if row.takes_mask or name not in _MASK]
 
 
-class Mode(NamedTuple):
+@cache
+def _described(settings: type, prefix: str) -> dict[str, Setting]:
+    return {prefix + name: about for name, (_, _, about) in describe(settings).items()}
+
+
+class Mode(Row):
     """A row.
 
     Attributes
