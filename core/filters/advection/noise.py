@@ -27,11 +27,8 @@ _LEFT_OVER = 0.01
 SHARES = 1 << 16
 """What `rates` count in: shares of cells are whole numbers of it."""
 
-# Multiples of these, without their whole parts, fill the unit square evenly (Roberts 2018).
-_TURN_X, _TURN_Y = 0.7548776662466927, 0.5698402909980532
-
-_TURN_CELLS = 64
-"""About how many cells lie between those that take the longer step at the same time."""
+# Multiples of the golden and the silver ratio, without their whole parts, lie most evenly.
+_TURN_X, _TURN_Y = 0.5 * (math.sqrt(5.0) - 1.0), math.sqrt(2.0) - 1.0
 
 
 def advect_noise(
@@ -200,7 +197,6 @@ class Noise:
         self._noise: _Bits = np.empty(padded, dtype=np.uint8)
         self.quads: _Bits = np.zeros(padded[0] * padded[1] + more, dtype=np.uint8)
         self.places = np.zeros(size, dtype=np.uint32)
-        self._turns = _turns(rows, columns)
         self._rates = np.empty(size, dtype=np.uint16)
         self._motion: Motion | None = None
         self.blended: _Singles = np.full(size, 0.5, dtype=np.float32)
@@ -217,7 +213,7 @@ class Noise:
                 settings.injection, settings.divergence, self._rates, chunk=ROWS)  # fmt: skip
             self.find_places(motion)
         run(_carry, len(self.blended), self._rim, self.quads, self.places, motion.right,
-            motion.down, self._turns, np.float32(number * _TURN_X % 1.0),
+            motion.down, np.float32(number * _TURN_X % 1.0),
             np.float32(number * _TURN_Y % 1.0), np.float32(settings.blending), self._noise,
             self.blended, self._rates, stream(settings.seed, number, CHANGED),
             chunk=ROWS)  # fmt: skip
@@ -251,19 +247,6 @@ class Noise:
         _fill_above_and_below(self._rim, wrap_x, wrap_y, key, self._noise)
         quads = self.quads[: self._noise.size].reshape(self._noise.shape)
         run(_join_quads, len(self._noise), self._noise, quads, chunk=8 * ROWS)
-
-
-def _turns(rows: int, columns: int) -> _Singles:
-    """Return when cells take the longer step: for x and y, by rows and columns, in turns.
-
-    All together would be seen to jump. There are whole turns from side to side, for joined ones.
-    """
-    turns = np.zeros((4, max(rows, columns)))
-    down, across = round(rows / _TURN_CELLS), round(columns / _TURN_CELLS)
-    turns[0, :rows] = turns[2, :rows] = np.arange(rows) * (down / rows)
-    turns[1, :columns] = np.arange(columns) * (across / columns)
-    turns[3, :columns] = -turns[1, :columns]
-    return (turns % 1.0).astype(np.float32)
 
 
 @kernel
@@ -308,7 +291,7 @@ def _find_places(start, stop, rim, stride, right, down, places):
 
 @kernel
 def _carry(
-    start, stop, rim, quads, places, right, down, turns, turn_x, turn_y, alpha, new, blended, rates,
+    start, stop, rim, quads, places, right, down, turn_x, turn_y, alpha, new, blended, rates,
     key,
 ):  # fmt: skip
     # Each row in loops: what is where its cells come from, and what follows. All but the first run
@@ -333,10 +316,8 @@ def _carry(
         for j in range(columns):
             x = right[i, j] - np.floor(right[i, j])
             y = down[i, j] - np.floor(down[i, j])
-            at_x, at_y = turn_x + turns[0, i] + turns[1, j], turn_y + turns[2, i] + turns[3, j]
             # As often as the fraction is large, the step is a cell longer.
-            shorter_x = np.uint8(x + (at_x - np.floor(at_x)) < one)
-            shorter_y = np.uint8(y + (at_y - np.floor(at_y)) < one)
+            shorter_x, shorter_y = np.uint8(x + turn_x < one), np.uint8(y + turn_y < one)
             carried = (found[j] >> (shorter_x + 2 * shorter_y)) & 1
             changes = (random_bits(keys, j) & np.uint32(0xFFFF)) < rates[i, j]
             new[i + rim, j + rim] = carried ^ np.uint8(changes)
