@@ -14,6 +14,21 @@ from .errors import (
     ShockError,
     SolverError,
 )
+from .filters.advection.convolution import (
+    line_integral_convolution,
+)
+from .filters.advection.dye import (
+    advect_dye,
+)
+from .filters.advection.noise import (
+    advect_noise,
+)
+from .filters.advection.sources import (
+    DyeSource,
+)
+from .filters.advection.velocity import (
+    flow_frames,
+)
 from .filters.beltrami.images import (
     beltrami_image,
     beltrami_manifold,
@@ -91,12 +106,15 @@ from .settings import (
     BeltramiMeshSettings,
     BeltramiSettings,
     BeltramiTextureSettings,
+    ConvolutionSettings,
     DilateSettings,
     DistanceSettings,
+    DyeSettings,
     FilterSettings,
     FitSettings,
     GeometrySettings,
     ImageSettings,
+    NoiseSettings,
     ReactionSettings,
     ShockSettings,
     StitchSettings,
@@ -110,8 +128,11 @@ __all__ = [
     "BeltramiSettings",
     "BeltramiTextureSettings",
     "Cancelled",
+    "ConvolutionSettings",
     "DilateSettings",
     "DistanceSettings",
+    "DyeSettings",
+    "DyeSource",
     "FilterSettings",
     "FitSettings",
     "GeometrySettings",
@@ -120,6 +141,7 @@ __all__ = [
     "InvalidSettings",
     "InvalidSignal",
     "InvalidUV",
+    "NoiseSettings",
     "ReactionSettings",
     "ShockError",
     "ShockSettings",
@@ -131,6 +153,8 @@ __all__ = [
     "TextureSolver",
     "TriangleMesh",
     "UVReport",
+    "advect_dye",
+    "advect_noise",
     "axis_directions",
     "beltrami_corner_signal",
     "beltrami_image",
@@ -144,9 +168,11 @@ __all__ = [
     "filter_texture",
     "fit_to_normals",
     "flow_field",
+    "flow_frames",
     "geodesic_distance",
     "geometry_flow",
     "gradient_directions",
+    "line_integral_convolution",
     "object_normals",
     "osher_rudin_image",
     "principal_directions",

@@ -596,6 +596,170 @@ class ReactionSettings(_Settings):
     gutter: int = _changed(DilateSettings, "gutter", 16)
 
 
+def _step() -> Any:
+    return _setting(
+        2.0,
+        "How far the fastest places move in a frame; all others follow. 0 takes velocities as they"
+        " are, in pixels a frame",
+        unit="pixels",
+        maximum=1000.0,
+        soft_maximum=10.0,
+    )
+
+
+def _periodic() -> Any:
+    return _setting(
+        "none",
+        "Which sides of the image are joined: what leaves on one comes in on the other",
+        choices={
+            "none": "No sides",
+            "x": "Left and right",
+            "y": "Top and bottom",
+            "both": "Left and right, top and bottom",
+        },
+        advanced=True,
+    )
+
+
+def _loop() -> Any:
+    return _setting(
+        0,
+        "Over how many frames the end becomes the beginning, so that the frames repeat without a"
+        " jump. 0 does not repeat",
+        unit="frames",
+        maximum=10_000,
+        soft_maximum=100,
+    )
+
+
+@_fields
+class NoiseSettings(_Settings):
+    """Settings of :func:`shock_filter.core.advect_noise`."""
+
+    step: float = _step()
+    blending: float = _setting(
+        0.1,
+        "How much of each frame is new; the rest is what the frames before show. 0.05 draws long"
+        " streaks, 0.2 short ones; 1 shows the bare noise",
+        unit="of a frame",
+        minimum=0.005,
+        maximum=1.0,
+        soft_minimum=0.03,
+        soft_maximum=0.5,
+    )
+    convolution: int = _setting(
+        0,
+        "How long each frame is smoothed along the flow, which takes jags out of fast streaks."
+        " 0 does not smooth; about the step is enough",
+        unit="pixels",
+        maximum=100,
+        soft_maximum=20,
+    )
+    contrast: float = _setting(
+        1.0,
+        "How far values go from gray. 0 is gray everywhere, 1 fills the range, more clips",
+        unit="times the range",
+        maximum=100.0,
+        soft_maximum=3.0,
+    )
+    speed_mask: float = _setting(
+        0.0,
+        "How much fast places stand out: slow ones let the background through. 0 shows all alike;"
+        " 1 shows each as much as it is fast, 3 hides only the slowest",
+        unit="exponent",
+        maximum=100.0,
+        soft_maximum=6.0,
+    )
+    noise_mask: float = _setting(
+        0.0,
+        "How much bright streaks stand out: dark ones let the background through. 0 shows all"
+        " alike; 1 shows each as much as it is bright, 3 hides only the darkest",
+        unit="exponent",
+        maximum=100.0,
+        soft_maximum=6.0,
+    )
+    injection: float = _setting(
+        0.025,
+        "How many cells change at random in each frame, so that the noise stays fine. 0 changes"
+        " none, and the grains grow; more than 0.05 makes it flicker",
+        unit="of the cells",
+        maximum=0.5,
+        soft_maximum=0.1,
+        advanced=True,
+    )
+    divergence: float = _setting(
+        1.0,
+        "How many cells more change where the flow spreads, which draws grains out. 0 changes no"
+        " more, 1 as many as are missing there",
+        unit="times those missing",
+        maximum=100.0,
+        soft_maximum=3.0,
+        advanced=True,
+    )
+    periodic: str = _periodic()
+    loop: int = _loop()
+    seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise")
+
+
+@_fields
+class DyeSettings(_Settings):
+    """Settings of :func:`shock_filter.core.advect_dye`."""
+
+    step: float = _step()
+    sharpness: float = _setting(
+        0.2,
+        "How sharp the dye stays. 0 leaves it as it blurs, like smoke; 1 makes its borders hard,"
+        " and jagged",
+        unit="of a full step",
+        maximum=1.0,
+        soft_maximum=1.0,
+    )
+    sharpening: str = _setting(
+        "shock",
+        "How the dye is sharpened",
+        choices={
+            "shock": "Dye flows towards its borders: thin threads stay",
+            "rational": "Values are pushed away from the middle, each by itself, as in the paper:"
+            " fast, but thin threads vanish",
+        },
+        advanced=True,
+    )
+    integration: str = _setting(
+        "midpoint",
+        "How a step follows the flow",
+        choices={
+            "midpoint": "With the velocity halfway: circles close",
+            "euler": "With that at its end: twice as fast, but circles open to spirals",
+        },
+        advanced=True,
+    )
+    periodic: str = _periodic()
+    loop: int = _loop()
+
+
+@_fields
+class ConvolutionSettings(_Settings):
+    """Settings of :func:`shock_filter.core.line_integral_convolution`."""
+
+    length: float = _setting(
+        20.0,
+        "How long streaks are. 0 returns the noise",
+        unit="pixels",
+        maximum=1000.0,
+        soft_maximum=200.0,
+    )
+    contrast: float = _setting(
+        1.0,
+        "How far values go from their mean. 0 leaves averages as they are, 1 fills the range, more"
+        " clips",
+        unit="times the range",
+        maximum=100.0,
+        soft_maximum=3.0,
+    )
+    periodic: str = _periodic()
+    seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise")
+
+
 @_fields
 class MaskSettings(_Settings):
     """Settings of the command ``texture-mask``."""

@@ -104,3 +104,17 @@ def ask(fraction: float = 0.0) -> None:
     current = _current.get()
     if current is not None:
         current.report(current.start + fraction * (current.stop - current.start), current.message)
+
+
+def one_of(
+    progress: ProgressCallback | None, number: int, count: int, message: str
+) -> AbstractContextManager[None]:
+    """Report what happens in the block as one of `count` steps, for generators.
+
+    These do not stand in their caller's phase while they wait: each step is reported by itself.
+    """
+
+    def report(fraction: float, _: str) -> bool:
+        return progress is None or progress((number + fraction) / count, message)
+
+    return reporting(None if progress is None else report)
