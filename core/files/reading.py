@@ -67,13 +67,13 @@ def check_target(path: Path, known: Collection[str]) -> None:
         raise ShockError(f"There is no folder {path.parent}; make it first.")
 
 
-def needed(package: str, path: Path) -> Any:
+def needed(package: str, path: Path, extra: str = "files") -> Any:
     """Import a package that a format needs, or name the command that installs it."""
     try:
         return importlib.import_module(package)
     except ImportError as error:
         raise ShockError(
-            f"{path}: this needs {package}; run: pip install 'shock-filter[files]'."
+            f"{path}: this needs {package}; run: pip install 'shock-filter[{extra}]'."
         ) from error
 
 
