@@ -26,6 +26,9 @@ from .filters.advection.noise import (
 from .filters.advection.sources import (
     DyeSource,
 )
+from .filters.advection.surface import (
+    advect_on_surface,
+)
 from .filters.advection.velocity import (
     flow_frames,
 )
@@ -155,6 +158,7 @@ __all__ = [
     "UVReport",
     "advect_dye",
     "advect_noise",
+    "advect_on_surface",
     "axis_directions",
     "beltrami_corner_signal",
     "beltrami_image",

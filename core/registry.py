@@ -341,6 +341,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "filters.advection.dye": ("advect_dye",),
     "filters.advection.noise": ("advect_noise",),
     "filters.advection.sources": ("DyeSource",),
+    "filters.advection.surface": ("advect_on_surface",),
     "filters.advection.velocity": ("flow_frames",),
     "filters.beltrami.images": ("beltrami_manifold",),
     "filters.beltrami.meshes": ("beltrami_joint", "beltrami_mesh"),

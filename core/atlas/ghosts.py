@@ -110,6 +110,47 @@ def fill_ghosts(
     return known
 
 
+def nearest_nodes(sheet: Sheet, sources: GhostSources) -> Ints:
+    """Return the node inside a chart that is nearest to each node or ghost: (rows * columns,).
+
+    Where there is none, it is `NOTHING`; that of a ghost is the nearest to its source.
+    """
+    nodes = sheet.nodes.reshape(-1)
+    found = np.where(nodes >= 0, np.arange(len(nodes), dtype=np.int32), np.int32(NOTHING))
+    found[sheet.ghosts] = nearest_in_cells(sheet, found, sources.cells, sources.places)
+    return found
+
+
+def nearest_in_cells(
+    sheet: Sheet, nearest: Ints, cells: Ints, places: npt.NDArray[np.float32]
+) -> Ints:
+    """Return what `nearest` has at the nearest corner of cells that has any.
+
+    Parameters
+    ----------
+    nearest : (rows * columns,) int32
+        `NOTHING` at corners that do not count.
+    cells : (k,) int32
+        Row times columns plus column, or `NOTHING`.
+    places : (k, 2) float32
+        The point in the cell, (down, across).
+
+    Returns
+    -------
+    (k,) int32
+        `NOTHING` where no corner counts.
+    """
+    columns = sheet.nodes.shape[1]
+    corners = cells[:, None] + np.array([0, 1, columns, columns + 1], dtype=np.int32)
+    down, across = places[:, :1], places[:, 1:]
+    weights = np.hstack([1 - down, down])[:, [0, 0, 1, 1]]
+    weights = weights * np.hstack([1 - across, across])[:, [0, 1, 0, 1]]
+    known = nearest[np.where(cells[:, None] >= 0, corners, 0)]
+    known[cells < 0] = NOTHING
+    best = np.where(known >= 0, weights, -1.0).argmax(axis=1)
+    return known[np.arange(len(cells)), best]
+
+
 def extend_ghosts(
     sheet: Sheet, labels: Ints, values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:

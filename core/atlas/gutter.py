@@ -15,7 +15,7 @@ from ..base.progress import phase
 from ..mesh.triangle_mesh import Ints
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
-from .ghosts import interpolate, place_beyond, turn_direction
+from .ghosts import interpolate, nearest_in_cells, nearest_nodes, place_beyond, turn_direction
 from .sheet import NOTHING, ROWS, ends, nearest_on_edge, place_on_edge
 
 _LEAST = 1.5
@@ -110,6 +110,24 @@ class TexelWriter:
                 self._known, flat, coding, texels)  # fmt: skip
         if self._beyond.size:
             texels[self._beyond[0]] = texels[self._beyond[1]]
+
+
+def nodes_of_texels(atlas: TextureAtlas, settings: DilateSettings) -> Ints:
+    """Return the node inside a chart whose value each texel shows, roughly: (h, w); or `NOTHING`.
+
+    Beside charts it is the nearest to where `TexelWriter` interpolates: for images of noise.
+    """
+    sheet, owners = atlas.sheet, atlas.owners
+    nearest = nearest_nodes(sheet, atlas.sources)
+    found = np.where(owners == NOTHING, np.int32(NOTHING), nearest[owners])
+    filled = found != NOTHING
+    gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), False)
+    flat = found.reshape(-1)
+    flat[gutter.texels] = nearest_in_cells(sheet, nearest, gutter.cells, gutter.places)
+    if settings.background == "nearest" and filled.any():
+        beyond, there = _nearest_filled(found != NOTHING)
+        flat[beyond] = flat[there]
+    return found
 
 
 def _find_gutter(

@@ -66,9 +66,11 @@ def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
 
 
 @kernel
-def _seam(nodes, ghost_edges, place, axis):
-    # The half-edge over which a point on a side of a cell leaves its chart, or -1: that of the
-    # nearest ghost at the side's ends.
+def seam_crossed(nodes, ghost_edges, place, axis):
+    """Return the half-edge over which a point on a side of a cell leaves its chart, or -1.
+
+    It is that of the nearest ghost at the side's ends; `axis` is how `walk_cells` ended there.
+    """
     row, column, down, across = place
     y = row + (down > 0.5)
     x = column + (across > 0.5)
@@ -113,7 +115,7 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
     place, left, vy, vx, ending = walked
     store(turn, 1.0, 0.0, 0.0, 1.0)
     for _ in range(most_seams):
-        edge = _seam(sheet.nodes, sheet.ghost_edges, place, ending)
+        edge = seam_crossed(sheet.nodes, sheet.ghost_edges, place, ending)
         if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
             return place, ENDED
         # A touch before the line: should the charts' texels line up, the walk crosses it there

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -103,10 +104,11 @@ def advect_noise(
     flow = Flow(velocity, size, mask, settings.step, settings.periodic, count, settings.loop > 0)
     behind = checked_background(background, flow.size)
     look = Look(flow.longest, settings, behind, checked_colors(colors))
-    return _told(noise_frames(flow, settings, look), count, progress)
+    return told(noise_frames(flow, settings, look), count, progress)
 
 
-def _told(frames: Frames, count: int, progress: ProgressCallback | None) -> Frames:
+def told(frames: Frames, count: int, progress: ProgressCallback | None) -> Frames:
+    """Yield frames, and report each."""
     for number in range(count):
         with one_of(progress, number, count, "Advecting noise"):
             frame = next(frames)
@@ -115,20 +117,22 @@ def _told(frames: Frames, count: int, progress: ProgressCallback | None) -> Fram
 
 def noise_frames(flow: Flow, settings: NoiseSettings, look: Look) -> Frames:
     """Yield frames of noise for a flow that is ready; `advect_noise` says what they are."""
-    noise = repeating(
-        lambda first: _grays(flow, settings, first), flow.frames, settings.loop, _mixed
-    )
-    for number, gray in enumerate(noise):
+
+    def begin(first: int) -> Frames:
+        return grays(Noise(flow.size, flow.longest, settings), flow.at, settings, first)
+
+    for number, gray in enumerate(repeating(begin, flow.frames, settings.loop, mixed)):
         yield look.shown(gray, flow.at(number))
 
 
-def _grays(flow: Flow, settings: NoiseSettings, first: int) -> Frames:
+def grays(
+    noise: Noise, motions: Callable[[float], Motion], settings: NoiseSettings, first: int
+) -> Frames:
     """Yield the blended noise of the frames from `first` on; each is overwritten by the next."""
-    noise = Noise(flow.size, flow.longest, settings)
     # The start is the same for all frames of a loop, so that they go on from each other.
     number = -settings.loop - _run_in(settings.blending)
     while True:
-        motion = flow.at(number)
+        motion = motions(number)
         noise.step(motion, number)
         if number >= first:
             yield noise.smoothed(motion) if settings.convolution else noise.blended
@@ -140,7 +144,8 @@ def _run_in(blending: float) -> int:
     return math.ceil(math.log(_LEFT_OVER) / math.log1p(-blending)) if blending < 1 else 1
 
 
-def _mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
+def mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
+    """Mix noise of two frames."""
     # Both vary by as much and independently: roots of the shares keep the contrast.
     old_share, new_share = np.float32(math.sqrt(1.0 - share)), np.float32(math.sqrt(share))
     middle = np.float32(0.5)
@@ -164,6 +169,14 @@ class Noise:
     ----------
     blended : (h, w) float32
         What the frames so far show.
+    rim : int
+        Cells around the image.
+    old : (h + 2 rim, w + 2 rim) uint8
+        The noise.
+    place_right, place_down : (h, w) float32
+        The places in the cells.
+    rates : (h, w) uint16
+        How many cells change, see `SHARES`; those of the last step.
     """
 
     def __init__(self, size: tuple[int, int], longest: float, settings: NoiseSettings) -> None:
@@ -172,31 +185,41 @@ class Noise:
         self._wraps = wraps(settings.periodic)
         rows, columns = size
         # A step may end a cell farther than it is long, and is read with the cell after.
-        self._rim = math.ceil(longest) + 2
-        padded = rows + 2 * self._rim, columns + 2 * self._rim
-        self._old: _Bits = np.empty(padded, dtype=np.uint8)
-        self._new: _Bits = np.empty(padded, dtype=np.uint8)
-        self._right: _Singles = np.empty(size, dtype=np.float32)
-        self._down: _Singles = np.empty(size, dtype=np.float32)
-        self._rates = np.empty(size, dtype=np.uint16)
+        self.rim = math.ceil(longest) + 2
+        padded = rows + 2 * self.rim, columns + 2 * self.rim
+        self.old: _Bits = np.empty(padded, dtype=np.uint8)
+        self.new: _Bits = np.empty(padded, dtype=np.uint8)
+        self.place_right: _Singles = np.empty(size, dtype=np.float32)
+        self.place_down: _Singles = np.empty(size, dtype=np.float32)
+        self.rates = np.empty(size, dtype=np.uint16)
         self._rates_of: Motion | None = None
         self.blended: _Singles = np.full(size, 0.5, dtype=np.float32)
         key = stream(settings.seed, 0, FIRST)
-        run(_begin, padded[0], key, self._rim, self._old, self._right, self._down, chunk=ROWS)
-        self._fill_rim(self._old, -1)
+        run(
+            _begin,
+            padded[0],
+            key,
+            self.rim,
+            self.old,
+            self.place_right,
+            self.place_down,
+            chunk=ROWS,
+        )
+        self._fill_rim(self.old, -1)
 
     def step(self, motion: Motion, number: int) -> None:
         """Go on by a frame."""
         settings = self._settings
         if self._rates_of is not motion:
-            run(_find_rates, len(self._rates), motion.right, motion.down, motion.defined,
-                settings.injection, settings.divergence, self._rates, chunk=ROWS)  # fmt: skip
+            run(_find_rates, len(self.rates), motion.right, motion.down, motion.defined,
+                settings.injection, settings.divergence, self.rates, chunk=ROWS)  # fmt: skip
             self._rates_of = motion
-        run(_carry, len(self.blended), self._rim, self._old, motion.right, motion.down,
-            self._right, self._down, np.float32(settings.blending), self._new, self.blended,
-            self._rates, stream(settings.seed, number, CHANGED), chunk=ROWS)  # fmt: skip
-        self._fill_rim(self._new, number)
-        self._old, self._new = self._new, self._old
+        changed = stream(settings.seed, number, CHANGED)
+        run(_carry, len(self.blended), self.rim, self.old, motion.right, motion.down,
+            self.place_right, self.place_down, np.float32(settings.blending), self.new,
+            self.blended, self.rates, changed, chunk=ROWS)  # fmt: skip
+        self._fill_rim(self.new, number)
+        self.old, self.new = self.new, self.old
 
     def smoothed(self, motion: Motion) -> _Singles:
         """Return the blended noise, smoothed along the flow."""
@@ -208,9 +231,9 @@ class Noise:
     def _fill_rim(self, noise: _Bits, number: int) -> None:
         key = stream(self._settings.seed, number, BESIDE)
         wrap_x, wrap_y = self._wraps
-        inner = len(noise) - 2 * self._rim
-        _fill_beside(self._rim, self._rim + inner, self._rim, wrap_x, key, noise)
-        _fill_above_and_below(self._rim, wrap_x, wrap_y, key, noise)
+        inner = len(noise) - 2 * self.rim
+        _fill_beside(self.rim, self.rim + inner, self.rim, wrap_x, key, noise)
+        _fill_above_and_below(self.rim, wrap_x, wrap_y, key, noise)
 
 
 @kernel

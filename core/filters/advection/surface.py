@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Noise that moves with a flow on a surface, as frames of its texture, across seams.
+
+In the sheet of an atlas charts lie apart, and noise moves in it as in the plane. Steps that leave
+their chart are found once; in each frame their nodes are carried on by themselves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ...atlas import TextureAtlas
+from ...atlas.ghosts import nearest_nodes
+from ...atlas.gutter import nodes_of_texels
+from ...atlas.sheet import NOTHING, shares_of_corners
+from ...atlas.steps import steps_beyond
+from ...atlas.walk import given_flow
+from ...base.checks import Floats, as_array
+from ...base.parallel import kernel, run
+from ...base.progress import ProgressCallback, phase, reporting
+from ...errors import InvalidSettings, InvalidSignal
+from ...mesh.triangle_mesh import TriangleMesh
+from ...settings import DilateSettings, NoiseSettings
+from ..texels import checked_atlas, checked_size
+from .loops import Frames, repeating
+from .noise import Noise, grays, mixed, told
+from .opacity import Look, checked_background, checked_colors
+from .randomness import BESIDE, CHANGED, random_bits, row_key, stream
+from .velocity import MOST_PIXELS, ROWS, Motion, checked_frames
+
+_Singles = npt.NDArray[np.float32]
+
+_REACH = 1.5
+"""Texels around the end of a step in which noise is read."""
+
+_LARGEST = 1e30
+
+
+def advect_on_surface(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    field: npt.ArrayLike,
+    size: tuple[int, int],
+    settings: NoiseSettings | None = None,
+    frames: int = 100,
+    *,
+    background: npt.ArrayLike | None = None,
+    colors: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+    atlas: TextureAtlas | None = None,
+) -> Frames:
+    """Show a flow on a surface as moving noise: frames of its texture, across seams.
+
+    Parameters
+    ----------
+    mesh, uv, atlas
+        As in `sharpen_texture`.
+    field : (m, 3) or (n, 3) array of float
+        The velocity in space at faces or at vertices, in mean edge lengths a frame; what points
+        out of the surface is left out. NaN where the flow is undefined.
+    size : (int, int)
+        Rows and columns of the frames.
+    settings : NoiseSettings, optional
+        Pixels are texels. `step` is the longest step in mean texel sizes, 0 takes velocities as
+        they are; `periodic` is not for surfaces.
+    frames, colors, progress
+        As in `advect_noise`.
+    background : (h, w) or (h, w, 3) array of float, optional
+        As there; a texture of the surface.
+
+    Yields
+    ------
+    (h, w) float32
+        In [0, 1]; (h, w, 3) with a colored background or `colors`. Around the charts the gutter is
+        filled; beyond, it is 0, or the background.
+
+    Raises
+    ------
+    InvalidUV
+        As in `sharpen_texture`.
+    InvalidSignal, InvalidSettings, Cancelled
+        As in `advect_noise`.
+
+    Notes
+    -----
+    Paper D, section 4, on a surface. Where the surface ends, noise comes in as at the borders of
+    an image. The flow is the same in all frames.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
+    >>> along = np.tile([1.0, 0.0, 0.0], (2, 1))
+    >>> frames = list(core.advect_on_surface(mesh, uv, along, (32, 32), frames=3))
+    >>> frames[0].shape, bool(np.abs(frames[1][:, 2:] - frames[0][:, :-2]).mean() < 0.1)
+    ((32, 32), True)
+    """
+    settings = settings or NoiseSettings()
+    if settings.periodic != "none":
+        raise InvalidSettings("A surface has no sides that could be joined; leave periodic out.")
+    count = checked_frames(frames, settings.loop)
+    shape = checked_size(size)
+    given = _checked_vectors(mesh, field)
+    behind = checked_background(background, shape)
+    palette = checked_colors(colors)
+    with reporting(progress):
+        with phase(0.0, 0.8, "Finding texels"):
+            pixels = np.zeros((*shape, 1), dtype=np.float32)
+            atlas = checked_atlas(atlas, mesh, uv, pixels)
+        with phase(0.8, 1.0, "Finding seams"):
+            flow = _SurfaceFlow(atlas, given, settings.step)
+            texture = _Texture(atlas)
+            look = Look(flow.longest, settings, behind, palette)
+    return told(_shown(flow, texture, look, settings, count), count, progress)
+
+
+def _shown(
+    flow: _SurfaceFlow, texture: _Texture, look: Look, settings: NoiseSettings, count: int
+) -> Frames:
+    def begin(first: int) -> Frames:
+        noise = _SurfaceNoise(flow, settings)
+        return grays(noise, lambda number: flow.motion, settings, first)
+
+    speeds = texture.drawn(flow.speeds)
+    defined = texture.drawn(flow.motion.defined.astype(np.float32)) > 0.5
+    seen = Motion(speeds, np.zeros_like(speeds), defined)
+    for gray in repeating(begin, count, settings.loop, mixed):
+        yield look.shown(texture.drawn(gray), seen)
+
+
+def _checked_vectors(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
+    # NaN where they are undefined, in all of a vector.
+    given = as_array(field, "field")
+    if given.shape not in ((mesh.face_count, 3), (mesh.vertex_count, 3)):
+        raise InvalidSignal(
+            f"The field has the shape {given.shape}; give ({mesh.face_count}, 3) or"
+            f" ({mesh.vertex_count}, 3)."
+        )
+    if given.dtype.kind not in "iuf":
+        raise InvalidSignal(f"The field is of type {given.dtype}; give floats.")
+    vectors = given.astype(np.float64)
+    if (np.abs(vectors) > _LARGEST).any():
+        raise InvalidSignal(
+            "The field holds infinity or values beyond 1e30; give NaN where it is undefined."
+        )
+    vectors[np.isnan(vectors).any(axis=1)] = np.nan
+    return vectors
+
+
+class _SurfaceFlow:
+    """A flow on a surface as steps in the sheet of its atlas.
+
+    Attributes
+    ----------
+    motion : Motion
+        Steps of the nodes; those that leave their chart are shortened, and stand in `beyond`.
+    beyond : StepsBeyond
+    ghosts : (k, 2) int32
+        Ghosts, and the nodes whose noise they have.
+    speeds : (rows, columns) float32
+        On the surface, in mean texel sizes a frame.
+    longest : float
+        The greatest of these.
+    """
+
+    def __init__(self, atlas: TextureAtlas, field: Floats, step: float) -> None:
+        mesh, nodes = atlas.mesh, atlas.sheet.nodes
+        texels = mesh.mean_edge_length / atlas.texel_size
+        tangential = _projected(mesh, field * texels)
+        fastest = float(np.sqrt(np.nanmax((tangential**2).sum(axis=2), initial=0.0)))
+        scale = 1.0 if step == 0 else (step / fastest if fastest > 0 else 0.0)
+        self.longest = scale * fastest
+        if self.longest > MOST_PIXELS:
+            raise InvalidSignal(
+                "The field is {most:.6g} texels a frame in places; give at most {bound}, or a step"
+                " to which it is scaled.",
+                most=self.longest,
+                bound=MOST_PIXELS,
+            )
+        tangential *= scale
+        shape = nodes.shape
+        down, across = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
+        self.speeds = np.zeros(shape, dtype=np.float32)
+        defined = np.zeros(shape, dtype=np.bool_)
+        run(_lay, shape[0], nodes, atlas.sheet.points, _axes(mesh), atlas.metric.inverse_jacobians,
+            tangential, down, across, self.speeds, defined, chunk=ROWS)  # fmt: skip
+        back = given_flow(atlas, -np.nan_to_num(tangential).mean(axis=1))
+        self.beyond = steps_beyond(atlas, back, -down, -across, _REACH)
+        ghosts = atlas.sheet.ghosts
+        copies = nearest_nodes(atlas.sheet, atlas.sources)[ghosts]
+        self.ghosts = np.stack([ghosts, copies], axis=1)[copies != NOTHING]
+        inside = np.hypot(down, across)
+        inside.reshape(-1)[self.beyond.nodes] = 0.0
+        self.reach = float(inside.max(initial=0.0))
+        far = self.beyond.nodes
+        length = np.hypot(down.reshape(-1)[far], across.reshape(-1)[far])
+        shorter = np.minimum(1.0, self.reach / np.maximum(length, 1e-30)).astype(np.float32)
+        down.reshape(-1)[far] *= shorter
+        across.reshape(-1)[far] *= shorter
+        self.motion = Motion(across, down, defined)
+
+
+def _projected(mesh: TriangleMesh, field: Floats) -> Floats:
+    # What lies in the face, at its corners: (m, 3, 3).
+    at_corners = field[mesh.faces] if len(field) == mesh.vertex_count else field[:, None]
+    if len(field) == mesh.vertex_count == mesh.face_count:
+        at_corners = field[:, None]
+    normals = mesh.normals[:, None]
+    flat = at_corners - (at_corners * normals).sum(axis=2, keepdims=True) * normals
+    return np.array(np.broadcast_to(flat, (mesh.face_count, 3, 3)))
+
+
+def _axes(mesh: TriangleMesh) -> Floats:
+    # Of the faces' frames: (m, 2, 3).
+    along = mesh.scaled_vertices[mesh.faces[:, 1]] - mesh.scaled_vertices[mesh.faces[:, 0]]
+    axes = np.stack([along, np.cross(mesh.normals, along)], axis=1)
+    return axes / np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-300)
+
+
+class _SurfaceNoise(Noise):
+    """Noise in the sheet of an atlas, carried over its seams."""
+
+    def __init__(self, flow: _SurfaceFlow, settings: NoiseSettings) -> None:
+        super().__init__(flow.motion.right.shape, flow.reach, settings)
+        self._flow = flow
+        count = len(flow.beyond.nodes)
+        self._bits = np.empty(count, dtype=np.uint8)
+        self._shown: _Singles = np.empty(count, dtype=np.float32)
+        run(_copy_bits, 1, flow.ghosts, self.rim, self.blended.shape[1], self.old)
+
+    def step(self, motion: Motion, number: int) -> None:
+        """Go on by a frame."""
+        flow, alpha = self._flow, np.float32(self._settings.blending)
+        fresh = stream(self._settings.seed, number, BESIDE)
+        run(_read_beyond, len(self._bits), flow.beyond, self.old, self.rim, self.place_down,
+            self.place_right, alpha, self.blended, fresh, self._bits, self._shown)  # fmt: skip
+        super().step(motion, number)
+        changed = stream(self._settings.seed, number, CHANGED)
+        run(_write_beyond, len(self._bits), flow.beyond.nodes, self._bits, self._shown, self.rates,
+            changed, self.rim, self.old, self.blended)  # fmt: skip
+        columns = self.blended.shape[1]
+        run(_copy_bits, 1, flow.ghosts, self.rim, columns, self.old)
+        flat = self.blended.reshape(-1)
+        flat[flow.ghosts[:, 0]] = flat[flow.ghosts[:, 1]]
+
+
+class _Texture:
+    """Draws the values of a sheet into an image."""
+
+    def __init__(self, atlas: TextureAtlas) -> None:
+        self._nodes = nodes_of_texels(atlas, DilateSettings())
+
+    def drawn(self, values: _Singles) -> _Singles:
+        image = np.empty(self._nodes.shape, dtype=np.float32)
+        run(_draw, len(image), self._nodes, values.reshape(-1), image, chunk=ROWS)
+        return image
+
+
+@kernel
+def _draw(start, stop, nodes, values, image):
+    for y in range(start, stop):
+        for x in range(nodes.shape[1]):
+            node = nodes[y, x]
+            image[y, x] = values[node] if node != NOTHING else np.float32(0)
+
+
+@kernel
+def _lay(start, stop, nodes, points, axes, inverse_jacobians, field, down, across, speeds, defined):
+    for y in range(start, stop):
+        for x in range(nodes.shape[1]):
+            f = nodes[y, x]
+            if f < 0:
+                continue
+            shares = shares_of_corners(points, f, y, x)
+            u = v = 0.0
+            for corner in range(3):
+                for k in range(3):
+                    part = shares[corner] * field[f, corner, k]
+                    u += part * axes[f, 0, k]
+                    v += part * axes[f, 1, k]
+            if u == u and v == v:
+                defined[y, x] = True
+                down[y, x] = inverse_jacobians[f, 0, 0] * u + inverse_jacobians[f, 0, 1] * v
+                across[y, x] = inverse_jacobians[f, 1, 0] * u + inverse_jacobians[f, 1, 1] * v
+                speeds[y, x] = np.sqrt(u * u + v * v)
+
+
+@kernel
+def _read_beyond(
+    start, stop, beyond, noise, rim, place_down, place_right, alpha, blended, key, bits, shown
+):
+    columns = blended.shape[1]
+    half = np.float32(0.5)
+    for i in range(start, stop):
+        y, x = divmod(beyond.nodes[i], columns)
+        before = blended[y, x]
+        if beyond.cells[i] == NOTHING:
+            bits[i] = random_bits(row_key(key, y), x) & np.uint32(1)
+            shown[i] = before + alpha * (np.float32(bits[i]) - before)
+            continue
+        # Half a cell is where a node's own place lies on the mean.
+        p, q = place_down[y, x] - half, place_right[y, x] - half
+        matrix = beyond.matrices[i]
+        row, column = divmod(beyond.cells[i], columns)
+        down = row + beyond.places[i, 0] + matrix[0, 0] * p + matrix[0, 1] * q
+        across = column + beyond.places[i, 1] + matrix[1, 0] * p + matrix[1, 1] * q
+        down = min(max(down, 0.0), blended.shape[0] - 1.001)
+        across = min(max(across, 0.0), columns - 1.001)
+        bits[i] = noise[rim + int(down + 0.5), rim + int(across + 0.5)]
+        row, column = int(down), int(across)
+        down -= row
+        across -= column
+        a, b = noise[rim + row, rim + column], noise[rim + row, rim + column + 1]
+        c, d = noise[rim + row + 1, rim + column], noise[rim + row + 1, rim + column + 1]
+        upper = a + across * (np.float64(b) - a)
+        lower = c + across * (np.float64(d) - c)
+        shown[i] = before + alpha * np.float32(upper + down * (lower - upper) - before)
+
+
+@kernel
+def _write_beyond(start, stop, nodes, bits, shown, rates, key, rim, noise, blended):
+    columns = blended.shape[1]
+    for i in range(start, stop):
+        y, x = divmod(nodes[i], columns)
+        changes = (random_bits(row_key(key, y), x) & np.uint32(0xFFFF)) < rates[y, x]
+        noise[y + rim, x + rim] = bits[i] ^ np.uint8(changes)
+        blended[y, x] = shown[i]
+
+
+@kernel
+def _copy_bits(start, stop, ghosts, rim, columns, noise):
+    for k in range(len(ghosts)):
+        y, x = divmod(ghosts[k, 0], columns)
+        row, column = divmod(ghosts[k, 1], columns)
+        noise[rim + y, rim + x] = noise[rim + row, rim + column]
