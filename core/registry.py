@@ -339,6 +339,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "flow.potential": ("flow_field",),
     "filters.advection.convolution": ("line_integral_convolution",),
     "filters.advection.dye": ("advect_dye",),
+    "filters.advection.flow_maps": ("flow_map_velocity",),
     "filters.advection.noise": ("advect_noise",),
     "filters.advection.sources": ("DyeSource",),
     "filters.advection.surface": ("advect_on_surface",),

@@ -98,7 +98,7 @@ def _compressed(pixels: _Pixels) -> bytes:
     stored[:, 0] = _UP
     stored[0, 1:] = rows[0]
     np.subtract(rows[1:], rows[:-1], out=stored[1:, 1:])
-    return zlib.compress(stored, _LEVEL)
+    return zlib.compress(stored.data, _LEVEL)
 
 
 def _webp_frame(pixels: _Pixels) -> bytes:
