@@ -31,6 +31,8 @@ class Kind(NamedTuple):
         Whether a mesh file, whose surface shows the images, is needed beside each of them.
     is_drawn : bool
         Whether an image is made from the mesh alone.
+    makes_frames : bool
+        Whether frames are made, which go into a folder or a file of their own kind.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Kind(NamedTuple):
     is_image: bool = False
     on_mesh: bool = False
     is_drawn: bool = False
+    makes_frames: bool = False
 
 
 GEOMETRY = Kind("geometry", "mesh files")
@@ -60,6 +63,9 @@ TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_m
 
 FIELD = Kind("field", "mesh file", is_drawn=True)
 """``function(mesh, uv, size, settings=, progress=, atlas=)`` returns an image; some want more."""
+
+FLOW = Kind("flow", "flow map, array, NetCDF or Zarr file, or mesh", makes_frames=True)
+"""``function(velocity, settings, frames, progress=)`` returns an iterator of frames."""
 
 MASK = Kind("mask", "mesh file", is_drawn=True)
 """What each texel is: drawn from a mesh, and so the kind of no filter."""
@@ -310,6 +316,15 @@ FILTERS: tuple[Filter, ...] = (
         takes_scale=True,
     ),
     Filter(
+        "advect_noise",
+        "filters.advection.noise",
+        _settings.NoiseSettings,
+        FLOW,
+        "visualize-flow",
+        "show a flow as a moving texture: noise, dye, or a still picture of streaks",
+        takes_mask=False,
+    ),
+    Filter(
         "dilate_texture",
         "filters.textures",
         _settings.DilateSettings,
@@ -331,7 +346,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "ShockError",
         "SolverError",
     ),
-    "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings", "NoiseSettings"),
+    "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings"),
     "mesh.directions": ("axis_directions", "gradient_directions", "principal_directions"),
     "mesh.triangle_mesh": ("TriangleMesh",),
     "mesh.weld": ("weld", "weld_borders"),
@@ -340,7 +355,6 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "filters.advection.convolution": ("line_integral_convolution",),
     "filters.advection.dye": ("advect_dye",),
     "filters.advection.flow_maps": ("flow_map_velocity",),
-    "filters.advection.noise": ("advect_noise",),
     "filters.advection.sources": ("DyeSource",),
     "filters.advection.surface": ("advect_on_surface",),
     "filters.advection.velocity": ("flow_frames",),
