@@ -14,6 +14,9 @@ KINDS = {
     "dye": (DyeSettings, "dye that is released and carried along"),
     "lines": (ConvolutionSettings, "a still picture of streaks; OUT is an image"),
 }
+ARRAYS = (".npy", ".npz", ".nc", ".nc4", ".cdf", ".zarr")
+"""Endings of files of velocities that are neither images nor meshes."""
+
 _FRAMES = 100
 _FPS = 25.0
 

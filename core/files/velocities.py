@@ -27,7 +27,7 @@ from .textures import read_textured_mesh
 Velocities = npt.NDArray[Any]
 
 MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".bmp", ".webp")
-ARRAYS = (".npy", ".npz")
+_NUMPY = (".npy", ".npz")
 MESHES = (".ply",)
 _OF_ARCHIVES = "velocity"
 _NORMALS = "n"
@@ -104,7 +104,7 @@ def read_velocity(path: str | Path, how: How | None = None) -> PlaneFlow | Surfa
     """
     path, how = Path(path), how or How()
     ending = path.suffix.lower()
-    check_ending(path, (*MAPS, *ARRAYS, *GRIDS, *MESHES), "velocities are not read from such files")
+    check_ending(path, (*MAPS, *_NUMPY, *GRIDS, *MESHES), "velocities are not read from such files")
     if ending in GRIDS:
         return PlaneFlow(*read_grid(path, how.variables, how.select, how.any_size))
     check_source(path, (ending,))

@@ -80,6 +80,7 @@ def frames_of(
     frames: int,
     in_colors: bool,
     progress: ProgressCallback | None = None,
+    background: npt.NDArray[np.float32] | None = None,
 ) -> Iterator[npt.NDArray[np.float32]]:
     """Return frames of moving noise, rows from the top down.
 
@@ -92,6 +93,8 @@ def frames_of(
         Whether colors say how fast it is.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
+    background : (h, w, 3) float32, optional
+        As in `advect_noise`.
 
     Raises
     ------
@@ -100,8 +103,9 @@ def frames_of(
     """
     if isinstance(flow, FlowPlane):
         return pictures_of_plane(
-            flow.velocity, settings, frames, in_colors=in_colors, progress=progress
-        )
+            flow.velocity, settings, frames, in_colors=in_colors, background=background,
+            progress=progress,
+        )  # fmt: skip
 
     def first(fraction: float, message: str) -> bool:
         return progress is None or progress(_ANALYSIS * fraction, message)
@@ -114,9 +118,10 @@ def frames_of(
             atlas = analyse(flow.faces, flow.shape)
         with phase(0.5, 1.0, "Computing the flow"):
             field = limited(_field(flow, atlas.mesh))
+    behind = None if background is None else background[::-1]
     pictures = pictures_of_surface(
         atlas.mesh, flow.faces.uv, field, flow.shape, settings, frames, in_colors=in_colors,
-        progress=rest, atlas=atlas,
+        background=behind, progress=rest, atlas=atlas,
     )  # fmt: skip
     return (picture[::-1] for picture in pictures)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..data.chosen import in_image_editor
+from .. import data
 from ..modes import PICTURES, Mode, Target
 from .wrapping import draw_text
 
@@ -77,7 +77,8 @@ def draw_main(
             column.prop(parameters, name)
     if "field" in target.places:
         draw_search(column, context, parameters, "field", "attributes")
-    if "y_axis" in target.places or ("y_axis" in mode.names and in_image_editor(context)):
+    # In the Image Editor a flow map is meant, whatever the 3D view's panel shows.
+    if "y_axis" in (mode.names if data.chosen.in_image_editor(context) else target.places):
         column.prop(parameters, "y_axis")
     _draw_starts(column, context, parameters, target)
     if "along" in target.places:
