@@ -20,6 +20,9 @@ from .filters.advection.convolution import (
 from .filters.advection.dye import (
     advect_dye,
 )
+from .filters.advection.flow_maps import (
+    flow_map_velocity,
+)
 from .filters.advection.noise import (
     advect_noise,
 )
@@ -173,6 +176,7 @@ __all__ = [
     "fit_to_normals",
     "flow_field",
     "flow_frames",
+    "flow_map_velocity",
     "geodesic_distance",
     "geometry_flow",
     "gradient_directions",

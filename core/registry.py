@@ -43,6 +43,8 @@ class Kind(Row):
         Whether a mesh file, whose surface shows the images, is needed beside each of them.
     is_drawn : bool
         Whether an image is made from the mesh alone.
+    makes_frames : bool
+        Whether frames are made, which go into a folder or a file of their own kind.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Kind(Row):
     is_image: bool = False
     on_mesh: bool = False
     is_drawn: bool = False
+    makes_frames: bool = False
 
 
 GEOMETRY = Kind("geometry", "mesh files")
@@ -72,6 +75,9 @@ TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_m
 
 FIELD = Kind("field", "mesh file", is_drawn=True)
 """``function(mesh, uv, size, settings=, progress=, atlas=)`` returns an image; some want more."""
+
+FLOW = Kind("flow", "flow map, array, NetCDF or Zarr file, or mesh", makes_frames=True)
+"""``function(velocity, settings, frames, progress=)`` returns an iterator of frames."""
 
 MASK = Kind("mask", "mesh file", is_drawn=True)
 """What each texel is: drawn from a mesh, and so the kind of no filter."""
@@ -327,6 +333,15 @@ FILTERS: tuple[Filter, ...] = (
         takes_scale=True,
     ),
     Filter(
+        "advect_noise",
+        "filters.advection.noise",
+        _settings.NoiseSettings,
+        FLOW,
+        "visualize-flow",
+        "show a flow as a moving texture: noise, dye, or a still picture of streaks",
+        takes_mask=False,
+    ),
+    Filter(
         "dilate_texture",
         "filters.textures",
         _settings.DilateSettings,
@@ -348,7 +363,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "ShockError",
         "SolverError",
     ),
-    "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings", "NoiseSettings"),
+    "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings"),
     "mesh.directions": ("axis_directions", "gradient_directions", "principal_directions"),
     "mesh.triangle_mesh": ("TriangleMesh",),
     "mesh.weld": ("weld", "weld_borders"),
@@ -356,7 +371,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "flow.potential": ("flow_field",),
     "filters.advection.convolution": ("line_integral_convolution",),
     "filters.advection.dye": ("advect_dye",),
-    "filters.advection.noise": ("advect_noise",),
+    "filters.advection.flow_maps": ("flow_map_velocity",),
     "filters.advection.sources": ("DyeSource",),
     "filters.advection.surface": ("advect_on_surface",),
     "filters.advection.velocity": ("flow_frames",),

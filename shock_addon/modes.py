@@ -73,6 +73,10 @@ class Data(Row):
 
 _MESH = ".operators.meshes:MeshOperator"
 _GENERATOR = ".operators.generating:GenerateOperator"
+_FLOW = ".operators.visualizing:FlowOperator"
+_FRAMES = ("frames", "in_colors", "folder")
+"""Properties of what makes frames."""
+_ON_SURFACE = ("image_size", "add_node")
 
 DATA = {
     "geometry": Data(
@@ -146,6 +150,24 @@ DATA = {
         ("scale_map", "stretch_along", *_GENERATED),
         "..core.host.fields:generate",
         object_modes=("OBJECT",),
+    ),
+    "flow": Data(
+        _FLOW,
+        (*_FRAMES, *_ON_SURFACE),
+        "..core.host.advection:frames_of",
+        object_modes=("OBJECT",),
+    ),
+    "attribute_flow": Data(
+        _FLOW,
+        ("field", *_FRAMES, *_ON_SURFACE),
+        "..core.host.advection:frames_of",
+        object_modes=("OBJECT",),
+    ),
+    "flow_map": Data(
+        _FLOW,
+        ("image", "y_axis", *_FRAMES),
+        "..core.host.advection:frames_of",
+        in_images=True,
     ),
 }
 """The kinds of Blender's data; those that the registry knows have its names."""
@@ -841,6 +863,66 @@ MODES: list[Mode] = [
                     "pattern_kill": 0.062,
                     "pattern_steps": 1500,
                 },
+            ),
+        ),
+    ),
+    Mode(
+        "visualize",
+        "Flow",
+        "Show a flow as a moving texture: where the shock filter pulls, an attribute of vectors, or"
+        " a flow map",
+        "visualize_flow",
+        "Show a flow as noise that moves: frames on disk, and an image sequence that plays them",
+        (
+            Target(
+                "advect_noise",
+                "shape",
+                "Shape",
+                "Where Sharpen Geometry pulls, with that panel's settings: to the creases",
+                kind="flow",
+            ),
+            Target(
+                "advect_noise",
+                "colors",
+                "Colors",
+                "Where Sharpen Colors pulls, with that panel's settings: to the edges between"
+                " colors",
+                kind="flow",
+            ),
+            Target(
+                "advect_noise",
+                "attribute",
+                "Attribute",
+                "Vectors of the mesh, or numbers in whose way it flows",
+                kind="attribute_flow",
+            ),
+            Target(
+                "advect_noise",
+                "map",
+                "Flow Map",
+                "An image: red is to the right, green is up, and the middle is 0",
+                kind="flow_map",
+            ),
+        ),
+        "Showed",
+        "visualize-flow",
+        about_in_images="Show it as a flow map: noise that moves with it",
+        icon="FORCE_WIND",
+        presets=(
+            Preset(
+                "Long Streaks",
+                "For slow, calm flows: streaks are twice as long",
+                {"blending": 0.05},
+            ),
+            Preset(
+                "Only Where It Flows",
+                "For flows that are fast in few places: slow ones stay dark",
+                {"speed_mask": 1.0},
+            ),
+            Preset(
+                "Loop",
+                "For games: the last frame is followed by the first without a jump",
+                {"loop": 24},
             ),
         ),
     ),

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from ..errors import InvalidSettings
 from .commands import COMMANDS, TEXTURE_MASK, Backend, Command
 from .file_backend import FileBackend
-from .inputs import UsageError, pairs
+from .inputs import UsageError, files_of
 from .parsing import build_parser, read_settings
 from .running import DONE, FAILED, INTERRUPTED, run_all
 
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
     options = parser.parse_args(arguments)
     try:
         settings = read_settings(options)
-        files = pairs(options.inputs, options.output)
+        files = files_of(options)
     except (InvalidSettings, UsageError) as error:
         parser.error(str(error))
     return run_all(backend, files, settings, options)

@@ -11,7 +11,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..registry import COLORS, FIELD, GEOMETRY, IMAGE, MASK, TEXTURE
+from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE
+from . import flows
 from .commands import Command
 from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
@@ -26,6 +27,8 @@ _FORMATS = {
     IMAGE: f"{_IMAGES}; 16 bits stay 16 bits",
     TEXTURE: f"{_IMAGES}; 16 bits stay 16 bits; on {_MESHES}",
     FIELD: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold floats, PNG 16 bits",
+    FLOW: "from flow maps (PNG, JPEG, TIFF, EXR, BMP, WebP), NumPy (.npy, .npz), NetCDF and Zarr"
+    " files, and PLY files with texture coordinates and vectors at their vertices",
     MASK: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold numbers, -1 for none, all others"
     " a picture",
 }
@@ -54,7 +57,14 @@ class FileBackend:
             action="store_true",
             help="read files, too, whose header claims far more than their size can hold",
         )
-        if command.kind.on_mesh or command.kind.is_drawn:
+        if command.kind.makes_frames:
+            parser.add_argument(
+                "--attribute",
+                metavar="NAME",
+                help="vectors of a mesh: flow for flow_x, flow_y and flow_z; the only ones if left"
+                " out",
+            )
+        if command.kind.on_mesh or command.kind.is_drawn or command.kind.makes_frames:
             parser.add_argument(
                 "--material",
                 metavar="NAME",
@@ -101,6 +111,8 @@ class FileBackend:
 
             size = options.size or options.like
             return texture_mask_file(source, target, settings.kind, size, asked)
+        if command.kind is FLOW:
+            return _visualize(source, target, settings, options, asked)
         if command.kind is FIELD:
             from ..files.fields import field_file
 
@@ -113,3 +125,15 @@ class FileBackend:
         function = command.function(options.then_sharpen if command.then else None)
         words = {"times": settings.enlarge} if hasattr(settings, "enlarge") else {}
         return pipeline(partial(function, settings=settings), *files, asked, **words)
+
+
+def _visualize(
+    source: str, target: Path, shown: flows.Shown, options: argparse.Namespace, asked: Any
+) -> Outcome:
+    from ..files.flows import check_target_of_flow, read_background, write_flow
+    from ..files.velocities import How, read_velocity
+
+    behind = options.background and read_background(options.background, options.any_size)
+    look = flows.look_of(shown, options, behind)
+    check_target_of_flow(target, look, options.overwrite)
+    return write_flow(read_velocity(source, How(**flows.how_to_read(options))), target, look, asked)

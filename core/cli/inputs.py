@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import argparse
 import glob
 import os
 from pathlib import Path
@@ -14,7 +15,14 @@ class UsageError(Exception):
     """The command line asks for something that cannot be meant."""
 
 
-def pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
+def files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
+    """Each input with what it is written to."""
+    if options.command.kind.makes_frames:  # into a folder all of them, and not one for each input
+        return [(options.inputs[0], Path(options.output))]
+    return _pairs(options.inputs, options.output)
+
+
+def _pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
     """Each input with the file that it is written to."""
     sources = list(dict.fromkeys(name for pattern in patterns for name in _expand(pattern)))
     if "-" in sources and len(sources) > 1:
@@ -48,3 +56,14 @@ def check_target(target: Path, overwrite: bool) -> None:
         raise ShockError(f"{target} is a folder; name a file.")
     if target.exists() and not overwrite:
         raise ShockError(f"{target} exists already; add --overwrite or choose another output.")
+
+
+def read_size(text: str) -> tuple[int, int]:
+    """Read height and width."""
+    width, height = map(int, text.lower().split("x"))
+    if width < 1 or height < 1:
+        raise ValueError
+    return height, width
+
+
+read_size.__name__ = "size, such as 1024x512"  # argparse says "invalid size, ... value"

@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Collection
 from typing import Any
 
 from ... import __version__
 from ..registry import WAYS, find
 from ..settings import Setting, describe
+from . import flows
 from .commands import COMMANDS, Backend, Command
-from .inputs import UsageError
+from .inputs import UsageError, read_size
 
 _EPILOG = """\
 exit codes:
@@ -27,6 +29,7 @@ examples:
   {prog} sharpen-colors painted.ply crisp.ply
   {prog} sharpen-image --what photo photos/*.png sharp/
   {prog} sharpen-texture model.obj wood.png metal.png sharp/
+  {prog} visualize-flow flow.png frames/ --frames 120
   {prog} texture-mask model.obj charts.png --kind chart --like wood.png
 """
 
@@ -36,7 +39,7 @@ def build_parser(backend: Backend) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=backend.prog,
         description="Sharpen meshes, their colors, textures and images by shock filter advection,"
-        " and denoise them.",
+        " denoise them, and show flows.",
         epilog=_EPILOG.format(prog=backend.prog),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -58,6 +61,12 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
     if row.kind.is_drawn:
         words: dict[str, Any] = {"nargs": 1, "metavar": "MESH", "help": row.kind.inputs}
         output = "image file to write, its ending says the format"
+    elif row.kind.makes_frames:
+        words = {"nargs": 1, "metavar": "IN", "help": row.kind.inputs}
+        output = (
+            "folder for PNG frames, which is made; or animated WebP (.webp) or PNG (.png, .apng),"
+            " or video (.mp4)"
+        )
     else:
         words = {"nargs": "+", "metavar": "IN", "help": f"{row.kind.inputs}; * and ** work"}
         output = (
@@ -73,10 +82,16 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
     backend.add_arguments(parser, row)
     if row.then:
         _add_then_sharpen(parser, row)
-    _add_settings(parser, row.settings)
+    if row.kind.makes_frames:
+        flows.add_reading(parser)
+        flows.add_flags(parser, _add_settings)
+    else:
+        _add_settings(parser, row.settings)
     if row.kind.is_drawn:
         size = parser.add_mutually_exclusive_group(required=True)
-        size.add_argument("--size", type=_size, metavar="WxH", help="width and height in texels")
+        size.add_argument(
+            "--size", type=read_size, metavar="WxH", help="width and height in texels"
+        )
         size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
 
 
@@ -172,21 +187,17 @@ def _time(text: str) -> float:
         ) from None
 
 
-def _size(text: str) -> tuple[int, int]:
-    """Height and width."""
-    width, height = map(int, text.lower().split("x"))
-    if width < 1 or height < 1:
-        raise ValueError
-    return height, width
-
-
-_size.__name__ = "size, such as 1024x512"  # argparse says "invalid size, ... value"
-
-
-def _add_settings(parser: argparse.ArgumentParser, settings: type) -> None:
-    main_group = parser.add_argument_group("settings")
-    advanced = parser.add_argument_group("advanced settings")
+def _add_settings(
+    parser: argparse.ArgumentParser,
+    settings: type,
+    title: str = "settings",
+    known: Collection[str] = (),
+) -> None:
+    main_group = parser.add_argument_group(title)
+    advanced = parser.add_argument_group(f"advanced {title}")
     for name, (kind, default, about) in describe(settings).items():
+        if name in known:
+            continue
         (advanced if about.advanced else main_group).add_argument(
             "--" + name.replace("_", "-"),
             dest=name,
@@ -223,6 +234,8 @@ _number.__name__ = "number"  # argparse says "invalid number value"
 def read_settings(options: argparse.Namespace) -> Any:
     """Make the settings that the flags say, and check what no single flag can know."""
     row = options.command
+    if row.kind.makes_frames:
+        return flows.read_flags(options)
     settings = row.settings(**{name: getattr(options, name) for name in describe(row.settings)})
     if row.then and options.then_sharpen is not None:
         if not math.isfinite(options.then_sharpen):

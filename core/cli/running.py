@@ -17,6 +17,7 @@ from typing import Any, TextIO
 
 from ..base.findings import gathering
 from ..errors import ShockError
+from ..files.output import Unfinished
 from .commands import Backend
 from .inputs import check_target
 
@@ -55,13 +56,16 @@ def _run_one(
     bar = _Bar(source, interrupt, shown=sys.stderr.isatty() and not options.quiet)
     start = time.perf_counter()
     try:
-        check_target(target, options.overwrite)
+        if not options.command.kind.makes_frames:
+            check_target(target, options.overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
         with gathering() as findings:
             outcome = backend.filter(options.command, source, target, settings, options, bar)
     except (ShockError, OSError, KeyboardInterrupt) as error:
         bar.clear()
-        if interrupt.asked:
+        if isinstance(error, Unfinished):
+            say(str(error), sys.stderr)
+        elif interrupt.asked:
             say(f"Interrupted; {target} was not written.", sys.stderr)
         else:
             say(f"Failed: {_sentence(source, error)}", sys.stderr)

@@ -94,6 +94,18 @@ class Outcome:
         return self.done.format(changed=self.changed, total=self.total)
 
 
+class Unfinished(Cancelled):
+    """A run was cancelled after some of its files were complete, and these stay."""
+
+    def __init__(self, done: int, count: int, folder: Path) -> None:
+        super().__init__(
+            "Interrupted; {done} of {count} frames are in {folder}.",
+            done=done,
+            count=count,
+            folder=folder,
+        )
+
+
 @contextlib.contextmanager
 def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator[Path]:
     """Give a path to write to, and move what was written there to `target` at the end.
@@ -113,9 +125,9 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise ShockError(f"Cannot write to the folder {target.parent}; choose another output.")
     with contextlib.ExitStack() as stack:
-        folder = _temporary_folder(target.parent, stack)
+        folder = temporary_folder(target.parent, stack)
         stage = folder / target.name
-        with _room(target.parent):
+        with room(target.parent):
             yield stage
         if not stage.is_file():
             raise ShockError(f"{target} was not written; choose another name or folder.")
@@ -141,7 +153,7 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
             os.replace(new, old)
 
 
-def _temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
+def temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
     """Make a folder that goes at the end, or in a later run if this one is killed."""
     _remove_left_over(parent)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=_PREFIX, dir=parent)))
@@ -194,8 +206,8 @@ def _fitted(new: Path, old: Path, stack: contextlib.ExitStack) -> tuple[Path, Pa
         link, old = old, Path(os.path.realpath(old))
         if old.is_symlink() or not old.parent.is_dir():
             raise ShockError(f"{link} is a link to {old}, where no file can be; remove the link.")
-        folder = _temporary_folder(old.parent, stack)
-        with _room(old.parent):
+        folder = temporary_folder(old.parent, stack)
+        with room(old.parent):
             new = Path(shutil.move(new, folder))
     return new, old
 
@@ -207,7 +219,7 @@ _PROBE = 1 << 16  # bytes
 
 
 @contextlib.contextmanager
-def _room(folder: Path) -> Iterator[None]:
+def room(folder: Path) -> Iterator[None]:
     """Say so if the disk of a folder turns out to be full while or after something is written.
 
     Many of Blender's exporters leave half a file on a full disk and report success.

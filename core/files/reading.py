@@ -67,13 +67,13 @@ def check_target(path: Path, known: Collection[str]) -> None:
         raise ShockError(f"There is no folder {path.parent}; make it first.")
 
 
-def needed(package: str, path: Path) -> Any:
+def needed(package: str, path: Path, extra: str = "files") -> Any:
     """Import a package that a format needs, or name the command that installs it."""
     try:
         return importlib.import_module(package)
     except ImportError as error:
         raise ShockError(
-            f"{path}: this needs {package}; run: pip install 'shock-filter[files]'."
+            f"{path}: this needs {package}; run: pip install 'shock-filter[{extra}]'."
         ) from error
 
 
@@ -140,8 +140,8 @@ def reading(path: Path, any_size: bool = False) -> Iterator[None]:
     except MemoryError as error:
         raise ShockError(f"{path} needs more memory than there is ({error}); free some.") from error
     except Exception as error:
-        if getattr(error, "errno", None) is not None:
-            raise  # the system's: no such file, no right to read it
+        if (getattr(error, "errno", None) or -1) > 0:
+            raise  # the system's: no such file, no right to read it; those of NetCDF are negative
         if not isinstance(error, _DAMAGE) and not _is_of_another_reader(error):
             logging.getLogger(__name__).exception("The reader of %s failed.", path)
         reason = str(error) or type(error).__name__

@@ -23,11 +23,13 @@ from ..settings import (
     FilterSettings,
     GeometrySettings,
     ImageSettings,
+    NoiseSettings,
     ReactionSettings,
     ShockSettings,
     StitchSettings,
     describe,
 )
+from .advection import FlowPlane, FlowSurface, frames_of
 from .colors import filter_colors
 from .denoising import filter_both
 from .fields import FieldSurface, generate
@@ -62,11 +64,12 @@ _STEPS = 4
 _NUMBERS: dict[type, tuple[dict[str, Any], ...]] = {
     GeometrySettings: ({"mollify_passes": 1}, {"screening_radius": 30.0}),
     ImageSettings: ({"enlarge": 2},),
+    NoiseSettings: ({"convolution": 4}, {"loop": 2}),
     ReactionSettings: ({"scale": 60.0},),
 }
 """Settings that are no choices, and have kernels of their own."""
 
-_ORDER = ["geometry", "colors", "image", "texture", "field"]
+_ORDER = ["geometry", "colors", "image", "texture", "field", "flow"]
 """Kinds of data, those first that are asked for most."""
 
 
@@ -165,6 +168,8 @@ def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
         return [partial(filter_image, _image(opacity)) for opacity in ("STRAIGHT", "NONE")]
     if kind == "field":
         return [_generated]
+    if kind == "flow":
+        return [partial(_flowing, in_colors) for in_colors in (False, True)]
     return [partial(_on_texture, number) for number in range(2)]
 
 
@@ -177,6 +182,24 @@ def _generated(name: str, settings: Any, **given: Any) -> Any:
     for at_vertices in [False] + [True] * bool(row.vertices):
         surface = FieldSurface(_textured(_SIZE)[0].faces, shape, start | given, at_vertices)
         found = generate(surface, name, settings)
+    return found
+
+
+def _flowing(in_colors: bool, name: str, settings: Any) -> Any:
+    shape = 2 * (_SIZE,)
+    faces = _textured(_SIZE)[0].faces
+    flows: list[Any] = [FlowPlane(np.zeros((*shape, 2), np.float32))]
+    if settings.periodic == "none":
+        vectors = np.tile([1.0, 0.5, 0.25], (len(faces.triangles), 1))
+        flows.append(FlowSurface(faces, shape, "directions", vectors))
+        flows.append(FlowSurface(faces, shape, "shape", GeometrySettings()))
+        rising = faces.positions[faces.triangles][..., 2]
+        flows.append(FlowSurface(faces, shape, "rising", rising))
+        colors = np.repeat(rising[..., None], 3, axis=2), ShockSettings()
+        flows.append(FlowSurface(faces, shape, "colors", colors))
+    for flow in flows:
+        for frame in frames_of(flow, settings, _STEPS, in_colors):
+            found = frame
     return found
 
 

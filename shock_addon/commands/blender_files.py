@@ -133,6 +133,11 @@ def image_format(target: Path) -> str:
     return kind
 
 
+def is_image(source: str) -> bool:
+    """Whether a file's ending is that of an image."""
+    return Path(source).suffix.lower() in _IMAGE_FORMATS
+
+
 @contextmanager
 def loaded_image(source: str) -> Iterator[bpy.types.Image]:
     """Give the image of a file: the open scene's own one, or one that is removed afterwards."""

@@ -14,10 +14,11 @@ from typing import Any
 import bpy
 
 from ...core import cli
+from ...core.cli import flows
 from ...core.cli.parsing import sources_of
 from ...core.errors import Cancelled, InvalidUV, ShockError
 from ...core.files.output import Outcome, staged
-from ...core.registry import FIELD, GEOMETRY, MASK
+from ...core.registry import FIELD, FLOW, GEOMETRY, MASK
 from .. import data
 from ..data.skipped import Skipped
 from ..modes import PICTURES
@@ -63,6 +64,8 @@ class BlenderBackend:
         """Filter one file into another; IN may be - for the open file, but not for images."""
         if command.kind is MASK:
             return _draw_mask(source, target, options, progress)
+        if command.kind is FLOW:
+            return _visualize(source, target, settings, options, progress)
         if command.kind is FIELD:
             return _draw_field(source, target, settings, options, progress)
         run = _Run(command, flags.values_of(command, settings, options), progress)
@@ -225,6 +228,56 @@ def _draw_field(
     return field_outcome(made.values, made.shown, (*notes, *made.notes))
 
 
+def _visualize(
+    source: str,
+    target: Path,
+    shown: flows.Shown,
+    options: argparse.Namespace,
+    progress: Progress,
+) -> Outcome:
+    from ...core.files.flows import check_target_of_flow, write_flow
+    from ...core.files.output import Options
+    from ...core.files.velocities import How, PlaneFlow, read_velocity
+
+    behind = None
+    if options.background:
+        with files.loaded_image(options.background) as image:
+            behind = data.arrays.read_pixels(image)[::-1, :, :3].copy()
+    look = flows.look_of(shown, options, behind)
+    check_target_of_flow(target, look, options.overwrite)
+    ending = Path(source).suffix.lower()
+    if ending not in flows.ARRAYS and not files.is_image(source):
+        return _visualize_meshes(source, target, look, options, progress)
+    kernels.choose_folder()
+    kernels.load()
+    if ending in flows.ARRAYS:
+        flow = read_velocity(source, How(**flows.how_to_read(options)))
+    else:
+        with files.loaded_image(source) as image:
+            flow = PlaneFlow(data.flows.read_map(image, options.y_axis).surface.velocity)
+    return write_flow(flow, target, look, Options(overwrite=options.overwrite, progress=progress))
+
+
+def _visualize_meshes(
+    source: str, target: Path, look: Any, options: argparse.Namespace, progress: Progress
+) -> Outcome:
+    from ...core.files.flows import size_on_surface, write_pictures
+    from ...core.host.advection import FlowSurface, frames_of
+
+    options.size = size_on_surface(look)
+    faces, size, notes = _to_draw_on(source, options)
+    objects, _ = _chosen(source, options)
+    try:
+        ((of, given),) = data.fields.read_directions(objects, options.attribute).items()
+    except Skipped as reason:
+        raise ShockError(f"{source}: {reason}.") from reason
+    surface = FlowSurface(faces, size, of, given)
+    pictures = frames_of(
+        surface, look.settings, look.frames, look.in_colors, progress, look.background
+    )
+    return write_pictures(pictures, target, look, notes, options.overwrite)
+
+
 def _to_draw_on(source: str, options: argparse.Namespace) -> tuple[Any, tuple[int, int], tuple]:
     """Open a file; return its faces, the image's height and width, and what is to be said."""
     objects, notes = _opened(source, options)
@@ -244,6 +297,10 @@ def _to_draw_on(source: str, options: argparse.Namespace) -> tuple[Any, tuple[in
 def _opened(source: str, options: argparse.Namespace) -> tuple[list[bpy.types.Object], list[str]]:
     """Open a file; return objects to filter, each mesh once, and notes on those that are not."""
     files.open_scene(source)
+    return _chosen(source, options)
+
+
+def _chosen(source: str, options: argparse.Namespace) -> tuple[list[bpy.types.Object], list[str]]:
     names = options.objects
     meshes = {obj.name: obj for obj in bpy.context.scene.objects if obj.type == "MESH"}
     missing = sorted(set(names or ()) - set(meshes))

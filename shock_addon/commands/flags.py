@@ -9,8 +9,9 @@ from dataclasses import asdict
 from typing import Any
 
 from ...core.cli import Command
+from ...core.cli.flows import ARRAYS
 from ...core.cli.parsing import add_gain_map, add_mask, add_others, add_sources
-from ...core.registry import COLORS, FIELD, GEOMETRY, IMAGE, MASK, TEXTURE
+from ...core.registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE
 from ..modes import MODES, Mode, Target
 from .blender_files import operator
 
@@ -25,6 +26,8 @@ FORMATS = {
     TEXTURE: f"{_IMAGES}, which keep their format, on whatever meshes this Blender reads",
     FIELD: f"from whatever this Blender reads to {_IMAGES}; EXR and NumPy hold floats, all others"
     " 8 bits",
+    FLOW: f"from {_IMAGES} as flow maps, {', '.join(ARRAYS)} files, and meshes that this Blender"
+    " reads",
     MASK: f"from whatever this Blender reads to {_IMAGES}; EXR and NumPy hold numbers",
 }
 """The files that commands on each kind of data read and write."""
@@ -58,6 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
         help="take this object only, even if it is hidden (may be repeated); without it, all"
         " visible meshes of the scene",
     )
+    if command.kind is FLOW:
+        parser.add_argument(
+            "--attribute",
+            metavar="NAME",
+            default="",
+            help="attribute of the meshes: vectors, or numbers in whose way it flows",
+        )
     if command.kind is COLORS:
         parser.add_argument(
             "--attribute",

@@ -211,7 +211,7 @@ def _given(
     elif "start" in places:
         given |= _starts(objects, parameters)
     if "along" in places and parameters.along == "ATTRIBUTE":
-        given |= _directions(objects, parameters.along_attribute)
+        given |= read_directions(objects, parameters.along_attribute)
     elif "along" in places:
         given["along"] = parameters.along.lower()
     if "stretch_along" in places and parameters.stretch_along != "NONE":
@@ -221,8 +221,14 @@ def _given(
     return given, []
 
 
-def _directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any]:
-    # Vectors at the faces, or numbers at their corners that rise in their way.
+def read_directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any]:
+    """Read an attribute: vectors at the faces, or numbers at their corners that rise in their way.
+
+    Raises
+    ------
+    Skipped
+        If an object has none, or one of another kind than others.
+    """
     vectors, numbers = [], []
     for obj in objects:
         mesh = obj.data

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from .. import data
 from ..modes import PICTURES, Mode, Target
 from .wrapping import draw_text
 
@@ -71,6 +72,14 @@ def draw_main(
         else:
             row.active = not _overridden(parameters, target, name)
             row.prop(parameters, name)
+    for name in ("frames", "in_colors"):
+        if name in target.places:
+            column.prop(parameters, name)
+    if "field" in target.places:
+        draw_search(column, context, parameters, "field", "attributes")
+    # In the Image Editor a flow map is meant, whatever the 3D view's panel shows.
+    if "y_axis" in (mode.names if data.chosen.in_image_editor(context) else target.places):
+        column.prop(parameters, "y_axis")
     _draw_starts(column, context, parameters, target)
     if "along" in target.places:
         column.prop(parameters, "along")
@@ -155,12 +164,17 @@ def is_attribute(parameters: Parameters, mode: Mode) -> bool:
 
 def has_output(parameters: Parameters, mode: Mode) -> bool:
     """Whether there is a choice of where results go; colors stay where they are."""
-    return bool({"output", "add_node"}.intersection(mode.names_for(parameters)))
+    return bool({"output", "add_node", "folder"}.intersection(mode.names_for(parameters)))
 
 
 def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
     """Draw where results go, and what is set anew there."""
     column = split(layout)
+    if "folder" in mode.names:
+        column.prop(parameters, "folder")
+        if "add_node" in mode.names_for(parameters):
+            column.prop(parameters, "add_node")
+        return
     if "add_node" in mode.names:
         if "into" in mode.names_for(parameters):
             column.prop(parameters, "into")

@@ -28,6 +28,8 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     str
         Empty if there is no obstacle.
     """
+    if "frames" in mode.names:
+        return of_flows(context) or _of_flow(context, settings)
     if not mode.data.on_surface:
         return of_images(context) or _of_image(data.chosen.edited_image(context), tiles=False)
     if mode.data.in_images:
@@ -82,6 +84,29 @@ def of_textures(context: bpy.types.Context) -> str:
     if not bpy.data.images:
         return "Add an Image Texture node with an image to the material."
     return ""
+
+
+def of_flows(context: bpy.types.Context) -> str:
+    """Say what a flow could be read from."""
+    if data.chosen.in_image_editor(context):
+        return of_images(context)
+    return of_unwrapped(context) if not bpy.data.images else ""
+
+
+def _of_flow(context: bpy.types.Context, settings: Any) -> str:
+    image = data.chosen.edited_image(context)
+    if image is None and settings.target != "map":
+        obstacle = of_unwrapped(context)
+        if not obstacle and settings.target == "colors":
+            obstacle = _of_colors(context)
+        if not obstacle and settings.target == "attribute" and not settings.field:
+            obstacle = "Name an attribute of vectors or numbers."
+        return obstacle
+    if image is None:
+        image = bpy.data.images.get(settings.image)
+    if image is None:
+        return "Choose a flow map, or open one in the Image Editor."
+    return _of_image(image, tiles=False)
 
 
 def _of_links(context: bpy.types.Context) -> str:

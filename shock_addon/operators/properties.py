@@ -216,6 +216,41 @@ _PLACES = {
         " an object without a material gets one that shows it",
         default=True,
     ),
+    "frames": bpy.props.IntProperty(
+        name="Frames",
+        description="How many frames there are",
+        default=100,
+        min=1,
+        soft_max=1000,
+    ),
+    "in_colors": bpy.props.BoolProperty(
+        name="Colors",
+        description="Give places the color of their speed, from dark blue to yellow",
+    ),
+    "folder": bpy.props.StringProperty(
+        name="Folder",
+        description="Folder for the frames, which is made. Empty makes a new one beside the blend"
+        " file",
+        subtype="DIR_PATH",
+    ),
+    "field": bpy.props.StringProperty(
+        name="Attribute",
+        description="Attribute of vectors, along which it flows; or of colors or numbers, such as"
+        " Distance: it flows the way in which these rise",
+    ),
+    "y_axis": bpy.props.EnumProperty(
+        name="Green",
+        description="Where green points in the flow map",
+        items=[
+            ("UP", "Up", "As in maps for OpenGL and Blender"),
+            ("DOWN", "Down", "As in maps for DirectX and Unreal"),
+        ],
+    ),
+    "flow_map image": bpy.props.StringProperty(
+        name="Flow Map",
+        description="Image whose red is the velocity to the right and green that up, with 0.5 for"
+        " none. Empty takes the one in the Image Editor",
+    ),
     "into": bpy.props.EnumProperty(
         name="Into",
         description="What is made",
@@ -400,6 +435,19 @@ OF_ONE_RUN = {
 }
 OF_ONE_RUN["detail"] = OF_ONE_RUN["stitch"] = OF_ONE_RUN["texture"]
 OF_ONE_RUN["distance"] = OF_ONE_RUN["streaks"] = OF_ONE_RUN["pattern"] = {"result": _RESULT}
+OF_ONE_RUN["flow_map"] = {
+    "image": bpy.props.StringProperty(
+        name="Flow Map",
+        description="Image whose red is the velocity to the right and green that up, with 0.5 for"
+        " none. Empty takes the one in the Image Editor",
+        options={"SKIP_SAVE"},
+    ),
+    "result": bpy.props.StringProperty(
+        name="Result",
+        description="Folder that an earlier run has written, which redo writes again",
+        options={"HIDDEN", "SKIP_SAVE"},
+    ),
+}
 """What operators on a kind of data have beside what the panel keeps."""
 
 

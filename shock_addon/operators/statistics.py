@@ -53,6 +53,9 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
     """
     if not mode.data.on_surface:
         return Counts(pixels=_pixels(data.chosen.edited_image(context)))
+    image = data.chosen.edited_image(context)
+    if "frames" in mode.names and image is not None:
+        return Counts(pixels=_pixels(image))
     objects = data.chosen.mesh_objects(context)
     found = {obj.data.session_uid: obj.data for obj in objects}.values()
     meshes = [mesh for mesh in found if mesh.polygons or mesh.is_editmode]
@@ -61,7 +64,7 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
         vertices=sum(len(mesh.vertices) for mesh in meshes),
         faces=sum(len(mesh.polygons) for mesh in meshes),
     )
-    if mode.data.in_images and meshes:
+    if mode.data.in_images and meshes and "frames" not in mode.names:
         pixels = _pixels(_texture(context, settings))
         return counts._replace(pixels=pixels) if pixels else Counts()
     return counts

@@ -94,6 +94,8 @@ def draw_filter(
     if "image" in mode.names and image is not None:
         # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
         operator.image = image.name
+        if "frames" in mode.names:
+            operator.target = mode.targets[-1].key  # the flow map
     return operator
 
 
@@ -108,11 +110,11 @@ def _draw_target(panel: Panel, context: bpy.types.Context) -> None:
         drawing.draw_search(column, context, settings, "attribute", "color_attributes")
     if "image_size" in names:
         row = column.row()
-        row.active = not settings.image
+        row.active = "image" not in names or not settings.image
         row.prop(settings, "image_size")
     elif "image" in names:
         column.prop_search(settings, "image", bpy.data, "images")
-        if not settings.image:
+        if not settings.image and "frames" not in names:
             _draw_shown_image(layout, context, panel.mode(context))
 
 

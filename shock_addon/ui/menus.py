@@ -35,7 +35,7 @@ class SHOCK_FILTER_MT_filters(bpy.types.Menu):
         ]
         for mode in offered:
             operator = draw_filter(layout, context, mode)
-            if len(mode.targets) > 1 and context.mode != "OBJECT":
+            if len(mode.targets) > 1 and context.mode != "OBJECT" and not in_images:
                 operator.target = mode.target_in(context.mode).key
         for other in (each for mode in offered for each in below(mode)):
             draw_filter(layout, context, other)

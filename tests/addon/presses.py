@@ -5,6 +5,7 @@ Such kernels would be compiled after everything was said to be ready.
 """
 
 import json
+from tempfile import TemporaryDirectory
 
 import bpy
 import numpy as np
@@ -13,6 +14,7 @@ from shock_filter.core.host.rehearsal import imported_kernels, rehearse
 from shock_filter.shock_addon.modes import MODES
 
 SIDE = 32
+FOLDER = TemporaryDirectory()
 
 
 def main() -> None:
@@ -51,7 +53,10 @@ def press(mode) -> None:
         changes += [{"image_2": "Other"}]
     if "vertex_group" in mode.names:
         changes += [{**change, "vertex_group": "Some"} for change in ({}, *changes)]
-    if "image_size" in mode.names:
+    if "frames" in mode.names:
+        small = {"frames": 3, "image_size": "256", "folder": FOLDER.name, "field": "Paint"}
+        changes = [{**each, **small, "in_colors": y} for each in changes for y in (False, True)]
+    elif "image_size" in mode.names:
         small = {"source": "seams", "image_size": "256", "pattern_steps": 4}
         changes = [{**change, **small} for change in (*changes, {"into": "ATTRIBUTE"})]
         ways = ("BENDING", "X", "ATTRIBUTE")

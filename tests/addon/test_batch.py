@@ -1070,3 +1070,50 @@ addon_utils.disable("shock_filter")
     assert Path("out.blend").exists()
     assert Path("by_command.blend").exists()
     assert "usage: blender --command shock_filter sharpen-geometry" in run.err
+
+
+# ------------------------------------------------------------------------------------------- flows
+
+
+def turning(size=24):
+    """A velocity that turns round the middle, and its flow map."""
+    y, x = np.mgrid[1 : -1 : size * 1j, -1 : 1 : size * 1j]
+    velocity = np.stack([-y, x], axis=-1).astype(np.float32)
+    values = np.rint(128 + 127 * np.dstack([velocity, np.zeros_like(x)]))
+    return velocity, values.astype(np.uint8)
+
+
+def test_flows_are_shown_as_outside_blender(folder):
+    velocity, pixels = turning()
+    np.save("field.npy", velocity)
+    Image.fromarray(pixels).save("map.png")
+    for name in ("field.npy", "map.png"):
+        words = [name, "--frames", "3", "--step", "3", "--quiet"]
+        assert cli.main(["visualize-flow", *words, f"plain {name[:3]}"]) == 0
+        run = blender("visualize-flow", *words, f"blender {name[:3]}")
+        assert run.code == 0, run.err
+        for number in (1, 2, 3):
+            paths = [f"{kind} {name[:3]}/frame_000{number}.png" for kind in ("plain", "blender")]
+            one, other = (np.array(Image.open(path)) for path in paths)
+            np.testing.assert_array_equal(one, other)
+    run = blender("visualize-flow", "field.npy", "moving.apng", "--frames", "3")
+    assert "3 frames of 24 x 24 pixels" in run.out
+    with Image.open("moving.apng") as image:
+        assert image.n_frames == 3
+
+
+def test_attributes_of_a_scene_are_shown_on_its_texture(folder):
+    before = """
+bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, calc_uvs=True)
+mesh = bpy.context.object.data
+wind = mesh.attributes.new("Wind", "FLOAT_VECTOR", "POINT")
+wind.data.foreach_set("vector", [1.0, 0.0, 0.0] * len(mesh.vertices))
+"""
+    words = ["visualize-flow", "-", "out", "--frames", "3"]
+    run = blender(*words, "--attribute", "Wind", "--size", "64x64", before=before)
+    assert run.code == 0, run.err
+    assert len(os.listdir("out")) == 3
+    run = blender(*words, "--overwrite", "--attribute", "Rain", "--size", "64x64", before=before)
+    assert run.code == 1 and "no attribute named 'Rain'" in run.err
+    run = blender(*words, "--overwrite", "--attribute", "Wind", before=before)
+    assert run.code == 1 and "add one such as --size" in run.err

@@ -102,7 +102,7 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
     modes = [name for name, _ in drawn].index("prop")
-    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 8
+    assert [name for name, _ in drawn[:modes]].count("prop_enum") == 9
     assert words(drawn, "prop") == main
     assert words(drawn, "operator") == [
         ("shock_filter.sharpen_geometry",),
@@ -357,6 +357,8 @@ def test_the_menu_has_the_modes_filters(mode, space, modes):
     wanted += [("shock_filter.generate",)] * (
         space == "VIEW_3D" and mode in {"OBJECT", "EDIT_MESH"}
     )
+    if mode == "OBJECT" or space == "IMAGE_EDITOR":
+        wanted.append(("shock_filter.visualize_flow",))
     assert drawn == wanted + of_textures[-1:] * ("texture" in modes)
 
 

@@ -83,7 +83,7 @@ print(json.dumps(states))
         "generate", "generate_preset_add", "geometry_preset_add", "hide_flow", "image_preset_add",
         "paint_gain", "preview", "sharpen_colors", "sharpen_geometry", "sharpen_image",
         "sharpen_texture", "show_flow", "stitch_preset_add", "stitch_textures",
-        "texture_preset_add", "use_preset",
+        "texture_preset_add", "use_preset", "visualize_flow", "visualize_preset_add",
     ]  # fmt: skip
     assert len(enabled["types"]) >= 20
     names = "", *4 * [".data.shown"], ".ui.translations"

@@ -155,6 +155,12 @@ ELSEWHERE = {
     "stitch-pictures": "test_stitch_textures.py::test_pictures_become_one_where_each_is_known",
     "stitch-seams": "test_stitch_textures.py::test_at_seams_alone_the_rest_stays",
     "stitch-unknown": "test_stitch_textures.py::test_what_no_picture_knows_stays_transparent",
+    "flow-folder": "test_visualize_flow.py::test_a_file_that_was_never_saved_needs_a_folder",
+    "flow-folder-full": "test_visualize_flow.py::test_what_cannot_be_shown_is_named",
+    "flow-cancelled": "test_visualize_flow.py::test_esc_leaves_nothing",
+    "flow-redo": "test_visualize_flow.py::"
+    "test_undo_takes_the_image_back_and_redo_writes_the_same_folder",
+    "flow-missing": "test_visualize_flow.py::test_what_cannot_be_shown_is_named",
     "generate-start": "test_generate.py::test_distance_counts_from_what_is_said",
     "generate-first": ("test_generate.py::test_the_first_press_counts_from_the_lowest_vertices"),
     "generate-nothing": "test_generate.py::test_what_is_missing_is_named",

@@ -174,14 +174,15 @@ def test_help_says_description_unit_range_and_default(capsys, command):
         if not about.choices:
             assert about.unit in text
             assert f"(default {default:g}, {about.minimum:g} to {about.maximum:g}," in text
-    unmasked = command.command == "dilate-texture" or command.kind.is_drawn
+    makes = command.kind.is_drawn or command.kind.makes_frames
+    unmasked = command.command == "dilate-texture" or makes
     assert ("--mask" in text) != unmasked
     textures = ["denoise-texture", "sharpen-texture", "filter-texture", "stitch-textures"]
     of_textures = unmasked or command.command in textures
     assert ("--material" in text) == of_textures
     assert ("--gain-map" in text) == (command.command == "filter-texture")
     assert ("--with FILE" in text) == (command.command == "stitch-textures")
-    assert ("--size WxH" in text) == command.kind.is_drawn
+    assert ("--size WxH" in text) == makes
 
 
 def test_help_is_quick_and_loads_no_numerics():

@@ -80,6 +80,8 @@ def write_inputs(folder: Path) -> None:
         (folder / name).parent.mkdir(exist_ok=True)
         picture.save(folder / name)
     Image.fromarray(ramp).save(folder / "where.png")
+    y, x = np.mgrid[1:-1:16j, -1:1:24j]
+    np.save(folder / "flow.npy", np.stack([-y, x], axis=-1))
     textured = trimesh.creation.box().subdivide()
     uv = textured.vertices[:, :2] + 0.5
     textured.visual = trimesh.visual.TextureVisuals(uv=uv, image=picture)

@@ -17,7 +17,9 @@ from shock_filter.core import cli
 ALL = examples()
 RUN = [example for example in ALL if example.reason is None]
 SHELL = [example for example in RUN if example.language == "sh"]
-COMMAND = re.compile(r"\b(?:sharpen|denoise|dilate|filter|stitch|texture|geodesic|surface)-\w+")
+COMMAND = re.compile(
+    r"\b(?:sharpen|denoise|dilate|filter|stitch|texture|geodesic|surface|visualize)-\w+"
+)
 SIMPLE = re.compile(r"(shock-filter [\w./*\" -]+\n)+")
 PYTHON = [example for example in RUN if example.language == "python" and not example.in_blender]
 BLENDER = [example for example in RUN if example.in_blender]

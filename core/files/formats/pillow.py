@@ -25,7 +25,7 @@ _KEPT = {
     "BMP": {RESOLUTION},
 }
 _PLAIN_MODES = ("L", "LA", "RGB", "RGBA")
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # Parts of a PNG that say how values are meant, so that they stay true for other values.
 _MEANING = (b"cHRM", b"gAMA", b"iCCP", b"sRGB", b"cICP", b"mDCV", b"cLLI")
 _CARRIED = (b"iCCP", b"pHYs", b"eXIf")
@@ -130,7 +130,7 @@ def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
     chunks = image_file.own
     if image_file.format != "PNG":
         chunks, *_ = _lasting_chunks(_encoded_png(np.zeros((1, 1), np.uint8), image_file.about))
-    start = len(_SIGNATURE) + 25  # after the header chunk
+    start = len(SIGNATURE) + 25  # after the header chunk
     path.write_bytes(b"".join([data[:start], *chunks, data[start:]]))
     return lost(image_file, path, _KEPT["PNG"], "PNG")
 
@@ -155,7 +155,7 @@ def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]
     Also the kinds of damaged parts, and of those that are true for the old pixels only. What stands
     behind the file's end is none of it.
     """
-    found, damaged, stale, place = [], [], [], len(_SIGNATURE)
+    found, damaged, stale, place = [], [], [], len(SIGNATURE)
     while place + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, place)
         if kind == b"IEND":
@@ -163,7 +163,7 @@ def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]
         whole = data[place : place + 12 + length]
         optional, safe = kind[0:1].islower(), kind[3:4].islower()  # as the standard defines
         if kind in _MEANING or (optional and safe and kind != b"fdAT"):
-            if whole == _chunk(kind, whole[8 : 8 + length]):
+            if whole == chunk(kind, whole[8 : 8 + length]):
                 found.append(whole)
             else:
                 damaged.append(kind)
@@ -183,7 +183,7 @@ def _only_png(chunks: list[bytes]) -> list[str]:
     return list({chunk[4:8].decode() for chunk in others})
 
 
-def _chunk(kind: bytes, data: bytes) -> bytes:
+def chunk(kind: bytes, data: bytes) -> bytes:
     body = kind + data
     return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
 

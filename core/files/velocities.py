@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Velocities on disk: flow maps, arrays, NetCDF and Zarr, and vectors of meshes.
+
+They are read as the core wants them: rows from top to bottom, to the right and up, key frames
+first, NaN where undefined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import ShockError
+from ..filters.advection.flow_maps import flow_map_velocity, turned
+from ..mesh.triangle_mesh import TriangleMesh
+from .formats.grids import GRIDS, read_grid
+from .formats.ply import PlyVertices
+from .images import read_pixels
+from .reading import check_ending, check_source, reading
+from .textures import read_textured_mesh
+
+Velocities = npt.NDArray[Any]
+
+MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".bmp", ".webp")
+_NUMPY = (".npy", ".npz")
+MESHES = (".ply",)
+_OF_ARCHIVES = "velocity"
+_NORMALS = "n"
+
+
+@dataclass(frozen=True)
+class How:
+    """How a file is to be understood.
+
+    Attributes
+    ----------
+    y_axis : str
+        ``"up"`` or ``"down"``: where the second component of flow maps and arrays points.
+    variables : (str, str), optional
+        Names of both components in NetCDF, Zarr and .npz files.
+    select : mapping
+        Which one to take of a dimension of NetCDF and Zarr files, by its name, counted from 0.
+    attribute : str, optional
+        Name of the vectors in a mesh file.
+    material : str, optional
+        Only the faces of this material.
+    any_size : bool
+        As in `Options`.
+    """
+
+    y_axis: str = "up"
+    variables: Sequence[str] | None = None
+    select: Mapping[str, int] = field(default_factory=dict)
+    attribute: str | None = None
+    material: str | None = None
+    any_size: bool = False
+
+
+@dataclass(frozen=True)
+class PlaneFlow:
+    """A velocity in the plane.
+
+    Attributes
+    ----------
+    velocity : (h, w, 2) or (k, h, w, 2) array
+    notes : tuple of str
+        What a person should know.
+    """
+
+    velocity: Velocities
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SurfaceFlow:
+    """Vectors at the vertices of a mesh with texture coordinates."""
+
+    mesh: TriangleMesh
+    uv: npt.NDArray[np.float64]
+    vectors: npt.NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+
+
+def read_velocity(path: str | Path, how: How | None = None) -> PlaneFlow | SurfaceFlow:
+    """Read a velocity.
+
+    Parameters
+    ----------
+    path : path
+        A flow map (an image: red to the right, green up, the middle is 0); an array (.npy) of
+        shape (h, w, 2) or (k, h, w, 2); an archive (.npz) of one, or of both components; a NetCDF
+        or Zarr file; or a PLY file with texture coordinates and vectors at its vertices.
+    how : How, optional
+
+    Raises
+    ------
+    ShockError
+        If the file cannot be read, or what it holds is no velocity.
+    """
+    path, how = Path(path), how or How()
+    ending = path.suffix.lower()
+    check_ending(path, (*MAPS, *_NUMPY, *GRIDS, *MESHES), "velocities are not read from such files")
+    if ending in GRIDS:
+        return PlaneFlow(*read_grid(path, how.variables, how.select, how.any_size))
+    check_source(path, (ending,))
+    if ending in MESHES:
+        return _of_mesh(path, how)
+    if ending in MAPS:
+        return _of_map(path, how)
+    velocity = _of_array(path, how) if ending == ".npy" else _of_archive(path, how)
+    if velocity.ndim not in (3, 4) or velocity.shape[-1] != 2 or not velocity.size:
+        raise ShockError(
+            f"{path} has the shape {velocity.shape}; save (rows, columns, 2), or (moments, rows,"
+            " columns, 2)."
+        )
+    return PlaneFlow(turned(velocity, how.y_axis))
+
+
+def _of_map(path: Path, how: How) -> PlaneFlow:
+    pixels = read_pixels(path, how.any_size)
+    if pixels.ndim == 2 or (pixels.shape[2] == 2 and path.suffix.lower() not in (".tif", ".tiff")):
+        raise ShockError(f"{path} is gray; a flow map has its velocity in red and green.")
+    velocity = flow_map_velocity(pixels, how.y_axis)
+    return PlaneFlow(velocity, () if np.nan_to_num(velocity).any() else ("the flow is 0",))
+
+
+def _of_array(path: Path, how: How) -> Velocities:
+    with reading(path, how.any_size):
+        return np.load(path, mmap_mode="r")
+
+
+def _of_archive(path: Path, how: How) -> Velocities:
+    with reading(path, how.any_size), np.load(path) as archive:
+        names = list(archive.files)
+        pair = tuple(how.variables or ("u", "v"))
+        if set(pair) <= set(names):
+            first, second = (archive[name] for name in pair)
+            if first.shape != second.shape:
+                raise ShockError(
+                    f"{path}: {pair[0]} has the shape {first.shape}, {pair[1]} {second.shape}; save"
+                    " both with one."
+                )
+            return np.stack([first, second], axis=-1)
+        if how.variables is None and (_OF_ARCHIVES in names or len(names) == 1):
+            return archive[_OF_ARCHIVES if _OF_ARCHIVES in names else names[0]]
+    raise ShockError(
+        f"{path} has no {' and '.join(pair)}; it has: {', '.join(names) or 'nothing'}. Name both"
+        " with --variables."
+    )
+
+
+def _of_mesh(path: Path, how: How) -> SurfaceFlow:
+    surface = read_textured_mesh(path, how.material, how.any_size)
+    with reading(path, how.any_size):
+        table = PlyVertices(path)
+    found = _triples(table.names)
+    name = how.attribute
+    if name is None and len(found) == 1:
+        name = next(iter(found))
+    if name not in found:
+        having = ", ".join(found) or "none"
+        what = f"vectors named {name!r}" if name else "vectors to be chosen at once"
+        raise ShockError(
+            f"{path} has no {what}; it has: {having}. Name one with --attribute; properties such as"
+            " flow_x, flow_y, flow_z make one."
+        )
+    with reading(path):
+        vectors = table.columns(*found[name])
+    return SurfaceFlow(surface.mesh, surface.uv, vectors, surface.notes)
+
+
+def _triples(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Find properties that are the components of vectors, by what their names have in common."""
+    found = {}
+    for first in names:
+        stem = first[:-1]
+        triple = tuple(stem + axis for axis in "xyz")
+        if first.endswith("x") and stem not in ("", _NORMALS) and set(triple) <= set(names):
+            found[stem.rstrip("_")] = triple
+    return found

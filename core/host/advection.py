@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Show a flow as moving noise, as a host program such as Blender keeps it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.progress import ProgressCallback, phase, reporting
+from ..filters.advection.pictures import pictures_of_plane, pictures_of_surface
+from ..filters.geometry import geometry_flow
+from ..filters.signals import luminance, to_own_corners
+from ..flow.potential import flow_field
+from ..mesh.directions import gradient_directions
+from ..mesh.triangle_mesh import TriangleMesh
+from ..mesh.weld import split_at_jumps
+from ..settings import NoiseSettings
+from .inputs import TexturedFaces
+from .textures import analyse
+
+_ANALYSIS = 0.1  # of the time that a run takes
+
+_FAST = 0.98
+"""The part of the faces with any flow beyond which all are as fast: a few at creases are far
+faster, and all others would stand still beside them."""
+
+
+@dataclass(frozen=True)
+class FlowSurface:
+    """A flow on the faces that will show it.
+
+    Attributes
+    ----------
+    faces : TexturedFaces
+    shape : (int, int)
+        Height and width of the frames.
+    of : str
+        What `given` is: "shape", settings of `geometry_flow`; "colors", corner colors (m, 3, c)
+        and settings of `flow_field`; "directions", vectors (m, 3); or "rising", numbers at the
+        corners (m, 3), in whose way it flows.
+    given : object
+    """
+
+    faces: TexturedFaces
+    shape: tuple[int, int]
+    of: str
+    given: Any
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.shape[0] * self.shape[1]
+
+
+@dataclass(frozen=True)
+class FlowPlane:
+    """A flow in an image: (h, w, 2) velocities, from the top down, to the right and up."""
+
+    velocity: npt.NDArray[np.float32]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the frames."""
+        height, width, _ = self.velocity.shape
+        return height, width
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.shape[0] * self.shape[1]
+
+
+def frames_of(
+    flow: FlowSurface | FlowPlane,
+    settings: NoiseSettings,
+    frames: int,
+    in_colors: bool,
+    progress: ProgressCallback | None = None,
+    background: npt.NDArray[np.float32] | None = None,
+) -> Iterator[npt.NDArray[np.float32]]:
+    """Return frames of moving noise, rows from the top down.
+
+    Parameters
+    ----------
+    flow : FlowSurface or FlowPlane
+    settings : NoiseSettings
+    frames : int
+    in_colors : bool
+        Whether colors say how fast it is.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+    background : (h, w, 3) float32, optional
+        As in `advect_noise`.
+
+    Raises
+    ------
+    ShockError
+        See `TriangleMesh`, `TextureAtlas`, `advect_noise` and `advect_on_surface`.
+    """
+    if isinstance(flow, FlowPlane):
+        return pictures_of_plane(
+            flow.velocity, settings, frames, in_colors=in_colors, background=background,
+            progress=progress,
+        )  # fmt: skip
+
+    def first(fraction: float, message: str) -> bool:
+        return progress is None or progress(_ANALYSIS * fraction, message)
+
+    def rest(fraction: float, message: str) -> bool:
+        return progress is None or progress(_ANALYSIS + (1 - _ANALYSIS) * fraction, message)
+
+    with reporting(first):
+        with phase(0.0, 0.5, "Preparing the mesh"):
+            atlas = analyse(flow.faces, flow.shape)
+        with phase(0.5, 1.0, "Computing the flow"):
+            field = limited(_field(flow, atlas.mesh))
+    behind = None if background is None else background[::-1]
+    pictures = pictures_of_surface(
+        atlas.mesh, flow.faces.uv, field, flow.shape, settings, frames, in_colors=in_colors,
+        background=behind, progress=rest, atlas=atlas,
+    )  # fmt: skip
+    return (picture[::-1] for picture in pictures)
+
+
+def _field(flow: FlowSurface, mesh: TriangleMesh) -> npt.NDArray[np.float64]:
+    if flow.of == "shape":
+        return geometry_flow(mesh, flow.given)[1]
+    if flow.of == "rising":
+        return gradient_directions(mesh, flow.given)
+    if flow.of == "directions":
+        return flow.given
+    colors, settings = flow.given
+    cut, values = split_at_jumps(mesh, to_own_corners(mesh, colors))
+    if settings.channels == "luminance":
+        values = luminance(values)
+    return flow_field(cut, values, settings)[1]
+
+
+def limited(field: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Slow the fastest vectors down to what is fast among the others."""
+    speeds = np.linalg.norm(field, axis=1)
+    some = speeds[speeds > 0]
+    if not len(some):
+        return field
+    fast = np.quantile(some, _FAST)
+    return field * np.minimum(1.0, fast / np.maximum(speeds, fast))[:, None]
