@@ -226,6 +226,7 @@ def bench(session: nox.Session) -> None:
     session.run("python", "benchmarks/denoise.py", *session.posargs)
     session.run("python", "benchmarks/gradient_domain.py", *session.posargs)
     session.run("python", "benchmarks/fields.py", *session.posargs)
+    session.run("python", "benchmarks/advection.py", *session.posargs)
 
 
 @nox.session(python=PYTHON)

@@ -16,7 +16,9 @@ import numpy as np
 import peers
 from PIL import Image
 from report import Target, table, targets
-from scipy.ndimage import binary_erosion, gaussian_filter
+from scipy.ndimage import binary_erosion, gaussian_filter, map_coordinates
+from scipy.spatial import cKDTree
+from scipy.special import j0
 from shock_filter import core
 from shock_filter.core.mesh.calculus import average_to_faces, average_to_vertices
 from texture_models import BALL, Model, ball, load_model, names, read_model, save_model
@@ -24,6 +26,16 @@ from texture_models import BALL, Model, ball, load_model, names, read_model, sav
 SIZES = (96, 192, 384, 512, 768)
 LARGE = 1024
 STEPS = 64
+SPACING = 0.15
+"""Scale of the patterns that two cuts are compared by."""
+
+PRESETS = {
+    "labyrinth": (0.037, 0.06),
+    "stripes": (0.029, 0.057),
+    "dots": (0.03, 0.062),
+    "coral": (0.0545, 0.062),
+}
+POINTS = 8000
 SOURCE = np.array([0.3, 0.5, 0.8])
 """The source is the vertex that is farthest in this direction."""
 
@@ -287,12 +299,71 @@ def patterns(job: common.Job) -> None:
     job.page.write("patterns", "\n\n".join([text, table(head, rows), targets(goals)]) + picture)
 
 
+def cuts(job: common.Job) -> None:
+    """Patterns of one torus, cut along two circles and into sixteen turned charts."""
+    whole = torus(640)
+    mesh = whole.mesh()
+    layouts = [("2 circles", whole.uv, 640), ("16 turned charts", in_charts(whole.uv), 896)]
+    rows, goals = [], []
+    for name, (feed, kill) in PRESETS.items():
+        found = []
+        for about, uv, size in layouts:
+            atlas = core.TextureAtlas(mesh, uv, size, size)
+            settings = core.ReactionSettings(
+                steps=1000, scale=SPACING / atlas.texel_size, feed=feed, kill=kill
+            )
+            image = core.reaction_diffusion(mesh, uv, (size, size), settings, atlas=atlas)
+            found.append(statistics(mesh, uv, image[..., 1]))
+            mean, deviation, wave = found[-1]
+            rows.append([name, about, f"{mean:.4f}", f"{deviation:.4f}", f"{wave:.4f}"])
+        off = np.abs(np.divide(*found) - 1.0).max()
+        goals.append(Target(f"{name}: largest difference, %", 100 * off, 5.0, "{:.1f}"))
+    head = ["pattern", "cut", "mean", "deviation", "wavelength"]
+    text = f"1000 steps, a scale of {SPACING} on a torus of radius 1."
+    job.page.write("cuts", "\n\n".join([text, table(head, rows), targets(goals)]))
+
+
+def in_charts(uv: np.ndarray) -> np.ndarray:
+    """Cut the torus's coordinates into 4 x 4 blocks, each turned by an angle of its own."""
+    flat = (uv - 0.05) / 0.9
+    block = np.minimum(4 * flat.mean(axis=1), 3.999).astype(int)
+    angle = 0.7 * (block[:, 0] + 4 * block[:, 1] + 1)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    # As wide and high as on the surface, so that texels are about square.
+    local = (4 * flat - block[:, None] - 0.5) * np.array([1.0, 0.4])
+    return (block[:, None] + 0.5 + 0.85 * np.einsum("xyf,fky->fkx", turn, local)) / 4
+
+
+def statistics(
+    mesh: core.TriangleMesh, uv: np.ndarray, image: np.ndarray
+) -> tuple[float, float, float]:
+    """Mean, deviation and strongest wavelength of values, at random points of the surface."""
+    random = np.random.default_rng(0)
+    faces = random.choice(mesh.face_count, POINTS, p=mesh.areas / mesh.areas.sum())
+    shares = random.dirichlet([1, 1, 1], POINTS)
+    points = np.einsum("pk,pkx->px", shares, mesh.vertices[mesh.faces[faces]])
+    places = np.einsum("pk,pkx->px", shares, uv[faces])
+    height, width = image.shape
+    at = [places[:, 1] * height - 0.5, places[:, 0] * width - 0.5]
+    values = map_coordinates(image, at, order=1, mode="grid-wrap").astype(np.float64)
+    apart, reach = values - values.mean(), 4 * SPACING
+    one, other = cKDTree(points).query_pairs(reach, output_type="ndarray").T
+    distances = np.linalg.norm(points[one] - points[other], axis=1)
+    sums, ends = np.histogram(distances, 80, (0, reach), weights=apart[one] * apart[other])
+    middles = 0.5 * (ends[1:] + ends[:-1])
+    waves = np.linspace(0.5, 2.0, 601) * SPACING
+    tapered = sums * np.cos(0.5 * np.pi * middles / reach) ** 2
+    power = j0(2 * np.pi * middles / waves[:, None]) @ tapered
+    return float(values.mean()), float(values.std()), float(waves[np.argmax(power)])
+
+
 SECTIONS = {
     "ball": on_ball,
     "peers": against_peers,
     "speed": speed,
     "streaks": streaks,
     "patterns": patterns,
+    "cuts": cuts,
 }
 
 

@@ -15,6 +15,7 @@ PACKAGES = {
     "MeshLab": ("pymeshlab", "pymeshlab"),
     "potpourri3d": ("potpourri3d", "potpourri3d"),
     "pygeodesic": ("pygeodesic", "pygeodesic"),
+    "rlic": ("rlic", "rlic"),
 }
 """Per program, the module that is imported and the package that brings it."""
 

@@ -4,19 +4,31 @@
 From the rows come the public names of `core`, the commands of ``shock-filter`` and of Blender's
 command line, and the list of modules with kernels. A new filter of a kind that is here already
 costs a settings class, a module in `core.filters` and a row. Needs neither numpy nor numba.
+Annotations are not postponed here, since evaluating them later takes longer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, dataclass_transform
 
 from . import settings as _settings
 from .errors import InvalidSettings
 
 
-class Kind(NamedTuple):
+@dataclass_transform(frozen_default=True)
+class Row:
+    """A row of a table, made of its values in order or by name; it is never changed.
+
+    Named tuples do the same, but making six such classes would be a twentieth of enabling the
+    extension.
+    """
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        vars(self).update(zip(type(self).__annotations__, values, strict=False), **named)
+
+
+class Kind(Row):
     """A kind of data, which says how a filter is called and which files it is for.
 
     Attributes
@@ -84,7 +96,7 @@ WAYS: Mapping[str, str] = {
 """Directions on a surface that have names."""
 
 
-class Filter(NamedTuple):
+class Filter(Row):
     """A row of the table.
 
     Attributes
@@ -114,6 +126,8 @@ class Filter(NamedTuple):
         Whether its gain may be painted.
     takes_others : bool
         Whether it makes one image of several.
+    takes_normals : bool
+        Whether it turns normals to object space, in frames of the mesh's shading.
     takes_starts : bool
         Whether it begins at vertices, edges or what is painted.
     way : str or None
@@ -140,6 +154,7 @@ class Filter(NamedTuple):
     takes_guide: bool = False
     takes_gain: bool = False
     takes_others: bool = False
+    takes_normals: bool = False
     takes_starts: bool = False
     way: str | None = None
     takes_scale: bool = False
@@ -273,6 +288,7 @@ FILTERS: tuple[Filter, ...] = (
         "filter-texture",
         "raise or smooth the detail of textures on the surface of a mesh, across seams",
         takes_gain=True,
+        takes_normals=True,
     ),
     Filter(
         "stitch_textures",
@@ -282,6 +298,7 @@ FILTERS: tuple[Filter, ...] = (
         "stitch-textures",
         "take the steps at seams away: baked light, scans, projected photos",
         takes_others=True,
+        takes_normals=True,
     ),
     Filter(
         "geodesic_distance",
@@ -369,6 +386,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
 """The public names that no row gives, by their modules."""
 
 
+@cache
 def find(name: str) -> Filter:
     """Find the row of a filter by its name."""
     return {row.name: row for row in FILTERS}[name]

@@ -71,11 +71,16 @@ def _changed(settings: type, name: str, default: Any, description: str = "", **a
     return dataclasses.field(default=default, metadata={"setting": known})
 
 
+_described: dict[type, dict[str, tuple[Any, Any, Setting]]] = {}
+
+
 def describe(settings: type) -> dict[str, tuple[Any, Any, Setting]]:
     """List a settings class's fields as ``{name: (type, default, Setting)}``, in order."""
-    return {
-        f.name: (f.type, f.default, f.metadata["setting"]) for f in dataclasses.fields(settings)
-    }
+    if settings not in _described:
+        _described[settings] = {
+            f.name: (f.type, f.default, f.metadata["setting"]) for f in dataclasses.fields(settings)
+        }
+    return _described[settings]
 
 
 _Class = TypeVar("_Class", bound=type)
@@ -393,6 +398,21 @@ def _content() -> Any:
     )
 
 
+def _content_of_vectors() -> Any:
+    return _setting(
+        "values",
+        "What the texture holds. Normals are worked on as vectors of the object's space, whichever"
+        " way the charts lie, and get unit length again",
+        choices={
+            "values": "Colors or other values that do not depend on the texture's layout",
+            "normals": "Tangent-space normals, as colors; green points up, as in Blender",
+            "normals_y_down": "Tangent-space normals whose green points down, as in DirectX",
+            "object_normals": "Object-space normals, as colors",
+        },
+        advanced=True,
+    )
+
+
 @_fields
 class TextureSettings(DilateSettings, _SignalSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
@@ -432,6 +452,7 @@ class FilterSettings(DilateSettings):
         length_power=1,
     )
     alpha: str = _alpha()
+    content: str = _content_of_vectors()
 
     @property
     def is_neutral(self) -> bool:
@@ -462,6 +483,7 @@ class StitchSettings(DilateSettings):
     )
     seams: str = _changed(DilateSettings, "seams", "continue")
     alpha: str = _alpha()
+    content: str = _content_of_vectors()
 
 
 @_fields
@@ -718,9 +740,8 @@ class DyeSettings(_Settings):
         "shock",
         "How the dye is sharpened",
         choices={
-            "shock": "Dye flows towards its borders: thin threads stay",
-            "rational": "Values are pushed away from the middle, each by itself, as in the paper:"
-            " fast, but thin threads vanish",
+            "shock": "Dye that has spread flows back to where there is more: none is lost",
+            "rational": "Each share is pushed away from a half, as in the paper: thin dye vanishes",
         },
         advanced=True,
     )

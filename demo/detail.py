@@ -21,6 +21,7 @@ from guide import shrink
 from picture import View, render
 from PIL import Image
 from run import run
+from shock_filter import core
 from shock_filter.core.host.inputs import TexturedFaces
 from shock_filter.core.host.textures import analyse
 from shock_filter.shock_addon.data import textures
@@ -41,8 +42,14 @@ LOW, HIGH = -0.25, 0.15
 """Height up to which the model is smoothed, and from which it is raised."""
 
 
+HIDE = ((7.0, 0.25), (28.0, 0.1))
+"""Lumps in a unit of length, and how steep they are: large ones and creases."""
+
+HIDE_RADIUS = 6.0
+
+
 def main() -> None:
-    """Make both pictures."""
+    """Make all pictures."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", type=Path, help="folder of spot_triangulated.obj")
     folder = parser.parse_args().folder
@@ -57,6 +64,7 @@ def main() -> None:
         image = photo.to_blender("Spot", grained(folder / "spot_texture.png", places))
         show_gains(obj, image)
         show_painted(obj, image, places)
+        show_normals(obj, places)
     finally:
         shock_filter.unregister()  # Blender may hang or crash at exit otherwise
 
@@ -102,6 +110,41 @@ def show_painted(
     draw("painted", columns, [gain_map, result])
 
 
+def show_normals(obj: bpy.types.Object, places: npt.NDArray[np.float64]) -> None:
+    """Show a normal map smoothed, as it is, and raised."""
+    image = photo.to_blender("Hide", hide(obj, places), is_data=True)
+    settings = {"content": "normals", "radius": HIDE_RADIUS}
+    smooth, raised = (filtered(image, gain=gain, **settings) for gain in (0.0, 2.0))
+    columns = [("Gain 0", obj.data), ("Normal map", obj.data.copy()), ("Gain 2", obj.data.copy())]
+    draw("normals", columns, [smooth, image, raised], normals=True)
+
+
+def hide(obj: bpy.types.Object, places: npt.NDArray[np.float64]) -> photo.Pixels:
+    """Return tangent-space normals of lumps and creases that go on across seams, as colors."""
+    faces, _, _ = textures.read_faces(bpy.context, [obj], None, None, True)
+    bare = TexturedFaces(faces.positions, faces.triangles, faces.uv, None)
+    atlas = analyse(bare, (TEXELS, TEXELS))
+    normals = atlas.bake(faces.normals)[::-1]
+    lattice = np.random.default_rng(1).normal(size=(24, 24, 24))
+    slopes = np.zeros_like(places)
+    for pace, height in HIDE:
+        for axis in range(3):
+            sides = []
+            for step in (-0.05, 0.05):
+                at = pace * places + step * np.eye(3)[axis]
+                noise = scipy.ndimage.map_coordinates(
+                    lattice, at.reshape(-1, 3).T, order=3, mode="grid-wrap"
+                )
+                sides.append(-np.abs(noise).reshape(places.shape[:2]))
+            slopes[..., axis] += height * (sides[1] - sides[0]) / 0.1
+    slopes -= (slopes * normals).sum(axis=2, keepdims=True) * normals
+    vectors = normals - slopes
+    vectors /= np.maximum(np.linalg.norm(vectors, axis=2, keepdims=True), 1e-9)
+    colors = np.ascontiguousarray(0.5 + 0.5 * vectors[::-1])
+    tangent = core.tangent_normals(atlas.mesh, faces.uv, colors, faces.normals, atlas=atlas)
+    return np.ascontiguousarray(tangent[::-1]).astype(np.float32)
+
+
 def filtered(image: bpy.types.Image, **settings: object) -> bpy.types.Image:
     """Filter a texture into a new image."""
     known = set(bpy.data.images)
@@ -111,11 +154,14 @@ def filtered(image: bpy.types.Image, **settings: object) -> bpy.types.Image:
 
 
 def draw(
-    name: str, columns: list[tuple[str, bpy.types.Mesh]], images: list[bpy.types.Image]
+    name: str,
+    columns: list[tuple[str, bpy.types.Mesh]],
+    images: list[bpy.types.Image],
+    normals: bool = False,
 ) -> None:
     """Render a picture."""
     path = OUT / f"{name}.png"
-    render(path, SPOT, columns, PIXELS, images, lit=True)
+    render(path, SPOT, columns, PIXELS, images, lit=True, normals=normals)
     shrink(path, COLORS)
 
 

@@ -22,7 +22,7 @@ from run import run
 from shock_filter.shock_addon.modes import find
 
 OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "generate"
-TEXELS, PIXELS, COLORS = 1024, 420, 96
+TEXELS, PIXELS, COLORS = 1024, 420, 192
 VIEWS = {
     "spot": View(rotation=(90, 0, 215), centre=(-0.1, 0.08), size=1.8, light=(-0.3, -1.0, 0.6)),
     "blub": View(rotation=(90, 0, 125), centre=(-0.28, 0.25), size=2.7, light=(-0.3, -1.0, 0.6)),

@@ -24,10 +24,10 @@ def blurred_photo() -> tuple[Pixels, Pixels]:
     return original, scipy.ndimage.gaussian_filter(original, (BLUR, BLUR, 0))
 
 
-def to_blender(name: str, pixels: Pixels) -> bpy.types.Image:
+def to_blender(name: str, pixels: Pixels, is_data: bool = False) -> bpy.types.Image:
     """Make a Blender image, whose rows begin at the bottom."""
     height, width = pixels.shape[:2]
-    image = bpy.data.images.new(name, width, height, alpha=pixels.shape[2] == 4)
+    image = bpy.data.images.new(name, width, height, alpha=pixels.shape[2] == 4, is_data=is_data)
     rgba = np.ones((height, width, 4), dtype=np.float32)
     rgba[..., : pixels.shape[2]] = pixels[::-1]
     image.pixels.foreach_set(rgba.reshape(-1))

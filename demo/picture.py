@@ -51,17 +51,18 @@ def render(
     pixels: int,
     textures: list[bpy.types.Image] | None = None,
     lit: bool = False,
+    normals: bool = False,
 ) -> None:
     """Render labelled meshes side by side, each `pixels` wide.
 
     Flat-shaded and without shadows, as that shows each face as it is: smooth shading would hide
     facets and blur creases. The texture of a column, or else a color attribute named `PAINT`, is
     shown as it is, without light. If `lit`, as people look at models: with lamps, shadows, and the
-    shading that each mesh has.
+    shading that each mesh has; with `normals` the textures are tangent-space normals then.
     """
     scene = bpy.data.scenes.new("Picture")
     if lit:
-        materials = [_lit(image) for image in textures or [None] * len(columns)]
+        materials = [_lit(image, normals) for image in textures or [None] * len(columns)]
         _add_lamps(scene, view.light)
     elif textures:
         materials = [_paint(image) for image in textures]
@@ -159,8 +160,8 @@ def _paint(image: bpy.types.Image | None = None) -> bpy.types.Material:
     return material
 
 
-def _lit(image: bpy.types.Image | None) -> bpy.types.Material:
-    """A matt material of the image's colors, or of a light gray."""
+def _lit(image: bpy.types.Image | None, normals: bool) -> bpy.types.Material:
+    """A matt material of the image's colors, or of a light gray and perhaps its normals."""
     material = bpy.data.materials.new("Lit")
     material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
@@ -170,7 +171,12 @@ def _lit(image: bpy.types.Image | None) -> bpy.types.Material:
     if image is not None:
         color = nodes.new("ShaderNodeTexImage")
         color.image = image
-        links.new(color.outputs["Color"], surface["Base Color"])
+        if normals:
+            turn = nodes.new("ShaderNodeNormalMap")
+            links.new(color.outputs["Color"], turn.inputs["Color"])
+            links.new(turn.outputs["Normal"], surface["Normal"])
+        else:
+            links.new(color.outputs["Color"], surface["Base Color"])
     return material
 
 

@@ -15,7 +15,7 @@ from .data import shown
 from .flow import operator as flow_operator
 from .flow import overlay as flow_overlay
 from .operators import base as operators
-from .operators import comparing, filtering, jobs, kernels, preparing, properties, statistics
+from .operators import comparing, filtering, jobs, kernels, preparing, properties
 from .preview import operator as preview_operator
 from .preview import painting
 from .ui import manual, menus, panels, presets, translations
@@ -98,6 +98,8 @@ def register() -> None:
 
 def unregister() -> None:
     """Stop what is running and remove everything again, in reverse order."""
+    from .operators import statistics
+
     atexit.unregister(_unregister_at_exit)
     preparing.unregister()
     painting.unregister()

@@ -7,17 +7,18 @@ Blender's command line are made by walking over the rows; operators by ``type(..
 data, what may follow), and `DATA`, the table of Blender's data.
 
 *Mode* means a row here, as it does on screen; what Blender calls a mode of the 3D view is an
-*object mode*. Needs no bpy, neither numpy nor numba.
+*object mode*. Needs no bpy, neither numpy nor numba. Annotations are not postponed here, since
+evaluating them later takes longer.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..core import registry
+from ..core.registry import Row
 from ..core.settings import OF_PAPER, Setting, describe
 
 STEADY_STATE = "steady_state"
@@ -34,7 +35,7 @@ _GENERATED = ("image", "image_size", "add_node")
 _SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
 
 
-class Data(NamedTuple):
+class Data(Row):
     """A kind of Blender's data.
 
     Attributes
@@ -172,7 +173,7 @@ DATA = {
 """The kinds of Blender's data; those that the registry knows have its names."""
 
 
-class Preset(NamedTuple):
+class Preset(Row):
     """A named set of a mode's settings.
 
     Attributes
@@ -200,7 +201,7 @@ _PAINTERLY = Preset(
 )
 
 
-class Target(NamedTuple):
+class Target(Row):
     """What a run works on; a mode has one, or several among which a property chooses.
 
     Attributes
@@ -215,6 +216,8 @@ class Target(NamedTuple):
         Key of `DATA`; the registry's one if left out.
     defaults : mapping
         Those of settings that are other ones here.
+    dials : tuple of str or None
+        Settings that mouse and wheel change in a preview, if not the time and the mode's second.
     """
 
     filter: str
@@ -224,6 +227,7 @@ class Target(NamedTuple):
     prefix: str = ""
     kind: str = ""
     defaults: Mapping[str, Any] = {}
+    dials: tuple[str, str] | None = None
 
     @property
     def row(self) -> registry.Filter:
@@ -249,6 +253,8 @@ class Target(NamedTuple):
     def dial(self, parameters: Any) -> str:
         """Name the property that the mouse changes in a preview; empty if there is none."""
         width = f"{self.prefix}width"
+        if self.dials is not None:
+            return self.prefix + self.dials[0]
         if not self.time:
             names = (f"{self.prefix}gain", f"{self.prefix}radius")
             return next((name for name in names if name in self.fields), "")
@@ -256,6 +262,11 @@ class Target(NamedTuple):
         if width in self.fields and not is_endless and getattr(parameters, self.time) < 0:
             return width
         return self.time
+
+    def second(self, of_mode: str) -> str:
+        """Name the property that the wheel changes; empty if there is none."""
+        name = of_mode if self.dials is None else self.dials[1]
+        return self.prefix + name if name else ""
 
     @property
     def steady_state(self) -> str:
@@ -266,24 +277,29 @@ class Target(NamedTuple):
     @property
     def fields(self) -> dict[str, Setting]:
         """Describe the filter's settings, by the names of their properties."""
-        described = describe(self.row.settings).items()
-        return {self.prefix + name: about for name, (_, _, about) in described}
+        return _described(self.row.settings, self.prefix)
 
     @property
     def settings(self) -> list[str]:
         """List the properties that say what is done."""
-        names = list(self.fields)
-        if self.steady_state:
-            names.insert(names.index(self.time) + 1, self.steady_state)
+        names, steady_state = list(self.fields), self.steady_state
+        if steady_state:
+            names.insert(names.index(self.time) + 1, steady_state)
         return names
 
     @property
     def places(self) -> list[str]:
         """List the properties that say where it is done."""
-        return [name for name in self.data.properties if self.row.takes_mask or name not in _MASK]
+        names, row = self.data.properties, self.row
+        return [name for name in names if row.takes_mask or name not in _MASK]
 
 
-class Mode(NamedTuple):
+@cache
+def _described(settings: type, prefix: str) -> dict[str, Setting]:
+    return {prefix + name: about for name, (_, _, about) in describe(settings).items()}
+
+
+class Mode(Row):
     """A row.
 
     Attributes
@@ -369,9 +385,11 @@ class Mode(NamedTuple):
         return self.targets[-1].data
 
     @property
-    def has_preview(self) -> bool:
-        """Whether there is something that a preview could show instead."""
-        return "image_size" not in self.names
+    def stage(self) -> str:
+        """Name the module of `preview` that shows what is tried."""
+        if "image_size" in self.names:
+            return "fields"
+        return "images" if self.data.in_images else "meshes"
 
     @property
     def follows(self) -> type | None:
@@ -765,6 +783,7 @@ MODES: list[Mode] = [
                 "How far it is along the surface: masks, falloffs and lines",
                 kind="distance",
                 defaults={"look": "gradient"},  # which is seen, whatever the object's size
+                dials=("width", "smoothing"),
             ),
             Target(
                 "surface_line_convolution",
@@ -773,6 +792,7 @@ MODES: list[Mode] = [
                 "Noise drawn out along a direction: brushed metal, hair, wood",
                 prefix="streak_",
                 kind="streaks",
+                dials=("length", "width"),
             ),
             Target(
                 "reaction_diffusion",
@@ -781,6 +801,7 @@ MODES: list[Mode] = [
                 "Stripes, dots and labyrinths that grow on the surface, as on animals",
                 prefix="pattern_",
                 kind="pattern",
+                dials=("scale", "seed"),
             ),
         ),
         "Generated",

@@ -16,6 +16,7 @@ from ..mesh.triangle_mesh import Ints
 from ..settings import DilateSettings
 from .atlas import TextureAtlas
 from .ghosts import interpolate, nearest_in_cells, nearest_nodes, place_beyond, turn_direction
+from .normal_frames import NormalFrames, axes_at, into_frame
 from .sheet import NOTHING, ROWS, ends, nearest_on_edge, place_on_edge
 
 _LEAST = 1.5
@@ -35,15 +36,18 @@ class _Borders(NamedTuple):
 
 class _Coding(NamedTuple):
     # How values are kept in the image: `scale` is 1 of the sheet's, and `rounded` to whole numbers
-    # or not; or as colors of tangent-space normals, which turn across seams.
+    # or not; or as colors of tangent-space normals, which turn across seams, or are turned from
+    # object space.
     scale: float
     rounded: bool
     normals: bool
+    turned: bool
 
 
 class _Gutter(NamedTuple):
     # Where the values of texels beside charts lie: row times width plus column of the texels, row
-    # times columns plus column of cells, (down, across) in these, and what turns normals.
+    # times columns plus column of cells, (down, across) in these, and what turns normals: (g, 2, 2)
+    # across the seam, or the axes (g, 3, 3) of their own chart there.
     texels: npt.NDArray[np.int64]
     cells: Ints
     places: npt.NDArray[np.float32]
@@ -59,16 +63,24 @@ class TexelWriter:
     settings : DilateSettings
     normals : bool
         The values are colors of tangent-space normals, which turn across seams.
+    frames : NormalFrames, optional
+        The values are colors of object-space normals, and the image gets tangent-space ones.
     """
 
     def __init__(
-        self, atlas: TextureAtlas, settings: DilateSettings, *, normals: bool = False
+        self,
+        atlas: TextureAtlas,
+        settings: DilateSettings,
+        *,
+        normals: bool = False,
+        frames: NormalFrames | None = None,
     ) -> None:
         self._atlas = atlas
-        self._normals = normals
+        self._normals, self._frames = normals, frames
         self._known = atlas.sources.cells >= 0
         filled = atlas.owners != NOTHING
-        self._gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), normals)
+        self._gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), normals,
+                                    frames)  # fmt: skip
         self._beyond = np.zeros((2, 0), dtype=np.int64)
         if settings.background == "nearest":
             filled.reshape(-1)[self._gutter.texels] = True
@@ -88,7 +100,7 @@ class TexelWriter:
         Parameters
         ----------
         values : (rows, columns, c) float32
-            Values of nodes and ghosts.
+            Values of nodes and ghosts. Where there are frames, they are turned in place.
         keep : (h, w) bool, optional
             Texels inside charts that are left as they are.
         out : (h, w, c) array, contiguous
@@ -97,17 +109,20 @@ class TexelWriter:
             A channel that is left as it is inside charts; -1: none.
         """
         atlas = self._atlas
-        coding = _Coding(1.0 / SCALES[out.dtype.name], out.dtype.kind == "u", self._normals)
+        scale, is_turned = 1.0 / SCALES[out.dtype.name], self._frames is not None
+        coding = _Coding(scale, out.dtype.kind == "u", self._normals, is_turned)
         flat = values.reshape(-1, values.shape[2])
         inside = atlas.inside
         kept = np.zeros(inside.shape, dtype=np.bool_) if keep is None else keep & inside
         texels = out.reshape(-1, out.shape[2])
-        with phase(0.0, 0.6, "Filling the gutter"):
-            run(_write_owned, atlas.height, atlas.owners, inside, flat, coding, kept, opacity, out,
-                chunk=ROWS)  # fmt: skip
-        with phase(0.6, 1.0, "Filling the gutter"):
+        with phase(0.0, 0.4, "Filling the gutter"):
             run(_write_gutter, len(self._gutter.texels), self._gutter, atlas.sheet.nodes,
                 self._known, flat, coding, texels)  # fmt: skip
+        with phase(0.4, 1.0, "Filling the gutter"):
+            if self._frames is not None:
+                self._frames.to_tangent(values)
+            run(_write_owned, atlas.height, atlas.owners, inside, flat, coding, kept, opacity, out,
+                chunk=ROWS)  # fmt: skip
         if self._beyond.size:
             texels[self._beyond[0]] = texels[self._beyond[1]]
 
@@ -121,7 +136,7 @@ def nodes_of_texels(atlas: TextureAtlas, settings: DilateSettings) -> Ints:
     nearest = nearest_nodes(sheet, atlas.sources)
     found = np.where(owners == NOTHING, np.int32(NOTHING), nearest[owners])
     filled = found != NOTHING
-    gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), False)
+    gutter = _find_gutter(atlas, filled, max(float(settings.gutter), _LEAST), False, None)
     flat = found.reshape(-1)
     flat[gutter.texels] = nearest_in_cells(sheet, nearest, gutter.cells, gutter.places)
     if settings.background == "nearest" and filled.any():
@@ -131,7 +146,11 @@ def nodes_of_texels(atlas: TextureAtlas, settings: DilateSettings) -> Ints:
 
 
 def _find_gutter(
-    atlas: TextureAtlas, filled: npt.NDArray[np.bool_], radius: float, normals: bool
+    atlas: TextureAtlas,
+    filled: npt.NDArray[np.bool_],
+    radius: float,
+    normals: bool,
+    frames: NormalFrames | None,
 ) -> _Gutter:
     if filled.all():
         texels = np.zeros(0, dtype=np.int64)
@@ -147,13 +166,18 @@ def _find_gutter(
         np.empty((count, 2), dtype=np.float32),
         np.empty((count if normals else 0, 2, 2), dtype=np.float32),
     )
+    if frames is not None:
+        found = found._replace(turns=np.empty((count, 3, 3), dtype=np.float32))
     if count:
         with phase(0.6, 1.0, "Filling the gutter"):
             run(_place_gutter, count, borders, atlas.charts, atlas.sheet, atlas.metric,
                 atlas.sources.cells >= 0, normals, found)  # fmt: skip
+            if frames is not None:
+                run(_frame_gutter, count, borders, atlas.charts, atlas.sheet, frames.corners,
+                    found)  # fmt: skip
     held = found.cells >= 0
     return _Gutter(texels[held], found.cells[held], found.places[held],
-                   found.turns[held] if normals else found.turns)  # fmt: skip
+                   found.turns[held] if len(found.turns) else found.turns)  # fmt: skip
 
 
 def _nearest_filled(filled: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
@@ -280,8 +304,30 @@ def _write_owned(start, stop, owners, inside, values, coding, kept, opacity, out
 
 
 @kernel
-def _place_gutter(start, stop, borders, charts, sheet, metric, known, normals, found):
+def _in_sheet(borders, charts, sheet, edge, y, x):
+    # Where texel (y, x) of the gutter lies in the sheet, beside a half-edge's chart.
     height, width = borders.edges.shape
+    label = charts.labels[edge // 3]
+    there, across = _beside(charts.points, borders.around, edge, y, x, height, width)
+    return there + sheet.shifts[label, 0], across + sheet.shifts[label, 1]
+
+
+@kernel
+def _frame_gutter(start, stop, borders, charts, sheet, frames, found):
+    axes = np.empty((3, 3))
+    for i in range(start, stop):
+        y, x = divmod(found.texels[i], borders.edges.shape[1])
+        edge = borders.edges[y, x]
+        there, across = _in_sheet(borders, charts, sheet, edge, y, x)
+        share, _ = nearest_on_edge(sheet.points, edge, there, across)
+        there, across = place_on_edge(sheet.points, edge, share)
+        axes_at(sheet.points, frames, edge // 3, there, across, axes)
+        found.turns[i] = axes
+
+
+@kernel
+def _place_gutter(start, stop, borders, charts, sheet, metric, known, normals, found):
+    width = borders.edges.shape[1]
     nodes, points, cells = sheet.nodes, sheet.points, sheet.cells
     ways, shapes, jacobians = metric.ways, metric.shapes, metric.jacobians
     b = np.empty(3)
@@ -290,10 +336,7 @@ def _place_gutter(start, stop, borders, charts, sheet, metric, known, normals, f
     for i in range(start, stop):
         y, x = divmod(found.texels[i], width)
         edge = borders.edges[y, x]
-        label = charts.labels[edge // 3]
-        there, across = _beside(charts.points, borders.around, edge, y, x, height, width)
-        there += sheet.shifts[label, 0]
-        across += sheet.shifts[label, 1]
+        there, across = _in_sheet(borders, charts, sheet, edge, y, x)
         face, row, column, _, _ = place_beyond(
             points, ways, shapes, jacobians, cells, edge, there, across, b, turn
         )
@@ -315,7 +358,7 @@ def _place_gutter(start, stop, borders, charts, sheet, metric, known, normals, f
 
 @kernel
 def _write_gutter(start, stop, gutter, nodes, known, values, coding, out):
-    color = np.empty(out.shape[1])
+    color, axes = np.empty(out.shape[1]), np.empty((3, 3))
     for i in range(start, stop):
         down, across = gutter.places[i]
         color[:] = 0.0
@@ -323,5 +366,8 @@ def _write_gutter(start, stop, gutter, nodes, known, values, coding, out):
         if coding.normals:
             turn_direction(gutter.turns[i], color, 0.5)
             unit_normal(color)
+        if coding.turned:
+            axes[:] = gutter.turns[i]
+            into_frame(axes, color)
         for c in range(out.shape[1]):
             out[gutter.texels[i], c] = _coded(color[c], coding)

@@ -17,6 +17,7 @@ from ..base.unfinished import MOST_STEPS
 from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
 from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
+from .ghosts import nearest_nodes
 from .sheet import NOTHING, ROWS
 from .walk import MOST_SEAMS, seam_crossed, walk_across_seams
 
@@ -29,48 +30,37 @@ class StepsBeyond(NamedTuple):
     Attributes
     ----------
     nodes : (k,) int32
-        Row times columns plus column of the nodes at which they begin.
-    cells : (k,) int32
-        Likewise of the cells in which they end; `NOTHING` where the surface ended before.
-    places : (k, 2) float32
-        Where in the cells, (down, across).
-    matrices : (k, 2, 2) float32
-        Take what lies (down, across) of the nodes to what lies so of the ends.
+        Row times columns plus column of the nodes at which they end.
+    sources : (k, 4) int32
+        Likewise of the nodes inside charts from which steps come that are whole numbers of texels:
+        in both axes the next greater one, the next smaller one across, down, and in both;
+        `NOTHING` where the surface begins after.
     """
 
     nodes: Ints
-    cells: Ints
-    places: _Singles
-    matrices: _Singles
+    sources: Ints
 
 
-def steps_beyond(
-    atlas: TextureAtlas, flow: Field, down: _Singles, across: _Singles, reach: float
-) -> StepsBeyond:
-    """Find the steps that leave their chart, and where they end.
+def steps_beyond(atlas: TextureAtlas, flow: Field, down: _Singles, across: _Singles) -> StepsBeyond:
+    """Find where one comes from by steps that lead over seams.
 
     Parameters
     ----------
     atlas : TextureAtlas
     flow : Field
-        What is followed for a time of 1, see `given_flow`.
+        What is followed back for a time of 1, see `given_flow`: from where one is to where one was.
     down, across : (rows, columns) float32
-        The same step at the nodes, straight.
-    reach : float
-        So far around a step's end, in texels, has to be inside the chart, or a ghost of it.
+        The step to each node, straight.
     """
     sheet, labels = atlas.sheet, atlas.charts.labels
+    nearest = nearest_nodes(sheet, atlas.sources)
     leaves = np.zeros(sheet.nodes.shape, dtype=np.bool_)
-    run(_mark_leaving, len(leaves), sheet, labels, down, across, reach, leaves, chunk=ROWS)
+    run(_mark_leaving, len(leaves), sheet, labels, nearest, down, across, leaves, chunk=ROWS)
     nodes = np.flatnonzero(leaves).astype(np.int32)
-    found = StepsBeyond(
-        nodes,
-        np.full(len(nodes), NOTHING, dtype=np.int32),
-        np.zeros((len(nodes), 2), dtype=np.float32),
-        np.zeros((len(nodes), 2, 2), dtype=np.float32),
-    )
-    run(_step, len(nodes), sheet, atlas.metric, flow, MOST_STEPS, MOST_SEAMS, found)
-    return found
+    sources = np.full((len(nodes), 4), NOTHING, dtype=np.int32)
+    run(_follow_back, len(nodes), sheet, labels, atlas.metric, flow, MOST_STEPS, MOST_SEAMS,
+        nearest, down, across, nodes, sources)  # fmt: skip
+    return StepsBeyond(nodes, sources)
 
 
 @kernel
@@ -87,8 +77,9 @@ def _chart(sheet, labels, y, x):
 
 
 @kernel
-def _stays(sheet, labels, y, x, down, across, reach):
-    # Whether all of a straight step, and what is around its end, lies in the chart.
+def _stays(sheet, labels, nearest, y, x, down, across):
+    # Whether a straight step from a node lies in the chart, and the nodes around its end have
+    # values.
     label = labels[sheet.nodes[y, x]]
     parts = int(np.ceil(max(abs(down), abs(across))))
     for part in range(1, parts):
@@ -96,61 +87,102 @@ def _stays(sheet, labels, y, x, down, across, reach):
         column = int(np.rint(x + across * part / parts))
         if _chart(sheet, labels, row, column) != label or sheet.nodes[row, column] < 0:
             return False
-    for row in range(int(np.floor(y + down - reach)), int(np.ceil(y + down + reach)) + 1):
-        for column in range(
-            int(np.floor(x + across - reach)), int(np.ceil(x + across + reach)) + 1
-        ):
+    for row in range(y + int(np.floor(down)), y + int(np.ceil(down)) + 1):
+        for column in range(x + int(np.floor(across)), x + int(np.ceil(across)) + 1):
             if _chart(sheet, labels, row, column) != label:
+                return False
+            if nearest[row * sheet.nodes.shape[1] + column] == NOTHING:
                 return False
     return True
 
 
 @kernel
-def _mark_leaving(start, stop, sheet, labels, down, across, reach, leaves):
+def _mark_leaving(start, stop, sheet, labels, nearest, down, across, leaves):
     for y in range(start, stop):
         for x in range(leaves.shape[1]):
             if sheet.nodes[y, x] >= 0:
                 leaves[y, x] = not _stays(
-                    sheet, labels, y, x, float(down[y, x]), float(across[y, x]), reach
+                    sheet, labels, nearest, y, x, -float(down[y, x]), -float(across[y, x])
                 )
 
 
 @kernel
-def _step(start, stop, sheet, metric, flow, most_steps, most_seams, found):
+def _follow_back(
+    start, stop, sheet, labels, metric, flow, most_steps, most_seams, nearest, down, across, nodes,
+    sources,
+):  # fmt: skip
+    # The flow is followed once. Whole steps differ from it by less than a texel: as they do here,
+    # they do where it comes from.
     columns = sheet.nodes.shape[1]
-    cells = sheet.cells
     b = np.empty(3)
-    turn, step_turn = np.empty((2, 2)), np.empty((2, 2))
+    turn, step_turn, matrix = np.empty((2, 2)), np.empty((2, 2)), np.empty((2, 2))
     for i in range(start, stop):
-        y, x = divmod(found.nodes[i], columns)
-        face = sheet.nodes[y, x]
-        for corner in range(4):
-            place = begin(y, x, corner)
-            if cells[place[0], place[1]] == NOTHING:
-                continue
-            walked = walk_cells(
-                flow.potential, flow.vectors, cells, flow.metrics, 1.0, most_steps, place
+        y, x = divmod(nodes[i], columns)
+        end, row, column = _walk_back(
+            sheet, metric, flow, most_steps, most_seams, y, x, b, turn, step_turn
+        )
+        if end >= 0:
+            _transport(
+                metric.jacobians, metric.inverse_jacobians, sheet.nodes[y, x], end, turn, matrix
             )
-            place, _, _, _, ending = walked
-            turn[0, 0] = turn[1, 1] = 1.0
-            turn[0, 1] = turn[1, 0] = 0.0
-            if ending != ENDED and ending != UNFINISHED:
-                edge = seam_crossed(sheet.nodes, sheet.ghost_edges, place, ending)
-                if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
-                    break
-                place, _ = walk_across_seams(
-                    flow, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn
-                )
-            row, column, down, across = place
-            end = cells[row, column]
-            if end == NOTHING:
+        step, aside = float(down[y, x]), float(across[y, x])
+        for k in range(4):
+            whole_down = np.floor(step) + 1 - (k >> 1)
+            whole_across = np.floor(aside) + 1 - (k & 1)
+            if _stays(sheet, labels, nearest, y, x, -whole_down, -whole_across):
+                there = (y - int(whole_down)) * columns + x - int(whole_across)
+                sources[i, k] = nearest[there]
+            elif end >= 0:
+                p, q = step - whole_down, aside - whole_across
+                source = _nearest(
+                    sheet.nodes, nearest,
+                    row + matrix[0, 0] * p + matrix[0, 1] * q,
+                    column + matrix[1, 0] * p + matrix[1, 1] * q,
+                )  # fmt: skip
+                if source == NOTHING:  # beside the border of the surface
+                    source = _nearest(sheet.nodes, nearest, row, column)
+                sources[i, k] = source
+
+
+@kernel
+def _walk_back(sheet, metric, flow, most_steps, most_seams, y, x, b, turn, step_turn):
+    # The face in which the walk from a node ends, -1 where the surface ended, and the place.
+    cells = sheet.cells
+    for corner in range(4):
+        place = begin(y, x, corner)
+        if cells[place[0], place[1]] == NOTHING:
+            continue
+        walked = walk_cells(
+            flow.potential, flow.vectors, cells, flow.metrics, 1.0, most_steps, place
+        )
+        place, _, _, _, ending = walked
+        turn[0, 0] = turn[1, 1] = 1.0
+        turn[0, 1] = turn[1, 0] = 0.0
+        if ending != ENDED and ending != UNFINISHED:
+            edge = seam_crossed(sheet.nodes, sheet.ghost_edges, place, ending)
+            if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
                 break
-            found.cells[i] = row * columns + column
-            found.places[i, 0] = down
-            found.places[i, 1] = across
-            _transport(metric.jacobians, metric.inverse_jacobians, face, end, turn,
-                       found.matrices[i])  # fmt: skip
-            break
+            place, _ = walk_across_seams(
+                flow, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn
+            )
+        row, column, down, across = place
+        return cells[row, column], row + down, column + across
+    return -1, 0.0, 0.0
+
+
+@kernel
+def _nearest(nodes, nearest, row, column):
+    # The nearest node to a place that has a value, of the four around it.
+    rows, columns = nodes.shape
+    best, least = NOTHING, 8.0
+    for k in range(4):
+        y = int(np.floor(row)) + (k >> 1)
+        x = int(np.floor(column)) + (k & 1)
+        if 0 <= y < rows and 0 <= x < columns and nearest[y * columns + x] != NOTHING:
+            square = (row - y) ** 2 + (column - x) ** 2
+            if square < least:
+                best, least = nearest[y * columns + x], square
+    return best
 
 
 @kernel

@@ -5,8 +5,6 @@ A front end opens ``with gathering() as findings:`` around a run; a filter calls
 the thread says that opened it is gathered. Needs neither numpy nor numba.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -14,13 +12,13 @@ from typing import Any, NamedTuple
 
 
 class Finding(NamedTuple):
-    """A sentence, with names in braces, and their values."""
+    """A sentence, with names in braces, and their values; as those of a `ShockError`."""
 
-    text: str
+    sentence: str
     values: dict[str, Any]
 
     def __str__(self) -> str:
-        return self.text.format(**self.values)
+        return self.sentence.format(**self.values)
 
 
 _listening: ContextVar[list[Finding] | None] = ContextVar("shock_filter_findings", default=None)

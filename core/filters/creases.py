@@ -203,6 +203,11 @@ def tell_creases(regions: Regions) -> None:
             )
         elif regions.creased.any():
             tell("The creases are sharp already.")
+        else:
+            tell(
+                "No creases to close were found: what is round, flat or coarse stays. For more, set"
+                " Where to Everywhere."
+            )
     elif regions.radius < 1:
         tell("Closed creases that were blunt by about an edge length; smooth parts stay.")
     else:
@@ -211,6 +216,7 @@ def tell_creases(regions: Regions) -> None:
             " parts stay.",
             radius=regions.radius,
         )
+        tell("To keep threads and fillets, set Widest Fillet below that.")
 
 
 def ramp(values: Floats, ends: tuple[float, float]) -> Floats:

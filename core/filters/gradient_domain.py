@@ -11,8 +11,10 @@ import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..atlas.ghosts import fill_ghosts
+from ..atlas.gutter import unit_normals
 from ..atlas.multigrid import SheetSolver
 from ..atlas.operators import CellWeights, TextureSpace
+from ..atlas.sheet import ROWS
 from ..atlas.surface_values import added_to_sheet, corner_values, surface_values
 from ..base.checks import LARGEST, as_array, checked_image, checked_weights
 from ..base.parallel import kernel, run
@@ -21,7 +23,16 @@ from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import FilterSettings
-from .texels import Output, Texture, checked_atlas, gathered, mix_texels
+from .normal_maps import checked_normals
+from .texels import (
+    Output,
+    Texture,
+    check_content,
+    checked_atlas,
+    gathered,
+    mix_texels,
+    normals_of,
+)
 
 _TOLERANCE = 1e-3
 """Residual of the solution relative to the right-hand side; its error is far below what 8 bits
@@ -42,6 +53,7 @@ def filter_texture(
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
     *,
+    normals: npt.ArrayLike | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
     """Raise or smooth the detail of a texture on its surface, across seams.
@@ -58,6 +70,9 @@ def filter_texture(
         The gain of each texel, instead of that in the settings; 1 where nothing is to change.
     mask : (h, w) array of float in [0, 1], optional
         1 takes the change fully, less mixes with the input, 0 keeps it bit for bit.
+    normals : (m, 3, 3) array of float, optional
+        The mesh's normals at the corners of its faces, as it is shaded, for textures of
+        tangent-space normals. Left out, smooth ones.
 
     Returns
     -------
@@ -69,7 +84,8 @@ def filter_texture(
     Raises
     ------
     InvalidUV, InvalidSignal, Cancelled
-        As in `sharpen_texture`; also if gains do not fit the image.
+        As in `sharpen_texture`; also if gains do not fit the image, or normals have other than
+        three channels, or four.
     SolverError
         If no solution is found.
 
@@ -77,8 +93,10 @@ def filter_texture(
     -----
     Paper B, sections 6 and 7.1: x minimizes ``|x - y|^2 / radius^2 + |grad x - gain grad y|^2`` on
     the surface, lengths in mean texel sizes, for the texture y. It is solved for the correction
-    x - y. Where the paper's elements differ is said in `core.atlas.operators`. Where texels are
-    transparent, both terms count as much as these are opaque.
+    x - y. Normals are solved for as vectors of the object's space, in the frames of MikkTSpace
+    (Mikkelsen 2008), and made unit length then. Where the paper's elements differ is said in
+    `core.atlas.operators`. Where texels are transparent, both terms count as much as these are
+    opaque.
 
     Examples
     --------
@@ -100,9 +118,10 @@ def filter_texture(
         with phase(0.0, 0.6, "Finding texels"):
             if gains is None and settings.is_neutral:
                 pixels = given.reshape(*given.shape[:2], -1)
+                check_content(pixels, settings)
                 checked_atlas(atlas, mesh, uv, pixels)
                 return given.copy()
-            solver = TextureSolver(mesh, uv, given, settings, atlas=atlas)
+            solver = TextureSolver(mesh, uv, given, settings, normals=normals, atlas=atlas)
         with phase(0.6, 1.0, "Filtering"):
             return solver.filtered(gains, weights)
 
@@ -115,7 +134,7 @@ class TextureSolver:
 
     Parameters
     ----------
-    mesh, uv, image, progress, atlas
+    mesh, uv, image, progress, normals, atlas
         As in `filter_texture`.
     settings : FilterSettings, optional
 
@@ -145,23 +164,27 @@ class TextureSolver:
         settings: FilterSettings | None = None,
         progress: ProgressCallback | None = None,
         *,
+        normals: npt.ArrayLike | None = None,
         atlas: TextureAtlas | None = None,
     ) -> None:
         given = checked_image(image, LARGEST)
         self._image = given
         self._settings = settings = settings or FilterSettings()
         pixels = given.reshape(*given.shape[:2], -1)
+        check_content(pixels, settings)
+        corners = checked_normals(mesh, normals)
         alpha = opacity_channel(pixels.shape[2], settings.alpha)
         with reporting(progress):
             with phase(0.0, 0.4, "Finding texels"):
                 texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels, alpha)
+                texture = normals_of(texture, settings, corners)
                 self._texture, self._values = gathered(texture, settings)
             with phase(0.4, 0.7, "Measuring texels"):
                 sheet = self._texture.atlas.sheet
                 known = fill_ghosts(sheet, self._texture.atlas.sources, self._values, alpha)
                 space = TextureSpace(self._texture.atlas)
-                corners = corner_values(space, self._values, known, alpha)
-                values = surface_values(space, self._values, corners)
+                at_corners = corner_values(space, self._values, known, alpha)
+                values = surface_values(space, self._values, at_corners)
                 if alpha >= 0:
                     opacity = np.maximum(values[:, alpha], _LEAST_OPACITY)
                     space = space.weighted(space.least(opacity))
@@ -250,6 +273,8 @@ class TextureSolver:
         self, result: npt.NDArray[np.float32], weights: npt.NDArray[np.float64] | None
     ) -> npt.NDArray:
         keep = None
+        if self._texture.unit:
+            run(unit_normals, len(result), result, chunk=ROWS)
         if weights is not None:
             mix_texels(self._texture.atlas, self._values, 1.0, weights, result)
             keep = weights == 0

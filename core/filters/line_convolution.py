@@ -24,8 +24,17 @@ _Single = npt.NDArray[np.float32]
 _TOLERANCE = 3e-3
 """Residual of the solution relative to the right-hand side."""
 
+_ROUGHLY = 0.02
+"""The same for what contrast is measured with."""
+
 _DEVIATION = 0.18
 """Standard deviation of the values at a contrast of 1."""
+
+_AROUND, _LEAST_AROUND = 10.0, 10.0
+"""Around each place contrast is measured up to so many widths, but at least so many texels."""
+
+_FAINTEST = 0.01
+"""Least square of the contrast that is raised, against the mean one."""
 
 _LEAST_WIDTH = 0.02
 """Narrowest streaks against their length: narrower ones cannot be solved for."""
@@ -98,9 +107,11 @@ def surface_line_convolution(
         with phase(0.1, 0.4, "Finding texels"):
             pixels = np.zeros((*shape, 1), dtype=np.float32)
             texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
-            space = TextureSpace(texture.atlas).diffusing(tensors)
-        with phase(0.4, 0.9, "Drawing streaks"):
-            values = _streaks(space, settings)
+            space = TextureSpace(texture.atlas)
+        with phase(0.4, 0.75, "Drawing streaks"):
+            values = _streaks(space.diffusing(tensors), settings)
+        with phase(0.75, 0.9, "Drawing streaks"):
+            _even_out(space, settings, values)
         with phase(0.9, 1.0, "Filling the gutter"):
             sheet = np.zeros((*space.labels.shape, 1), dtype=np.float32)
             sheet_values(space, values, sheet)
@@ -121,15 +132,33 @@ def _streaks(space: TextureSpace, settings: StreakSettings) -> _Single:
         run(_make_noise, space.size, used, masses, np.uint64(settings.seed), noise[:, 0])
     values = np.zeros_like(noise)
     solver.solve(noise, values, _TOLERANCE, message="Drawing streaks")
-    with aside("Drawing streaks"):
-        weights = np.where(used, masses, 0.0)
-        total = weights.sum()
-        flat = values[:, 0].astype(np.float64)
-        mean = weights @ flat / total
-        deviation = np.sqrt(weights @ (flat - mean) ** 2 / total)
-        scale = settings.contrast * _DEVIATION / max(deviation, 1e-30)
-        values[used, 0] = np.clip(0.5 + scale * (flat[used] - mean), 0.0, 1.0)
     return values
+
+
+def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) -> None:
+    # Where streaks are nearly as long as a limb is wide or long, they have little contrast: it is
+    # measured around each place, and made the same, in place.
+    screen = max(_AROUND * settings.width, _LEAST_AROUND) ** -2.0
+    matrix = space.matrix(screen)
+    solver, masses = SheetSolver(matrix), matrix.screen[:, None]
+    used = masses[:, 0] > 0
+
+    def around(squares: _Single) -> _Single:
+        found = np.zeros_like(squares)
+        solver.solve(masses * squares, found, _ROUGHLY, message="Drawing streaks")
+        return found
+
+    values -= around(values)
+    squares = values * values
+    with aside("Drawing streaks"):
+        weights = masses[used, 0].astype(np.float64) / masses.sum(dtype=np.float64)
+        mean = weights @ squares[used, 0]
+    local = np.maximum(around(squares), np.float32(max(_FAINTEST * mean, 1e-30)))
+    with aside("Drawing streaks"):
+        flat = (values / np.sqrt(local))[used, 0].astype(np.float64)
+        flat -= weights @ flat
+        scale = settings.contrast * _DEVIATION / max(np.sqrt(weights @ flat**2), 1e-30)
+        values[used, 0] = np.clip(0.5 + scale * flat, 0.0, 1.0)
 
 
 def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings) -> Floats:

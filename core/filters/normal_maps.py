@@ -7,21 +7,17 @@ does so with normals, whichever way the charts lie.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..atlas.sheet import ROWS, shares_of_corners
+from ..atlas.normal_frames import NormalFrames
 from ..base.checks import Floats, as_array, checked_image
-from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
-from ..mesh.tangents import tangent_frames
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings
-from .texels import Texture, checked_atlas, gathered, written
+from .texels import Texture, check_channels, checked_atlas, gathered, written
 
 
 def object_normals(
@@ -78,7 +74,7 @@ def object_normals(
     >>> core.object_normals(mesh, uv, straight)[2, 2].round(6).tolist()
     [1.0, 0.5, 0.5]
     """
-    return _converted(_to_object, mesh, uv, image, normals, settings, progress, atlas)
+    return _converted(True, mesh, uv, image, normals, settings, progress, atlas)
 
 
 def tangent_normals(
@@ -119,47 +115,11 @@ def tangent_normals(
     >>> core.tangent_normals(mesh, uv, along_x)[2, 2].round(6).tolist()
     [0.5, 0.5, 1.0]
     """
-    return _converted(_to_tangent, mesh, uv, image, normals, settings, progress, atlas)
+    return _converted(False, mesh, uv, image, normals, settings, progress, atlas)
 
 
-def _converted(
-    convert: Callable[..., None],
-    mesh: TriangleMesh,
-    uv: npt.ArrayLike,
-    image: npt.ArrayLike,
-    normals: npt.ArrayLike | None,
-    settings: DilateSettings | None,
-    progress: ProgressCallback | None,
-    atlas: TextureAtlas | None,
-) -> npt.NDArray:
-    pixels = checked_image(image)
-    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
-        raise InvalidSignal(
-            f"The normal map has the shape {pixels.shape}; give three channels, or four."
-        )
-    given = _checked_normals(mesh, normals)
-    settings = settings or DilateSettings()
-    is_tangent = convert is _to_object
-    with reporting(progress):
-        with phase(0.0, 0.6, "Finding texels"):
-            fitting = checked_atlas(atlas, mesh, uv, pixels)
-            texture = Texture(fitting, pixels, normals=is_tangent)
-            texture, values = gathered(texture, settings)
-        with phase(0.6, 0.8, "Turning normals"):
-            frames = tangent_frames(mesh, _corner_uv(fitting), given)
-            sheet = fitting.sheet
-            run(convert, len(values), sheet.nodes, sheet.points, frames, values, chunk=ROWS)
-        with phase(0.8, 1.0, "Filling the gutter"):
-            return written(texture._replace(normals=not is_tangent), values, settings, None)
-
-
-def _corner_uv(atlas: TextureAtlas) -> Floats:
-    # Coordinates as the charts have them, in texels: they are scaled, but not turned.
-    row, column = np.moveaxis(atlas.charts.points, -1, 0)
-    return np.stack([column / atlas.width, row / atlas.height], axis=-1)
-
-
-def _checked_normals(mesh: TriangleMesh, normals: npt.ArrayLike | None) -> Floats | None:
+def checked_normals(mesh: TriangleMesh, normals: npt.ArrayLike | None) -> Floats | None:
+    """Return normals at the corners of a mesh's faces as unit vectors; raises `InvalidSignal`."""
     if normals is None:
         return None
     given = as_array(normals, "normals")
@@ -173,71 +133,30 @@ def _checked_normals(mesh: TriangleMesh, normals: npt.ArrayLike | None) -> Float
     return mesh.own_corners(given / length)
 
 
-@kernel
-def _axes_at(points, frames, f, y, x, axes):
-    # The rows become tangent, bitangent and normal, interpolated.
-    shares = shares_of_corners(points, f, y, x)
-    axes[:] = 0.0
-    for k in range(3):
-        for i in range(3):
-            axes[0, i] += shares[k] * frames.tangents[f, k, i]
-            axes[2, i] += shares[k] * frames.normals[f, k, i]
-    _cross(axes[2], axes[0], axes[1])
-    for i in range(3):
-        axes[1, i] *= frames.signs[f]
-
-
-@kernel
-def _cross(u, v, out):
-    out[0] = u[1] * v[2] - u[2] * v[1]
-    out[1] = u[2] * v[0] - u[0] * v[2]
-    out[2] = u[0] * v[1] - u[1] * v[0]
-
-
-@kernel
-def _store(vector, turned, color):
-    # A unit vector as a color; one of no length stays what it was.
-    length = np.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2)
-    if not length > 1e-12:
-        turned[:] = vector
-        length = max(np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2), 1e-12)
-    for i in range(3):
-        color[i] = 0.5 + 0.5 * turned[i] / length
-
-
-@kernel
-def _to_object(start, stop, nodes, points, frames, values):
-    axes, vector, turned = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for y in range(start, stop):
-        for x in range(nodes.shape[1]):
-            if nodes[y, x] < 0:
-                continue
-            _axes_at(points, frames, nodes[y, x], y, x, axes)
-            for i in range(3):
-                vector[i] = 2.0 * values[y, x, i] - 1.0
-            for i in range(3):
-                turned[i] = vector[0] * axes[0, i] + vector[1] * axes[1, i] + vector[2] * axes[2, i]
-            _store(vector, turned, values[y, x])
-
-
-@kernel
-def _to_tangent(start, stop, nodes, points, frames, values):
-    axes, vector, turned = np.empty((3, 3)), np.empty(3), np.empty(3)
-    across = np.empty((3, 3))
-    for y in range(start, stop):
-        for x in range(nodes.shape[1]):
-            if nodes[y, x] < 0:
-                continue
-            _axes_at(points, frames, nodes[y, x], y, x, axes)
-            for i in range(3):
-                vector[i] = 2.0 * values[y, x, i] - 1.0
-            # Cramer's rule, but for the determinant, whose sign alone counts.
-            for k in range(3):
-                _cross(axes[(k + 1) % 3], axes[(k + 2) % 3], across[k])
-            det = axes[0, 0] * across[0, 0] + axes[0, 1] * across[0, 1] + axes[0, 2] * across[0, 2]
-            sign = 1.0 if det >= 0 else -1.0
-            for k in range(3):
-                turned[k] = sign * (
-                    across[k, 0] * vector[0] + across[k, 1] * vector[1] + across[k, 2] * vector[2]
-                )
-            _store(vector, turned, values[y, x])
+def _converted(
+    to_object: bool,
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    image: npt.ArrayLike,
+    normals: npt.ArrayLike | None,
+    settings: DilateSettings | None,
+    progress: ProgressCallback | None,
+    atlas: TextureAtlas | None,
+) -> npt.NDArray:
+    pixels = checked_image(image)
+    check_channels(pixels)
+    given = checked_normals(mesh, normals)
+    settings = settings or DilateSettings()
+    with reporting(progress):
+        with phase(0.0, 0.6, "Finding texels"):
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
+            frames = NormalFrames(texture.atlas, given)
+        with phase(0.6, 0.8, "Turning normals"):
+            if to_object:
+                texture, values = gathered(texture._replace(frames=frames), settings)
+                texture = texture._replace(frames=None)
+            else:
+                texture, values = gathered(texture, settings)
+                texture = texture._replace(frames=frames)
+        with phase(0.8, 1.0, "Filling the gutter"):
+            return written(texture._replace(unit=True), values, settings, None)

@@ -11,16 +11,29 @@ import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..atlas.ghosts import extend_ghosts
+from ..atlas.gutter import unit_normals
 from ..atlas.multigrid import SheetSolver
 from ..atlas.operators import CellWeights, TextureSpace
+from ..atlas.sheet import ROWS
 from ..atlas.surface_values import corner_values, sheet_values, surface_values
 from ..base.checks import LARGEST, Floats, as_array, checked_image, checked_weights
+from ..base.parallel import run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import StitchSettings
-from .texels import Texture, checked_atlas, gathered, mix_texels, values_of, written
+from .normal_maps import checked_normals
+from .texels import (
+    Texture,
+    check_content,
+    checked_atlas,
+    gathered,
+    mix_texels,
+    normals_of,
+    values_of,
+    written,
+)
 
 _Single = npt.NDArray[np.float32]
 
@@ -58,6 +71,7 @@ def stitch_textures(
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
     *,
+    normals: npt.ArrayLike | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
     """Make one texture without steps of several, or of one whose charts differ at the seams.
@@ -81,6 +95,8 @@ def stitch_textures(
         With one image, any numbers: steps between areas of different ones go.
     mask : (h, w) array of float in [0, 1], optional
         1 takes the result, less mixes it with the first image, 0 keeps that bit for bit.
+    normals : (m, 3, 3) array of float, optional
+        As in `filter_texture`.
 
     Returns
     -------
@@ -126,15 +142,22 @@ def stitch_textures(
     trust = _checked_confidences(confidences, labels, pictures)
     weights = checked_weights(mask, given)
     flat = [picture.reshape(*given.shape[:2], -1) for picture in pictures]
+    check_content(flat[0], settings)
+    at_corners = checked_normals(mesh, normals)
     alpha = opacity_channel(flat[0].shape[2], settings.alpha)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
             texture = Texture(checked_atlas(atlas, mesh, uv, flat[0]), flat[0], alpha)
+            texture = normals_of(texture, settings, at_corners)
             texture, values = gathered(texture, settings)
         with phase(0.3, 0.6, "Comparing texels"):
             space = TextureSpace(texture.atlas)
             opacity = values[..., alpha].copy()  # the last channel's, if none is opacity
-            target = _target_of(space, flat, alpha, trust, labels, opacity)
+            sources = [
+                _source(space, texture, picture, given, opacity)
+                for picture, given in zip(flat, trust, strict=True)
+            ]
+            target = _target_of(space, sources, labels)
         with phase(0.6, 0.9, "Stitching"):
             change = _solved(space, target, settings)
         with phase(0.9, 1.0, "Filling the gutter"):
@@ -145,6 +168,8 @@ def stitch_textures(
                 column[: opacity.size, 0] = opacity.reshape(-1)
                 stitched = np.insert(stitched, [alpha], column, axis=1)
             sheet_values(space, stitched, result)
+            if texture.unit:
+                run(unit_normals, len(result), result, chunk=ROWS)
             mix_texels(texture.atlas, values, 1.0, weights, result)
             keep = None if weights is None else weights == 0
             # Opacity may rise.
@@ -153,27 +178,17 @@ def stitch_textures(
 
 
 def _target_of(
-    space: TextureSpace,
-    pictures: list[npt.NDArray],
-    alpha: int,
-    trust: list[npt.NDArray | None],
-    labels: npt.ArrayLike | None,
-    opacity: _Single,
+    space: TextureSpace, sources: list[_Source], labels: npt.ArrayLike | None
 ) -> _Target:
-    # Reads the sources one by one; `opacity` becomes the largest of theirs.
     atlas, pieces = space.atlas, space.cut_cells.pieces
     nodes = atlas.sheet.nodes.size
-    count = pictures[0].shape[2] - (alpha >= 0)
+    count = sources[0].values.shape[2]
     flat = pieces.cells < 0
     total = CellWeights(np.zeros_like(space.alike.cells), np.zeros(len(flat)))
     believed = np.zeros((*atlas.sheet.nodes.shape, 1), dtype=np.float32)
     mean = np.zeros((*atlas.sheet.nodes.shape, count), dtype=np.float32)
     mean_corners = np.zeros((len(pieces.points), count))
     wanted = np.zeros((space.size, count), dtype=np.float32)
-    sources = [
-        _source(space, picture, alpha, given, opacity)
-        for picture, given in zip(pictures, trust, strict=True)
-    ]
     least = [_least_known(space, source, labels if len(sources) == 1 else None)
              for source in sources]  # fmt: skip
     for source, weights in zip(sources, least, strict=True):
@@ -207,13 +222,14 @@ def _target_of(
 
 def _source(
     space: TextureSpace,
+    texture: Texture,
     picture: npt.NDArray,
-    alpha: int,
     trust: npt.NDArray | None,
     opacity: _Single,
 ) -> _Source:
-    atlas = space.atlas
-    values = values_of(atlas, picture, alpha)
+    # `opacity` becomes the largest of all sources.
+    atlas, alpha = space.atlas, texture.alpha
+    values = values_of(atlas, picture, alpha, texture.frames)
     confidence = np.zeros(space.size, dtype=np.float32)
     known = (space.labels.reshape(-1) >= 0).astype(np.float32)
     if trust is not None:

@@ -11,16 +11,17 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.ghosts import fill_ghosts
 from ..atlas.gutter import TexelWriter, unit_normals
+from ..atlas.normal_frames import NormalFrames
 from ..atlas.seam_fit import SeamFit
 from ..atlas.seams import settle_seams
 from ..atlas.sheet import ROWS
-from ..base.checks import BAND, SCALES, as_array
+from ..base.checks import BAND, SCALES, Floats, as_array
 from ..base.parallel import blocks, run
 from ..base.progress import aside, phase
 from ..errors import InvalidSignal
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings
+from ..settings import DilateSettings, FilterSettings, StitchSettings
 from .signals import mix_rows
 
 
@@ -35,32 +36,81 @@ class Texture(NamedTuple):
         The channel of opacity; -1: none.
     normals : bool
         Whether the first channels are tangent-space normals, as colors.
+    frames : NormalFrames or None
+        What turns such normals to object space, where they are worked on; `normals` is False then.
+    unit : bool
+        Whether the first channels are normals of object space in the work, of unit length.
     """
 
     atlas: TextureAtlas
     pixels: npt.NDArray
     alpha: int = -1
     normals: bool = False
+    frames: NormalFrames | None = None
+    unit: bool = False
+
+
+def normals_of(
+    texture: Texture, settings: FilterSettings | StitchSettings, normals: Floats | None
+) -> Texture:
+    """Return a texture that knows how its normals are worked on, if it holds some.
+
+    Parameters
+    ----------
+    texture : Texture
+    settings : FilterSettings or StitchSettings
+        Have the content.
+    normals : (m, 3, 3) float64, optional
+        As in `NormalFrames`.
+    """
+    if settings.content == "values":
+        return texture
+    if settings.content == "object_normals":
+        return texture._replace(unit=True)
+    is_down = settings.content == "normals_y_down"
+    frames = NormalFrames(texture.atlas, normals, green_down=is_down)
+    return texture._replace(frames=frames, unit=True)
+
+
+def check_content(pixels: npt.NDArray, settings: FilterSettings | StitchSettings) -> None:
+    """Raise `InvalidSignal` if an image cannot hold what the settings say."""
+    if settings.content != "values":
+        check_channels(pixels)
+
+
+def check_channels(pixels: npt.NDArray) -> None:
+    """Raise `InvalidSignal` if an image cannot hold normals."""
+    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
+        raise InvalidSignal(
+            f"The normal map has the shape {pixels.shape}; give three channels, or four."
+        )
 
 
 def gathered(texture: Texture, settings: DilateSettings) -> tuple[Texture, npt.NDArray[np.float32]]:
     """Return the texture with its seams settled, and the values of the nodes inside charts."""
-    atlas, pixels, alpha, normals = texture
+    atlas, pixels, alpha, normals = texture[:4]
     with aside("Comparing the seams"):
-        values = values_of(atlas, pixels, alpha)
+        values = values_of(atlas, pixels, alpha, texture.frames)
         atlas = settle_seams(
             atlas, values, settings.seams, least_step(pixels), alpha=alpha, normals=normals
         )
     return texture._replace(atlas=atlas), values
 
 
-def values_of(atlas: TextureAtlas, pixels: npt.NDArray, alpha: int) -> npt.NDArray[np.float32]:
-    """Return an image's values at the nodes inside charts, opacity clipped to [0, 1]."""
+def values_of(
+    atlas: TextureAtlas, pixels: npt.NDArray, alpha: int, frames: NormalFrames | None = None
+) -> npt.NDArray[np.float32]:
+    """Return an image's values at the nodes inside charts, opacity clipped to [0, 1].
+
+    With `frames`, tangent-space normals are turned to object space.
+    """
     values = atlas.gather(pixels)
     if alpha >= 0:
         opacity = values[..., alpha]
         for rows in blocks(len(values), BAND):
             np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
+    if frames is not None:
+        frames.to_object(values)
     return values
 
 
@@ -101,7 +151,9 @@ class Output:
         with phase(0.0, 0.5, "Filling the gutter"):
             self._fit = None if texture.normals else SeamFit(texture.atlas)
         with phase(0.5, 1.0, "Filling the gutter"):
-            self._writer = TexelWriter(texture.atlas, settings, normals=texture.normals)
+            self._writer = TexelWriter(
+                texture.atlas, settings, normals=texture.normals, frames=texture.frames
+            )
 
     def written(
         self, values: npt.NDArray[np.float32], keep: npt.NDArray[np.bool_] | None
@@ -118,10 +170,10 @@ class Output:
         texture = self._texture
         with aside("Filling the gutter"):
             read_ghosts(texture, values)
-            if self._fit is None:
-                run(unit_normals, len(values), values, chunk=ROWS)
-            else:
+            if self._fit is not None:
                 self._fit.apply(values, least_step(texture.pixels))
+            if texture.normals or texture.unit:
+                run(unit_normals, len(values), values, chunk=ROWS)
             out = copied(texture.pixels)
         self._writer.write(values, keep, out, opacity=texture.alpha)
         return out
@@ -142,7 +194,7 @@ def written(
 
 def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:
     """Read the ghosts' values from across the seams, in place."""
-    atlas, _, alpha, normals = texture
+    atlas, _, alpha, normals = texture[:4]
     fill_ghosts(atlas.sheet, atlas.sources, values, alpha, 0.5 if normals else None)
 
 

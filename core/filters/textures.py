@@ -198,7 +198,7 @@ def _gathered_with(
     texture: Texture, lead: npt.NDArray, settings: TextureSettings
 ) -> tuple[Texture, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     # As `gathered`, with the guide's values; both say where seams are closed.
-    atlas, pixels, alpha, normals = texture
+    atlas, pixels, alpha, normals = texture[:4]
     guiding = opacity_channel(lead.shape[2], "auto")
     with aside("Comparing the seams"):
         values, leading = values_of(atlas, pixels, alpha), values_of(atlas, lead, guiding)

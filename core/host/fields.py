@@ -4,20 +4,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..atlas import TextureAtlas
+from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
 from ..filters.texels import grays_of
+from ..grid.resize import resized
 from ..mesh.directions import gradient_directions, named_directions
 from ..registry import find
+from ..settings import describe
 from .inputs import TexturedFaces
 from .textures import analyse
 
 _ANALYSIS = 0.3  # of the time that a run takes
+
+_QUICK, _SLOW = 256, 192
+"""Most texels in each direction of an image that is tried; of what takes many steps."""
+
+_STEPS = 500
+"""Most steps of what is tried."""
+
+_TEXELS = "mean texel sizes on the surface"
+"""Unit of the settings that count in texels."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +48,15 @@ class FieldSurface:
         way (`rising`).
     at_vertices : bool
         Whether values at the vertices are wanted instead of an image.
+    is_tried : bool
+        Whether other settings will follow, so that what they share is kept with the faces.
     """
 
     faces: TexturedFaces
     shape: tuple[int, int]
     given: Mapping[str, Any] = field(default_factory=dict)
     at_vertices: bool = False
+    is_tried: bool = False
 
     @property
     def size(self) -> int:
@@ -65,6 +81,48 @@ class Generated:
     shown: npt.NDArray[np.bool_]
     notes: tuple[str, ...]
 
+    @property
+    def grays(self) -> npt.NDArray[np.float32]:
+        """What is seen of the values: in [0, 1], up to the largest, and 0 where there is none."""
+        values = np.where(self.shown, self.values, np.float32(0.0))
+        return np.clip(values / max(float(values.max(initial=0.0)), 1.0), 0.0, 1.0)
+
+
+def reduced(surface: FieldSurface, settings: type) -> FieldSurface:
+    """Return a surface whose image is so small that settings can be tried.
+
+    Parameters
+    ----------
+    surface : FieldSurface
+    settings : type
+        The settings class of the filter.
+    """
+    height, width = surface.shape
+    most = _SLOW if "steps" in describe(settings) else _QUICK
+    smaller = min(1.0, most / max(height, width))
+    shape = max(round(smaller * height), 1), max(round(smaller * width), 1)
+    given = dict(surface.given)
+    for name in {"image", "rates"} & given.keys():
+        pixels = np.asarray(given[name], dtype=np.float32)[..., None]
+        given[name] = resized(pixels, shape)[..., 0].astype(np.float64)
+    return replace(surface, shape=shape, given=given, at_vertices=False, is_tried=True)
+
+
+def reduced_settings(settings: Any, large: tuple[int, int], small: tuple[int, int]) -> Any:
+    """Return settings for an image of another size, on which the same is to be seen.
+
+    What counts in texels is as large on the surface, unless so few texels cannot show it; and a
+    pattern grows for so long that it covers the surface.
+    """
+    smaller = max(small) / max(large)
+    changes = {}
+    for name, (_, _, about) in describe(type(settings)).items():
+        if about.unit == _TEXELS:
+            changes[name] = max(smaller * getattr(settings, name), about.minimum)
+    if hasattr(settings, "steps"):
+        changes["steps"] = min(settings.steps, _STEPS)
+    return replace(settings, **changes)
+
 
 def generate(
     surface: FieldSurface, name: str, settings: Any, progress: ProgressCallback | None = None
@@ -86,7 +144,7 @@ def generate(
     """
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
-            atlas = analyse(surface.faces, surface.shape)
+            atlas = _atlas(surface)
         with phase(_ANALYSIS, 1.0, "Generating"):
             uv, given = surface.faces.uv, dict(surface.given)
             if "along" in given:
@@ -99,3 +157,10 @@ def generate(
     shown = np.isfinite(values) if surface.at_vertices else np.isfinite(values) & atlas.inside
     values = values.astype(np.float32, copy=False)
     return Generated(values, shown, tuple(atlas.report.sentences()))
+
+
+def _atlas(surface: FieldSurface) -> TextureAtlas:
+    faces, shape = surface.faces, surface.shape
+    if not surface.is_tried:
+        return analyse(faces, shape)
+    return kept(faces, "atlas", shape, lambda: analyse(faces, shape))

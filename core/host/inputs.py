@@ -177,6 +177,8 @@ class TexturedFaces:
         1 sharpens fully, 0 leaves the texture as it is at that corner.
     grays : (m, 3) float64 or None
         A gain map at the corners; see `painted_gain.gains_of`.
+    normals : (m, 3, 3) float64 or None
+        Those of the shading at the corners, in the world; smooth ones if left out.
     """
 
     positions: Floats
@@ -184,6 +186,7 @@ class TexturedFaces:
     uv: Floats
     weights: Floats | None
     grays: Floats | None = None
+    normals: Floats | None = None
 
 
 @dataclass(frozen=True)

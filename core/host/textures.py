@@ -70,15 +70,17 @@ def filter_texture(
         with phase(_ANALYSIS, 1.0, "Filtering"):
             if surface.guide is not None and find(name).takes_guide:
                 words["guide"] = _guiding(surface.guide, (height, width))
+            words |= {"mask": mask, "atlas": atlas}
+            if find(name).takes_normals:
+                words["normals"] = surface.faces.normals
             if find(name).takes_gain and surface.is_tried:
                 changed = _tried(surface, atlas, settings, mask)
             elif surface.others:
-                changed = _joined(surface, atlas, name, settings, mask)
+                changed = _joined(surface, atlas, name, settings, words)
             else:
                 if find(name).takes_gain:
                     words["gain"] = _gains(surface, atlas, settings.gain)
                 where = atlas.mesh, surface.faces.uv
-                words |= {"mask": mask, "atlas": atlas}
                 changed = filter_pixels(
                     surface.picture, name, settings, *where, shown=shown, **words
                 )
@@ -115,7 +117,8 @@ def _tried(
 ) -> Recolored:
     """Filter with a gain that others will follow; what they share is kept with the faces.
 
-    Results are linear in the gain, so two of them, for the same painted gains, give all others.
+    Results are linear in the gain, so two of them, for the same painted gains, give all others;
+    but not those of normals, which are made unit length.
     They are looked at only: nothing is rounded, and changes are not counted.
     """
     picture, uv = surface.picture, surface.faces.uv
@@ -128,7 +131,9 @@ def _tried(
 
         # The picture is kept with its solver, so that no other one has its number meanwhile.
         def make() -> tuple[HostImage, TextureSolver]:
-            return picture, TextureSolver(atlas.mesh, uv, pixels, shared, atlas=atlas)
+            normals = surface.faces.normals
+            solver = TextureSolver(atlas.mesh, uv, pixels, shared, normals=normals, atlas=atlas)
+            return picture, solver
 
         def result(gain: float) -> Pixels:
             gains = _gains(surface, atlas, gain)
@@ -137,6 +142,8 @@ def _tried(
         with phase(0.0, 0.5, "Measuring texels"):
             _, solver = kept(surface.faces, "solver", key, make)
         with phase(0.5, 1.0, "Filtering"):
+            if settings.content != "values":
+                return result(settings.gain)
             key = surface.grays, surface.mask
             gain, first = kept(solver, "first", key, lambda: (settings.gain, result(settings.gain)))
             other = 0.0 if gain > 0.5 else 2.0
@@ -153,12 +160,12 @@ def _tried(
 
 
 def _joined(
-    surface: TexturedSurface, atlas: TextureAtlas, name: str, settings: Any, mask: Floats | None
+    surface: TexturedSurface, atlas: TextureAtlas, name: str, settings: Any, given: dict[str, Any]
 ) -> Recolored:
     """Make one image of several; opacity says where each is known."""
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
-        words: dict[str, Any] = {"mask": mask, "atlas": atlas}
+        words = dict(given)
         others = [each.pixels for each in surface.others]
         if alpha != "none":
             others = [_straight(each) for each in surface.others]

@@ -32,9 +32,12 @@ class FieldTarget(ImageTarget):
     ----------
     objects : list of str
         Names of the objects whose faces were read, the active one first.
+    notes : list of str
+        What a person should know about them.
     """
 
     objects: list[str]
+    notes: list[str]
 
 
 def read_field(
@@ -74,12 +77,12 @@ def read_field(
     faces, names, skipped = textures.read_faces(context, mesh_users(context), None, None)
     objects = [bpy.data.objects[name] for name in names]
     with meshes.object_mode(context):
-        given = _given(objects, parameters, places, shape)
+        given, notes = _given(objects, parameters, places, shape)
     at_vertices = "into" in places and parameters.into == "ATTRIBUTE"
     surface = FieldSurface(faces, shape, given, at_vertices)
     uid = 0 if image is None else image.session_uid
     return FieldTarget(
-        names[0] if image is None else image.name, uid, surface, parts, names
+        names[0] if image is None else image.name, uid, surface, parts, names, notes
     ), skipped
 
 
@@ -190,13 +193,21 @@ def _given(
     parameters: Any,
     places: Sequence[str],
     shape: tuple[int, int],
-) -> dict[str, Any]:
-    # What the function in the registry takes by name.
+) -> tuple[dict[str, Any], list[str]]:
+    # What the function in the registry takes by name, and what is to be said about it.
     given: dict[str, Any] = {}
     if "start" in places and parameters.source != "given":
-        return given
+        return given, []
     if "start" in places and parameters.start == "IMAGE":
         given["image"] = _grays(parameters.start_image, shape)
+    elif "start" in places and parameters.start == "LOWEST":
+        given |= _lowest(objects)
+    elif "start" in places and parameters.start == "AUTO":
+        try:
+            given |= _starts(objects, parameters)
+        except Skipped:
+            text = "Nothing, or all, is selected, so the distance counts from the lowest vertices."
+            return _lowest(objects), [pgettext_rpt(text)]
     elif "start" in places:
         given |= _starts(objects, parameters)
     if "along" in places and parameters.along == "ATTRIBUTE":
@@ -207,7 +218,7 @@ def _given(
         given["along"] = parameters.stretch_along.lower()
     if "scale_map" in places and parameters.scale_map:
         given["rates"] = _grays(parameters.scale_map, shape)
-    return given
+    return given, []
 
 
 def read_directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any]:
@@ -252,7 +263,7 @@ def read_directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any
 
 def _starts(objects: list[bpy.types.Object], parameters: Any) -> dict[str, Any]:
     # Vertices and edges, counted on through all objects.
-    start = parameters.start
+    start = "SELECTED" if parameters.start == "AUTO" else parameters.start
     vertices, edges, first = [], [], 0
     for obj in objects:
         mesh = obj.data
@@ -274,6 +285,19 @@ def _starts(objects: list[bpy.types.Object], parameters: Any) -> dict[str, Any]:
     if not any(len(part) for part in joined.values()):
         raise Skipped(_NOTHING[start])
     return joined
+
+
+def _lowest(objects: list[bpy.types.Object]) -> dict[str, Any]:
+    # Vertices up to a thousandth of the height, and edges between them.
+    heights, edges, first = [], [], 0
+    for obj in objects:
+        matrix = meshes.matrix_in_world(obj)
+        heights.append(meshes.read_positions(obj.data) @ matrix[2, :3] + matrix[2, 3])
+        edges.append(first + arrays.read(obj.data.edges, "vertices", 2, dtype=np.int32))
+        first += len(heights[-1])
+    joined, pairs = np.concatenate(heights), np.concatenate(edges)
+    low = joined <= joined.min() + 1e-3 * np.ptp(joined)
+    return {"vertices": np.flatnonzero(low), "edges": pairs[low[pairs].all(axis=1)]}
 
 
 _MARKS = {"SELECTED": "select", "SEAMS": "use_seam", "SHARP": "use_edge_sharp"}

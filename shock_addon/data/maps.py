@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import bpy
 
+from ...core.settings import Setting
 from .chosen import mesh_users
 from .materials import colors_surface, image_nodes
 from .skipped import Skipped, sentences
@@ -23,7 +24,7 @@ class Maps(NamedTuple):
     lead : bpy.types.Image
         The one whose flow all follow.
     followers : dict
-        What each other image holds: "values" or "normals".
+        What each other image holds: "values", or what `normals_from` says.
     left : list of str
         A sentence for each image that does not take part.
     """
@@ -58,8 +59,8 @@ def maps_of(context: bpy.types.Context, image: bpy.types.Image) -> Maps:
         except Skipped as reason:
             left[node.image.name] = str(reason)
             continue
-        is_normals = _makes_normals(node) or followers.get(node.image) == "normals"
-        followers[node.image] = "normals" if is_normals else "values"
+        known = followers.get(node.image, "values")
+        followers[node.image] = normals_from(node) or known
     for name in left:
         followers.pop(bpy.data.images[name], None)
     return Maps(lead, followers, sentences(list(left.items())))
@@ -95,13 +96,41 @@ def _coordinates(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
     return "UV", ""
 
 
-def _makes_normals(node: bpy.types.ShaderNodeTexImage) -> bool:
-    """Whether its colors go to a Normal Map node."""
+def as_held(kind: str, chosen: str, about: Setting) -> str:
+    """Say what a map of some kind holds in words that a filter's setting knows.
+
+    Parameters
+    ----------
+    kind : str
+        What `normals_from` says, or "values".
+    chosen : str
+        What the panel says of normals, which materials cannot say.
+    about : Setting
+        The one of the filter.
+    """
+    if kind == "normals" and chosen == "normals_y_down":
+        return chosen
+    return kind if kind in about.choices else "normals" if kind == "normals_y_down" else "values"
+
+
+def normals_in(context: bpy.types.Context, image: bpy.types.Image) -> str:
+    """Say as `normals_from` does what materials of the chosen objects take an image for."""
+    slots = [slot.material for obj in mesh_users(context) for slot in obj.material_slots]
+    nodes = [node for each in filter(None, dict.fromkeys(slots)) for node in image_nodes(each)]
+    found = [normals_from(node) for node in nodes if node.image == image]
+    return found[0] if found and len(set(found)) == 1 else ""
+
+
+def normals_from(node: bpy.types.ShaderNodeTexImage) -> str:
+    """Say which kind of normals a Normal Map node takes its colors for; empty if there is none."""
     ahead = [link.to_node for link in node.outputs["Color"].links]
     for each in ahead:
+        if each.type == "NORMAL_MAP" and each.space != "TANGENT":
+            return "object_normals"
         if each.type == "NORMAL_MAP":
-            return True
+            is_down = getattr(each, "convention", "OPENGL") == "DIRECTX"
+            return "normals_y_down" if is_down else "normals"
         if each.type in _ON_THE_WAY:
             links = [link for output in each.outputs for link in output.links]
             ahead += [link.to_node for link in links if link.to_node not in ahead]
-    return False
+    return ""

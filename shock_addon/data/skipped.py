@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The reason why an object is left alone, in the interface's language."""
 
+from typing import TYPE_CHECKING
+
 from bpy.app.translations import pgettext_rpt
 
-from ...core.base.findings import Finding
 from ...core.errors import ShockError
+
+if TYPE_CHECKING:
+    from ...core.base.findings import Finding
 
 _MOST_NAMES = 4
 
@@ -40,12 +44,10 @@ def skip_if(reason: str) -> None:
         raise Skipped(reason)
 
 
-def explain(error: ShockError | Refused | Finding) -> str:
+def explain(error: "ShockError | Refused | Finding") -> str:
     """Say in the interface's language what could not be done, or was found."""
     if isinstance(error, Refused):
         return str(error)
-    if isinstance(error, Finding):
-        return _said(error.text, error.values)
     return _said(error.sentence, error.values)
 
 

@@ -20,6 +20,7 @@ from . import images as image_data
 from .chosen import mesh_users, refusal
 from .colors import find_colors
 from .images import ImageTarget
+from .maps import normals_in
 from .masks import color_mask
 from .materials import image_nodes
 from .skipped import Skipped, as_reason, sentences, skip_if
@@ -48,7 +49,10 @@ class TextureTarget(ImageTarget):
 
 
 def read_texture(
-    context: bpy.types.Context, image: bpy.types.Image, parameters: Any
+    context: bpy.types.Context,
+    image: bpy.types.Image,
+    parameters: Any,
+    takes_normals: bool = False,
 ) -> tuple[TextureTarget, list[str]]:
     """Read an image and the faces that show it.
 
@@ -59,8 +63,11 @@ def read_texture(
     parameters : object
         Those of `color_mask`, and `mask_image` where the filter takes a mask; `gain_map` and
         `gain_colors` where its gain may be painted; `modes.PICTURES` where it makes one image of
-        several; and `gutter` where it fills one, so that tiles
-        are laid out farther apart.
+        several; `gutter` where it fills one, so that tiles are laid out farther apart; and
+        `content` where it takes normals.
+    takes_normals : bool
+        Whether the filter turns normals to object space: then an image that materials take for
+        normals counts as such, and faces are read with the normals of their shading.
 
     Returns
     -------
@@ -76,7 +83,8 @@ def read_texture(
     skip_if(refusal(image, tiles=True))
     objects = mesh_users(context)
     named = any(_uses(obj, image) for obj in objects)
-    faces, names, skipped = read_faces(context, objects, image if named else None, parameters)
+    shown = image if named else None
+    faces, names, skipped = read_faces(context, objects, shown, parameters, takes_normals)
     parts = image_data.read_parts(image)
     mosaic, notes = None, []
     if image.source == "TILED":
@@ -90,6 +98,10 @@ def read_texture(
         grays=read_gain_map(image, parameters, mosaic),
         others=_read_others(image, parameters, mosaic),
     )
+    if takes_normals and parameters.content == "values":
+        content = normals_in(context, image)
+        surface = replace(surface, content=content)
+        notes += [pgettext_rpt(_AS_NORMALS).format(image=image.name)] if content else []
     notes += _other_users(context, image, objects)
     uid = image.session_uid
     return TextureTarget(image.name, uid, surface, parts, mosaic, names, notes), skipped
@@ -108,6 +120,7 @@ def read_faces(
     objects: list[bpy.types.Object],
     image: bpy.types.Image | None,
     parameters: Any,
+    with_normals: bool = False,
 ) -> tuple[TexturedFaces, list[str], list[str]]:
     """Read the faces of objects whose material shows an image, or all faces.
 
@@ -126,7 +139,7 @@ def read_faces(
     """
 
     def read(obj: bpy.types.Object, mode: str) -> tuple[str, TexturedFaces]:
-        return obj.name, _read_faces(obj, mode, image, parameters)
+        return obj.name, _read_faces(obj, mode, image, parameters, with_normals)
 
     found, left = meshes.read_each(context, objects, read)
     skipped = sentences(left)
@@ -210,7 +223,11 @@ def _other_users(
 
 
 def _read_faces(
-    obj: bpy.types.Object, mode: str, image: bpy.types.Image | None, parameters: Any
+    obj: bpy.types.Object,
+    mode: str,
+    image: bpy.types.Image | None,
+    parameters: Any,
+    with_normals: bool,
 ) -> TexturedFaces:
     """Read the faces whose material shows the image, or all."""
     meshes.check_readable(obj)
@@ -227,6 +244,8 @@ def _read_faces(
         )
     uv = arrays.read(layer.uv, "vector", 2)
     matrix = meshes.matrix_in_world(obj)
+    if np.linalg.det(matrix[:3, :3]) < 0:  # mirrored: else its faces would be inside out
+        corners = corners[:, ::-1]
     positions = meshes.read_positions(mesh).astype(np.float64)
     vertices = meshes.read_corner_vertices(mesh)
     return TexturedFaces(
@@ -235,6 +254,7 @@ def _read_faces(
         uv[corners].astype(np.float64),
         _weights(obj, mode, parameters, vertices, corners),
         _grays(mesh, parameters, vertices, corners),
+        _normals(mesh, corners, matrix) if with_normals else None,
     )
 
 
@@ -269,6 +289,13 @@ def _grays(
     return grays[corners if attribute.domain == "CORNER" else vertices[corners]]
 
 
+def _normals(mesh: bpy.types.Mesh, corners: npt.NDArray, matrix: Floats) -> Floats | None:
+    # In the world.
+    found = arrays.read(mesh.corner_normals, "vector", 3)[corners] @ np.linalg.inv(matrix[:3, :3])
+    length = np.linalg.norm(found, axis=2, keepdims=True)
+    return found / length if np.isfinite(length).all() and length.all() else None
+
+
 def _joined(parts: Sequence[TexturedFaces]) -> TexturedFaces:
     weights = [part.weights for part in parts]
     masked = any(each is not None for each in weights)
@@ -279,12 +306,14 @@ def _joined(parts: Sequence[TexturedFaces]) -> TexturedFaces:
         if masked and part.weights is None:
             weights[number] = np.ones(part.triangles.shape)
     grays = [part.grays for part in parts if part.grays is not None]
+    normals = [part.normals for part in parts if part.normals is not None]
     return TexturedFaces(
         np.concatenate([part.positions for part in parts]),
         np.concatenate(triangles),
         np.concatenate([part.uv for part in parts]),
         np.concatenate(weights) if masked else None,
         np.concatenate(grays) if grays else None,
+        np.concatenate(normals) if len(normals) == len(parts) else None,
     )
 
 
@@ -299,7 +328,9 @@ def _in_tiles(faces: TexturedFaces, mosaic: Mosaic) -> tuple[TexturedFaces, list
     notes = [text.format(number=left)]
     weights = None if faces.weights is None else faces.weights[inside]
     grays = None if faces.grays is None else faces.grays[inside]
-    kept = TexturedFaces(faces.positions, faces.triangles[inside], uv[inside], weights, grays)
+    normals = None if faces.normals is None else faces.normals[inside]
+    triangles = faces.triangles[inside]
+    kept = TexturedFaces(faces.positions, triangles, uv[inside], weights, grays, normals)
     return kept, notes if left else []
 
 
@@ -367,6 +398,7 @@ def grays_of(pixels: npt.NDArray[np.float32]) -> Floats:
     return np.clip((red.astype(np.float64) + green + blue) / 3.0, 0.0, 1.0)
 
 
+_AS_NORMALS = "{image} goes to a Normal Map node, so it was taken for normals."
 _MASK_REASONS = (
     "there is no mask image named {name!r}; name another",
     "its mask {name} cannot be used: {reason}",

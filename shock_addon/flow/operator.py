@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Show Flow and Hide Flow."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

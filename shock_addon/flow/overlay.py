@@ -1,50 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw an object's potential and flow over it in the 3D views.
+"""Whose potential and flow is drawn over it in the 3D views.
 
 Drawn is what was computed once, on the mesh as it is now, until that has more or fewer vertices or
-faces. While nothing is shown, nothing is registered.
+faces. While nothing is shown, nothing is registered, and what draws is not imported.
 """
 
 from __future__ import annotations
 
-import math
+from typing import TYPE_CHECKING
 
-import blf
 import bpy
-import gpu
-from bpy.app.translations import pgettext_iface as iface_
-from gpu_extras.batch import batch_for_shader
-from mathutils import Matrix, Vector
 
-from .. import data
+from ..operators import views
+
+if TYPE_CHECKING:
+    import gpu
+
+    from .. import data
 
 _MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
 """Modes in which the mesh holds what is seen."""
 
-_LIFT = 0.0025
-"""How much nearer to the viewer the surface is drawn than it is, in parts of the distance."""
 
-
-_DISTANCE = 22.0
-"""Pixels between arrows."""
-
-_STEPS = 3
-"""How many distances there are until they double."""
-
-_KEPT = 8
-"""For so many distances arrows are kept."""
-
-_MOST_ACROSS = 100.0
-"""Arrows across an object that fills the view, however close it is."""
-
-
-class _Overlay:
+class Overlay:
     """What is shown; batches are made when they are drawn, anew when the mesh has changed.
 
     Those of arrows are kept by their distance, since each view may be zoomed in its own way.
     """
 
     def __init__(self, obj: bpy.types.Object, found: data.flow.FlowOfMesh) -> None:
+        from . import drawing
+
         self.name = obj.name
         self.uid = obj.session_uid
         self.found = found
@@ -52,8 +38,8 @@ class _Overlay:
         self.arrows: dict[float, list[tuple]] = {}
         add = bpy.types.SpaceView3D.draw_handler_add
         self.drawing = [
-            add(_draw_surface, (self,), "WINDOW", "POST_VIEW"),
-            add(_draw_legend, (self,), "WINDOW", "POST_PIXEL"),
+            add(drawing.draw_surface, (self,), "WINDOW", "POST_VIEW"),
+            add(drawing.draw_legend, (self,), "WINDOW", "POST_PIXEL"),
         ]
 
     def object(self) -> bpy.types.Object | None:
@@ -71,7 +57,7 @@ class _Overlay:
         self.arrows.clear()
 
 
-_shown: _Overlay | None = None
+_shown: Overlay | None = None
 
 
 def shown_object() -> str | None:
@@ -85,10 +71,10 @@ def show(obj: bpy.types.Object, found: data.flow.FlowOfMesh) -> None:
     hide()
     if bpy.app.background:
         return
-    _shown = _Overlay(obj, found)
+    _shown = Overlay(obj, found)
     for handlers, function in _handlers():
         handlers.append(function)
-    _redraw()
+    views.redraw()
 
 
 def hide(*_: object) -> None:
@@ -102,7 +88,7 @@ def hide(*_: object) -> None:
     for handlers, function in _handlers():
         if function in handlers:  # Blender drops them when it loads a file
             handlers.remove(function)
-    _redraw()
+    views.redraw()
 
 
 def _handlers() -> list[tuple]:
@@ -128,139 +114,12 @@ def _refresh(*_: object) -> None:
     obj = _shown.object()
     if obj is None or obj.type != "MESH":
         hide()
-    elif _is_readable(obj):
+    elif is_readable(obj):
         _shown.forget_batches()
         if not _shown.found.fits(obj.data):
             hide()
 
 
-def _is_readable(obj: bpy.types.Object) -> bool:
-    # Another object with the same mesh may be the one that is in Edit Mode.
+def is_readable(obj: bpy.types.Object) -> bool:
+    """Whether its mesh is what is seen; another object with the same mesh may be in Edit Mode."""
     return obj.type == "MESH" and obj.mode in _MODES and not obj.data.is_editmode
-
-
-def _redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-
-
-def _draw_surface(overlay: _Overlay) -> None:
-    context, obj = bpy.context, overlay.object()
-    if not _is_seen(obj, context.space_data):
-        return
-    if overlay.surface is None:
-        overlay.surface = _surface(obj.data, overlay.found)
-    distance = _distance(obj, context.region, context.region_data)
-    if distance not in overlay.arrows:
-        if len(overlay.arrows) == _KEPT:
-            overlay.arrows.clear()
-        overlay.arrows[distance] = _arrows(obj.data, overlay.found, distance)
-    smooth = gpu.shader.from_builtin("SMOOTH_COLOR")
-    plain = gpu.shader.from_builtin("UNIFORM_COLOR")
-    gpu.state.blend_set("ALPHA")
-    gpu.state.depth_test_set("LESS_EQUAL")
-    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-        gpu.matrix.multiply_matrix(obj.matrix_world)
-        projection = gpu.matrix.get_projection_matrix()
-        gpu.matrix.load_projection_matrix(_lifted(projection, context.region_data, _LIFT))
-        overlay.surface.draw(smooth)
-        for number, (batch, color) in enumerate(overlay.arrows[distance]):
-            lift = _LIFT * (2 + number)
-            gpu.matrix.load_projection_matrix(_lifted(projection, context.region_data, lift))
-            plain.uniform_float("color", color)
-            batch.draw(plain)
-    gpu.state.depth_test_set("NONE")
-    gpu.state.blend_set("NONE")
-
-
-def _is_seen(obj: bpy.types.Object | None, view: bpy.types.SpaceView3D) -> bool:
-    return (
-        obj is not None
-        and _is_readable(obj)
-        and view.overlay.show_overlays
-        and obj.visible_get(viewport=view)
-    )
-
-
-def _lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float) -> Matrix:
-    # Nearer to the viewer by this part of the distance, for the depth test only.
-    lifted = projection.copy()
-    if view.is_perspective:
-        lifted[2][3] *= 1.0 + lift
-    else:
-        lifted[2][3] += lifted[2][2] * lift * view.view_distance
-    return lifted
-
-
-def _distance(
-    obj: bpy.types.Object, region: bpy.types.Region, view: bpy.types.RegionView3D
-) -> float:
-    """Say how far apart arrows are in the object's own space: in steps, so that few differ."""
-    corners = [Vector(corner) for corner in obj.bound_box]
-    size = max((corner - corners[0]).length for corner in corners)
-    # Of the object's middle, seen from the eye; 1 without perspective.
-    depth = (view.perspective_matrix @ obj.matrix_world @ (sum(corners, Vector()) / 8).to_4d()).w
-    scale = max(abs(obj.matrix_world.determinant()), 1e-30) ** (1 / 3)
-    pixel = 2.0 * depth / (view.window_matrix[0][0] * region.width * scale)
-    wanted = _DISTANCE * bpy.context.preferences.system.ui_scale * pixel
-    wanted = max(wanted, size / _MOST_ACROSS, 1e-30)
-    return 2.0 ** (round(_STEPS * math.log2(wanted)) / _STEPS)
-
-
-def _surface(mesh: bpy.types.Mesh, found: data.flow.FlowOfMesh) -> gpu.types.GPUBatch:
-    from ...core.host.arrows import potential_colors
-
-    colored = {
-        "pos": data.meshes.read_positions(mesh),
-        "color": potential_colors(found.potential),
-    }
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    return batch_for_shader(shader, "TRIS", colored, indices=data.meshes.read_triangles(mesh))
-
-
-def _arrows(mesh: bpy.types.Mesh, found: data.flow.FlowOfMesh, distance: float) -> list[tuple]:
-    """Make the batches of arrows, their rims first, with their colors."""
-    from ...core.host.arrows import DARK, LIGHT, arrows
-
-    rims, shapes = arrows(*data.flow.read_faces(mesh), found.flow, distance)
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    return [
-        (batch_for_shader(shader, "TRIS", {"pos": corners}), color)
-        for corners, color in ((rims, DARK), (shapes, LIGHT))
-    ]
-
-
-def _draw_legend(overlay: _Overlay) -> None:
-    from ...core.host.arrows import bar
-
-    context = bpy.context
-    if not _is_seen(overlay.object(), context.space_data):
-        return
-    weak = iface_("{name}: potential weak").format(name=overlay.name)
-    strong = iface_("strong; arrows point where values are pulled")
-    scale, font = context.preferences.system.ui_scale, 0
-    blf.size(font, 12 * scale)
-    blf.color(font, *context.preferences.themes[0].view_3d.space.text_hi, 1.0)
-    words = [blf.dimensions(font, text)[0] for text in (weak, strong)]
-    # At the right, since Adjust Last Operation stands at the left.
-    x = context.region.width - _covered(context.area, "UI") - 136 * scale - sum(words)
-    y = 24 * scale + _covered(context.area, "ASSET_SHELF", "ASSET_SHELF_HEADER")
-    _write(font, x, y, weak)
-    x += words[0] + 8 * scale
-    corners, colors = bar(x, y, 100 * scale, 10 * scale)
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    batch_for_shader(shader, "TRI_STRIP", {"pos": corners, "color": colors}).draw(shader)
-    _write(font, x + 108 * scale, y, strong)
-
-
-def _covered(area: bpy.types.Area, *kinds: str) -> int:
-    """Return how many pixels of a side regions of these kinds take, which may be hidden."""
-    regions = [region for region in area.regions if region.type in kinds]
-    return sum(region.width if region.type == "UI" else region.height for region in regions)
-
-
-def _write(font: int, x: float, y: float, text: str) -> None:
-    blf.position(font, x, y, 0.0)
-    blf.draw(font, text)

@@ -6,17 +6,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
-from ...core.base.findings import Finding, gathering
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
 from .. import data
 from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
 from ..modes import Mode, load
-from . import drawing, kernels, statistics
+from . import kernels
 from .jobs import ModalJob, Work, current, is_scene_read
 from .properties import settings_of
 
@@ -71,8 +70,9 @@ class FilterOperator(ModalJob):
         ``obstacle(context)`` says why it cannot run, empty if it can; see `operators.poll`.
     """
 
-    row: Mode
-    obstacle: Callable[[bpy.types.Context], str]
+    if TYPE_CHECKING:  # Blender would evaluate these for each operator
+        row: Mode
+        obstacle: Callable[[bpy.types.Context], str]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -113,8 +113,8 @@ class FilterOperator(ModalJob):
         raise NotImplementedError
 
     @property
-    def color_advice(self) -> str:
-        """What to do if colors hardly changed; the filter may have said itself why they did not."""
+    def advice(self) -> str:
+        """What to do if little has changed; empty where the filter has said itself why."""
         return "" if self._findings else self.row.advice
 
     def notes(self, written: list[Written]) -> str:
@@ -128,6 +128,8 @@ class FilterOperator(ModalJob):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Show the parameters after the run, as the tab does."""
+        from . import drawing
+
         drawing.draw_after_run(self.layout, context, self.properties, self.row)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -155,6 +157,8 @@ class FilterOperator(ModalJob):
         return {"CANCELLED"} if work is None else self.start(context, work)
 
     def _prepare(self, context: bpy.types.Context) -> Work | None:
+        from ...core.base.findings import Finding, gathering
+
         self._began = time.perf_counter()
         self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
@@ -222,6 +226,8 @@ class FilterOperator(ModalJob):
             self.tell("ERROR", pgettext_rpt(text).format(operator=label, reason=reason))
 
     def _write_and_tell(self, context: bpy.types.Context, results: list[Any]) -> set[str]:
+        from . import statistics
+
         written, skipped = self.write(context, results)
         skipped = self._skipped + skipped
         if not written:

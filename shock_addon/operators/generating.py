@@ -93,4 +93,5 @@ class GenerateOperator(FilterOperator):
 
     def notes(self, written: list[Written]) -> str:
         """Say what is unusual about the UV map, and where the image is seen."""
-        return " ".join(dict.fromkeys([*self._notes, *written[0].result.notes]))
+        first = written[0]
+        return " ".join(dict.fromkeys([*first.target.notes, *self._notes, *first.result.notes]))

@@ -119,7 +119,7 @@ class OneImageOperator(FilterOperator):
     def facts(self, written: list[Written], seconds: float) -> dict[str, Any]:
         """Return what `summary` names."""
         target, image, _ = written[0]
-        changes = describe_colors(self._all_parts(), "pixels", self.color_advice)
+        changes = describe_colors(self._all_parts(), "pixels", self.advice)
         if self.row.changes:
             changed, total = self.counts(written)
             changes = pgettext_rpt(self.row.changes).format(changed=changed, total=total)

@@ -135,7 +135,7 @@ class _Wait:
 class ModalJob:
     """Mixin for operators: `start` from invoke; `finish` is called when the work has ended."""
 
-    _wait: _Wait | None = None
+    _wait = None  # type: _Wait | None  # Blender would evaluate an annotation for each operator
 
     def finish(self, context: bpy.types.Context, compute: Callable[[], Any]) -> set[str]:
         """Apply what `compute` returns; it raises what the work raised."""

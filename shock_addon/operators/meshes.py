@@ -79,16 +79,17 @@ class MeshOperator(FilterOperator):
             changes = describe_moves(results, "" if self.row.nothing else self.row.advice)
             if self.row.nothing and not any(result.moved for result in results):
                 has_modifiers = any(each.data.modifiers for each in written)
-                advice = _APPLY if has_modifiers else self.row.advice
-                text, advice = pgettext_rpt(self.row.nothing), pgettext_rpt(advice)
+                advice = _APPLY if has_modifiers else self.advice
+                text = pgettext_rpt(self.row.nothing)
+                advice = advice and pgettext_rpt(advice)
         elif kind == "colors":
             meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
-            changes = describe_colors(results, "colors", self.color_advice)
+            changes = describe_colors(results, "colors", self.advice)
         else:
             meshes = counted(len(written), "1 mesh and its colors", "{:,} meshes and their colors")
             paints = [result.paint for result in results]
             moves = describe_moves([result.shape for result in results], self.row.advice)
-            changes = f"{moves}; {describe_colors(paints, 'colors', self.color_advice)}"
+            changes = f"{moves}; {describe_colors(paints, 'colors', self.advice)}"
         said = text.format(done=self.done(), meshes=meshes, changes=changes, seconds=seconds)
         return f"{said} {advice}".rstrip()
 

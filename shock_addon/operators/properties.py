@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import bpy
@@ -99,8 +100,11 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
         return bpy.props.EnumProperty(items=items, default=default, **text)
     low = max(about.minimum, about.soft_minimum)
     high = min(about.maximum, about.soft_maximum)
-    limits = {"min": about.minimum, "max": about.maximum, "soft_min": low, "soft_max": high}
-    limits = {key: kind(limit) for key, limit in limits.items() if math.isfinite(limit)}
+    limits = {"min": kind(about.minimum), "soft_min": kind(low)}
+    if high < math.inf:
+        limits["soft_max"] = kind(high)
+    if about.maximum < math.inf:
+        limits["max"] = kind(about.maximum)
     if kind is int:
         return bpy.props.IntProperty(default=default, **limits, **text)
     return bpy.props.FloatProperty(
@@ -264,13 +268,20 @@ _PLACES = {
         name="Given By",
         description="What says where the distance is 0",
         items=[
+            (
+                "AUTO",
+                "Auto",
+                "The vertices and edges that are selected in Edit Mode; the lowest ones if that is"
+                " nothing, or everything",
+            ),
             ("SELECTED", "Selected", "The vertices and edges that are selected in Edit Mode"),
+            ("LOWEST", "Lowest", "The lowest vertices in the scene, such as those on the ground"),
             ("GROUP", "Vertex Group", "The vertices that weigh 0.5 or more in a vertex group"),
             ("SEAMS", "Marked Seams", "The edges that are marked as seams"),
             ("SHARP", "Sharp Edges", "The edges that are marked as sharp"),
             ("IMAGE", "Painted", "Where an image of the same size is white"),
         ],
-        default="SELECTED",
+        default="AUTO",
     ),
     "start_group": bpy.props.StringProperty(
         name="Group",
@@ -314,8 +325,8 @@ _PLACES = {
             (
                 "MATERIAL",
                 "All of Material",
-                "Also the other images in the materials that show it, such as roughness and height,"
-                " each by itself. Images that hold normals are left out",
+                "Also the other images in the materials that show it, such as roughness, height and"
+                " normals, each by itself",
             ),
         ],
         default="ONE",
@@ -440,8 +451,9 @@ OF_ONE_RUN["flow_map"] = {
 """What operators on a kind of data have beside what the panel keeps."""
 
 
+@cache
 def parameters_of(mode: Mode) -> dict[str, Any]:
-    """Make the annotations of a mode's property group and operator."""
+    """Make the annotations of a mode's property group and operator, which share them."""
     found: dict[str, Any] = {}
     if len(mode.targets) > 1:
         found["target"] = bpy.props.EnumProperty(

@@ -31,7 +31,8 @@ class TextureOperator(OneImageOperator):
 
     def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
         """Read the image, and the faces of all objects that show it."""
-        return data.textures.read_texture(context, image, self)
+        row = self.row.targets[0].row
+        return data.textures.read_texture(context, image, self, row.takes_normals)
 
     def read_all(
         self, context: bpy.types.Context, image: bpy.types.Image
@@ -45,8 +46,10 @@ class TextureOperator(OneImageOperator):
         if not maps.followers:  # it may hold normals, as the settings say
             return [lead], [*skipped, *maps.left]
         targets, left = [data.textures.holding(lead, "values")], []
-        for follower, content in maps.followers.items():
-            if content == "normals" and "content" not in self.row.targets[0].fields:
+        about = self.row.targets[0].fields.get("content")
+        for follower, kind in maps.followers.items():
+            content = data.maps.as_held(kind, self.content, about) if about else kind
+            if content != "values" and about is None:
                 reason = pgettext_rpt("it holds normals, whose length this filter does not keep")
                 left.append((follower.name, reason))
                 continue

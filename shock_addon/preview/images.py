@@ -105,7 +105,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
     parameters = parameters_of(context.scene, mode)
     try:
         if mode.data.on_surface:
-            stage = _read_texture(context, parameters)
+            stage = _read_texture(context, mode, parameters)
         else:
             stage = _read_image(context, event, _SLOW if mode.is_slow else _QUICK)
     except Skipped as reason:
@@ -129,9 +129,10 @@ def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -
     return ImageStage(image, part)
 
 
-def _read_texture(context: bpy.types.Context, parameters: Any) -> ImageStage:
+def _read_texture(context: bpy.types.Context, mode: Mode, parameters: Any) -> ImageStage:
     image = data.chosen.chosen_image(context, parameters.image)
-    target, _ = data.textures.read_texture(context, image, parameters)
+    takes_normals = mode.targets[0].row.takes_normals
+    target, _ = data.textures.read_texture(context, image, parameters, takes_normals)
     surface = replace(target.surface, is_tried=True)
     colors = _colors_of(image)
     obj = context.object

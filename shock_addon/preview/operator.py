@@ -71,7 +71,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         if bpy.app.background or context.window is None:
             return self.execute(context)
         self._mode = _shown_mode(context)
-        begin = load(f".preview.{'images' if self._mode.data.in_images else 'meshes'}:begin")
+        begin = load(f".preview.{self._mode.stage}:begin")
         try:
             self._preview = begin(context, event, self._mode)
         except (ShockError, Refused) as error:
@@ -196,6 +196,8 @@ def _of_meshes(context: bpy.types.Context) -> str:
     if context.object not in data.chosen.mesh_objects(context):
         return "Make one of the selected mesh objects the active one."
     mode = _shown_mode(context)
+    if mode.stage == "fields":
+        return obstacles.of_unwrapped(context)
     if not mode.data.in_images:
         return ""
     try:

@@ -69,7 +69,7 @@ class Preview:
         self.updates, self.is_before = 0, False
         target = mode.target(parameters)
         self.dial, self._time = target.dial(parameters), target.time
-        self.second = target.prefix + mode.second if mode.second else ""
+        self.second, self._prefix = target.second(mode.second), target.prefix
         described = describe(target.row.settings).items()
         self._about = {target.prefix + name: each for name, each in described}
         self._dial = None
@@ -110,7 +110,8 @@ class Preview:
         if hasattr(self.parameters, STEADY_STATE):
             self.parameters.steady_state = math.isinf(value)
         if math.isfinite(value):
-            setattr(self.parameters, self.dial, value)
+            least = self._about[self.dial][2].minimum
+            setattr(self.parameters, self.dial, max(value, least))
 
     def roll(self, clicks: float) -> None:
         """Change the second setting."""
@@ -131,7 +132,7 @@ class Preview:
             parts.append(iface_("Width {width} (move mouse)").format(width=text))
         elif self.dial and self.dial != self._time:
             value = getattr(self.parameters, self.dial)
-            name = iface_(self._about[self.dial][2].label or label(self.dial))
+            name = iface_(self._about[self.dial][2].label or label(self._plain(self.dial)))
             parts.append(iface_("{name} {value:.4g} (move mouse)").format(name=name, value=value))
         elif self.dial:
             endless = getattr(self.parameters, STEADY_STATE, False)
@@ -141,7 +142,7 @@ class Preview:
             parts.append(iface_("Time {time} (move mouse)").format(time=time_))
         if self.second:
             value = getattr(self.parameters, self.second)
-            name = iface_(self._about[self.second][2].label or label(self.mode.second))
+            name = iface_(self._about[self.second][2].label or label(self._plain(self.second)))
             parts.append(iface_("{name} {value:.4g} (wheel)").format(name=name, value=value))
         if self.stage.note:
             parts.append(self.stage.note)
@@ -150,6 +151,9 @@ class Preview:
         elif self._trouble:
             parts.append(self._trouble)
         return " | ".join(parts)
+
+    def _plain(self, name: str) -> str:
+        return name.removeprefix(self._prefix)
 
     def tick(self) -> None:
         """Show what is ready and see to it that the newest settings are computed.

@@ -6,7 +6,6 @@ from __future__ import annotations
 import bpy
 
 from ..modes import below, choices
-from .panels import draw_filter
 
 _PLACES = (
     "VIEW3D_MT_object",
@@ -24,6 +23,8 @@ class SHOCK_FILTER_MT_filters(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw a button for each."""
+        from .contents import draw_filter
+
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         in_images = context.space_data.type == "IMAGE_EDITOR"

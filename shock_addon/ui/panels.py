@@ -1,26 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar tab "Shock Filter" in the 3D view and the Image Editor."""
+"""The sidebar tab "Shock Filter" in the 3D view and the Image Editor.
+
+What stands in its panels is imported when they are first drawn.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import bpy
-from bpy.app.translations import pgettext_iface as iface_
 
-from .. import data
-from ..data.skipped import Skipped
-from ..flow import overlay as flow_overlay
-from ..modes import Mode, below, find
-from ..operators import base as operators
-from ..operators import comparing, drawing, jobs, kernels, preparing, statistics
-from ..operators import poll as obstacles
-from ..operators.wrapping import draw_text, fit
-from ..preview import operator as preview_operator
-from ..preview import painting
+from ..modes import Mode, find
 
 
-class _Panel:
+class Panel:
     """A panel of the mode that is chosen in the 3D view."""
 
     choice = "mode"
@@ -37,14 +30,14 @@ class _Panel:
         return getattr(context.scene.shock_filter, cls.mode(context).key)
 
 
-class _ImagePanel(_Panel):
+class _ImagePanel(Panel):
     """A panel of the mode that is chosen in the Image Editor."""
 
     choice = "image_mode"
     bl_space_type = "IMAGE_EDITOR"
 
 
-class _MainPanel(_Panel):
+class _MainPanel(Panel):
     bl_label = "Shock Filter"
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
@@ -54,31 +47,9 @@ class _MainPanel(_Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the main settings, the buttons, and what was last done."""
-        layout = self.layout
-        mode = self.mode(context)
-        settings = self.settings(context)
-        _draw_choices(layout, context, context.scene.shock_filter, self.choice)
-        if self.choice == "mode":  # the Image Editor shows its image
-            _draw_target(self, context)
-        drawing.draw_main(layout, context, settings, mode)
-        problem = kernels.problem()
-        if problem:
-            draw_text(layout, context, problem, icon="ERROR")
-        preparing.tab_is_seen()
-        if jobs.current() is not None:
-            _draw_progress(layout)
-            return
-        _draw_preparing(layout)
-        obstacle = obstacles.of_mode(context, mode, settings)
-        _draw_buttons(layout, context, mode, enabled=not obstacle)
-        # Else Blender draws the first line as the bar that was there, until the mouse moves.
-        layout.separator(factor=0.01)
-        if obstacle:
-            draw_text(layout, context, obstacle, icon="INFO")
-        elif before := comparing.note(context):
-            draw_text(layout, context, before, icon="ERROR")
-        elif summary := operators.summary_of(context, mode.key):
-            draw_text(layout, context, summary)
+        from . import contents
+
+        contents.draw_main(self, context)
 
 
 class SHOCK_FILTER_PT_main(_MainPanel, bpy.types.Panel):
@@ -101,6 +72,8 @@ class _MaskPanel:
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what may change."""
+        from ..operators import drawing
+
         drawing.draw_mask(self.layout, context, self.settings(context), self.mode(context))
 
 
@@ -112,10 +85,14 @@ class _OutputPanel:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Colors stay where they are."""
+        from ..operators import drawing
+
         return drawing.has_output(cls.settings(context), cls.mode(context))
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the choice."""
+        from ..operators import drawing
+
         drawing.draw_output(self.layout, self.settings(context), self.mode(context))
 
 
@@ -126,6 +103,8 @@ class _AdvancedPanel:
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what few need."""
+        from ..operators import drawing
+
         drawing.draw_advanced(self.layout, self.settings(context), self.mode(context))
 
 
@@ -136,25 +115,9 @@ class _StatisticsPanel:
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what a run would work on, and how fast the last one was."""
-        mode, settings = self.mode(context), self.settings(context)
-        column = self.layout.column(align=True)
-        counts = statistics.count(context, mode, settings)
-        for text, number in (
-            ("Meshes", counts.meshes),
-            ("Vertices", counts.vertices),
-            ("Faces", counts.faces),
-            ("Pixels", counts.pixels),
-        ):
-            if number:
-                _draw_value(column, text, f"{number:,}")
-        if not counts.size:
-            column.label(text="Nothing to work on.")
-        last = statistics.last_run(mode, settings)
-        if last is not None:
-            column.separator()
-            _draw_value(column, "Last Run", _clock(last.seconds))
-            speed = iface_("{:,.0f} a second").format(last.size / last.seconds)
-            _draw_value(column, "Speed", speed)
+        from . import contents
+
+        contents.draw_statistics(self.layout, context, self.mode(context), self.settings(context))
 
 
 def _sub_panels(parent: type, editor: type) -> Iterator[type]:
@@ -166,140 +129,9 @@ def _sub_panels(parent: type, editor: type) -> Iterator[type]:
         yield type(f"{name}{panel.bl_label.lower()}", parts, {"__doc__": panel.__doc__, **common})
 
 
-def draw_filter(
-    layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode
-) -> bpy.types.OperatorProperties:
-    """Draw a mode's button, which copies the scene's settings into the operator."""
-    settings = getattr(context.scene.shock_filter, mode.group)
-    words = {}
-    if mode.follows is not None:
-        words["text"] = f"{mode.title}, then Sharpen" if settings.then_sharpen else mode.title
-    operator = layout.operator(f"shock_filter.{mode.operator}", icon=mode.icon, **words)
-    for name in mode.names:
-        setattr(operator, name, getattr(settings, name))
-    image = data.chosen.edited_image(context)
-    if "image" in mode.names and image is not None:
-        # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
-        operator.image = image.name
-        if "frames" in mode.names:
-            operator.target = mode.targets[-1].key  # the flow map
-    return operator
-
-
-def _draw_target(panel: _Panel, context: bpy.types.Context) -> None:
-    """Draw what is worked on: for colors the attribute, for textures the image."""
-    layout, settings = panel.layout, panel.settings(context)
-    names = panel.mode(context).names_for(settings)
-    if "target" in names:
-        _draw_choices(layout, context, settings, "target")
-    column = drawing.split(layout)
-    if "attribute" in names:
-        drawing.draw_search(column, context, settings, "attribute", "color_attributes")
-    if "image_size" in names:
-        row = column.row()
-        row.active = "image" not in names or not settings.image
-        row.prop(settings, "image_size")
-    elif "image" in names:
-        column.prop_search(settings, "image", bpy.data, "images")
-        if not settings.image and "frames" not in names:
-            _draw_shown_image(layout, context, panel.mode(context))
-
-
-def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
-    """Say which image will be worked on."""
-    if preview_operator.is_running() or not data.chosen.mesh_objects(context):
-        return  # a preview lets materials show another image
-    try:
-        name = data.chosen.shown_image(context).name
-    except Skipped:  # the line below the button says why
-        return
-    words = {"Denoised": "Will denoise: {}", "Sharpened": "Will sharpen: {}"}
-    text = iface_(words.get(mode.done, "Will filter: {}"))
-    layout.label(text=text.format(name), icon="IMAGE_DATA", translate=False)
-
-
-def _draw_choices(
-    layout: bpy.types.UILayout,
-    context: bpy.types.Context,
-    settings: bpy.types.PropertyGroup,
-    name: str,
-) -> None:
-    """Draw all choices in one row, or two in each row where their words need more room."""
-    items = list(settings.bl_rna.properties[name].enum_items)
-    if fit(context, [iface_(item.name) for item in items]):
-        layout.row().prop(settings, name, expand=True)
-        return
-    column = layout.column(align=True)
-    for first in range(0, len(items), 2):
-        row = column.row(align=True)
-        for item in items[first : first + 2]:
-            row.prop_enum(settings, name, item.identifier)
-
-
-def _draw_buttons(
-    layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode, enabled: bool
-) -> None:
-    column = layout.column()
-    runs = column.column()
-    runs.enabled = enabled
-    main = runs.column()
-    main.scale_y = 1.5
-    draw_filter(main, context, mode)
-    for other in below(mode):
-        draw_filter(runs, context, other)
-    if comparing.is_held(context):
-        column.operator("shock_filter.before_after", icon="ARROW_LEFTRIGHT")
-    row = column.row(align=True)
-    preview = row.row(align=True)
-    preview.enabled = enabled
-    if mode.has_preview:
-        preview.operator("shock_filter.preview")
-    if "gain_map" in mode.names and context.space_data.type == "VIEW_3D":
-        row.operator("shock_filter.paint_gain", depress=painting.is_running())
-    shown = flow_overlay.shown_object()
-    is_active = context.object is not None and context.object.name == shown
-    if mode.flow and not is_active:
-        flow = row.row(align=True)
-        flow.enabled = enabled
-        flow.operator("shock_filter.show_flow").mode = mode.key
-    if shown is not None and context.space_data.type == "VIEW_3D":
-        (row if is_active else column).operator("shock_filter.hide_flow")
-
-
-def _draw_progress(layout: bpy.types.UILayout) -> None:
-    job = jobs.current()
-    row = layout.row(align=True)
-    row.scale_y = 1.5
-    row.progress(factor=job.fraction, text=job.message)
-    row.operator("shock_filter.cancel", text="", icon="X")
-
-
-def _draw_preparing(layout: bpy.types.UILayout) -> None:
-    """Say how far the kernels are compiled, which is done once; the buttons work meanwhile."""
-    fraction = preparing.fraction()
-    if fraction is not None:
-        text = iface_("Preparing for first use: {fraction:.0%}").format(fraction=fraction)
-        layout.progress(factor=fraction, text=text)
-
-
-def _draw_value(column: bpy.types.UILayout, text: str, value: str) -> None:
-    """Draw a line of numbers like one of settings: the name on the left, aligned to the right."""
-    split = column.split(factor=0.4)
-    name = split.row()
-    name.alignment = "RIGHT"
-    name.label(text=text)
-    split.label(text=value, translate=False)
-
-
-def _clock(seconds: float) -> str:
-    if seconds < 60.0:
-        return f"{max(seconds, 0.1):.{1 if seconds < 10.0 else 0}f} s"
-    return f"{seconds / 60.0:.0f} min"
-
-
 CLASSES = (
     SHOCK_FILTER_PT_main,
     SHOCK_FILTER_PT_image_main,
-    *_sub_panels(SHOCK_FILTER_PT_main, _Panel),
+    *_sub_panels(SHOCK_FILTER_PT_main, Panel),
     *_sub_panels(SHOCK_FILTER_PT_image_main, _ImagePanel),
 )

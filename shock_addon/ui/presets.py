@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Presets in the panels' headers: those that come with the extension, then the person's own."""
 
-from __future__ import annotations
-
 import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
@@ -115,19 +113,38 @@ def _panel(mode: Mode) -> type:
     )
 
 
+class _AddPreset(AddPresetBase):
+    """What Blender asks when a preset is saved."""
+
+    mode: str
+
+    @property
+    def preset_defines(self) -> list[str]:
+        """Say where settings are found."""
+        return [f"settings = bpy.context.scene.shock_filter.{self.mode}"]
+
+    @property
+    def preset_values(self) -> list[str]:
+        """List what a preset keeps."""
+        return [f"settings.{name}" for name in kept(find(self.mode))]
+
+
+def kept(mode: Mode) -> list[str]:
+    """List the properties that presets of a mode keep."""
+    return [name for name in mode.names if name not in _OF_ONE_OBJECT]
+
+
 def _add_operator(mode: Mode) -> type:
-    names = [name for name in mode.names if name not in _OF_ONE_OBJECT]
     return type(
         f"SHOCK_FILTER_OT_{mode.key}_preset_add",
-        (AddPresetBase, bpy.types.Operator),
+        (_AddPreset, bpy.types.Operator),
         {
             "__doc__": f"Add or remove a preset of the settings for {label(mode.key).lower()}",
+            "mode": mode.key,
             "bl_idname": f"shock_filter.{mode.key}_preset_add",
             "bl_label": f"Add {label(mode.key)} Preset",
             "preset_menu": f"SHOCK_FILTER_PT_{mode.key}_presets",
             "preset_subdir": f"shock_filter/{mode.key}",
-            "preset_defines": [f"settings = bpy.context.scene.shock_filter.{mode.key}"],
-            "preset_values": [f"settings.{name}" for name in names],
         },
     )
 

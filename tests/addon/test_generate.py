@@ -80,6 +80,7 @@ def paint(obj):
     ("prepare", "words"),
     [
         (select, {}),
+        (select, {"start": "SELECTED"}),
         (mark_seams, {"start": "SEAMS"}),
         (mark_sharp, {"start": "SHARP"}),
         (add_group, {"start": "GROUP", "start_group": "Left"}),
@@ -235,7 +236,7 @@ def test_undo_takes_the_image_away(sheet):
 
 
 BAD = [
-    ({}, "nothing is selected"),
+    ({"start": "SELECTED"}, "nothing is selected"),
     ({"start": "GROUP", "start_group": "None"}, "no vertex group named 'None'"),
     ({"start": "SEAMS"}, "no edge is marked as a seam"),
     ({"start": "SHARP"}, "no edge is marked as sharp"),
@@ -259,7 +260,19 @@ def test_all_selected_is_no_start():
     bpy.ops.mesh.primitive_grid_add(calc_uvs=True)
     bpy.context.object.data.vertices.foreach_set("select", [True] * 121)
     with pytest.raises(RuntimeError, match="all is selected"):
-        generate()
+        generate(start="SELECTED")
+
+
+@pytest.mark.parametrize("selected", [False, True])
+def test_the_first_press_counts_from_the_lowest_vertices(sheet, selected):
+    sheet.data.vertices.foreach_set("select", [selected] * len(sheet.data.vertices))
+    sheet.rotation_euler.y = -0.5 * np.pi  # the left side is the lowest one
+    bpy.context.view_layer.update()
+    assert generate(look="distance", image_size=str(SIZE)) == {"FINISHED"}
+    assert np.abs(read("Grid Distance") - from_left()).max() < 0.02
+    assert "counts from the lowest vertices" in operators.summaries["generate"]
+    generate(look="distance", image_size=str(SIZE), start="LOWEST")
+    assert "counts from the lowest" not in operators.summaries["generate"]
 
 
 def test_what_is_selected_in_edit_mode_counts_and_the_mode_stays(sheet):

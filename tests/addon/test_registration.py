@@ -120,10 +120,8 @@ shock_filter.unregister()
     assert enabled == [
         "core.base",
         "core.base.cache_folder",
-        "core.base.findings",
         "core.errors",
         "core.host",
-        "core.host.dials",
         "core.host.forgetting",
         "core.registry",
         "core.settings",

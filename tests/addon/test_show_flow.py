@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators Show Flow and Hide Flow, and what the overlay draws."""
 
-import sys
 from types import SimpleNamespace
 
 import bmesh
@@ -20,6 +19,7 @@ from shock_filter.shock_addon.data.meshes import (
     read_positions,
     read_triangle_corners,
 )
+from shock_filter.shock_addon.flow import drawing as flow_drawing
 from shock_filter.shock_addon.flow import overlay as flow_overlay
 from shock_filter.shock_addon.operators import base as operators
 
@@ -186,18 +186,16 @@ def registered():
     ]
 
 
-def test_what_is_drawn_is_loaded_when_it_is_first_drawn(rounded_box, window, monkeypatch):
+def test_what_is_drawn_fits_the_mesh(rounded_box, window, monkeypatch):
     box = rounded_box()
     show_flow()
     shader = SimpleNamespace(from_builtin=lambda name: name)
-    monkeypatch.setattr(flow_overlay, "gpu", SimpleNamespace(shader=shader))
-    monkeypatch.setattr(flow_overlay, "batch_for_shader", lambda *args, **more: (*args, more))
-    monkeypatch.delitem(sys.modules, "shock_filter.core.host.arrows", raising=False)
-    monkeypatch.delattr("shock_filter.core.host.arrows", raising=False)
+    monkeypatch.setattr(flow_drawing, "gpu", SimpleNamespace(shader=shader))
+    monkeypatch.setattr(flow_drawing, "batch_for_shader", lambda *args, **more: (*args, more))
     found = flow_overlay._shown.found
-    surface = flow_overlay._surface(box.data, found)
+    surface = flow_drawing._surface(box.data, found)
     assert len(surface[2]["color"]) == len(box.data.vertices)
-    (rims, _), (shapes, _) = flow_overlay._arrows(box.data, found, 0.2)
+    (rims, _), (shapes, _) = flow_drawing._arrows(box.data, found, 0.2)
     assert len(rims[2]["pos"]) == len(shapes[2]["pos"]) > 0
 
 
@@ -212,18 +210,22 @@ def test_the_mesh_stays_as_it_is(rounded_box, window):
 
 
 @pytest.mark.parametrize(("zoom", "finer"), [(2.0, 0.5), (4.0, 0.25), (0.25, 4.0)])
-def test_arrows_are_as_dense_on_screen_however_close_the_view_is(rounded_box, window, zoom, finer):
+def test_arrows_are_as_dense_on_screen_however_close_the_view_is(
+    rounded_box, monkeypatch, zoom, finer
+):
     box = rounded_box()
     bpy.context.view_layer.update()
     system = SimpleNamespace(ui_scale=1.0)
-    flow_overlay.bpy.context = SimpleNamespace(preferences=SimpleNamespace(system=system))
+    preferences = SimpleNamespace(system=system)
+    fake = SimpleNamespace(context=SimpleNamespace(preferences=preferences))
+    monkeypatch.setattr(flow_drawing, "bpy", fake)
     region = SimpleNamespace(width=1000)
 
     def distance(size, scale=1.0):
         box.matrix_world = Matrix.Diagonal((scale, scale, scale, 1.0))
         window = Matrix.Diagonal((size, size, 0.1, 1.0))  # without perspective
         view = SimpleNamespace(perspective_matrix=window, window_matrix=window)
-        return flow_overlay._distance(box, region, view)
+        return flow_drawing._distance(box, region, view)
 
     assert distance(0.1 * zoom) == pytest.approx(finer * distance(0.1))
     assert distance(0.1 * zoom, 2.0) == pytest.approx(0.5 * distance(0.1 * zoom))
@@ -304,21 +306,21 @@ def test_editing_the_mesh_by_another_object_draws_nothing_meanwhile(rounded_box,
     seen = SimpleNamespace(
         type="MESH", mode="OBJECT", data=box.data, visible_get=lambda viewport: True
     )
-    assert flow_overlay._is_seen(seen, view)
+    assert flow_drawing._is_seen(seen, view)
     select(twin)
     bpy.ops.object.mode_set(mode="EDIT")
     assert box.mode == "OBJECT"
     flow_overlay._refresh()
-    assert not flow_overlay._is_seen(seen, view)
+    assert not flow_drawing._is_seen(seen, view)
     bmesh.from_edit_mesh(twin.data).verts.ensure_lookup_table()
     bmesh.from_edit_mesh(twin.data).verts[0].co.x += 1.0
     flow_overlay._shown.surface = "drawn"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert flow_overlay._shown.surface is None
-    assert flow_overlay._is_seen(seen, view)
+    assert flow_drawing._is_seen(seen, view)
 
 
-@pytest.mark.parametrize("draw", ["_draw_surface", "_draw_legend"])
+@pytest.mark.parametrize("draw", ["draw_surface", "draw_legend"])
 @pytest.mark.parametrize("what", ["hidden", "in Edit Mode", "without overlays"])
 def test_neither_surface_nor_legend_is_drawn_when_it_is_not_seen(
     rounded_box, window, monkeypatch, draw, what
@@ -331,9 +333,9 @@ def test_neither_surface_nor_legend_is_drawn_when_it_is_not_seen(
         type="MESH", mode=box.mode, data=box.data, visible_get=lambda viewport: what != "hidden"
     )
     view = SimpleNamespace(overlay=SimpleNamespace(show_overlays=what != "without overlays"))
-    flow_overlay.bpy.context = SimpleNamespace(space_data=view)  # drawing would need more
-    assert getattr(flow_overlay, draw)(SimpleNamespace(object=lambda: shown)) is None
-    flow_overlay.bpy.context = bpy.context
+    context = SimpleNamespace(space_data=view)  # drawing would need more
+    monkeypatch.setattr(flow_drawing, "bpy", SimpleNamespace(context=context))
+    assert getattr(flow_drawing, draw)(SimpleNamespace(object=lambda: shown)) is None
 
 
 def test_edits_are_drawn_anew(rounded_box, window):

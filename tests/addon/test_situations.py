@@ -142,7 +142,9 @@ ELSEWHERE = {
     "gain-map": "test_filter_texture.py::test_a_gain_map_says_where_by_its_stored_values",
     "gain-map-bad": "test_filter_texture.py::test_bad_gain_maps_are_named",
     "gain-both": "test_filter_texture.py::test_gain_colors_say_the_same_on_the_mesh",
-    "gain-normals": "test_filter_texture.py::test_other_maps_are_filtered_too_but_for_normals",
+    "gain-normals": "test_filter_texture.py::test_other_maps_are_filtered_too_and_normals_as_such",
+    "normals-node": "test_filter_normals.py::test_what_no_node_says_is_said_by_the_setting",
+    "normals-mirrored": "test_filter_normals.py::test_maps_of_both_spaces_are_lit_alike",
     "gain-painting": "test_filter_texture.py::test_painting_ends_with_what_it_is_about",
     "gain-painting-saved": (
         "test_filter_texture.py::test_files_that_were_saved_meanwhile_show_the_texture"
@@ -160,6 +162,7 @@ ELSEWHERE = {
     "test_undo_takes_the_image_back_and_redo_writes_the_same_folder",
     "flow-missing": "test_visualize_flow.py::test_what_cannot_be_shown_is_named",
     "generate-start": "test_generate.py::test_distance_counts_from_what_is_said",
+    "generate-first": ("test_generate.py::test_the_first_press_counts_from_the_lowest_vertices"),
     "generate-nothing": "test_generate.py::test_what_is_missing_is_named",
     "generate-all": "test_generate.py::test_all_selected_is_no_start",
     "generate-island": "test_generate.py::test_parts_that_no_way_leads_to_are_black",
@@ -203,6 +206,9 @@ ELSEWHERE = {
     ),
     "preview-texture-model": (
         "test_preview_images.py::test_a_texture_is_shown_on_the_model_and_the_material_comes_back"
+    ),
+    "preview-generate": (
+        "test_preview_fields.py::test_what_is_drawn_is_what_a_run_makes_but_smaller"
     ),
     "preview-handlers": "test_preview.py::test_blenders_handlers_end_it_first",
     "preview-gone": "test_preview.py::test_a_removed_object_ends_the_operator",

@@ -72,7 +72,7 @@ def presets():
                 if known not in ("rna_type", "name")
             }
         adds = getattr(bpy.types, f"SHOCK_FILTER_OT_{mode}_preset_add")
-        found[mode]["kept"] = [panel.preset_subdir, *sorted(adds.preset_values)]
+        found[mode]["kept"] = [panel.preset_subdir, *sorted(adds.preset_values.fget(adds))]
     return found
 
 

@@ -6,6 +6,7 @@ import pytest
 from remeshed import surface_net, turned_box
 from shapes import cube, fan, icosphere
 from shock_filter import core
+from shock_filter.core.base.findings import gathering
 from shock_filter.core.filters.creases import consistent_normals, find_regions, mixed_normals
 from shock_filter.core.mesh.calculus import gradient, smooth_vertices
 
@@ -266,3 +267,44 @@ def test_facets_of_denoised_relief_are_no_creases():
         return np.degrees(np.arccos(cosines)).mean()
 
     assert off(sharp) < 1.06 * off(denoised)
+
+
+def said(mesh, **settings):
+    """What the filter finds out, for reports."""
+    with gathering() as found:
+        core.sharpen_geometry(mesh, core.GeometrySettings(**settings))
+    return " ".join(map(str, found))
+
+
+def test_a_surface_without_creases_says_what_to_try():
+    mesh = core.TriangleMesh(*icosphere(4))
+    assert said(mesh).startswith("No creases to close were found")
+    assert "set Where to Everywhere" in said(mesh)
+    assert said(mesh, where="everywhere") == ""
+
+
+def screw(around=240, along=120):
+    """A bolt whose thread is rounded, (along its axis, turn by turn): vertices and faces."""
+    angle, height = np.meshgrid(
+        np.linspace(0.0, 2.0 * np.pi, around, endpoint=False),
+        np.linspace(0.0, 3.0, along),
+        indexing="ij",
+    )
+    wave = 0.8 * np.sin(2.0 * np.pi * height / 0.6 - angle)
+    radius = 2.0 + 0.5 / np.pi * np.arcsin(wave)
+    places = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
+    number = np.arange(around * along).reshape(around, along)
+    following = np.roll(number, -1, axis=0)
+    a, b, c, d = number[:, :-1], following[:, :-1], following[:, 1:], number[:, 1:]
+    halves = [np.stack(half, axis=-1).reshape(-1, 3) for half in ((a, b, c), (a, c, d))]
+    return places.reshape(-1, 3), np.concatenate(halves)
+
+
+def test_threads_are_kept_below_the_radius_that_is_said():
+    mesh = core.TriangleMesh(*screw())
+    found = said(mesh)
+    assert "rounded over a radius of 2.0 edge lengths" in found
+    assert "To keep threads and fillets, set Widest Fillet below that." in found
+    kept = core.GeometrySettings(widest_fillet=1.0)
+    assert (core.sharpen_geometry(mesh, kept) == mesh.vertices).all()
+    assert said(mesh, widest_fillet=1.0).endswith("more widely than Widest Fillet, and stay.")

@@ -213,3 +213,17 @@ def test_a_run_can_be_cancelled_at_any_time():
             core.surface_line_convolution(
                 mesh, uv, (size, size), progress=lambda *_, left=left: next(left, None) is not None
             )
+
+
+def test_contrast_is_even_where_streaks_run_together():
+    vertices, faces = grid(16, 16)
+    mesh = core.TriangleMesh(vertices, faces)
+    uv = mesh.vertices[mesh.faces][..., :2] / 16
+    away = mesh.vertices + [0.5, 0.5, 0.0]
+    settings = core.StreakSettings(length=100, width=1.5)
+    image = core.surface_line_convolution(mesh, uv, (192, 192), away, settings)
+    y, x = np.mgrid[:192, :192]
+    far = np.hypot(x, y)
+    rings = [(far > low) & (far < low + 16) for low in (16, 40, 80, 120)]
+    found = np.array([image[ring].std() for ring in rings])
+    assert found.min() > 0.7 * found.max()

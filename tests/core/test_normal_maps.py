@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of normal maps between tangent and object space."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from atlases import Blocks, sample
@@ -185,3 +187,178 @@ def test_wrong_input_is_named():
         core.tangent_normals(mesh, uv, flat_map(4), normals=np.zeros((2, 3, 3)))
     with pytest.raises(core.Cancelled):
         core.object_normals(mesh, uv, flat_map(4), progress=lambda *_: False)
+
+
+SOFT = {"gain": 0.0, "radius": 6.0, "seams": "continue"}
+
+
+def at_random(mesh, atlas, count=4000):
+    """Points of faces, half of them on seams: faces and shares of their corners."""
+    random = np.random.default_rng(0)
+    shares = np.zeros((2 * count, 3))
+    seams = atlas.charts.borders[mesh.twins.reshape(-1)[atlas.charts.borders] >= 0]
+    edges, along = random.choice(seams, count), random.random(count)
+    shares[np.arange(count), edges % 3] = 1 - along
+    shares[np.arange(count), (edges + 1) % 3] = along
+    shares[count:] = random.dirichlet([1, 1, 1], count)
+    return np.concatenate([edges // 3, random.integers(0, mesh.face_count, count)]), shares
+
+
+def at_points(values, faces, shares):
+    return np.einsum("pk,pkx->px", shares, values[faces])
+
+
+def rendered(mesh, uv, image, faces, shares):
+    """The normals that a renderer sees in a tangent-space map, as colors."""
+    frames = tangent_frames(mesh, uv)
+    texels = 2 * sample(image, at_points(uv, faces, shares)) - 1
+    normals = at_points(frames.normals, faces, shares)
+    tangents = at_points(frames.tangents, faces, shares)
+    across = frames.signs[faces, None] * np.cross(normals, tangents)
+    axes = np.stack([tangents, across, normals], axis=1)
+    return 0.5 + 0.5 * unit(np.einsum("pk,pkx->px", texels[:, :3], axes))
+
+
+@pytest.mark.parametrize("angle", [None, 0.4])
+@pytest.mark.parametrize("gain", [0.0, 2.0])
+def test_filtered_tangent_maps_are_lit_as_filtered_object_maps(angle, gain):
+    mesh, blocks = curved(angle=angle)
+    uv, size = blocks.uv, blocks.width
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    in_space = waves(mesh, atlas)
+    tangent = core.tangent_normals(mesh, uv, in_space, atlas=atlas)
+    faces, shares = at_random(mesh, atlas)
+    lights = unit(np.random.default_rng(1).normal(size=(5, 3)))
+
+    def filtered(image, content):
+        settings = core.FilterSettings(**{**SOFT, "gain": gain}, content=content)
+        return core.filter_texture(mesh, uv, image, settings, atlas=atlas)
+
+    smooth = filtered(in_space, "object_normals")
+    expected = sample(smooth, at_points(uv, faces, shares))
+    found = rendered(mesh, uv, filtered(tangent, "normals"), faces, shares)
+    assert np.quantile(degrees(found, expected), 0.99) < 0.5
+    shades = [np.maximum((2 * each - 1) @ lights.T, 0) for each in (found, unit_colors(expected))]
+    assert np.abs(shades[0] - shades[1]).max() < 0.02
+    careless = rendered(mesh, uv, filtered(tangent, "values"), faces, shares)
+    assert np.quantile(degrees(careless, expected), 0.9) > 5
+    for image in (smooth, filtered(tangent, "normals")):
+        lengths = np.linalg.norm(2 * image - 1, axis=-1)
+        assert np.abs(lengths[atlas.inside] - 1).max() < 1e-5
+
+
+def unit_colors(colors):
+    return 0.5 + 0.5 * unit(2 * colors - 1)
+
+
+def test_stitched_tangent_maps_are_lit_as_stitched_object_maps():
+    mesh, blocks = curved()
+    uv, size = blocks.uv, blocks.width
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    # Each chart leans another way, as scans do that were made one by one.
+    lean = np.random.default_rng(2).normal(size=(16, 3))[atlas.charts.labels] * 0.2
+    leaning = 2 * waves(mesh, atlas) - 1 + atlas.bake(np.repeat(lean[:, None], 3, axis=1))
+    in_space = np.where(atlas.inside[..., None], 0.5 + 0.5 * unit(leaning), 0.5)
+    extend = core.DilateSettings(seams="extend")
+    tangent = core.tangent_normals(mesh, uv, in_space, settings=extend, atlas=atlas)
+    faces, shares = at_random(mesh, atlas)
+
+    def stitched(image, content):
+        settings = core.StitchSettings(radius=300.0, content=content)
+        return core.stitch_textures(mesh, uv, [image, image], settings, atlas=atlas)
+
+    expected = sample(stitched(in_space, "object_normals"), at_points(uv, faces, shares))
+    found = rendered(mesh, uv, stitched(tangent, "normals"), faces, shares)
+    assert np.quantile(degrees(found, expected), 0.99) < 0.5
+    assert degrees(rendered(mesh, uv, tangent, faces, shares), found).mean() > 3
+
+
+def test_green_that_points_down_is_the_same_upside_down():
+    mesh, blocks = curved()
+    uv, size = blocks.uv, blocks.width
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    up = core.tangent_normals(mesh, uv, waves(mesh, atlas), atlas=atlas)
+    down = up * [1, -1, 1] + [0, 1, 0]
+    found = [
+        core.filter_texture(
+            mesh, uv, image, core.FilterSettings(**SOFT, content=content), atlas=atlas
+        )
+        for image, content in ((up, "normals"), (down, "normals_y_down"), (down, "normals"))
+    ]
+    turned = found[1] * [1, -1, 1] + [0, 1, 0]
+    near = atlas.masks().active
+    assert np.abs(turned - found[0])[near].max() < 1e-4
+    assert np.abs(found[2] * [1, -1, 1] + [0, 1, 0] - found[0])[near].max() > 0.1
+
+
+@pytest.mark.parametrize("content", ["normals", "normals_y_down", "object_normals"])
+def test_a_gain_of_1_and_a_mask_of_0_keep_normals(content):
+    mesh, blocks = curved(32)
+    uv, size = blocks.uv, blocks.width
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    image = np.rint(255 * waves(mesh, atlas)).astype(np.uint8)
+    image[atlas.inside] += np.uint8(3)  # of no unit length
+    settings = core.FilterSettings(**SOFT, content=content)
+    same = core.filter_texture(mesh, uv, image, replace(settings, gain=1.0), atlas=atlas)
+    assert (same == image).all()
+    mask = np.zeros(image.shape[:2])
+    mask[:, : size // 2] = 1.0
+    for function, chosen in (
+        (core.filter_texture, settings),
+        (core.stitch_textures, core.StitchSettings(content=content)),
+    ):
+        half = function(mesh, uv, image, settings=chosen, mask=mask, atlas=atlas)
+        kept = (mask == 0) & atlas.inside
+        assert (half == image)[kept].all() and (half != image)[atlas.inside & ~kept].any()
+
+
+def test_painted_gains_and_opacity_go_with_normals():
+    mesh, blocks = curved(32)
+    uv, size = blocks.uv, blocks.width
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    normals = core.tangent_normals(mesh, uv, waves(mesh, atlas), atlas=atlas)
+    gains = np.zeros((size, size))
+    settings = core.FilterSettings(**SOFT, content="normals")
+    smooth = core.filter_texture(mesh, uv, normals, settings, atlas=atlas)
+    painted = core.filter_texture(mesh, uv, normals, settings, gains, atlas=atlas)
+    assert np.quantile(degrees(smooth, painted)[atlas.inside], 0.999) < 0.2
+    image = np.concatenate([normals, np.ones((size, size, 1))], axis=2)
+    image[: size // 3, :, 3] = 0.0
+    found = core.filter_texture(mesh, uv, image, settings, atlas=atlas)
+    assert np.isfinite(found).all() and (found[..., 3] == image[..., 3])[atlas.inside].all()
+    lengths = np.linalg.norm(2 * found[atlas.inside, :3] - 1, axis=-1)
+    assert np.abs(lengths - 1).max() < 1e-5
+    none = np.full_like(normals, 0.5)
+    assert np.isfinite(core.filter_texture(mesh, uv, none, settings, atlas=atlas)).all()
+
+
+def test_normals_of_the_shading_may_be_given():
+    mesh, blocks = curved(32)
+    uv, size = blocks.uv, blocks.width
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    faceted = np.repeat(mesh.normals[:, None], 3, axis=1)
+    in_space = waves(mesh, atlas)
+    settings = core.FilterSettings(**SOFT, content="normals")
+    expected = core.filter_texture(
+        mesh, uv, in_space, replace(settings, content="object_normals"), atlas=atlas
+    )
+    tangent = core.tangent_normals(mesh, uv, in_space, normals=faceted, atlas=atlas)
+    found = core.filter_texture(mesh, uv, tangent, settings, normals=faceted, atlas=atlas)
+    back = core.object_normals(mesh, uv, found, normals=faceted, atlas=atlas)
+    assert degrees(back, expected)[atlas.inside].max() < 0.05
+
+
+@pytest.mark.parametrize("name, settings", [
+    ("filter_texture", core.FilterSettings(gain=1.0, content="normals")),
+    ("stitch_textures", core.StitchSettings(content="object_normals")),
+])  # fmt: skip
+def test_normals_want_three_channels(name, settings):
+    vertices, faces = grid(1, 1)
+    mesh, uv = core.TriangleMesh(vertices, faces), vertices[faces][..., :2]
+    with pytest.raises(core.InvalidSignal, match="three channels"):
+        getattr(core, name)(mesh, uv, np.zeros((8, 8)), settings)
+    other = replace(settings, radius=50.0)
+    if name == "filter_texture":
+        other = replace(other, gain=0.0)
+    with pytest.raises(core.InvalidSignal, match="give \\(2, 3, 3\\)"):
+        getattr(core, name)(mesh, uv, flat_map(8), other, normals=np.zeros((1, 3)))

@@ -6,6 +6,9 @@ import pytest
 import scipy.sparse
 import scipy.sparse.linalg
 from atlases import sample
+from scipy.spatial import cKDTree
+from scipy.special import j0
+from shapes import icosphere
 from shock_filter import core
 from shock_filter.core.atlas.operators import TextureSpace
 from shock_filter.core.base import parallel
@@ -64,6 +67,60 @@ def test_patterns_do_not_know_where_the_surface_is_cut():
     assert one.mean() == pytest.approx(other.mean(), rel=0.05)
     assert one.std() == pytest.approx(other.std(), rel=0.05)
     assert np.corrcoef(one, other)[0, 1] > 0.95
+
+
+def six_charts(mesh, turn):
+    """Cut a ball into the sides of a cube that is turned, and lie turned in the texture."""
+    corners = mesh.vertices[mesh.faces] @ turn
+    middles = corners.mean(axis=1)
+    axis = np.abs(middles).argmax(axis=1)
+    behind = np.take_along_axis(middles, axis[:, None], 1)[:, 0] < 0
+    order = (axis[:, None] + np.arange(3)) % 3
+    depth, across, up = np.moveaxis(np.take_along_axis(corners, order[:, None], 2), -1, 0)
+    flat = 4 / np.pi * np.arctan(np.stack([across, up], axis=-1) / np.abs(depth)[..., None])
+    flat[behind, :, 0] *= -1
+    side = 2 * axis + behind
+    angles = 0.5 * side
+    turns = np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]])
+    flat = np.einsum("xyf,fky->fkx", turns, flat)
+    return (np.stack([side % 3, side // 3], axis=-1)[:, None] + 0.5 + 0.3 * flat) / 3
+
+
+def statistics(mesh, uv, size, length, **settings):
+    """Mean, deviation and wavelength of a pattern, by random points of the surface."""
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    settings = core.ReactionSettings(scale=length / atlas.texel_size, **settings)
+    image = core.reaction_diffusion(mesh, uv, (size, size), settings, atlas=atlas)
+    random = np.random.default_rng(0)
+    corners = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(np.cross(*np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)), axis=1)
+    faces = random.choice(len(areas), 4000, p=areas / areas.sum())
+    shares = random.dirichlet([1, 1, 1], 4000)
+    points = np.einsum("pk,pkx->px", shares, corners[faces])
+    values = sample(image, np.einsum("pk,pkx->px", shares, uv[faces]))[:, 1]
+    apart = values - values.mean()
+    one, other = cKDTree(points).query_pairs(4 * length, output_type="ndarray").T
+    distances = np.linalg.norm(points[one] - points[other], axis=1)
+    # The power of each wavelength, by the correlation of pairs.
+    waves = np.linspace(0.5, 2.0, 151) * length
+    products, ends = np.histogram(distances, 80, (0, 4 * length), weights=apart[one] * apart[other])
+    middles = 0.5 * (ends[1:] + ends[:-1])
+    tapered = products * np.cos(0.5 * np.pi * middles / ends[-1]) ** 2
+    power = j0(2 * np.pi * middles / waves[:, None]) @ tapered
+    return values.mean(), values.std(), waves[np.argmax(power)]
+
+
+@pytest.mark.parametrize(("feed", "kill"), [(0.037, 0.06), (0.029, 0.057)])
+def test_two_cuts_of_a_ball_have_patterns_of_one_kind(feed, kill):
+    mesh = core.TriangleMesh(*icosphere(2))
+    turned = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    words = {"length": 0.4, "steps": 400, "feed": feed, "kill": kill}
+    one = statistics(mesh, six_charts(mesh, np.eye(3)), 160, **words)
+    other = statistics(mesh, six_charts(mesh, turned), 144, **words)
+    assert one[1] > 0.08
+    assert (np.abs(np.divide(one, other) - 1) < [0.06, 0.04, 0.04]).all(), (one, other)
+    coarser = statistics(mesh, six_charts(mesh, turned), 144, **{**words, "length": 0.5})
+    assert coarser[2] > 1.1 * one[2]
 
 
 def start_at(mesh, uv, size):

@@ -53,3 +53,7 @@ def test_image_mode_makes_the_same_image_by_operator_and_by_click(report, mode):
     assert new != seen["source"]
     assert seen["by_click"] == [new]
     assert seen["originals"] == seen["start"]
+
+
+def test_a_pattern_grows_by_a_click(report):
+    assert len(report["generated"]) == 1

@@ -16,6 +16,10 @@ OPERATORS = [
     "dilate_texture",
     "sharpen_image",
     "denoise_image",
+    "denoise_texture",
+    "generate_distance",
+    "generate_streaks",
+    "generate_pattern",
 ]
 LONGEST_PRESS = 3.0  # on two quiet cores at most 0.3
 

@@ -18,6 +18,9 @@ from .velocity import ROWS, Flow, Motion, wraps
 _Singles = npt.NDArray[np.float32]
 _Wraps = tuple[bool, bool]
 
+_WAY, _VALUE = np.float32(32767), np.float32(1 << 23)  # what packed numbers count in
+_BLOCK = 256
+
 
 def line_integral_convolution(
     velocity: npt.ArrayLike,
@@ -83,17 +86,16 @@ def line_integral_convolution(
             )
         motion = flow.at(0)
         half = round(0.5 * settings.length)
-        joined = wraps(settings.periodic)
         rim = half + 2
-        ways = _ways(motion, None, rim, joined)
+        joined = wraps(settings.periodic)
+        # Random values go on beyond the border, so that streaks do not change there.
         if given is None:
-            values = np.empty(ways.shape[:2], dtype=np.float32)
+            values = np.empty([count + 2 * rim for count in flow.size], dtype=np.float32)
             key = stream(settings.seed, 0, FIRST)
             run(_make_noise, len(values), key, rim, joined, values, chunk=ROWS)
         else:
-            values = padded(given, rim, joined)
-        out = np.empty(flow.size, dtype=np.float32)
-        run(_convolve, len(out), ways, values, rim, half, out, chunk=ROWS)
+            values = given
+        out = _convolved(motion, None, values, rim, half, joined)
         if settings.contrast > 0 and half > 0:
             _stretch(out, motion.defined, settings.contrast)
         out[~motion.defined] = 0.0
@@ -120,30 +122,23 @@ def short_convolution(
     -------
     (h, w) float32
     """
-    rim = length // 2 + 2
-    ways = _ways(motion, longest, rim, joined)
-    out = np.empty(values.shape, dtype=np.float32)
-    run(_convolve, len(out), ways, padded(values, rim, joined), rim, length // 2, out, chunk=ROWS)
+    half = length // 2
+    return _convolved(motion, longest, values, half + 2, half, joined)
+
+
+def _convolved(
+    motion: Motion, longest: float | None, values: _Singles, rim: int, half: int, joined: _Wraps
+) -> _Singles:
+    # Without a longest step all ways are a pixel long.
+    size = motion.right.shape
+    packed = np.empty([count + 2 * rim for count in size], dtype=np.int64)
+    scale = 1.0 / longest if longest is not None and longest > 0 else 0.0
+    run(_pack, len(packed), *motion, np.float32(scale), longest is None, values, rim, joined,
+        packed, chunk=ROWS)  # fmt: skip
+    out = np.empty(size, dtype=np.float32)
+    run(_convolve, len(out), packed.reshape(-1), packed.shape[1], rim, half, longest is None, out,
+        chunk=ROWS)  # fmt: skip
     return out
-
-
-def padded(values: npt.NDArray, rim: int, joined: _Wraps) -> npt.NDArray:
-    """Return an array with a rim: of what is on the other side, or of its outermost values."""
-    rest = [(0, 0)] * (values.ndim - 2)
-    wrap_x, wrap_y = joined
-    wide = np.pad(values, [(0, 0), (rim, rim), *rest], mode="wrap" if wrap_x else "edge")
-    return np.pad(wide, [(rim, rim), (0, 0), *rest], mode="wrap" if wrap_y else "edge")
-
-
-def _ways(motion: Motion, longest: float | None, rim: int, joined: _Wraps) -> _Singles:
-    # Steps (right, down) from sample to sample, at most a pixel long: (h + 2 rim, w + 2 rim, 2).
-    ways = np.stack([motion.right, motion.down], axis=-1)
-    if longest is None:
-        length = np.hypot(motion.right, motion.down)[..., None]
-        ways /= np.where(length > 0, length, np.float32(1.0))
-    elif longest > 0:
-        ways *= np.float32(1.0 / longest)
-    return padded(ways, rim, joined)
 
 
 def _checked_noise(noise: npt.ArrayLike, size: tuple[int, int] | None) -> _Singles:
@@ -181,42 +176,168 @@ def _make_noise(start, stop, key, rim, joined, values):
 
 
 @kernel
-def _convolve(start, stop, ways, values, rim, half, out):
-    # Steps are of second order (Adams, Bashforth): they go on from the last two ways.
+def _pack(start, stop, right, down, defined, scale, unit, values, rim, joined, packed):
+    # A way and a value in 64 bits, so that memory is read once for both. The value's bits are
+    # inverted where an average ends, which makes it negative.
+    rows, columns = right.shape
+    wrap_x, wrap_y = joined
+    everywhere = values.shape[0] > rows
+    ways = np.empty(columns, dtype=np.int32)
     for i in range(start, stop):
-        for j in range(out.shape[1]):
-            total = values[i + rim, j + rim]
-            count = np.float32(1)
+        y = (i - rim) % rows if wrap_y else min(max(i - rim, 0), rows - 1)
+        beyond = y != i - rim and not wrap_y and not everywhere
+        for j in range(columns):
+            u, v = right[y, j], down[y, j]
+            factor = scale
+            if unit:
+                factor = np.float32(1) / np.sqrt(max(u * u + v * v, np.float32(1e-37)))
+            low = np.int32(np.rint(u * factor * _WAY)) & np.int32(0xFFFF)
+            ways[j] = np.int32(low | np.int32(np.int32(np.rint(v * factor * _WAY)) << 16))
+        for j in range(columns):
+            value = values[i, j + rim] if everywhere else values[y, j]
+            high = np.int32(value * _VALUE)
+            high = high if defined[y, j] and not beyond else np.int32(~high)
+            packed[i, j + rim] = (np.int64(high) << 32) | np.int64(np.uint32(ways[j]))
+        for k in range(2 * rim):
+            j = k if k < rim else columns + k
+            if wrap_x:
+                packed[i, j] = packed[i, rim + (j - rim) % columns]
+            else:
+                x = 0 if k < rim else columns - 1
+                high = np.int32((values[i, j] if everywhere else values[y, x]) * _VALUE)
+                high = high if everywhere and defined[y, x] else np.int32(~high)
+                packed[i, j] = (np.int64(high) << 32) | np.int64(np.uint32(packed[i, rim + x]))
+
+
+@kernel
+def _convolve(start, stop, packed, stride, rim, half, unit, out):
+    # Blocks of pixels take each sample together, in short loops over few arrays: these run on many
+    # numbers at once.
+    columns = out.shape[1]
+    x, y = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    total, count = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    across, below = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    way_x, way_y = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    alive = np.empty(_BLOCK, np.float32)
+    index = np.empty(_BLOCK, np.uint32)
+    words = np.empty((4, _BLOCK), np.int64)
+    ways = np.empty((4, _BLOCK), np.int32)
+    values = np.empty((4, _BLOCK), np.float32)
+    wide = np.int32(stride)
+    one, row = np.uint64(1), np.uint64(stride)
+    for i in range(start, stop):
+        for first in range(0, columns, _BLOCK):
+            size = min(_BLOCK, columns - first)
+            base = (i + rim) * stride + first + rim
+            for j in range(size):
+                here = packed[np.uint64(base + j)]
+                high = np.int32(here >> 32)
+                total[j] = np.float32(high ^ np.int32(high >> 31)) / _VALUE
+                count[j] = 1
             for turn in range(2):
                 sign = np.float32(1 - 2 * turn)
-                u = ways[i + rim, j + rim, 0] * sign
-                v = ways[i + rim, j + rim, 1] * sign
-                x = np.float32(j + rim) + u
-                y = np.float32(i + rim) + v
+                for j in range(size):
+                    here = packed[np.uint64(base + j)]
+                    u[j] = _right(np.int32(here)) * (sign / _WAY)
+                    v[j] = _down(np.int32(here)) * (sign / _WAY)
+                    x[j] = np.float32(first + j + rim) + u[j]
+                    y[j] = np.float32(i + rim) + v[j]
+                    alive[j] = here >= 0 and (u[j] != 0 or v[j] != 0)
                 for _ in range(half):
-                    column = np.uint64(x)
-                    row = np.uint64(y)
-                    one = np.uint64(1)
-                    across = x - np.float32(column)
-                    down = y - np.float32(row)
-                    a = values[row, column]
-                    a += across * (values[row, column + one] - a)
-                    b = values[row + one, column]
-                    b += across * (values[row + one, column + one] - b)
-                    total += a + down * (b - a)
-                    count += np.float32(1)
-                    a = ways[row, column, 0]
-                    a += across * (ways[row, column + one, 0] - a)
-                    b = ways[row + one, column, 0]
-                    b += across * (ways[row + one, column + one, 0] - b)
-                    new_u = sign * (a + down * (b - a))
-                    a = ways[row, column, 1]
-                    a += across * (ways[row, column + one, 1] - a)
-                    b = ways[row + one, column, 1]
-                    b += across * (ways[row + one, column + one, 1] - b)
-                    new_v = sign * (a + down * (b - a))
-                    x += np.float32(1.5) * new_u - np.float32(0.5) * u
-                    y += np.float32(1.5) * new_v - np.float32(0.5) * v
-                    u = new_u
-                    v = new_v
-            out[i, j] = total / count
+                    _place(size, x, across, index, np.int32(1), np.uint32(0))
+                    _place(size, y, below, index, wide, np.uint32(1))
+                    for j in range(size):
+                        place = np.uint64(index[j])
+                        words[0, j] = packed[place]
+                        words[1, j] = packed[place + one]
+                        words[2, j] = packed[place + row]
+                        words[3, j] = packed[place + row + one]
+                    for corner in range(4):
+                        _split(size, words[corner], ways[corner], values[corner])
+                    _end(size, words, across, below, alive)
+                    _add(size, values, across, below, alive, total, count)
+                    _find_way(size, ways, across, below, way_x, way_y)
+                    if unit:
+                        for j in range(size):
+                            square = way_x[j] * way_x[j] + way_y[j] * way_y[j]
+                            across[j] = sign / np.sqrt(max(square, np.float32(1)))
+                    else:
+                        across[:size] = sign / _WAY
+                    _go(size, x, u, way_x, across, alive)
+                    _go(size, y, v, way_y, across, alive)
+            for j in range(size):
+                out[i, first + j] = total[j] / count[j]
+
+
+@kernel
+def _place(size, x, share, index, stride, keep):
+    for j in range(size):
+        cell = np.int32(x[j])
+        share[j] = x[j] - np.float32(cell)
+        index[j] = keep * index[j] + np.uint32(cell * stride)
+
+
+@kernel
+def _split(size, words, ways, values):
+    for j in range(size):
+        high = np.int32(words[j] >> 32)
+        ways[j] = np.int32(words[j])
+        values[j] = np.float32(high ^ np.int32(high >> 31)) * (np.float32(1) / _VALUE)
+
+
+@kernel
+def _end(size, words, across, below, alive):
+    a, b, c, d = words[0], words[1], words[2], words[3]
+    half = np.float32(0.5)
+    for j in range(size):
+        upper = a[j] if across[j] < half else b[j]
+        lower = c[j] if across[j] < half else d[j]
+        nearest = upper if below[j] < half else lower
+        alive[j] = alive[j] if nearest >= 0 else np.float32(0)
+
+
+@kernel
+def _add(size, values, across, below, alive, total, count):
+    a, b, c, d = values[0], values[1], values[2], values[3]
+    for j in range(size):
+        total[j] += alive[j] * _between(a[j], b[j], c[j], d[j], across[j], below[j])
+    for j in range(size):
+        count[j] += alive[j]
+
+
+@kernel
+def _find_way(size, ways, across, below, way_x, way_y):
+    a, b, c, d = ways[0], ways[1], ways[2], ways[3]
+    for j in range(size):
+        way_x[j] = _between(
+            _right(a[j]), _right(b[j]), _right(c[j]), _right(d[j]), across[j], below[j]
+        )
+    for j in range(size):
+        way_y[j] = _between(_down(a[j]), _down(b[j]), _down(c[j]), _down(d[j]), across[j], below[j])
+
+
+@kernel
+def _go(size, x, last, way, factor, alive):
+    # A step of second order (Adams, Bashforth), from this way and the last one.
+    for j in range(size):
+        new = way[j] * factor[j]
+        x[j] += alive[j] * (np.float32(1.5) * new - np.float32(0.5) * last[j])
+        last[j] = new
+
+
+@kernel
+def _right(way):
+    return np.float32(np.int32(np.int32(way << 16) >> 16))
+
+
+@kernel
+def _down(way):
+    return np.float32(np.int32(way >> 16))
+
+
+@kernel
+def _between(a, b, c, d, across, below):
+    upper = a + across * (b - a)
+    lower = c + across * (d - c)
+    return upper + below * (lower - upper)

@@ -63,8 +63,8 @@ def advect_dye(
     Notes
     -----
     Paper D, section 5. There, colors are advected and sharpened by channels, which changes them;
-    here each color is a dye of its own, of which a pixel holds a share from 0 to 1. The shock
-    filter of the default sharpening is not of that paper, see `sharpen_image`.
+    here each color is a dye of its own, of which a pixel holds a share from 0 to 1. The default
+    sharpening is not of that paper: a shock filter in conservative form, which loses no dye.
 
     Examples
     --------
@@ -148,11 +148,12 @@ def _shares(
     settings: DyeSettings,
     first: int,
 ) -> Frames:
-    """Yield how much there is of each dye, from frame `first` on: (h, w, k)."""
+    """Yield how much there is of each dye, from frame `first` on: (k, h, w)."""
     kinds = max((max(each) for each in dyes), default=-1) + 1
     joined = wraps(settings.periodic)
+    rows = flow.size[0]
     spots = [coverage(source, flow.size, joined) for source in sources]
-    old = np.zeros((*flow.size, kinds), dtype=np.float32)
+    old = np.zeros((kinds, *flow.size), dtype=np.float32)
     new = np.empty_like(old)
     back = np.empty((*flow.size, 2), dtype=np.float32)
     back_of: Motion | None = None
@@ -162,7 +163,7 @@ def _shares(
         for spot, source, kind in zip(spots, sources, dyes, strict=True):
             pulse = source.pulse(number, settings.loop > 0)
             if pulse is not None:
-                run(_release, len(old), spot, kind[pulse % len(kind)], old, chunk=ROWS)
+                run(_release, rows, spot, kind[pulse % len(kind)], old, chunk=ROWS)
         if number >= first:
             yield old
         number += 1
@@ -170,14 +171,13 @@ def _shares(
         if back_of is not motion:
             if settings.integration == "midpoint":
                 halfway = flow.at(number - 0.5)
-                run(_find_midpoint, len(old), motion.right, motion.down, halfway.right,
+                run(_find_midpoint, rows, motion.right, motion.down, halfway.right,
                     halfway.down, joined, back, chunk=ROWS)  # fmt: skip
             else:
                 np.stack([motion.right, motion.down], axis=-1, out=back)
             back_of = motion
-        run(_read_back, len(old), old, back, motion.defined, joined, new, chunk=ROWS)
-        sharpen_dye(new, settings)
-        old, new = new, old
+        run(_read_back, rows, old, back, motion.defined, joined, new, chunk=ROWS)
+        old, new = sharpen_dye(new, settings, joined), old
 
 
 def _mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
@@ -185,14 +185,14 @@ def _mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
 
 
 @kernel
-def _release(start, stop, spot, kind, shares):
-    for i in range(start, stop):
-        for j in range(shares.shape[1]):
-            cover = spot[i, j]
-            if cover > 0:
-                for c in range(shares.shape[2]):
-                    shares[i, j, c] *= np.float32(1) - cover
-                shares[i, j, kind] += cover
+def _release(start, stop, spot, released, shares):
+    for kind in range(shares.shape[0]):
+        for i in range(start, stop):
+            for j in range(shares.shape[2]):
+                cover = spot[i, j]
+                shares[kind, i, j] *= np.float32(1) - cover
+                if kind == released:
+                    shares[kind, i, j] += cover
 
 
 @kernel
@@ -247,30 +247,32 @@ def _find_midpoint(start, stop, right, down, right_halfway, down_halfway, joined
 
 @kernel
 def _read_back(start, stop, old, back, defined, joined, new):
-    rows, columns, kinds = old.shape
+    kinds, rows, columns = old.shape
+    one = np.float32(1)
+    least = np.float32(1e-9)  # the smallest numbers of all are slow
     for i in range(start, stop):
         for j in range(columns):
             left, after, across = _corner(np.float64(j) - back[i, j, 0], columns, joined[0])
             top, below, share = _corner(np.float64(i) - back[i, j, 1], rows, joined[1])
-            for c in range(kinds):
+            for kind in range(kinds):
                 total = np.float32(0)
                 if defined[i, j]:
-                    one = np.float32(1)
                     if top >= 0 and left >= 0:
-                        total += (one - share) * (one - across) * old[top, left, c]
+                        total += (one - share) * (one - across) * old[kind, top, left]
                     if top >= 0 and after >= 0:
-                        total += (one - share) * across * old[top, after, c]
+                        total += (one - share) * across * old[kind, top, after]
                     if below >= 0 and left >= 0:
-                        total += share * (one - across) * old[below, left, c]
+                        total += share * (one - across) * old[kind, below, left]
                     if below >= 0 and after >= 0:
-                        total += share * across * old[below, after, c]
-                new[i, j, c] = total
+                        total += share * across * old[kind, below, after]
+                new[kind, i, j] = total if total > least else np.float32(0)
 
 
 @kernel
 def _show(start, stop, shares, colors, below, defined, frame):
     zero = np.float32(0)
     one = np.float32(1)
+    least = np.float32(1e-6)
     opaque = below.shape[0] > 0
     last = below.shape[2] - 1  # gray pictures have one channel
     for i in range(start, stop):
@@ -279,13 +281,15 @@ def _show(start, stop, shares, colors, below, defined, frame):
             red = zero
             green = zero
             blue = zero
-            for c in range(shares.shape[2]):
-                share = shares[i, j, c]
+            for c in range(shares.shape[0]):
+                share = shares[c, i, j]
                 total += share
                 red += share * colors[c, 0]
                 green += share * colors[c, 1]
                 blue += share * colors[c, 2]
-            if total > 0:
+            if total < least:
+                total = red = green = blue = zero
+            else:
                 red /= total
                 green /= total
                 blue /= total

@@ -27,6 +27,9 @@ _LEFT_OVER = 0.01
 SHARES = 1 << 16
 """What `rates` count in: shares of cells are whole numbers of it."""
 
+# Multiples of the golden and the silver ratio, without their whole parts, lie most evenly.
+_TURN_X, _TURN_Y = 0.5 * (math.sqrt(5.0) - 1.0), math.sqrt(2.0) - 1.0
+
 
 def advect_noise(
     velocity: npt.ArrayLike | FieldOfTime,
@@ -155,8 +158,11 @@ def mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
 class Noise:
     """Noise on a grid, carried on from frame to frame.
 
-    Each cell has a value, 0 or 1, and the place in it that is followed back: a fraction of the
-    cell, which is what is left of its last step.
+    A cell has a value, 0 or 1, which it takes from another: steps are whole numbers. Of frames in
+    a row, as many take the longer of the two nearest as the fraction of the step says, so that the
+    noise goes as fast as the flow on the mean. Paper D, section 4.8, adds up the fractions in each
+    cell instead; neighbors then step at different times, and pass on values faster than the flow
+    goes: twice as fast where it is slow.
 
     Parameters
     ----------
@@ -164,62 +170,60 @@ class Noise:
     longest : float
         Longest step, in cells.
     settings : NoiseSettings
+    more : int
+        Places beside the image that cells may come from, for subclasses.
 
     Attributes
     ----------
     blended : (h, w) float32
         What the frames so far show.
-    rim : int
-        Cells around the image.
-    old : (h + 2 rim, w + 2 rim) uint8
-        The noise.
-    place_right, place_down : (h, w) float32
-        The places in the cells.
-    rates : (h, w) uint16
-        How many cells change, see `SHARES`; those of the last step.
+    quads : (padded cells + more,) uint8
+        Each cell with its neighbors to the right, below and both, in four bits, and the same of
+        further places: what steps read.
+    places : (h, w) uint32
+        Where in these each cell comes from, by the last step's motion.
     """
 
-    def __init__(self, size: tuple[int, int], longest: float, settings: NoiseSettings) -> None:
+    def __init__(
+        self, size: tuple[int, int], longest: float, settings: NoiseSettings, more: int = 0
+    ) -> None:
         self._settings = settings
         self._longest = longest
         self._wraps = wraps(settings.periodic)
         rows, columns = size
         # A step may end a cell farther than it is long, and is read with the cell after.
-        self.rim = math.ceil(longest) + 2
-        padded = rows + 2 * self.rim, columns + 2 * self.rim
-        self.old: _Bits = np.empty(padded, dtype=np.uint8)
-        self.new: _Bits = np.empty(padded, dtype=np.uint8)
-        self.place_right: _Singles = np.empty(size, dtype=np.float32)
-        self.place_down: _Singles = np.empty(size, dtype=np.float32)
-        self.rates = np.empty(size, dtype=np.uint16)
-        self._rates_of: Motion | None = None
+        self._rim = math.ceil(longest) + 2
+        padded = rows + 2 * self._rim, columns + 2 * self._rim
+        self._noise: _Bits = np.empty(padded, dtype=np.uint8)
+        self.quads: _Bits = np.zeros(padded[0] * padded[1] + more, dtype=np.uint8)
+        self.places = np.zeros(size, dtype=np.uint32)
+        self._rates = np.empty(size, dtype=np.uint16)
+        self._motion: Motion | None = None
         self.blended: _Singles = np.full(size, 0.5, dtype=np.float32)
         key = stream(settings.seed, 0, FIRST)
-        run(
-            _begin,
-            padded[0],
-            key,
-            self.rim,
-            self.old,
-            self.place_right,
-            self.place_down,
-            chunk=ROWS,
-        )
-        self._fill_rim(self.old, -1)
+        run(_begin, padded[0], key, self._noise, chunk=ROWS)
+        self.make_ready(-(1 << 40))
 
     def step(self, motion: Motion, number: int) -> None:
         """Go on by a frame."""
         settings = self._settings
-        if self._rates_of is not motion:
-            run(_find_rates, len(self.rates), motion.right, motion.down, motion.defined,
-                settings.injection, settings.divergence, self.rates, chunk=ROWS)  # fmt: skip
-            self._rates_of = motion
-        changed = stream(settings.seed, number, CHANGED)
-        run(_carry, len(self.blended), self.rim, self.old, motion.right, motion.down,
-            self.place_right, self.place_down, np.float32(settings.blending), self.new,
-            self.blended, self.rates, changed, chunk=ROWS)  # fmt: skip
-        self._fill_rim(self.new, number)
-        self.old, self.new = self.new, self.old
+        if self._motion is not motion:
+            self._motion = motion
+            run(_find_rates, len(self._rates), motion.right, motion.down, motion.defined,
+                settings.injection, settings.divergence, self._rates, chunk=ROWS)  # fmt: skip
+            self.find_places(motion)
+        run(_carry, len(self.blended), self._rim, self.quads, self.places, motion.right,
+            motion.down, np.float32(number * _TURN_X % 1.0),
+            np.float32(number * _TURN_Y % 1.0), np.float32(settings.blending), self._noise,
+            self.blended, self._rates, stream(settings.seed, number, CHANGED),
+            chunk=ROWS)  # fmt: skip
+        self.make_ready(number)
+
+    @property
+    def cells(self) -> _Bits:
+        """The values of the cells, 0 or 1: (h, w)."""
+        rows, columns = self.blended.shape
+        return self._noise[self._rim : self._rim + rows, self._rim : self._rim + columns]
 
     def smoothed(self, motion: Motion) -> _Singles:
         """Return the blended noise, smoothed along the flow."""
@@ -228,25 +232,29 @@ class Noise:
             motion, self._longest, self.blended, settings.convolution, self._wraps
         )
 
-    def _fill_rim(self, noise: _Bits, number: int) -> None:
+    def find_places(self, motion: Motion) -> None:
+        """Find where each cell comes from."""
+        stride = self._noise.shape[1]
+        run(_find_places, len(self.places), self._rim, stride, motion.right, motion.down,
+            self.places, chunk=ROWS)  # fmt: skip
+
+    def make_ready(self, number: int) -> None:
+        """Fill the rim, and gather what the next step reads."""
         key = stream(self._settings.seed, number, BESIDE)
         wrap_x, wrap_y = self._wraps
-        inner = len(noise) - 2 * self.rim
-        _fill_beside(self.rim, self.rim + inner, self.rim, wrap_x, key, noise)
-        _fill_above_and_below(self.rim, wrap_x, wrap_y, key, noise)
+        inner = len(self._noise) - 2 * self._rim
+        _fill_beside(self._rim, self._rim + inner, self._rim, wrap_x, key, self._noise)
+        _fill_above_and_below(self._rim, wrap_x, wrap_y, key, self._noise)
+        quads = self.quads[: self._noise.size].reshape(self._noise.shape)
+        run(_join_quads, len(self._noise), self._noise, quads, chunk=8 * ROWS)
 
 
 @kernel
-def _begin(start, stop, key, rim, noise, right, down):
-    rows, columns = right.shape
+def _begin(start, stop, key, noise):
     for i in range(start, stop):
         keys = row_key(key, i)
         for j in range(noise.shape[1]):
-            bits = random_bits(keys, j)
-            noise[i, j] = bits & np.uint32(1)
-            if rim <= i < rim + rows and rim <= j < rim + columns:
-                right[i - rim, j - rim] = np.float32((bits >> np.uint32(1)) & 0x7FFF) / SHARES * 2
-                down[i - rim, j - rim] = np.float32(bits >> np.uint32(16)) / SHARES
+            noise[i, j] = random_bits(keys, j) & np.uint32(1)
 
 
 @kernel
@@ -272,33 +280,60 @@ def _find_rates(start, stop, right, down, defined, injection, divergence, rates)
 
 
 @kernel
-def _carry(
-    start, stop, rim, old, right, down, place_right, place_down, alpha, new, blended, rates, key
-):
+def _find_places(start, stop, rim, stride, right, down, places):
+    # A place lies between four cells, of which the first is read with the others.
     for i in range(start, stop):
+        base = (i + rim - 1) * stride + rim - 1
         for j in range(right.shape[1]):
-            x = place_right[i, j] - right[i, j]
-            y = place_down[i, j] - down[i, j]
-            left = np.floor(x)
-            top = np.floor(y)
-            x -= left
-            y -= top
-            place_right[i, j] = x
-            place_down[i, j] = y
-            row = np.uint64(i + rim + np.int32(top))
-            column = np.uint64(j + rim + np.int32(left))
-            a = old[row, column]
-            one = np.uint64(1)
-            upper = np.float32(a) + x * (np.float32(old[row, column + one]) - np.float32(a))
-            c = np.float32(old[row + one, column])
-            lower = c + x * (np.float32(old[row + one, column + one]) - c)
+            whole_x, whole_y = np.floor(right[i, j]), np.floor(down[i, j])
+            places[i, j] = base + j - int(whole_y) * stride - int(whole_x)
+
+
+@kernel
+def _carry(
+    start, stop, rim, quads, places, right, down, turn_x, turn_y, alpha, new, blended, rates,
+    key,
+):  # fmt: skip
+    # Each row in loops: what is where its cells come from, and what follows. All but the first run
+    # on many cells at once.
+    columns = right.shape[1]
+    found = np.empty(columns, dtype=np.uint8)
+    one = np.float32(1)
+    for i in range(start, stop):
+        for j in range(columns):
+            found[j] = quads[places[i, j]]
+        for j in range(columns):
+            quad = found[j]
+            x = one - (right[i, j] - np.floor(right[i, j]))
+            y = one - (down[i, j] - np.floor(down[i, j]))
+            a, b = np.float32(quad & 1), np.float32((quad >> 1) & 1)
+            c, d = np.float32((quad >> 2) & 1), np.float32((quad >> 3) & 1)
+            upper = a + x * (b - a)
+            lower = c + x * (d - c)
             shown = upper + y * (lower - upper)
             blended[i, j] += alpha * (shown - blended[i, j])
-            new[i + rim, j + rim] = a
         keys = row_key(key, i)
-        for j in range(right.shape[1]):
+        for j in range(columns):
+            x = right[i, j] - np.floor(right[i, j])
+            y = down[i, j] - np.floor(down[i, j])
+            # As often as the fraction is large, the step is a cell longer.
+            shorter_x, shorter_y = np.uint8(x + turn_x < one), np.uint8(y + turn_y < one)
+            carried = (found[j] >> (shorter_x + 2 * shorter_y)) & 1
             changes = (random_bits(keys, j) & np.uint32(0xFFFF)) < rates[i, j]
-            new[i + rim, j + rim] ^= np.uint8(changes)
+            new[i + rim, j + rim] = carried ^ np.uint8(changes)
+
+
+@kernel
+def _join_quads(start, stop, noise, quads):
+    # Each cell with its neighbors to the right, below and both, in four bits: one is read.
+    for i in range(start, min(stop, noise.shape[0] - 1)):
+        for j in range(noise.shape[1] - 1):
+            quads[i, j] = (
+                noise[i, j]
+                | (noise[i, j + 1] << 1)
+                | (noise[i + 1, j] << 2)
+                | (noise[i + 1, j + 1] << 3)
+            )
 
 
 @kernel

@@ -46,9 +46,10 @@ class Look:
         self._colored = colors is not None or (background is not None and background.ndim == 3)
         channels = 3 if self._colored else 1
         if background is None:
-            background = np.zeros((1, 1, 1), dtype=np.float32)
+            background = np.zeros((0, 0, 1), dtype=np.float32)
         behind = background[..., None] if background.ndim == 2 else background
         self._behind = np.ascontiguousarray(np.broadcast_to(behind, (*behind.shape[:2], channels)))
+        self._masked = settings.noise_mask > 0 or colors is not None
         self._colors = np.empty((0, 3), dtype=np.float32) if colors is None else colors
         # Linear reading makes a third of two values 0 and 1 vary, and blending averages these.
         deviation = math.sqrt(settings.blending / (2.0 - settings.blending)) / 3.0
@@ -64,9 +65,11 @@ class Look:
             speeds = np.hypot(motion.right, motion.down)
             speeds *= np.float32(1.0 / self._longest if self._longest > 0 else 0.0)
             np.minimum(speeds, np.float32(1.0), out=speeds)
-            self._shares = _power_mask(speeds, self._exponent)
-            self._shares[~motion.defined] = 0.0
-            self._speeds, self._known = speeds, motion
+            shares = _power_mask(speeds, self._exponent)
+            shares[~motion.defined] = 0.0
+            if not self._masked and shares.min() == 1:
+                shares = shares[:0]
+            self._shares, self._speeds, self._known = shares, speeds, motion
         frame = np.empty((*blended.shape, self._behind.shape[2]), dtype=np.float32)
         run(_show, len(blended), blended, self._gain, self._opacities, self._shares, self._speeds,
             self._colors, self._behind, frame, chunk=ROWS)  # fmt: skip
@@ -112,18 +115,44 @@ def _power_mask(values: npt.NDArray, exponent: float) -> _Singles:
 def _show(start, stop, blended, gain, opacities, shares, speeds, colors, behind, frame):
     last = np.float32(len(opacities) - 1)
     half = np.float32(0.5)
+    columns = blended.shape[1]
+    values = np.empty(columns, dtype=np.float32)
+    entries = np.empty(columns, dtype=np.uint32)
     for i in range(start, stop):
-        for j in range(blended.shape[1]):
+        for j in range(columns):
             value = half + gain * (blended[i, j] - half)
-            value = min(max(value, np.float32(0)), np.float32(1))
-            share = shares[i, j] * opacities[np.uint32(value * last + half)]
+            values[j] = min(max(value, np.float32(0)), np.float32(1))
+        if len(shares) == 0:
             for c in range(frame.shape[2]):
-                top = value
-                if len(colors) > 0:
-                    place = speeds[i, j] * np.float32(len(colors) - 1)
-                    first = int(place)
-                    second = min(first + 1, len(colors) - 1)
-                    top = colors[first, c]
-                    top += (place - np.float32(first)) * (colors[second, c] - top)
-                under = behind[0, 0, c] if behind.shape[0] == 1 else behind[i, j, c]
-                frame[i, j, c] = under + share * (top - under)
+                for j in range(columns):
+                    frame[i, j, c] = values[j]
+            continue
+        opaque = np.empty(columns, dtype=np.float32)
+        for j in range(columns):
+            entries[j] = np.uint32(np.int32(values[j] * last + half))
+        for j in range(columns):
+            opaque[j] = opacities[entries[j]]
+        for j in range(columns):
+            opaque[j] *= shares[i, j]
+        if len(colors) > 0:
+            _color(i, speeds, colors, opaque, frame)
+        else:
+            for c in range(frame.shape[2]):
+                for j in range(columns):
+                    frame[i, j, c] = opaque[j] * values[j]
+        if behind.shape[0] > 0:
+            for c in range(frame.shape[2]):
+                for j in range(columns):
+                    frame[i, j, c] += (np.float32(1) - opaque[j]) * behind[i, j, c]
+
+
+@kernel
+def _color(i, speeds, colors, opaque, frame):
+    for j in range(len(opaque)):
+        place = speeds[i, j] * np.float32(len(colors) - 1)
+        first = int(place)
+        second = min(first + 1, len(colors) - 1)
+        share = place - np.float32(first)
+        for c in range(3):
+            color = colors[first, c] + share * (colors[second, c] - colors[first, c])
+            frame[i, j, c] = opaque[j] * color

@@ -11,8 +11,9 @@ import numpy as np
 
 from ...base.parallel import kernel
 
-FIRST, CHANGED, BESIDE = range(3)
-"""What numbers are for: the first noise, the cells that change, and the rim around the image."""
+FIRST, CHANGED, BESIDE, BEYOND = range(4)
+"""What numbers are for: the first noise, the cells that change, the rim around the image, and what
+comes in where a surface ends."""
 
 _WORD = (1 << 64) - 1
 

@@ -26,13 +26,10 @@ from ..texels import checked_atlas, checked_size
 from .loops import Frames, repeating
 from .noise import Noise, grays, mixed, told
 from .opacity import Look, checked_background, checked_colors
-from .randomness import BESIDE, CHANGED, random_bits, row_key, stream
+from .randomness import BEYOND, random_bits, row_key, stream
 from .velocity import MOST_PIXELS, ROWS, Motion, checked_frames
 
 _Singles = npt.NDArray[np.float32]
-
-_REACH = 1.5
-"""Texels around the end of a step in which noise is read."""
 
 _LARGEST = 1e30
 
@@ -189,7 +186,7 @@ class _SurfaceFlow:
         run(_lay, shape[0], nodes, atlas.sheet.points, _axes(mesh), atlas.metric.inverse_jacobians,
             tangential, down, across, self.speeds, defined, chunk=ROWS)  # fmt: skip
         back = given_flow(atlas, -np.nan_to_num(tangential).mean(axis=1))
-        self.beyond = steps_beyond(atlas, back, -down, -across, _REACH)
+        self.beyond = steps_beyond(atlas, back, down, across)
         ghosts = atlas.sheet.ghosts
         copies = nearest_nodes(atlas.sheet, atlas.sources)[ghosts]
         self.ghosts = np.stack([ghosts, copies], axis=1)[copies != NOTHING]
@@ -225,27 +222,26 @@ class _SurfaceNoise(Noise):
     """Noise in the sheet of an atlas, carried over its seams."""
 
     def __init__(self, flow: _SurfaceFlow, settings: NoiseSettings) -> None:
-        super().__init__(flow.motion.right.shape, flow.reach, settings)
         self._flow = flow
-        count = len(flow.beyond.nodes)
-        self._bits = np.empty(count, dtype=np.uint8)
-        self._shown: _Singles = np.empty(count, dtype=np.float32)
-        run(_copy_bits, 1, flow.ghosts, self.rim, self.blended.shape[1], self.old)
+        rows, columns = flow.motion.right.shape
+        super().__init__((rows, columns), flow.reach, settings, len(flow.beyond.nodes))
 
-    def step(self, motion: Motion, number: int) -> None:
-        """Go on by a frame."""
-        flow, alpha = self._flow, np.float32(self._settings.blending)
-        fresh = stream(self._settings.seed, number, BESIDE)
-        run(_read_beyond, len(self._bits), flow.beyond, self.old, self.rim, self.place_down,
-            self.place_right, alpha, self.blended, fresh, self._bits, self._shown)  # fmt: skip
-        super().step(motion, number)
-        changed = stream(self._settings.seed, number, CHANGED)
-        run(_write_beyond, len(self._bits), flow.beyond.nodes, self._bits, self._shown, self.rates,
-            changed, self.rim, self.old, self.blended)  # fmt: skip
-        columns = self.blended.shape[1]
-        run(_copy_bits, 1, flow.ghosts, self.rim, columns, self.old)
-        flat = self.blended.reshape(-1)
-        flat[flow.ghosts[:, 0]] = flat[flow.ghosts[:, 1]]
+    def find_places(self, motion: Motion) -> None:
+        """Find where each node comes from: places beyond seams follow on the sheet's."""
+        super().find_places(motion)
+        nodes = self._flow.beyond.nodes
+        self.places.reshape(-1)[nodes] = self.quads.size - len(nodes) + np.arange(len(nodes))
+
+    def make_ready(self, number: int) -> None:
+        """Fill ghosts, and gather what the next step reads, beyond seams, too."""
+        cells, beyond = self.cells, self._flow.beyond
+        ghosts, nodes = self._flow.ghosts.T
+        columns = cells.shape[1]
+        cells[np.divmod(ghosts, columns)] = cells[np.divmod(nodes, columns)]
+        super().make_ready(number)
+        fresh = stream(self._settings.seed, number, BEYOND)
+        count = len(beyond.nodes)
+        run(_join_beyond, count, beyond, cells, fresh, self.quads[self.quads.size - count :])
 
 
 class _Texture:
@@ -290,50 +286,16 @@ def _lay(start, stop, nodes, points, axes, inverse_jacobians, field, down, acros
 
 
 @kernel
-def _read_beyond(
-    start, stop, beyond, noise, rim, place_down, place_right, alpha, blended, key, bits, shown
-):
-    columns = blended.shape[1]
-    half = np.float32(0.5)
+def _join_beyond(start, stop, beyond, cells, key, quads):
+    columns = cells.shape[1]
     for i in range(start, stop):
         y, x = divmod(beyond.nodes[i], columns)
-        before = blended[y, x]
-        if beyond.cells[i] == NOTHING:
-            bits[i] = random_bits(row_key(key, y), x) & np.uint32(1)
-            shown[i] = before + alpha * (np.float32(bits[i]) - before)
-            continue
-        # Half a cell is where a node's own place lies on the mean.
-        p, q = place_down[y, x] - half, place_right[y, x] - half
-        matrix = beyond.matrices[i]
-        row, column = divmod(beyond.cells[i], columns)
-        down = row + beyond.places[i, 0] + matrix[0, 0] * p + matrix[0, 1] * q
-        across = column + beyond.places[i, 1] + matrix[1, 0] * p + matrix[1, 1] * q
-        down = min(max(down, 0.0), blended.shape[0] - 1.001)
-        across = min(max(across, 0.0), columns - 1.001)
-        bits[i] = noise[rim + int(down + 0.5), rim + int(across + 0.5)]
-        row, column = int(down), int(across)
-        down -= row
-        across -= column
-        a, b = noise[rim + row, rim + column], noise[rim + row, rim + column + 1]
-        c, d = noise[rim + row + 1, rim + column], noise[rim + row + 1, rim + column + 1]
-        upper = a + across * (np.float64(b) - a)
-        lower = c + across * (np.float64(d) - c)
-        shown[i] = before + alpha * np.float32(upper + down * (lower - upper) - before)
-
-
-@kernel
-def _write_beyond(start, stop, nodes, bits, shown, rates, key, rim, noise, blended):
-    columns = blended.shape[1]
-    for i in range(start, stop):
-        y, x = divmod(nodes[i], columns)
-        changes = (random_bits(row_key(key, y), x) & np.uint32(0xFFFF)) < rates[y, x]
-        noise[y + rim, x + rim] = bits[i] ^ np.uint8(changes)
-        blended[y, x] = shown[i]
-
-
-@kernel
-def _copy_bits(start, stop, ghosts, rim, columns, noise):
-    for k in range(len(ghosts)):
-        y, x = divmod(ghosts[k, 0], columns)
-        row, column = divmod(ghosts[k, 1], columns)
-        noise[rim + y, rim + x] = noise[rim + row, rim + column]
+        bits = random_bits(row_key(key, y), x)
+        quad = np.uint8(0)
+        for k in range(4):
+            source = beyond.sources[i, k]
+            bit = np.uint8((bits >> np.uint32(k)) & np.uint32(1))
+            if source != NOTHING:
+                bit = cells[source // columns, source % columns]
+            quad |= bit << k
+        quads[i] = quad

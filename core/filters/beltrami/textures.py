@@ -117,7 +117,7 @@ def _smoothed(
     weights: npt.NDArray[np.float64] | None,
 ) -> npt.NDArray[np.float32]:
     # The new values of the nodes inside charts.
-    atlas, _, alpha, normals = texture
+    atlas, _, alpha, normals = texture[:4]
     with aside("Smoothing"):
         old, new = values, copied(values)
     for i in range(settings.iterations):

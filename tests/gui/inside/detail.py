@@ -158,7 +158,7 @@ def timed_stroke(height: float, seconds: list[float]) -> Steps:
     stage.show = noted
     yield from stroke(height)
     end = time.monotonic() + LIMIT
-    while addon("preview.painting")._is_brush_down():  # a busy Blender is told late of the end
+    while addon("preview.gain").is_brush_down():  # a busy Blender is told late of the end
         yield 0.01
     began = time.perf_counter()
     while not shown:

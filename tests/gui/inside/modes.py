@@ -51,6 +51,7 @@ def scenario() -> Steps:
     shading.color_type = "TEXTURE"
     report["texture"] = {}
     yield from image_mode("VIEW_3D", "texture", "sharpen_texture", report["texture"])
+    yield from generated()
     area("VIEW_3D").type = "IMAGE_EDITOR"
     yield DRAWN
     scene.add_image("Photo")
@@ -119,6 +120,24 @@ def image_mode(kind: str, mode: str, operator: str, seen: dict) -> Steps:
     seen["by_click"] = new_images(before_click)
     seen["originals"] = {name: pixels(bpy.data.images[name]) for name in before}
     show_again(kind, shown)
+
+
+def generated() -> Steps:
+    """Let a pattern grow by the panel's button, and take a picture of it."""
+    chosen = bpy.context.scene.shock_filter
+    chosen.mode, chosen.generate.target = "GENERATE", "pattern"
+    chosen.generate.image_size = "512"
+    places = yield from buttons()
+    tree = bpy.data.materials["Coat"].node_tree
+    before, node, nodes = set(bpy.data.images.keys()), tree.nodes.active, set(tree.nodes)
+    yield from click(tallest(places))
+    yield from park()
+    yield from finished()
+    report["generated"] = new_images(before)
+    picture("generate", area("VIEW_3D"))
+    for added in set(tree.nodes) - nodes:
+        tree.nodes.remove(added)
+    tree.nodes.active = node
 
 
 def state() -> dict[str, str]:

@@ -11,6 +11,8 @@ from preparing_interrupted import begun
 
 LIMIT = 700.0
 
+_OF_IMAGES = ("texture", "textures", "image")
+
 
 def scenario() -> Steps:
     """Wait until everything is ready, and press each button once."""
@@ -38,15 +40,17 @@ def presses() -> Steps:
     area("VIEW_3D").type = "VIEW_3D"
     operators = ["sharpen_geometry", "denoise", "sharpen_colors", "sharpen_texture"]
     operators += ["filter_texture", "stitch_textures", "dilate_texture"]
-    operators += ["sharpen_image", "denoise_image"]
-    for operator in operators:
-        words = {"image": "Coat"} if operator.endswith(("texture", "textures", "image")) else {}
+    operators += ["sharpen_image", "denoise_image", "denoise_texture"]
+    generated = [("generate", {"target": each}) for each in ("distance", "streaks", "pattern")]
+    presses = [(name, {"image": "Coat"} if name.endswith(_OF_IMAGES) else {}) for name in operators]
+    for operator, words in presses + generated:
+        small = {"image_size": "256", "pattern_steps": 50} if operator == "generate" else {}
         before = compiled()
         began = time.perf_counter()
         with over("VIEW_3D"):
-            result = getattr(bpy.ops.shock_filter, operator)(**words)
+            result = getattr(bpy.ops.shock_filter, operator)(**words, **small)
         seconds = time.perf_counter() - began
-        report[operator] = {
+        report["_".join([operator, *words.values()] if small else [operator])] = {
             "result": sorted(result),
             "seconds": seconds,
             "compiled": compiled() - before,

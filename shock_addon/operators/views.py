@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What those that draw into the 3D views share."""
+
+from __future__ import annotations
+
+import bpy
+from mathutils import Matrix
+
+LIFT = 0.0025
+"""How much nearer to the viewer a surface is drawn than it is, in parts of the distance."""
+
+
+def lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float = LIFT) -> Matrix:
+    """Bring what is drawn nearer to the viewer by this part of the distance, for the depth test."""
+    nearer = projection.copy()
+    if view.is_perspective:
+        nearer[2][3] *= 1.0 + lift
+    else:
+        nearer[2][3] += nearer[2][2] * lift * view.view_distance
+    return nearer
+
+
+def redraw() -> None:
+    """Have all 3D views drawn again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()

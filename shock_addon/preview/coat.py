@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draw grays on a surface in the 3D views; objects and materials stay as they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+import numpy.typing as npt
+from gpu_extras.batch import batch_for_shader
+
+from ...core.host.inputs import TexturedFaces
+from ..operators import views
+
+_VERTICES = """
+void main()
+{
+  place = corner;
+  shade = 0.4 + 0.6 * abs(dot(normal, towards));
+  gl_Position = to_clip * vec4(position, 1.0);
+}
+"""
+
+_PIXELS = """
+void main()
+{
+  ivec2 size = textureSize(pixels, 0);
+  vec2 at = fract(place) * vec2(size) - 0.5;
+  ivec2 first = (ivec2(floor(at)) + size) % size;
+  ivec2 next = (first + 1) % size;
+  vec2 share = fract(at);
+  float below = mix(texelFetch(pixels, first, 0).r,
+                    texelFetch(pixels, ivec2(next.x, first.y), 0).r, share.x);
+  float above = mix(texelFetch(pixels, ivec2(first.x, next.y), 0).r,
+                    texelFetch(pixels, next, 0).r, share.x);
+  result = vec4(vec3(shade * mix(below, above, share.y)), 1.0);
+}
+"""
+
+
+class Coat:
+    """Draws what `show` was given last on faces, until `end`.
+
+    Parameters
+    ----------
+    faces : TexturedFaces
+    """
+
+    def __init__(self, faces: TexturedFaces) -> None:
+        self._faces = faces
+        self._values: npt.NDArray[np.float32] | None = None
+        self._batch: Any = None
+        self._shader: Any = None
+        self._texture: Any = None
+        self._drawing: Any = bpy.types.SpaceView3D.draw_handler_add(
+            self._draw, (), "WINDOW", "POST_VIEW"
+        )
+
+    def show(self, values: npt.NDArray[np.float32] | None) -> None:
+        """Draw (h, w) values from now on, from 0 to 1, row 0 at v = 0; None for nothing."""
+        self._values, self._texture = values, None
+        views.redraw()
+
+    def end(self) -> None:
+        """Draw nothing any more."""
+        if self._drawing is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
+            self._drawing = None
+            views.redraw()
+
+    def _draw(self) -> None:
+        if self._values is None:
+            return
+        if self._shader is None:
+            self._shader = _shader()
+            self._batch = batch_for_shader(self._shader, "TRIS", _corners(self._faces))
+        if self._texture is None:
+            self._texture = _texture(self._values)
+        view = bpy.context.region_data
+        nearer = views.lifted(gpu.matrix.get_projection_matrix(), view)
+        self._shader.bind()
+        self._shader.uniform_sampler("pixels", self._texture)
+        self._shader.uniform_float("to_clip", nearer @ gpu.matrix.get_model_view_matrix())
+        self._shader.uniform_float("towards", view.view_matrix.inverted().col[2].xyz)
+        gpu.state.depth_test_set("LESS_EQUAL")
+        gpu.state.depth_mask_set(True)
+        self._batch.draw(self._shader)
+        gpu.state.depth_mask_set(False)
+        gpu.state.depth_test_set("NONE")
+
+
+def _corners(faces: TexturedFaces) -> dict[str, npt.NDArray[np.float32]]:
+    corners = faces.positions[faces.triangles]
+    if faces.normals is None:
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(across, axis=1, keepdims=True)
+        normals = np.repeat((across / np.where(length > 0, length, 1.0))[:, None], 3, axis=1)
+    else:
+        normals = faces.normals
+    found = {"position": corners, "normal": normals, "corner": faces.uv}
+    return {
+        name: np.ascontiguousarray(values.reshape(-1, values.shape[-1]), dtype=np.float32)
+        for name, values in found.items()
+    }
+
+
+def _texture(values: npt.NDArray[np.float32]) -> Any:
+    height, width = values.shape
+    flat = np.ascontiguousarray(values, dtype=np.float32).reshape(-1)
+    buffer = gpu.types.Buffer("FLOAT", flat.size, flat)
+    return gpu.types.GPUTexture((width, height), format="R32F", data=buffer)
+
+
+def _shader() -> Any:
+    between = gpu.types.GPUStageInterfaceInfo("shock_filter_coat")
+    between.smooth("VEC2", "place")
+    between.smooth("FLOAT", "shade")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.vertex_in(0, "VEC3", "position")
+    info.vertex_in(1, "VEC3", "normal")
+    info.vertex_in(2, "VEC2", "corner")
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", "result")
+    info.sampler(0, "FLOAT_2D", "pixels")
+    info.push_constant("MAT4", "to_clip")
+    info.push_constant("VEC3", "towards")
+    info.vertex_source(_VERTICES)
+    info.fragment_source(_PIXELS)
+    return gpu.shader.create_from_info(info)

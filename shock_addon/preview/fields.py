@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Previews of images that are made from the shape: at a low resolution, drawn on the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+from bpy.app.translations import pgettext_iface as iface_
+
+from ...core.host.fields import FieldSurface, reduced, reduced_settings
+from .. import data
+from ..data.skipped import Refused, Skipped
+from ..modes import Mode
+from .coat import Coat
+from .previewing import Preview, parameters_of
+
+
+class Seen(NamedTuple):
+    """Values to draw, (h, w), and what is to be said about them."""
+
+    values: npt.NDArray[np.float32]
+    note: str
+
+
+class FieldStage:
+    """Objects on which values are drawn; a stage of a `Preview`.
+
+    Parameters
+    ----------
+    target : FieldTarget
+    settings : object
+        Those of the filter.
+    """
+
+    def __init__(self, target: data.fields.FieldTarget, settings: Any) -> None:
+        self.chosen, self.note = {}, ""
+        self._shape, self._surface = target.surface.shape, reduced(target.surface, settings)
+        self._uids = [bpy.data.objects[name].session_uid for name in target.objects]
+        self._coat = Coat(target.surface.faces)
+
+    def settings(self, settings: Any) -> Any:
+        """Count in the texels of the smaller image."""
+        return reduced_settings(settings, self._shape, self._surface.shape)
+
+    def part(self, settings: Any) -> tuple[FieldSurface, Callable[[Any], Seen]]:
+        """Take the same surface with all settings."""
+        height, width = self._surface.shape
+        note = iface_("{width:,} x {height:,} pixels").format(width=width, height=height)
+        return self._surface, lambda result: Seen(result.grays, note)
+
+    def show(self, seen: Seen) -> None:
+        """Draw it."""
+        self.note = seen.note
+        self._coat.show(seen.values)
+
+    def show_before(self) -> None:
+        """Draw nothing for a look."""
+        self._coat.show(None)
+
+    def lost(self) -> str:
+        """Ask for the objects."""
+        there = {obj.session_uid for obj in bpy.data.objects}
+        return "" if there.issuperset(self._uids) else "an object was removed"
+
+    def end(self) -> None:
+        """Draw nothing any more; nothing was changed."""
+        self._coat.end()
+
+
+def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
+    """Begin on the chosen objects.
+
+    Raises
+    ------
+    Refused
+        If they, or what is named beside them, cannot be read.
+    """
+    parameters = parameters_of(context.scene, mode)
+    parameters.into = "IMAGE"
+    image = bpy.data.images.get(parameters.image) if parameters.image else None
+    target = mode.target(parameters)
+    try:
+        found, _ = data.fields.read_field(context, image, parameters, target.places)
+    except Skipped as reason:
+        raise Refused("There is nothing to preview: {reason}.", reason=reason) from None
+    return Preview(mode, parameters, FieldStage(found, target.row.settings))

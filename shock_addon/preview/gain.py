@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A gain map while it is painted on the model, which shows the result meanwhile."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import data
+from ..modes import Mode
+from .previewing import Preview, parameters_of
+
+_SHARE = 5
+"""How many times as long as a look at the map takes, until the next one."""
+
+_BRUSH = "PAINT_OT_image_paint"
+_MIDDLE = 128 / 255
+
+
+class _Stage:
+    """A texture and its gain map; a stage of a `Preview`."""
+
+    note = ""
+
+    def __init__(self, image: bpy.types.Image, gain_map: bpy.types.Image, surface: Any) -> None:
+        self._map = gain_map.session_uid
+        self._surface = replace(surface, is_tried=True)
+        self._stand_in = data.stand_in.StandIn(image)
+        self._stand_in.show(surface.picture.pixels)
+        self._painted = data.arrays.read_pixels(gain_map)
+
+    def settings(self, settings: Any) -> Any:
+        return settings
+
+    def look(self) -> bool:
+        """Whether something was painted since."""
+        gain_map = _find(self._map)
+        if gain_map is None or gain_map.size[:] != self._painted.shape[1::-1]:
+            return False
+        painted = data.arrays.read_pixels(gain_map)
+        if (painted == self._painted).all():
+            return False
+        self._painted = painted
+        return True
+
+    def part(self, settings: Any) -> tuple[Any, Callable[[Any], Any]]:
+        """Take what is painted now."""
+        surface = replace(self._surface, grays=data.textures.grays_of(self._painted))
+        return surface, lambda result: result.recolored.colors
+
+    def show(self, pixels: Any) -> None:
+        """Show the result on the model."""
+        self._stand_in.show(pixels)
+
+    def lost(self) -> bool:
+        """Whether the image, its map or what stands for it is gone."""
+        return not self._stand_in.is_there or _find(self._map) is None
+
+    def end(self) -> None:
+        """Show the texture itself."""
+        self._stand_in.end()
+
+
+class Painting:
+    """A gain map while it is painted."""
+
+    def __init__(self, context: bpy.types.Context, mode: Mode) -> None:
+        self._mode, self._scene = mode, context.scene.name
+        settings = getattr(context.scene.shock_filter, mode.key)
+        image = data.chosen.chosen_image(context, settings.image)
+        gain_map = bpy.data.images.get(settings.gain_map) or _new_map(image)
+        parameters = parameters_of(context.scene, mode)
+        parameters.gain_map = gain_map.name
+        target, _ = data.textures.read_texture(context, image, parameters, True)
+        # What is painted on would count as the texture, and what is shown would be the stand-in.
+        settings.image, settings.gain_map = image.name, gain_map.name
+        _paint_on(context, gain_map)
+        self.stage = _Stage(image, gain_map, target.surface)
+        self.preview = Preview(mode, parameters, self.stage)
+        self._strokes, self._next_look = 0, 0.0
+
+    def tick(self) -> None:
+        """Show what is ready, and begin anew if something was painted or set."""
+        preview = self.preview
+        parameters = parameters_of(bpy.data.scenes[self._scene], self._mode)
+        if not preview.is_computing and not is_brush_down() and self._look():
+            self._strokes += 1
+        parameters.strokes = self._strokes
+        preview.parameters = parameters
+        preview.tick()
+
+    def _look(self) -> bool:
+        began = time.perf_counter()
+        if began < self._next_look:
+            return False
+        is_new = self.stage.look()
+        ended = time.perf_counter()
+        self._next_look = ended + _SHARE * (ended - began)
+        return is_new
+
+    def is_lost(self) -> bool:
+        """Whether there is nothing to show any more."""
+        scene = bpy.data.scenes.get(self._scene)
+        is_chosen = scene is not None and scene.shock_filter.mode.lower() == self._mode.key
+        return not is_chosen or self.stage.lost()
+
+
+def _new_map(image: bpy.types.Image) -> bpy.types.Image:
+    width, height = image.size
+    gain_map = bpy.data.images.new(f"{image.name} gain", width, height, is_data=True)
+    pixels = np.full((height, width, 4), _MIDDLE, dtype=np.float32)
+    pixels[..., 3] = 1.0
+    data.arrays.write_pixels(gain_map, pixels)
+    gain_map.update()
+    gain_map.pack()
+    gain_map.use_fake_user = True
+    return gain_map
+
+
+def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image) -> None:
+    paint = context.tool_settings.image_paint
+    paint.mode, paint.canvas = "IMAGE", gain_map
+    if context.mode != "PAINT_TEXTURE":
+        bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+    shading = getattr(context.space_data, "shading", None)
+    if shading is not None and shading.type in {"SOLID", "WIREFRAME"}:
+        shading.type = "MATERIAL"
+
+
+def is_brush_down() -> bool:
+    """Whether a stroke is under way: what is computed then would be in the way at its end."""
+    windows = bpy.context.window_manager.windows
+    return any(each.bl_idname == _BRUSH for window in windows for each in window.modal_operators)
+
+
+def _find(uid: int) -> bpy.types.Image | None:
+    return next((image for image in bpy.data.images if image.session_uid == uid), None)
