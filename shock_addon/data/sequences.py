@@ -141,8 +141,8 @@ def load(folder: Path, name: str, count: int) -> bpy.types.Image:
         raise ShockError("{reason}", reason=str(error).strip()) from error
     image.name = name
     image.source = "SEQUENCE"
-    if bpy.data.filepath:
-        image.filepath = bpy.path.relpath(image.filepath)
+    if bpy.data.filepath and folder.is_relative_to(Path(bpy.data.filepath).parent):
+        image.filepath = bpy.path.relpath(image.filepath)  # the files move with the blend file
     return image
 
 
