@@ -22,7 +22,9 @@ from run import run
 from shock_filter.core import cli
 
 OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "visualize-flow"
-PIXELS, COLORS = 420, 256
+PIXELS, COLORS = 420, 96
+IN_PLANE = 300, 160
+"""Width of pictures of the plane, and their colors."""
 SPOT = View(rotation=(90, 0, 215), centre=(-0.1, 0.08), size=1.8, light=(-0.3, -1.0, 0.6))
 KINDS = (
     [],
@@ -61,8 +63,9 @@ def two_vortices(size: int) -> np.ndarray:
 
 def show_kinds(folder: Path) -> None:
     """Show the flow in the plane in all ways, beside each other."""
-    np.save(folder / "flow.npy", two_vortices(PIXELS // 2))
-    size = f"{PIXELS}x{PIXELS}"
+    width, colors = IN_PLANE
+    np.save(folder / "flow.npy", two_vortices(width))
+    size = f"{width}x{width}"
     pictures = []
     for number, words in enumerate(KINDS):
         target = folder / (f"{number}.png" if "lines" in words else f"{number}")
@@ -71,10 +74,10 @@ def show_kinds(folder: Path) -> None:
         assert cli.main([*given, *words, *frames]) == cli.DONE
         path = target if target.is_file() else max(target.iterdir())
         pictures.append(np.array(Image.open(path).convert("RGB")))
-    line = np.full((PIXELS, 8, 3), 255, np.uint8)
+    line = np.full((width, 8, 3), 255, np.uint8)
     row = [part for picture in pictures for part in (line, picture)][1:]
     Image.fromarray(np.concatenate(row, axis=1)).save(OUT / "kinds.png")
-    shrink(OUT / "kinds.png", COLORS)
+    shrink(OUT / "kinds.png", colors)
 
 
 def show_model(model: Path, folder: Path) -> None:

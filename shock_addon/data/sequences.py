@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-import tempfile
 import weakref
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,9 @@ import bpy
 
 from ...core.errors import Cancelled, ShockError
 from ...core.files.frames import frame_name, write_folder
-from ...core.files.output import Unfinished
+from ...core.files.output import Unfinished, temporary_folder
 from .skipped import Refused
 
-_PREFIX = ".shock-filter-"
 _FRAME = r"frame_\d+\.png"
 
 
@@ -37,9 +35,10 @@ class Staged:
     """
 
     def __init__(self, parent: Path, count: int) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent))
+        stack = ExitStack()
+        self.folder = temporary_folder(parent, stack)
         self.count = count
-        self._removal = weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
+        self._removal = weakref.finalize(self, stack.close)
 
     def remove(self) -> None:
         """Remove what is left of it."""
@@ -141,8 +140,8 @@ def load(folder: Path, name: str, count: int) -> bpy.types.Image:
         raise ShockError("{reason}", reason=str(error).strip()) from error
     image.name = name
     image.source = "SEQUENCE"
-    if bpy.data.filepath:
-        image.filepath = bpy.path.relpath(image.filepath)
+    if bpy.data.filepath and folder.is_relative_to(Path(bpy.data.filepath).parent):
+        image.filepath = bpy.path.relpath(image.filepath)  # the files move with the blend file
     return image
 
 

@@ -54,7 +54,7 @@ def press(mode) -> None:
     if "vertex_group" in mode.names:
         changes += [{**change, "vertex_group": "Some"} for change in ({}, *changes)]
     if "frames" in mode.names:
-        small = {"frames": 3, "image_size": "256", "folder": FOLDER.name, "field": "Paint"}
+        small = {"frames": 24, "image_size": "256", "folder": FOLDER.name, "field": "Paint"}
         changes = [{**each, **small, "in_colors": y} for each in changes for y in (False, True)]
     elif "image_size" in mode.names:
         small = {"source": "seams", "image_size": "256", "pattern_steps": 4}

@@ -10,7 +10,9 @@ from shock_filter import core
 from shock_filter.core.files.images import read_pixels
 from shock_filter.shock_addon.data import images as image_data
 from shock_filter.shock_addon.data import sequences
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
+from shock_filter.shock_addon.operators import poll as obstacles
 
 visualize = bpy.ops.shock_filter.visualize_flow
 SIZE = 256
@@ -233,3 +235,49 @@ def test_bytes_of_a_map_have_an_exact_middle(saved):
     frames = read(saved / "Map_flow")
     inner = slice(1, -1)
     np.testing.assert_array_equal(frames[1][inner, inner], frames[2][inner, inner])
+
+
+@pytest.fixture
+def editor():
+    """Return a function that calls something in an Image Editor that shows an image."""
+    window = bpy.context.window_manager.windows[0]
+    area = window.screen.areas[0]
+    before, area.type = area.type, "IMAGE_EDITOR"
+
+    def call(image, function):
+        area.spaces.active.image = image
+        with bpy.context.temp_override(window=window, area=area, space_data=area.spaces.active):
+            function(bpy.context)
+        return area.spaces.active
+
+    yield call
+    area.type = before
+
+
+def test_the_image_editor_plays_the_flow_of_its_map(saved, editor):
+    space = editor(add_map(), lambda context: visualize(target="map", frames=3, loop=2))
+    assert space.image == bpy.data.images["Map Flow"]
+    user = space.image_user
+    assert (user.frame_duration, user.frame_start, user.use_cyclic) == (3, 1, True)
+
+
+def test_what_is_missing_is_said_before_a_press(saved, editor, rounded_box):
+    settings = bpy.context.scene.shock_filter.visualize
+
+    def obstacle(target, context=None):
+        settings.target = target
+        return obstacles.of_mode(context or bpy.context, find("visualize"), settings)
+
+    assert obstacle("shape") == "Select a mesh object."
+    box = rounded_box()
+    assert obstacle("shape") == ""
+    assert obstacle("colors").startswith("The mesh has no colors")
+    assert obstacle("attribute") == "Name an attribute of vectors or numbers."
+    assert obstacle("map").startswith("Choose a flow map")
+    box.data.uv_layers.remove(box.data.uv_layers[0])
+    assert obstacle("shape").startswith("Unwrap the mesh")
+    settings.image = add_map().name
+    assert obstacle("map") == ""
+    said = []
+    editor(bpy.data.images["Map"], lambda context: said.append(obstacle("shape", context)))
+    assert said == [""]  # in the Image Editor its image is meant
