@@ -311,12 +311,12 @@ class Freed(Operator):
 
 def test_an_operator_that_blender_has_freed_stands_in_nobodys_way(context):
     freed = Freed()
-    freed.start(context, waiting_work)
+    freed.run_in_window(context, waiting_work)
     job = jobs.current()
     freed.freed = True
     assert jobs.current() is None
     again = Operator()
-    again.start(context, waiting_work)
+    again.run_in_window(context, waiting_work)
     job.wait()
     assert len(context.window_manager.timers) == 1
     again.modal(context, ESC)
@@ -324,7 +324,7 @@ def test_an_operator_that_blender_has_freed_stands_in_nobodys_way(context):
 
 def test_stop_all_ends_the_run_of_an_operator_that_blender_has_freed(context):
     freed = Freed()
-    freed.start(context, waiting_work)
+    freed.run_in_window(context, waiting_work)
     job = jobs.current()
     freed.freed = True
     jobs.stop_all()
@@ -367,14 +367,14 @@ def test_stop_all_ends_runs_and_their_threads(context):
     # Blender's handler is gone only after the next event.
     again = Operator()
     assert len(context.window_manager.timers) == 2  # each window gets events
-    assert again.start(context, waiting_work) == {"CANCELLED"}
+    assert again.run_in_window(context, waiting_work) == {"CANCELLED"}
     assert again.reports == [({"WARNING"}, "The last run is still being put away; run again.")]
     context.window_manager.windows.pop()  # with its timers
     context.window_manager.timers.pop()
     for function in context.blender.timers:
         assert function() is None
     assert context.is_clean()
-    assert again.start(context, waiting_work) == {"RUNNING_MODAL"}
+    assert again.run_in_window(context, waiting_work) == {"RUNNING_MODAL"}
     again.modal(context, ESC)
 
 
@@ -472,9 +472,9 @@ class Sharpening(operators.FilterOperator):
 def test_a_run_that_ends_lets_go_of_what_it_has_read(context, monkeypatch):
     monkeypatch.setattr(operators, "summaries", {})
     cancelled, failed = Sharpening(), Sharpening()
-    cancelled.start(context, waiting_work)
+    cancelled.run_in_window(context, waiting_work)
     assert cancelled.modal(context, ESC) == {"CANCELLED"}
-    failed.start(context, lambda progress: 1 / 0)
+    failed.run_in_window(context, lambda progress: 1 / 0)
     assert run_to_the_end(failed, context) == {"CANCELLED"}
     assert vars(cancelled) == vars(failed) == {}
     cancelled.cancel(context)  # so does Blender when a window closes
