@@ -205,25 +205,28 @@ def spectrum(job: common.Job) -> None:
         ours = Noise(flow.size, flow.longest, settings)
         literal = LiteralNoise(ours.cells, motion.right, motion.down, True, injection)
         first = haar_bands(ours.cells)
-        spread = []
+        both = {"ours": ours, "as in the paper": literal}
+        spreads: dict[str, list[float]] = {name: [] for name in both}
         for number in range(frames):
             ours.step(motion, number)
             literal.step()
             if number % 50 == 49:
-                spread.append(np.ptp(haar_bands(ours.cells) / first))
+                for name, each in both.items():
+                    spreads[name].append(np.ptp(haar_bands(each.cells) / first))
         bands = [haar_bands(each.cells) / first for each in (ours, literal)]
         for name, found in zip(("ours", "as in the paper"), bands, strict=True):
             share = f"{100 * injection:.0f} %"
             rows.append([share, name, *(f"{value:.2f}" for value in found)])
             rows[-1].append(f"{np.ptp(found):.2f}")
-        curves[f"{100 * injection:.0f} %"] = (range(50, frames + 1, 50), spread)
+        if injection < 0.05:
+            for name, spread in spreads.items():
+                curves[f"{100 * injection:.0f} %, {name}"] = range(50, frames + 1, 50), spread
     head = ["injected", "", *(f"{2**k} px" for k in range(1, len(first) + 1)), "spread"]
     text = (
         f"Energy in each band of the Haar transform after {frames} frames, over that of the first,"
         f" in a rotation of at most 2 pixels a frame, {size}²; 1 is the ideal."
     )
-    plot = job.page.plot("spectrum", curves, "frame", "spread of the bands", x_scale="linear",
-                         y_scale="linear")  # fmt: skip
+    plot = job.page.plot("spectrum", curves, "frame", "spread of the bands", x_scale="linear")
     job.page.write("spectrum", "\n\n".join([text, table(head, rows, 2)]) + plot)
 
 
@@ -276,7 +279,7 @@ def slow(job: common.Job) -> None:
         pictures.append(0.5 + 0.18 / 0.0765 * (blended - 0.5))
     pictures.append(last(core.advect_noise(rotation(size), frames=120)))
     shown = job.page.picture(
-        "slow", Image.fromarray(gray(beside(*pictures))).quantize(8),
+        "slow", Image.fromarray(gray(beside(*pictures))).quantize(5),
         "Rotation of at most 2 pixels a frame: fractions left out, in each cell, ours",
     )  # fmt: skip
     head = ["pixels a frame", "frames", "fractions left out", "in each cell (paper)", "ours"]
@@ -293,7 +296,7 @@ def blending(job: common.Job) -> None:
         last(core.advect_noise(vortices(size), core.NoiseSettings(step=2, blending=alpha), 3))
         for alpha in (0.03, 0.1, 0.5, 1.0)
     ]
-    text = job.page.picture("blending", Image.fromarray(gray(beside(*frames))).quantize(8),
+    text = job.page.picture("blending", Image.fromarray(gray(beside(*frames))).quantize(5),
                             "Blending 0.03, 0.1, 0.5 and 1")  # fmt: skip
     size = 256
     background = np.broadcast_to([0.05, 0.15, 0.35], (size, size, 3))
@@ -304,7 +307,7 @@ def blending(job: common.Job) -> None:
         ))
         for length in (0, 6)
     ]  # fmt: skip
-    text += job.page.picture("convolution", Image.fromarray(gray(beside(*frames))).quantize(16),
+    text += job.page.picture("convolution", Image.fromarray(gray(beside(*frames))).quantize(10),
                              "A step of 6 pixels, without and with convolution")  # fmt: skip
     job.page.write("blending", text.strip())
 
@@ -339,7 +342,7 @@ def circles(job: common.Job) -> None:
                              background=white))[..., :3]
         for way in ("euler", "midpoint")
     ]  # fmt: skip
-    shown = job.page.picture("circles", Image.fromarray(gray(beside(*pictures))),
+    shown = job.page.picture("circles", Image.fromarray(gray(beside(*pictures))).quantize(16),
                              "Dye in a rotation: first order, second order")  # fmt: skip
     head = ["steps a turn", "first order: pixels apart", "order", "second order", "order"]
     job.page.write("circles", table(head, rows) + shown)
@@ -373,7 +376,7 @@ def sharpness(job: common.Job) -> None:
             frames = core.advect_dye(velocity, spots, settings, steps + 1,
                                      background=np.ones((size, size)))  # fmt: skip
             pictures.append(last(frames)[..., :3])
-    shown = job.page.picture("sharpness", Image.fromarray(gray(beside(*pictures))),
+    shown = job.page.picture("sharpness", Image.fromarray(gray(beside(*pictures))).quantize(16),
                              "Spots of 16 (above) and 8 pixels after a turn: not sharpened,"
                              " rational, shock")  # fmt: skip
     head = [
@@ -411,7 +414,7 @@ def flow_round_a_cylinder(job: common.Job) -> None:
     picture = last(core.advect_noise(fields, noise, frames, size=size))
     pictures.append(np.repeat(picture[..., None], 3, axis=2))
     shown = np.concatenate([beside(*pictures[:2]), beside(*pictures[2:])])
-    shown = Image.fromarray(gray(shown)).resize((780, 312), Image.Resampling.LANCZOS).quantize(40)
+    shown = Image.fromarray(gray(shown)).resize((780, 312), Image.Resampling.LANCZOS).quantize(24)
     text = job.page.picture("cylinder", shown, "Dye not sharpened, rational, shock; noise")
     head = ["sharpening", "dye, pixels", "soft, % of the image"]
     note = f"{len(fields)} key frames, {frames} frames of at most 4 pixels, Reynolds number 120."
