@@ -122,7 +122,12 @@ def convolution(job: common.Job) -> None:
     goals = [Target("time of ours by that of rlic", ratio, 0.7)]
     head = ["", "seconds", "processor, s"]
     text = f"{LARGE}², 41 samples, best of four runs in turns; rlic uses one core."
-    job.page.write("convolution", "\n\n".join([text, table(head, rows), targets(goals)]))
+    drawn = core.line_integral_convolution(
+        vortices(240), settings=core.ConvolutionSettings(length=30)
+    )
+    shown = job.page.picture("streaks", Image.fromarray(gray(drawn)).quantize(12),
+                             "Streaks of 30 pixels")  # fmt: skip
+    job.page.write("convolution", "\n\n".join([text, table(head, rows), targets(goals)]) + shown)
 
 
 def grown(frames: int) -> float:
@@ -170,14 +175,14 @@ def spectrum(job: common.Job) -> None:
         for number in range(frames):
             ours.step(motion, number)
             literal.step()
-            if number % 25 == 24:
+            if number % 50 == 49:
                 spread.append(np.ptp(haar_bands(ours.cells) / first))
         bands = [haar_bands(each.cells) / first for each in (ours, literal)]
         for name, found in zip(("ours", "as in the paper"), bands, strict=True):
             share = f"{100 * injection:.0f} %"
             rows.append([share, name, *(f"{value:.2f}" for value in found)])
             rows[-1].append(f"{np.ptp(found):.2f}")
-        curves[f"{100 * injection:.0f} %"] = (range(25, frames + 1, 25), spread)
+        curves[f"{100 * injection:.0f} %"] = (range(50, frames + 1, 50), spread)
     head = ["injected", "", *(f"{2**k} px" for k in range(1, len(first) + 1)), "spread"]
     text = (
         f"Energy in each band of the Haar transform after {frames} frames, over that of the first,"
@@ -224,7 +229,7 @@ def slow(job: common.Job) -> None:
         rows.append([f"{right:g}", str(frames), *(f"{pixels:.1f}" for pixels in found)])
         errors.append(abs(found[-1] - right * frames))
     goals = [Target("largest error of ours, pixels", max(errors), 2.0, "{:.1f}")]
-    size = 256
+    size = 180
     flow = Flow(rotation(size), None, None, 2.0)
     motion = flow.at(0)
     pictures = []
@@ -237,7 +242,7 @@ def slow(job: common.Job) -> None:
         pictures.append(0.5 + 0.18 / 0.0765 * (blended - 0.5))
     pictures.append(last(core.advect_noise(rotation(size), frames=120)))
     shown = job.page.picture(
-        "slow", Image.fromarray(gray(beside(*pictures))),
+        "slow", Image.fromarray(gray(beside(*pictures))).quantize(8),
         "Rotation of at most 2 pixels a frame: fractions left out, in each cell, ours",
     )  # fmt: skip
     head = ["pixels a frame", "frames", "fractions left out", "in each cell (paper)", "ours"]
@@ -249,14 +254,14 @@ def slow(job: common.Job) -> None:
 
 def blending(job: common.Job) -> None:
     """Figure 7: blending; Figure 9: convolution of the frames."""
-    size = 220
+    size = 160
     frames = [
         last(core.advect_noise(vortices(size), core.NoiseSettings(step=2, blending=alpha), 3))
         for alpha in (0.03, 0.1, 0.5, 1.0)
     ]
-    text = job.page.picture("blending", Image.fromarray(gray(beside(*frames))),
+    text = job.page.picture("blending", Image.fromarray(gray(beside(*frames))).quantize(8),
                             "Blending 0.03, 0.1, 0.5 and 1")  # fmt: skip
-    size = 360
+    size = 256
     background = np.broadcast_to([0.05, 0.15, 0.35], (size, size, 3))
     frames = [
         last(core.advect_noise(
@@ -265,7 +270,7 @@ def blending(job: common.Job) -> None:
         ))
         for length in (0, 6)
     ]  # fmt: skip
-    text += job.page.picture("convolution", Image.fromarray(gray(beside(*frames))).quantize(24),
+    text += job.page.picture("convolution", Image.fromarray(gray(beside(*frames))).quantize(16),
                              "A step of 6 pixels, without and with convolution")  # fmt: skip
     job.page.write("blending", text.strip())
 
@@ -347,12 +352,13 @@ def sharpness(job: common.Job) -> None:
 
 def flow_round_a_cylinder(job: common.Job) -> None:
     """Figure 14: dye in an unsteady flow."""
-    fields = cylinder.key_frames()
+    steps = 120
+    fields = cylinder.key_frames(steps=steps)
     colors = [(0.85, 0.1, 0.1), (0.1, 0.25, 0.8)]
     spots = [core.DyeSource([(0.05, y)], 20, colors, every=20, lasting=10)
              for y in np.linspace(0.2, 0.8, 10)]  # fmt: skip
     size = 2 * cylinder.ROWS, 2 * cylinder.COLUMNS
-    duration = 15 * 90 / 1.0
+    duration = (len(fields) - 1) * steps
     frames = core.flow_frames(fields, size[1], cylinder.COLUMNS, duration, step=4.0)
     rows, pictures = [], []
     for name, words in {
@@ -371,10 +377,10 @@ def flow_round_a_cylinder(job: common.Job) -> None:
     picture = last(core.advect_noise(fields, noise, frames, size=size))
     pictures.append(np.repeat(picture[..., None], 3, axis=2))
     shown = np.concatenate([beside(*pictures[:2]), beside(*pictures[2:])])
-    shown = Image.fromarray(gray(shown)).quantize(128)
+    shown = Image.fromarray(gray(shown)).resize((780, 312), Image.Resampling.LANCZOS).quantize(40)
     text = job.page.picture("cylinder", shown, "Dye not sharpened, rational, shock; noise")
     head = ["sharpening", "dye, pixels", "soft, % of the image"]
-    note = f"Sixteen key frames, {frames} frames of at most 4 pixels, Reynolds number 120."
+    note = f"{len(fields)} key frames, {frames} frames of at most 4 pixels, Reynolds number 120."
     job.page.write("cylinder", "\n\n".join([note, table(head, rows)]) + text)
 
 

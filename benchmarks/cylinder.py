@@ -23,7 +23,7 @@ _BACK = np.array([0, 3, 4, 1, 2, 7, 8, 5, 6])
 _WEIGHTS = np.array([4 / 9, *[1 / 9] * 4, *[1 / 36] * 4])
 
 
-def key_frames(count: int = 16, steps: int = 90, start: int = 14_000) -> np.ndarray:
+def key_frames(count: int = 32, steps: int = 120, start: int = 12_000) -> np.ndarray:
     """Solve; return velocities (count, h, w, 2), right and up, NaN in the cylinder."""
     y, x = np.mgrid[:ROWS, :COLUMNS]
     solid = np.hypot(y - CENTER[0], x - CENTER[1]) < RADIUS

@@ -20,6 +20,9 @@ CLASSES = [
     core.BeltramiSettings,
     core.BeltramiMeshSettings,
     core.BeltramiGeometrySettings,
+    core.NoiseSettings,
+    core.DyeSettings,
+    core.ConvolutionSettings,
 ]
 
 

@@ -244,7 +244,7 @@ def _convolve(start, stop, packed, stride, rim, half, unit, out):
                     x[j] = np.float32(first + j + rim) + u[j]
                     y[j] = np.float32(i + rim) + v[j]
                     alive[j] = here >= 0 and (u[j] != 0 or v[j] != 0)
-                for _ in range(half):
+                for sample in range(half):
                     _place(size, x, across, index, np.int32(1), np.uint32(0))
                     _place(size, y, below, index, wide, np.uint32(1))
                     for j in range(size):
@@ -257,6 +257,8 @@ def _convolve(start, stop, packed, stride, rim, half, unit, out):
                         _split(size, words[corner], ways[corner], values[corner])
                     _end(size, words, across, below, alive)
                     _add(size, values, across, below, alive, total, count)
+                    if sample == half - 1:
+                        break
                     _find_way(size, ways, across, below, way_x, way_y)
                     if unit:
                         for j in range(size):

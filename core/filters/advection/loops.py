@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import closing
 
 import numpy as np
 import numpy.typing as npt
 
-Frames = Iterator[npt.NDArray[np.float32]]
+Frames = Generator[npt.NDArray[np.float32], None, None]
 
 
 def repeating(

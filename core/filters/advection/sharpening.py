@@ -78,7 +78,8 @@ def _gather(start, stop, gain, joined, old, new):
             for k in range(3):
                 row = i + k - 1
                 row = row % rows if joined[1] else min(max(row, 0), rows - 1)
-                padded[k, 1:-1] = old[kind, row]
+                for j in range(columns):
+                    padded[k, j + 1] = old[kind, row, j]
                 padded[k, 0] = old[kind, row, columns - 1 if joined[0] else 0]
                 padded[k, columns + 1] = old[kind, row, 0 if joined[0] else columns - 1]
             upper, middle, lower = padded[0], padded[1], padded[2]

@@ -86,7 +86,8 @@ class Flow:
         self._wraps = wraps(periodic)
         self.frames, self._loops = frames, loops
         self.size = checked_size(self._field.shape[:2] if size is None else size)
-        self._mask = self._masks_field = None
+        self._mask: npt.NDArray[np.bool_] | None = None
+        self._masks_field: npt.NDArray[np.bool_] | None = None
         if mask is not None:
             self._take_mask(mask)
         fastest = max(map(self._speed, self._field.samples()))
