@@ -20,6 +20,7 @@ from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.filters.advection.noise import Noise
 from shock_filter.core.filters.advection.velocity import Flow
+from texture_models import BALL, read_model, save_model
 
 LARGE = 1024
 PAPER = {"advection": (39.0, 18.0, 4.1), "with a mask": (27.0, 10.5, 2.7),
@@ -128,6 +129,39 @@ def convolution(job: common.Job) -> None:
     shown = job.page.picture("streaks", Image.fromarray(gray(drawn)).quantize(12),
                              "Streaks of 30 pixels")  # fmt: skip
     job.page.write("convolution", "\n\n".join([text, table(head, rows), targets(goals)]) + shown)
+
+
+def on_surface(job: common.Job) -> None:
+    """Frames of textures of 1024 squared."""
+    rows, goals = [], []
+    for name in ("spot", "blub") if job.data else (BALL,):
+        path = job.scratch / f"{name}-{LARGE}.npz"
+        common.in_own_process(save_model, path, job.data, name, LARGE)
+        model = read_model(path)
+        mesh = model.mesh()
+        field = np.cross([0.0, 1.0, 0.0], mesh.vertices - mesh.vertices.mean(axis=0))
+        for option, words in OPTIONS.items():
+            settings = core.NoiseSettings(step=6.0, **words)
+            start = time.perf_counter()
+            given = core.advect_on_surface(
+                mesh, model.uv, field, (LARGE, LARGE), settings, frames=101
+            )
+            next(given)
+            first = time.perf_counter() - start
+            found = []
+            for _ in range(5):
+                wall, processor = time.perf_counter(), time.process_time()
+                for _ in range(20):
+                    next(given)
+                found.append((time.perf_counter() - wall, time.process_time() - processor))
+            wall, processor = np.min(found, axis=0) / 20
+            rows.append([name, option, f"{first:.1f}", f"{1 / wall:.0f}", f"{1e3 * processor:.1f}"])
+            if option == "advection":
+                what = f"{name}, {LARGE}²: frames a second"
+                goals.append(Target(what, 1 / wall, 25.0, "{:.0f}", at_least=True))
+    head = ["model", "", "first frame, s", "frames a second", "processor, ms a frame"]
+    text = "Best of five runs of 20 frames; what comes before the first frame is shown in it."
+    job.page.write("surface", "\n\n".join([text, table(head, rows), targets(goals)]))
 
 
 def grown(frames: int) -> float:
@@ -387,6 +421,7 @@ def flow_round_a_cylinder(job: common.Job) -> None:
 SECTIONS = {
     "speed": speed,
     "convolution": convolution,
+    "surface": on_surface,
     "memory": memory,
     "spectrum": spectrum,
     "slow": slow,

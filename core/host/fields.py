@@ -83,9 +83,10 @@ class Generated:
 
     @property
     def grays(self) -> npt.NDArray[np.float32]:
-        """What is seen of the values: in [0, 1], up to the largest, and 0 where there is none."""
-        values = np.where(self.shown, self.values, np.float32(0.0))
-        return np.clip(values / max(float(values.max(initial=0.0)), 1.0), 0.0, 1.0)
+        """What is seen of the values, the gutter too: in [0, 1], 0 where they are infinite."""
+        values = np.where(np.isfinite(self.values), self.values, np.float32(0.0))
+        largest = float(values.max(initial=0.0, where=self.shown))
+        return np.clip(values / max(largest, 1.0), 0.0, 1.0)
 
 
 def reduced(surface: FieldSurface, settings: type) -> FieldSurface:

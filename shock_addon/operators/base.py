@@ -154,7 +154,7 @@ class FilterOperator(ModalJob):
         if bpy.app.background or context.window is None:
             return self.execute(context)
         work = self._prepare(context)
-        return {"CANCELLED"} if work is None else self.start(context, work)
+        return {"CANCELLED"} if work is None else self.run_job(context, work)
 
     def _prepare(self, context: bpy.types.Context) -> Work | None:
         from ...core.base.findings import Finding, gathering

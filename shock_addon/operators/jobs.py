@@ -133,7 +133,7 @@ class _Wait:
 
 
 class ModalJob:
-    """Mixin for operators: `start` from invoke; `finish` is called when the work has ended."""
+    """Mixin for operators: `run_job` from invoke; `finish` is called when the work has ended."""
 
     _wait = None  # type: _Wait | None  # Blender would evaluate an annotation for each operator
 
@@ -141,7 +141,7 @@ class ModalJob:
         """Apply what `compute` returns; it raises what the work raised."""
         raise NotImplementedError
 
-    def start(self, context: bpy.types.Context, work: Work) -> set[str]:
+    def run_job(self, context: bpy.types.Context, work: Work) -> set[str]:
         """Begin the work and wait for it as a modal operator."""
         if is_settling():
             self.report({"WARNING"}, "The last run is still being put away; run again.")

@@ -35,7 +35,9 @@ void main()
                     texelFetch(pixels, ivec2(next.x, first.y), 0).r, share.x);
   float above = mix(texelFetch(pixels, ivec2(first.x, next.y), 0).r,
                     texelFetch(pixels, next, 0).r, share.x);
-  result = vec4(vec3(shade * mix(below, above, share.y)), 1.0);
+  float gray = mix(below, above, share.y);
+  // Colors are linear here, and grays are to look as they do in the Image Editor.
+  result = vec4(vec3(shade * pow(gray, 2.2)), 1.0);
 }
 """
 

@@ -166,7 +166,7 @@ def test_a_run_ends_with_its_result_on_the_calling_thread(context):
         progress(0.5, "Working")
         return 42
 
-    assert operator.start(context, work) == {"RUNNING_MODAL"}
+    assert operator.run_job(context, work) == {"RUNNING_MODAL"}
     assert context.window_manager.handlers == [operator]
     assert jobs.current() is not None
     assert run_to_the_end(operator, context) == {"FINISHED"}
@@ -184,7 +184,7 @@ def wait_for(condition):
 
 def test_progress_is_shown_in_all_windows(context):
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     wait_for(lambda: jobs.current().fraction > 0)
     assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
     shown = [workspace.status for workspace in context.workspaces]
@@ -198,7 +198,7 @@ def test_progress_is_shown_in_all_windows(context):
 
 def test_keys_and_clicks_are_held_back_but_not_in_the_sidebar(context):
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     for held in (press("Z"), press("LEFTMOUSE"), press("RIGHTMOUSE", 900, 100), press("F3")):
         assert operator.modal(context, held) == {"RUNNING_MODAL"}
     for passed in (press("LEFTMOUSE", 900, 100), press("MIDDLEMOUSE"), press("WHEELUPMOUSE")):
@@ -216,7 +216,7 @@ def test_esc_answers_at_once_and_stops_the_thread(context):
         waiting_work(progress)
 
     operator = Operator()
-    operator.start(context, work)
+    operator.run_job(context, work)
     job = operator._wait.job
     assert operator.modal(context, ESC) == {"CANCELLED"}
     assert not job.done
@@ -232,7 +232,7 @@ def test_esc_answers_at_once_and_stops_the_thread(context):
 def test_the_cancel_operator_ends_the_run_at_the_next_tick(context):
     assert not bpy.ops.shock_filter.cancel.poll()
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     assert bpy.ops.shock_filter.cancel() == {"FINISHED"}
     assert operator.modal(context, TIMER) == {"CANCELLED"}
     assert operator.outcome is None
@@ -241,7 +241,7 @@ def test_the_cancel_operator_ends_the_run_at_the_next_tick(context):
 
 def test_a_cancelled_run_is_dropped_even_if_its_work_has_ended(context):
     operator = Operator()
-    operator.start(context, lambda progress: 42)
+    operator.run_job(context, lambda progress: 42)
     jobs.current().wait()
     jobs.current().cancel()
     assert operator.modal(context, TIMER) == {"CANCELLED"}
@@ -250,7 +250,7 @@ def test_a_cancelled_run_is_dropped_even_if_its_work_has_ended(context):
 
 def test_the_status_bar_is_cleared_in_a_workspace_that_was_left(context):
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     operator.modal(context, TIMER)
     context.window.workspace = context.workspaces[2]
     wait_for(lambda: jobs.current().fraction > 0)
@@ -262,7 +262,7 @@ def test_the_status_bar_is_cleared_in_a_workspace_that_was_left(context):
 
 def test_a_window_that_closes_ends_its_run(context):
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     job = operator._wait.job
     operator.cancel(context)  # so does Blender, then and before a file is loaded
     operator.cancel(context)
@@ -276,7 +276,7 @@ def test_what_the_work_raises_reaches_finish(context):
     def work(progress):
         raise ZeroDivisionError("a bug")
 
-    operator.start(context, work)
+    operator.run_job(context, work)
     with pytest.raises(ZeroDivisionError):
         run_to_the_end(operator, context)
     assert jobs.current() is None
@@ -287,7 +287,7 @@ def test_an_error_while_waiting_ends_the_run(context, monkeypatch):
         raise ZeroDivisionError("a bug")
 
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     job = jobs.current()
     with monkeypatch.context() as patch:
         patch.setattr(jobs._Wait, "show", broken)
@@ -311,12 +311,12 @@ class Freed(Operator):
 
 def test_an_operator_that_blender_has_freed_stands_in_nobodys_way(context):
     freed = Freed()
-    freed.start(context, waiting_work)
+    freed.run_job(context, waiting_work)
     job = jobs.current()
     freed.freed = True
     assert jobs.current() is None
     again = Operator()
-    again.start(context, waiting_work)
+    again.run_job(context, waiting_work)
     job.wait()
     assert len(context.window_manager.timers) == 1
     again.modal(context, ESC)
@@ -324,7 +324,7 @@ def test_an_operator_that_blender_has_freed_stands_in_nobodys_way(context):
 
 def test_stop_all_ends_the_run_of_an_operator_that_blender_has_freed(context):
     freed = Freed()
-    freed.start(context, waiting_work)
+    freed.run_job(context, waiting_work)
     job = jobs.current()
     freed.freed = True
     jobs.stop_all()
@@ -341,7 +341,7 @@ def test_nothing_is_written_while_a_render_reads_the_scene(context, kind, rounde
     context.blender.jobs.clear()
     assert bpy.ops.shock_filter.sharpen_geometry.poll()
     operator = Operator()
-    operator.start(context, lambda progress: 42)
+    operator.run_job(context, lambda progress: 42)
     jobs.current().wait()
     context.blender.jobs.add(kind)
     assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
@@ -357,7 +357,7 @@ def test_blender_knows_the_jobs_that_are_asked_for():
 
 def test_stop_all_ends_runs_and_their_threads(context):
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     job = operator._wait.job
     jobs.stop_all()
     assert job.done
@@ -367,14 +367,14 @@ def test_stop_all_ends_runs_and_their_threads(context):
     # Blender's handler is gone only after the next event.
     again = Operator()
     assert len(context.window_manager.timers) == 2  # each window gets events
-    assert again.start(context, waiting_work) == {"CANCELLED"}
+    assert again.run_job(context, waiting_work) == {"CANCELLED"}
     assert again.reports == [({"WARNING"}, "The last run is still being put away; run again.")]
     context.window_manager.windows.pop()  # with its timers
     context.window_manager.timers.pop()
     for function in context.blender.timers:
         assert function() is None
     assert context.is_clean()
-    assert again.start(context, waiting_work) == {"RUNNING_MODAL"}
+    assert again.run_job(context, waiting_work) == {"RUNNING_MODAL"}
     again.modal(context, ESC)
 
 
@@ -386,7 +386,7 @@ def test_stop_all_leaves_no_timer_behind_without_a_run(context):
 def test_a_second_run_is_refused_meanwhile(rounded_box, context):
     rounded_box()
     operator = Operator()
-    operator.start(context, waiting_work)
+    operator.run_job(context, waiting_work)
     assert not bpy.ops.shock_filter.sharpen_geometry.poll()
     operator.modal(context, ESC)
     assert bpy.ops.shock_filter.sharpen_geometry.poll()
@@ -472,9 +472,9 @@ class Sharpening(operators.FilterOperator):
 def test_a_run_that_ends_lets_go_of_what_it_has_read(context, monkeypatch):
     monkeypatch.setattr(operators, "summaries", {})
     cancelled, failed = Sharpening(), Sharpening()
-    cancelled.start(context, waiting_work)
+    cancelled.run_job(context, waiting_work)
     assert cancelled.modal(context, ESC) == {"CANCELLED"}
-    failed.start(context, lambda progress: 1 / 0)
+    failed.run_job(context, lambda progress: 1 / 0)
     assert run_to_the_end(failed, context) == {"CANCELLED"}
     assert vars(cancelled) == vars(failed) == {}
     cancelled.cancel(context)  # so does Blender when a window closes

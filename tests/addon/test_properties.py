@@ -18,6 +18,7 @@ from shock_filter.core import (
     TextureSettings,
 )
 from shock_filter.core.settings import describe
+from shock_filter.shock_addon.modes import MODES as MODES_OF_OPERATORS
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import properties
 
@@ -132,3 +133,14 @@ def test_a_click_changes_the_time_by_a_part_of_the_default(mode, step):
     time = getattr(bpy.context.scene.shock_filter, mode).bl_rna.properties["time"]
     assert time.step / 100 == pytest.approx(step)
     assert time.precision == 1
+
+
+@pytest.mark.parametrize("mode", MODES_OF_OPERATORS, ids=lambda mode: mode.key)
+def test_no_property_takes_the_place_of_what_an_operator_does(mode):
+    (operator,) = (
+        each
+        for each in bpy.types.Operator.__subclasses__()
+        if getattr(each, "bl_idname", "") == f"shock_filter.{mode.operator}"
+    )
+    methods = {name for each in operator.__mro__[1:-1] for name in vars(each)}
+    assert not methods.intersection(operator.__annotations__)

@@ -8,6 +8,7 @@ import sys
 
 import bpy
 import pytest
+from shock_filter.shock_addon.modes import MODES, load
 
 INVENTORY = """
 import json, sys
@@ -265,3 +266,11 @@ def test_each_operator_fills_in_the_hooks_of_its_mixins(name):
     assert {"finish", "read", "filter", "write", "summary"} <= set(codes)
     empty = [hook for hook, code in codes.items() if code and REFUSAL in code.co_names]
     assert not empty
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.operator)
+def test_no_setting_hides_what_its_operator_does(mode):
+    bases = load(mode.data.base).__mro__
+    taken = {name for base in bases if base is not object for name in vars(base)}
+    cls = getattr(bpy.types, f"SHOCK_FILTER_OT_{mode.operator}")
+    assert not taken & set(cls.__annotations__)

@@ -71,6 +71,7 @@ def preview(mode: str, seen: dict) -> Steps:
     seen["after"], seen["said_after"] = state(), said()
     yield from press("Escape")
     yield from park()
+    yield 2 * DRAWN
     seen["dropped"], seen["left"] = now(), different(looked, object_seen())
     run("preview")
     yield from drag(*middle())

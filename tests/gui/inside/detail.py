@@ -180,7 +180,8 @@ def stroke(height: float = 0.0) -> Steps:
                 asset_library_type="LOCAL", relative_asset_identifier="Brush/White"
             )
         yield DRAWN
-    for owner in (tools.unified_paint_settings, tools.image_paint.brush):
+    in_5 = getattr(tools.image_paint, "unified_paint_settings", None)
+    for owner in (in_5 or tools.unified_paint_settings, tools.image_paint.brush):
         owner.color = (1.0, 1.0, 1.0)
         owner.size = 60
     x, y = middle()

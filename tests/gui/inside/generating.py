@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Generate makes: previewed on the model, and pressed by hand."""
+"""What Generate makes: pressed by hand, and previewed on the model."""
 
 import time
 
@@ -34,7 +34,7 @@ LIMIT = 60.0
 
 
 def scenario() -> Steps:
-    """Preview each target, and press the button for the first time; then press it again."""
+    """Press the button for each target, and preview it."""
     scene.clear()
     monkey = scene.add_monkey("Monkey", 2)
     scene.add_texture(monkey)
@@ -50,9 +50,8 @@ def scenario() -> Steps:
         seen = report[target] = {}
         yield DRAWN
         places = yield from buttons()
-        yield from previewed(places[PREVIEW], seen)
         yield from pressed(tallest(places), seen)
-        picture(f"generate-{target}", area("VIEW_3D"), width=1400)
+        yield from previewed(places[PREVIEW], seen)
 
 
 def previewed(place: tuple, seen: dict) -> Steps:
@@ -67,7 +66,7 @@ def previewed(place: tuple, seen: dict) -> Steps:
     yield DRAWN
     seen["drawn"] = different(before, model_seen())
     once, updates, began = model_seen(), running_preview().updates, time.perf_counter()
-    move(x - 60, y)
+    move(x + 60, y)  # to the left, an automatic width stays
     yield from updated(updates)
     seen["seconds"] = time.perf_counter() - began
     yield DRAWN
@@ -95,6 +94,7 @@ def pressed(place: tuple, seen: dict) -> Steps:
         flat = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(flat)
         seen["deviation"] = float(flat[::4].std())
+    picture(f"generate-{seen_target()}", area("VIEW_3D"), width=1400)
     seen["material"] = [each.name for each in bpy.data.objects["Monkey"].data.materials]
 
 

@@ -134,6 +134,7 @@ def generated() -> Steps:
     yield from park()
     yield from finished()
     report["generated"] = new_images(before)
+    yield 2 * DRAWN  # the panel grows
     picture("generate", area("VIEW_3D"))
     for added in set(tree.nodes) - nodes:
         tree.nodes.remove(added)
