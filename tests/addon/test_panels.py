@@ -174,7 +174,7 @@ def after_run(name, layout, **parameters):
     for key, value in parameters.items():
         setattr(properties, key, value)
     operator = bpy.types.Operator.bl_rna_get_subclass_py(f"SHOCK_FILTER_OT_{name}")
-    context = SimpleNamespace(object=bpy.context.object, mode=bpy.context.mode)
+    context = SimpleNamespace(object=bpy.context.object, mode=bpy.context.mode, space_data=None)
     self = SimpleNamespace(layout=layout, properties=properties, row=operator.row)
     operator.draw(self, context)
     return [about.identifier for about in properties.bl_rna.properties if not about.is_hidden]

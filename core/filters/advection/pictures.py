@@ -37,7 +37,6 @@ SPEEDS = np.array(
 DYES = ((1.0, 0.45, 0.1), (0.15, 0.55, 1.0))
 """Orange and blue, in which dye comes in turn where no colors are chosen."""
 
-_ANALYSIS = 0.1  # of the time that frames on a surface take
 _ROWS = 6  # of sources, along the shorter side
 _WIDTH = 0.3  # of sources, in parts of their distance
 _EVERY = 24  # frames between releases
@@ -103,17 +102,10 @@ def pictures_of_surface(
     atlas: TextureAtlas | None = None,
 ) -> Iterator[npt.NDArray[np.float32]]:
     """Show a flow on a surface; see `advect_on_surface`, and `pictures_of_plane` for the rest."""
-    share, start = _ANALYSIS, 0.0
-
-    def told(fraction: float, message: str) -> bool:
-        return progress is None or progress(start + share * fraction, message)
-
-    pictures = advect_on_surface(
+    return advect_on_surface(
         mesh, uv, field, size, in_front(settings, in_colors), frames, background=background,
-        colors=SPEEDS if in_colors else None, progress=told, atlas=atlas,
+        colors=SPEEDS if in_colors else None, progress=progress, atlas=atlas,
     )  # fmt: skip
-    share, start = 1.0 - _ANALYSIS, _ANALYSIS  # what follows are the frames
-    return pictures
 
 
 def in_front(settings: NoiseSettings, in_colors: bool) -> NoiseSettings:

@@ -33,6 +33,9 @@ _Singles = npt.NDArray[np.float32]
 
 _LARGEST = 1e30
 
+_ANALYSIS = 0.2
+"""Share of the progress that comes before the first frame."""
+
 
 def advect_on_surface(
     mesh: TriangleMesh,
@@ -104,7 +107,7 @@ def advect_on_surface(
     given = _checked_vectors(mesh, field)
     behind = checked_background(background, shape)
     palette = checked_colors(colors)
-    with reporting(progress):
+    with reporting(_part(progress, 0.0, _ANALYSIS)):
         with phase(0.0, 0.8, "Finding texels"):
             pixels = np.zeros((*shape, 1), dtype=np.float32)
             atlas = checked_atlas(atlas, mesh, uv, pixels)
@@ -112,7 +115,14 @@ def advect_on_surface(
             flow = _SurfaceFlow(atlas, given, settings.step)
             texture = _Texture(atlas)
             look = Look(flow.longest, settings, behind, palette)
-    return told(_shown(flow, texture, look, settings, count), count, progress)
+    shown = _shown(flow, texture, look, settings, count)
+    return told(shown, count, _part(progress, _ANALYSIS, 1.0))
+
+
+def _part(progress: ProgressCallback | None, first: float, last: float) -> ProgressCallback | None:
+    if progress is None:
+        return None
+    return lambda fraction, message: progress(first + (last - first) * fraction, message)
 
 
 def _shown(
