@@ -40,8 +40,8 @@ def scenario() -> Steps:
     scene.look()
     area("VIEW_3D").spaces.active.shading.color_type = "TEXTURE"
     chosen = bpy.context.scene.shock_filter
-    chosen.mode = "FLOW"
-    chosen.flow.image_size, chosen.flow.frames = "512", COUNT
+    chosen.mode = "VISUALIZE"
+    chosen.visualize.image_size, chosen.visualize.frames = "512", COUNT
     with tempfile.TemporaryDirectory() as folder, over():
         bpy.ops.ed.undo_push(message="Start")
         yield from on_the_model(Path(folder))
@@ -52,7 +52,7 @@ def scenario() -> Steps:
 def on_the_model(folder: Path) -> Steps:
     """Press the main button, play, and undo."""
     seen = report["model"] = {}
-    settings = bpy.context.scene.shock_filter.flow
+    settings = bpy.context.scene.shock_filter.visualize
     settings.target, settings.folder = "shape", str(folder / "shape")
     yield from open_tab()
     yield DRAWN
@@ -60,7 +60,7 @@ def on_the_model(folder: Path) -> Steps:
     yield from click(tallest(places))
     yield from park()
     yield from finished()
-    seen["said"] = addon("operators.base").summaries.get("flow", "")
+    seen["said"] = addon("operators.base").summaries.get("visualize", "")
     seen["files"] = sorted(path.name for path in (folder / "shape").iterdir())
     seen["images"] = {image.name: image.source for image in bpy.data.images}
     seen["moved"] = yield from played(seen_on("VIEW_3D"))
@@ -74,7 +74,7 @@ def on_the_model(folder: Path) -> Steps:
 def stopped(folder: Path) -> Steps:
     """Press Esc while frames are drawn."""
     seen = report["stopped"] = {}
-    settings = bpy.context.scene.shock_filter.flow
+    settings = bpy.context.scene.shock_filter.visualize
     settings.target, settings.folder = "shape", str(folder / "long")
     settings.frames = 5000
     before = sorted(image.name for image in bpy.data.images)
@@ -105,15 +105,15 @@ def in_the_image_editor(folder: Path) -> Steps:
     space = area("IMAGE_EDITOR").spaces.active
     space.image = image
     chosen = bpy.context.scene.shock_filter
-    chosen.image_mode = "FLOW"
-    chosen.flow.folder = str(folder / "map")
+    chosen.image_mode = "VISUALIZE"
+    chosen.visualize.folder = str(folder / "map")
     yield from open_tab("IMAGE_EDITOR")
     yield DRAWN
     places = yield from buttons("IMAGE_EDITOR")
     yield from click(tallest(places))
     yield from park("IMAGE_EDITOR")
     yield from finished()
-    seen["said"] = addon("operators.base").summaries.get("flow", "")
+    seen["said"] = addon("operators.base").summaries.get("visualize", "")
     seen["shown"] = [space.image.name, space.image.source]
     seen["moved"] = yield from played(seen_on("IMAGE_EDITOR"))
 
