@@ -95,7 +95,7 @@ def line_integral_convolution(
             run(_make_noise, len(values), key, rim, joined, values, chunk=ROWS)
         else:
             values = given
-        out = _convolved(motion, None, values, rim, half, joined)
+        out = _convolved(motion, values, rim, half, joined)
         if settings.contrast > 0 and half > 0:
             _stretch(out, motion.defined, settings.contrast)
         out[~motion.defined] = 0.0
@@ -123,20 +123,23 @@ def short_convolution(
     (h, w) float32
     """
     half = length // 2
-    return _convolved(motion, longest, values, half + 2, half, joined)
+    rim = half + 2
+    wide = np.empty([count + 2 * rim for count in values.shape], dtype=np.float32)
+    run(_widen, len(wide), values, motion.defined, rim, joined, wide, chunk=ROWS)
+    out = np.empty(values.shape, dtype=np.float32)
+    scale = np.float32(1.0 / longest if longest > 0 else 0.0)
+    run(_convolve_straight, len(out), wide.reshape(-1), wide.shape[1], rim, half, motion.right,
+        motion.down, scale, out, chunk=ROWS)  # fmt: skip
+    return out
 
 
-def _convolved(
-    motion: Motion, longest: float | None, values: _Singles, rim: int, half: int, joined: _Wraps
-) -> _Singles:
-    # Without a longest step all ways are a pixel long.
+def _convolved(motion: Motion, values: _Singles, rim: int, half: int, joined: _Wraps) -> _Singles:
+    # All ways are a pixel long.
     size = motion.right.shape
     packed = np.empty([count + 2 * rim for count in size], dtype=np.int64)
-    scale = 1.0 / longest if longest is not None and longest > 0 else 0.0
-    run(_pack, len(packed), *motion, np.float32(scale), longest is None, values, rim, joined,
-        packed, chunk=ROWS)  # fmt: skip
+    run(_pack, len(packed), *motion, values, rim, joined, packed, chunk=ROWS)
     out = np.empty(size, dtype=np.float32)
-    run(_convolve, len(out), packed.reshape(-1), packed.shape[1], rim, half, longest is None, out,
+    run(_convolve, len(out), packed.reshape(-1), packed.shape[1], rim, half, out,
         chunk=ROWS)  # fmt: skip
     return out
 
@@ -176,7 +179,7 @@ def _make_noise(start, stop, key, rim, joined, values):
 
 
 @kernel
-def _pack(start, stop, right, down, defined, scale, unit, values, rim, joined, packed):
+def _pack(start, stop, right, down, defined, values, rim, joined, packed):
     # A way and a value in 64 bits, so that memory is read once for both. The value's bits are
     # inverted where an average ends, which makes it negative.
     rows, columns = right.shape
@@ -188,9 +191,7 @@ def _pack(start, stop, right, down, defined, scale, unit, values, rim, joined, p
         beyond = y != i - rim and not wrap_y and not everywhere
         for j in range(columns):
             u, v = right[y, j], down[y, j]
-            factor = scale
-            if unit:
-                factor = np.float32(1) / np.sqrt(max(u * u + v * v, np.float32(1e-37)))
+            factor = np.float32(1) / np.sqrt(max(u * u + v * v, np.float32(1e-37)))
             low = np.int32(np.rint(u * factor * _WAY)) & np.int32(0xFFFF)
             ways[j] = np.int32(low | np.int32(np.int32(np.rint(v * factor * _WAY)) << 16))
         for j in range(columns):
@@ -210,7 +211,84 @@ def _pack(start, stop, right, down, defined, scale, unit, values, rim, joined, p
 
 
 @kernel
-def _convolve(start, stop, packed, stride, rim, half, unit, out):
+def _widen(start, stop, values, defined, rim, joined, wide):
+    # Values with a rim; where an average ends, -1 minus the value.
+    rows, columns = values.shape
+    wrap_x, wrap_y = joined
+    for i in range(start, stop):
+        y = (i - rim) % rows if wrap_y else min(max(i - rim, 0), rows - 1)
+        beyond = y != i - rim and not wrap_y
+        for j in range(columns):
+            value = values[y, j]
+            wide[i, j + rim] = value if defined[y, j] and not beyond else -np.float32(1) - value
+        for k in range(2 * rim):
+            j = k if k < rim else columns + k
+            if wrap_x:
+                wide[i, j] = wide[i, rim + (j - rim) % columns]
+            else:
+                value = values[y, 0 if k < rim else columns - 1]
+                wide[i, j] = -np.float32(1) - value
+
+
+@kernel
+def _convolve_straight(start, stop, values, stride, rim, half, right, down, scale, out):
+    # Over so few pixels the flow hardly turns. Blocks of pixels take each sample together, in short
+    # loops over few arrays: these run on many numbers at once.
+    columns = out.shape[1]
+    total, count = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    across, below = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    alive = np.empty(_BLOCK, np.float32)
+    index = np.empty(_BLOCK, np.uint32)
+    read = np.empty((4, _BLOCK), np.float32)
+    one, row = np.uint64(1), np.uint64(stride)
+    for i in range(start, stop):
+        for first in range(0, columns, _BLOCK):
+            size = min(_BLOCK, columns - first)
+            u, v = right[i, first : first + size], down[i, first : first + size]
+            here = values[(i + rim) * stride + first + rim :][:size]
+            for j in range(size):
+                total[j] = max(here[j], -np.float32(1) - here[j])
+                count[j] = 1
+            for turn in range(2):
+                for j in range(size):
+                    alive[j] = here[j] >= 0 and (u[j] != 0 or v[j] != 0)
+                for sample in range(1, half + 1):
+                    far = scale * np.float32(sample - 2 * sample * turn)
+                    for j in range(size):
+                        x = np.float32(first + rim + j) + far * u[j]
+                        y = np.float32(i + rim) + far * v[j]
+                        cell_x, cell_y = np.int32(x), np.int32(y)
+                        across[j] = x - np.float32(cell_x)
+                        below[j] = y - np.float32(cell_y)
+                        index[j] = np.uint32(cell_y * np.int32(stride) + cell_x)
+                    for j in range(size):
+                        place = np.uint64(index[j])
+                        read[0, j] = values[place]
+                        read[1, j] = values[place + one]
+                        read[2, j] = values[place + row]
+                        read[3, j] = values[place + row + one]
+                    _add_read(size, read, across, below, alive, total, count)
+            for j in range(size):
+                out[i, first + j] = total[j] / count[j]
+
+
+@kernel
+def _add_read(size, read, across, below, alive, total, count):
+    a, b, c, d = read[0], read[1], read[2], read[3]
+    half, one = np.float32(0.5), np.float32(1)
+    for j in range(size):
+        upper = a[j] if across[j] < half else b[j]
+        lower = c[j] if across[j] < half else d[j]
+        alive[j] = alive[j] if (upper if below[j] < half else lower) >= 0 else np.float32(0)
+    for j in range(size):
+        e, f = max(a[j], -one - a[j]), max(b[j], -one - b[j])
+        g, h = max(c[j], -one - c[j]), max(d[j], -one - d[j])
+        total[j] += alive[j] * _between(e, f, g, h, across[j], below[j])
+        count[j] += alive[j]
+
+
+@kernel
+def _convolve(start, stop, packed, stride, rim, half, out):
     # Blocks of pixels take each sample together, in short loops over few arrays: these run on many
     # numbers at once.
     columns = out.shape[1]
@@ -260,12 +338,9 @@ def _convolve(start, stop, packed, stride, rim, half, unit, out):
                     if sample == half - 1:
                         break
                     _find_way(size, ways, across, below, way_x, way_y)
-                    if unit:
-                        for j in range(size):
-                            square = way_x[j] * way_x[j] + way_y[j] * way_y[j]
-                            across[j] = sign / np.sqrt(max(square, np.float32(1)))
-                    else:
-                        across[:size] = sign / _WAY
+                    for j in range(size):
+                        square = way_x[j] * way_x[j] + way_y[j] * way_y[j]
+                        across[j] = sign / np.sqrt(max(square, np.float32(1)))
                     _go(size, x, u, way_x, across, alive)
                     _go(size, y, v, way_y, across, alive)
             for j in range(size):
