@@ -385,6 +385,11 @@ class Mode(Row):
         return self.targets[-1].data
 
     @property
+    def has_preview(self) -> bool:
+        """Whether what is tried can be shown before a run; films cannot."""
+        return "frames" not in self.names
+
+    @property
     def stage(self) -> str:
         """Name the module of `preview` that shows what is tried."""
         if "image_size" in self.names:

@@ -57,6 +57,8 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         obstacle = obstacles.of_images(context) if in_images else _of_meshes(context)
         if not obstacle and jobs.is_settling():
             obstacle = "Wait until the render, or the last run, has ended."
+        if not _shown_mode(context).has_preview:
+            obstacle = "Flows cannot be tried; press Visualize Flow, with few frames."
         if _running:
             obstacle = "A preview is under way; click to apply it, or press Esc."
         return can_run(cls, obstacle)

@@ -165,7 +165,8 @@ def _draw_buttons(
     row = column.row(align=True)
     preview = row.row(align=True)
     preview.enabled = enabled
-    preview.operator("shock_filter.preview")
+    if mode.has_preview:
+        preview.operator("shock_filter.preview")
     if "gain_map" in mode.names and context.space_data.type == "VIEW_3D":
         row.operator("shock_filter.paint_gain", depress=painting.is_running())
     shown = flow_overlay.shown_object()

@@ -281,3 +281,11 @@ def test_what_is_missing_is_said_before_a_press(saved, editor, rounded_box):
     said = []
     editor(bpy.data.images["Map"], lambda context: said.append(obstacle("shape", context)))
     assert said == [""]  # in the Image Editor its image is meant
+
+
+def test_a_flow_has_no_preview(sheet):
+    chosen = bpy.context.scene.shock_filter
+    chosen.mode = "GEOMETRY"
+    assert bpy.ops.shock_filter.preview.poll()
+    chosen.mode = "VISUALIZE"
+    assert not bpy.ops.shock_filter.preview.poll()
