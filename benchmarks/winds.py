@@ -126,7 +126,7 @@ def main() -> None:
     first, *others = map(picture, on_map(year, FILM, FILM_FRAMES))
     first.save(
         out / "winds.webp", save_all=True, append_images=others, duration=60, loop=0, quality=30,
-        method=6,
+        method=4,
     )  # fmt: skip
 
 
