@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ..base.parallel import kernel
 from ..errors import InvalidSignal
 from ..grid.walk import ENDED, UNFINISHED, Field, cell_velocity, ends_at_turn, walk_cells
+from ..mesh.triangle_mesh import TriangleMesh
 from .atlas import TextureAtlas
 from .ghosts import place_beyond
 from .metric import apply, store
@@ -58,11 +59,15 @@ def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
             f"The vectors have the shape {given.shape} or are not all finite; give"
             f" ({mesh.face_count}, 3) numbers."
         )
-    along = mesh.scaled_vertices[mesh.faces[:, 1]] - mesh.scaled_vertices[mesh.faces[:, 0]]
-    axes = np.stack([along, np.cross(mesh.normals, along)], axis=1)  # of the faces' frames
-    axes /= np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-300)
-    steps = np.einsum("mij,mjk,mk->mi", atlas.metric.inverse_jacobians, axes, given)
+    steps = np.einsum("mij,mjk,mk->mi", atlas.metric.inverse_jacobians, face_axes(mesh), given)
     return Field(vectors=np.where(cells[..., None] >= 0, steps[cells], 0.0), faces=cells)
+
+
+def face_axes(mesh: TriangleMesh) -> npt.NDArray[np.float64]:
+    """Return the axes of the faces' frames: (m, 2, 3), unit vectors in space."""
+    along = mesh.scaled_vertices[mesh.faces[:, 1]] - mesh.scaled_vertices[mesh.faces[:, 0]]
+    axes = np.stack([along, np.cross(mesh.normals, along)], axis=1)
+    return axes / np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-300)
 
 
 @kernel

@@ -106,6 +106,15 @@ def ask(fraction: float = 0.0) -> None:
         current.report(current.start + fraction * (current.stop - current.start), current.message)
 
 
+def part_of(
+    progress: ProgressCallback | None, first: float, last: float
+) -> ProgressCallback | None:
+    """Return what reports a part of the whole, from one fraction to another."""
+    if progress is None:
+        return None
+    return lambda fraction, message: progress(first + (last - first) * fraction, message)
+
+
 def one_of(
     progress: ProgressCallback | None, number: int, count: int, message: str
 ) -> AbstractContextManager[None]:

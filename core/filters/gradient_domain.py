@@ -237,7 +237,7 @@ class TextureSolver:
             shares = self._on_surface(gains - np.float32(1.0))
             if "_of_unit" in vars(self):
                 run(_foresee, len(shares), shares, self._shares, self._of_unit, change)
-                self._shares = shares
+            self._shares = shares
             self._solve(self._space.means(shares), change)
         else:
             change, factor = self._of_unit, float(gains) - 1.0

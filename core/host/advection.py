@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..base.progress import ProgressCallback, phase, reporting
+from ..base.progress import ProgressCallback, part_of, phase, reporting
 from ..filters.advection.pictures import pictures_of_plane, pictures_of_surface
 from ..filters.geometry import geometry_flow
 from ..filters.signals import luminance, to_own_corners
@@ -107,13 +107,7 @@ def frames_of(
             progress=progress,
         )  # fmt: skip
 
-    def first(fraction: float, message: str) -> bool:
-        return progress is None or progress(_ANALYSIS * fraction, message)
-
-    def rest(fraction: float, message: str) -> bool:
-        return progress is None or progress(_ANALYSIS + (1 - _ANALYSIS) * fraction, message)
-
-    with reporting(first):
+    with reporting(part_of(progress, 0.0, _ANALYSIS)):
         with phase(0.0, 0.5, "Preparing the mesh"):
             atlas = analyse(flow.faces, flow.shape)
         with phase(0.5, 1.0, "Computing the flow"):
@@ -121,7 +115,7 @@ def frames_of(
     behind = None if background is None else background[::-1]
     pictures = pictures_of_surface(
         atlas.mesh, flow.faces.uv, field, flow.shape, settings, frames, in_colors=in_colors,
-        background=behind, progress=rest, atlas=atlas,
+        background=behind, progress=part_of(progress, _ANALYSIS, 1.0), atlas=atlas,
     )  # fmt: skip
     return (picture[::-1] for picture in pictures)
 

@@ -15,10 +15,10 @@ from ...atlas.ghosts import nearest_nodes
 from ...atlas.gutter import nodes_of_texels
 from ...atlas.sheet import NOTHING, shares_of_corners
 from ...atlas.steps import steps_beyond
-from ...atlas.walk import given_flow
+from ...atlas.walk import face_axes, given_flow
 from ...base.checks import Floats, as_array
 from ...base.parallel import kernel, run
-from ...base.progress import ProgressCallback, phase, reporting
+from ...base.progress import ProgressCallback, part_of, phase, reporting
 from ...errors import InvalidSettings, InvalidSignal
 from ...mesh.triangle_mesh import TriangleMesh
 from ...settings import DilateSettings, NoiseSettings
@@ -107,7 +107,7 @@ def advect_on_surface(
     given = _checked_vectors(mesh, field)
     behind = checked_background(background, shape)
     palette = checked_colors(colors)
-    with reporting(_part(progress, 0.0, _ANALYSIS)):
+    with reporting(part_of(progress, 0.0, _ANALYSIS)):
         with phase(0.0, 0.8, "Finding texels"):
             pixels = np.zeros((*shape, 1), dtype=np.float32)
             atlas = checked_atlas(atlas, mesh, uv, pixels)
@@ -116,13 +116,7 @@ def advect_on_surface(
             texture = _Texture(atlas)
             look = Look(flow.longest, settings, behind, palette)
     shown = _shown(flow, texture, look, settings, count)
-    return told(shown, count, _part(progress, _ANALYSIS, 1.0))
-
-
-def _part(progress: ProgressCallback | None, first: float, last: float) -> ProgressCallback | None:
-    if progress is None:
-        return None
-    return lambda fraction, message: progress(first + (last - first) * fraction, message)
+    return told(shown, count, part_of(progress, _ANALYSIS, 1.0))
 
 
 def _shown(
@@ -172,6 +166,8 @@ class _SurfaceFlow:
         On the surface, in mean texel sizes a frame.
     longest : float
         The greatest of these.
+    reach : float
+        The longest step inside a chart, in nodes of the sheet.
     """
 
     def __init__(self, atlas: TextureAtlas, field: Floats, step: float) -> None:
@@ -193,8 +189,9 @@ class _SurfaceFlow:
         down, across = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
         self.speeds = np.zeros(shape, dtype=np.float32)
         defined = np.zeros(shape, dtype=np.bool_)
-        run(_lay, shape[0], nodes, atlas.sheet.points, _axes(mesh), atlas.metric.inverse_jacobians,
-            tangential, down, across, self.speeds, defined, chunk=ROWS)  # fmt: skip
+        run(_lay, shape[0], nodes, atlas.sheet.points, face_axes(mesh),
+            atlas.metric.inverse_jacobians, tangential, down, across, self.speeds, defined,
+            chunk=ROWS)  # fmt: skip
         back = given_flow(atlas, -np.nan_to_num(tangential).mean(axis=1))
         self.beyond = steps_beyond(atlas, back, down, across)
         ghosts = atlas.sheet.ghosts
@@ -213,19 +210,10 @@ class _SurfaceFlow:
 
 def _projected(mesh: TriangleMesh, field: Floats) -> Floats:
     # What lies in the face, at its corners: (m, 3, 3).
-    at_corners = field[mesh.faces] if len(field) == mesh.vertex_count else field[:, None]
-    if len(field) == mesh.vertex_count == mesh.face_count:
-        at_corners = field[:, None]
+    at_corners = field[:, None] if len(field) == mesh.face_count else field[mesh.faces]
     normals = mesh.normals[:, None]
     flat = at_corners - (at_corners * normals).sum(axis=2, keepdims=True) * normals
     return np.array(np.broadcast_to(flat, (mesh.face_count, 3, 3)))
-
-
-def _axes(mesh: TriangleMesh) -> Floats:
-    # Of the faces' frames: (m, 2, 3).
-    along = mesh.scaled_vertices[mesh.faces[:, 1]] - mesh.scaled_vertices[mesh.faces[:, 0]]
-    axes = np.stack([along, np.cross(mesh.normals, along)], axis=1)
-    return axes / np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-300)
 
 
 class _SurfaceNoise(Noise):
