@@ -7,12 +7,17 @@ import argparse
 import glob
 import os
 from pathlib import Path
+from typing import Any
 
 from ..errors import ShockError
 
 
 class UsageError(Exception):
     """The command line asks for something that cannot be meant."""
+
+
+class FileName(str):
+    """The name of a file that a flag gives: the result depends on what is in it."""
 
 
 def files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
@@ -48,6 +53,17 @@ def _expand(pattern: str) -> list[str]:
     if os.path.exists(pattern) or not glob.has_magic(pattern):
         return [pattern]
     return sorted(glob.glob(pattern, recursive=True)) or [pattern]
+
+
+def whole(options: argparse.Namespace) -> dict[str, Any]:
+    """Give all flags, their files by names that hold in any folder."""
+
+    def completed(value: Any) -> Any:
+        if isinstance(value, list):
+            return [completed(each) for each in value]
+        return FileName(os.path.abspath(value)) if isinstance(value, FileName) else value
+
+    return {name: completed(value) for name, value in vars(options).items()}
 
 
 def check_target(target: Path, overwrite: bool) -> None:
