@@ -155,7 +155,7 @@ class _Run:
                     self._note(failure(source, ShockError(f"{source}: {reason}")))
         finally:
             self._bar.clear()
-            for result in self._failures:
+            for result in sorted(self._failures):
                 result.tell(quiet)
         tell_skipped(self._skipped, quiet)
         if self._ended < self._count:
