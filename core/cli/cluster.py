@@ -74,7 +74,8 @@ def _connected(address: str) -> Iterator[Any]:
         raise ShockError(
             "--cluster needs Dask; run: pip install 'shock-filter[cluster]'."
         ) from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said here
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said here
     with contextlib.ExitStack() as stack:
         place: Any = address
         if address == _LOCAL:
@@ -148,9 +149,9 @@ class _Run:
         """Filter all; returns the exit code."""
         quiet = self._job.options.quiet
         try:
-            for suspect in self._filter(files):
+            for suspect in self._filter(self._to_do(files)):
                 # Alone, as it may have been another file that ended the worker of both.
-                for source, _ in self._filter([suspect]):
+                for source, _ in self._filter(iter([suspect])):
                     reason = "each worker that had it was lost; has it enough memory for this?"
                     self._note(failure(source, ShockError(f"{source}: {reason}")))
         finally:
@@ -170,9 +171,10 @@ class _Run:
     def _progress(self) -> str:
         return f"{self._written} of {self._count} files were written"
 
-    def _filter(self, files: Iterable[File]) -> list[File]:
+    def _filter(self, waiting: Iterator[File]) -> list[File]:
         """Filter files; returns those whose workers were lost again and again."""
-        waiting = self._to_do(files)
+        from distributed import CancelledError, KilledWorker
+
         under_way: dict[Any, File] = {}
         suspects: list[File] = []
         while True:
@@ -184,16 +186,21 @@ class _Run:
                     under_way[self._submit(*file)] = file
             if not under_way:
                 return suspects
-            for future in self._finished(under_way):
-                file = under_way.pop(future)
-                error = future.exception()
-                if type(error).__name__ == "KilledWorker":
-                    suspects.append(file)
-                elif error is not None:
-                    reason = ShockError(f"its worker cannot be used: {_reason(error)}")
-                    self._note(failure(file[0], reason))
-                else:
-                    self._note(future.result())
+            try:
+                for future in _finished(under_way):
+                    file = under_way.pop(future)
+                    try:
+                        self._note(future.result())
+                    except KilledWorker:
+                        suspects.append(file)
+                    except (ImportError, ShockError) as error:
+                        reason = f"its worker cannot be used: {_reason(error)}"
+                        self._note(failure(file[0], ShockError(reason)))
+            except CancelledError as error:
+                raise ShockError(
+                    f"The scheduler at {self._job.options.cluster} is gone; {self._progress()}."
+                    " Start it again, and add --resume to go on."
+                ) from error
             self._bar(self._ended / self._count, f"{self._ended} of {self._count} files")
 
     def _to_do(self, files: Iterable[File]) -> Iterator[File]:
@@ -224,20 +231,6 @@ class _Run:
         self._is_alone = not count
         return count
 
-    def _finished(self, futures: Iterable[Any]) -> Iterable[Any]:
-        """Wait a moment for some tasks to finish."""
-        from distributed import CancelledError, wait
-
-        try:
-            return wait(list(futures), timeout=_GLANCE, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            return ()
-        except CancelledError as error:
-            raise ShockError(
-                f"The scheduler at {self._job.options.cluster} is gone; {self._progress()}. Start"
-                " it again, and add --resume to go on."
-            ) from error
-
     def _note(self, result: Result) -> None:
         if result.is_done:
             self._written += 1
@@ -251,6 +244,16 @@ class _Run:
         if not self._is_stopped:
             self._is_stopped = True
             self._client.run(pickle.loads, _call(_stop, self._name), on_error="ignore")
+
+
+def _finished(futures: Iterable[Any]) -> Iterable[Any]:
+    """Wait a moment for some tasks to finish."""
+    from distributed import wait
+
+    try:
+        return wait(list(futures), timeout=_GLANCE, return_when="FIRST_COMPLETED").done
+    except TimeoutError:
+        return ()
 
 
 def _check_target(job: Job, target: Path) -> None:
