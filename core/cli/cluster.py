@@ -12,6 +12,7 @@ import contextlib
 import importlib
 import logging
 import pickle
+import signal
 import sys
 import threading
 import uuid
@@ -89,7 +90,20 @@ def _connected(address: str) -> Iterator[Any]:
                 silence_logs=logging.CRITICAL,
             )
             place = stack.enter_context(local)
-        yield stack.enter_context(_client(distributed, place))
+        client = stack.enter_context(_client(distributed, place))
+        if address == _LOCAL:
+            client.register_plugin(_deaf_to_ctrl_c(distributed))
+        yield client
+
+
+def _deaf_to_ctrl_c(distributed: Any) -> Any:
+    """Keep Ctrl-C from workers: a terminal sends it to them, too, and they are told to stop."""
+
+    class Deaf(distributed.WorkerPlugin):
+        def setup(self, worker: Any) -> None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    return Deaf()
 
 
 def _client(distributed: Any, place: Any) -> Any:
@@ -211,7 +225,7 @@ class _Run:
                 continue
             try:
                 _check_target(self._job, target)
-            except ShockError as error:
+            except (ShockError, OSError) as error:
                 self._note(failure(source, error))
             else:
                 yield source, target

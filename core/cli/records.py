@@ -44,9 +44,14 @@ def is_done(target: Path, made: str) -> bool:
 
 
 def is_ours(target: Path) -> bool:
-    """Whether an output was made here, in whatever way, and is as it was then."""
+    """Whether an output was made here, in whatever way, and is as it was then.
+
+    Where its record is damaged, nothing speaks against that.
+    """
+    if not _path(target).exists():
+        return False
     found = _read(target)
-    return isinstance(found, dict) and found == _content(target, found.get("made"))
+    return found is None or found == _content(target, found["made"])
 
 
 def keep(target: Path, made: str) -> None:
@@ -72,11 +77,12 @@ def _path(target: Path) -> Path:
     return target.parent / _FOLDER / f"{_digest(target.name)}.json"
 
 
-def _read(target: Path) -> Any:
+def _read(target: Path) -> dict[str, Any] | None:
     try:
-        return json.loads(_path(target).read_bytes())
+        found = json.loads(_path(target).read_bytes())
     except (OSError, ValueError):
         return None
+    return found if isinstance(found, dict) and "made" in found else None
 
 
 def _state(path: Path) -> list[tuple[str, int, int]]:

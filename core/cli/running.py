@@ -35,8 +35,12 @@ class Job(NamedTuple):
 
     def is_done(self, source: str, target: Path) -> bool:
         """Whether an earlier run has left nothing to do."""
-        options = self.options
-        return options.resume and records.is_done(target, records.fingerprint(source, options))
+        if not self.options.resume:
+            return False
+        try:
+            return records.is_done(target, records.fingerprint(source, self.options))
+        except OSError:  # which will be said when it is read
+            return False
 
     def may_replace(self, target: Path) -> bool:
         """Whether an output may be replaced that is there."""

@@ -27,16 +27,19 @@ FEW_TRIES = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # as each ta
 OUT = r"\bout\S*"
 
 
+def environment():
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **FEW_TRIES}
+
+
 def start(program, *words, without=None):
     """Start one of Dask's programs; it finds the package where this process has it."""
     code = (
         f"import sys; sys.modules[{without!r}] = None\n"
         f"from distributed.cli.dask_{program} import main; main()"
     )
-    path = os.pathsep.join(sys.path)
     return subprocess.Popen(
         [sys.executable, "-c", code, *words, "--no-dashboard"],
-        env={**os.environ, "PYTHONPATH": path, **FEW_TRIES},
+        env=environment(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
@@ -352,8 +355,8 @@ def test_what_an_interrupted_run_left_undone_is_done_and_no_more(address, folder
 class pressing_ctrl_c_when:
     """Press it as soon as something is so."""
 
-    def __init__(self, is_so):
-        self._is_so = is_so
+    def __init__(self, is_so, group=None):
+        self._is_so, self._group = is_so, group
 
     def __enter__(self):
         self._thread = threading.Thread(target=self._wait)
@@ -363,7 +366,42 @@ class pressing_ctrl_c_when:
         end = time.monotonic() + 30
         while not self._is_so() and time.monotonic() < end:
             time.sleep(0.02)
-        os.kill(os.getpid(), signal.SIGINT)
+        if self._group is None:
+            os.kill(os.getpid(), signal.SIGINT)
+        else:
+            os.killpg(self._group, signal.SIGINT)
 
     def __exit__(self, *_):
         self._thread.join()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no groups of processes")
+def test_ctrl_c_on_a_terminal_reaches_local_workers_too_and_leaves_nothing(folder):
+    draw("a", "b", "endless 1", "endless 2", "z")
+    words = ["sharpen-image", "in/*.png", "out/", "--cluster", "local", "--quiet"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "shock_filter.core.cli", *words],
+        env={**environment(), "DASK_DISTRIBUTED__WORKER__PRELOAD": PRELOAD},
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    cores = len(os.sched_getaffinity(0))
+    with pressing_ctrl_c_when(
+        lambda: sum("endless" in name for name, *_ in begun()) == min(cores, 2), process.pid
+    ):
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    written = len(names("out"))
+    assert f"Interrupted; {written} of 5 files were written. Add --resume to go on." in err
+    assert {path.name for path in Path("out").iterdir() if path.is_dir()} == {".shock-filter"}
+    while is_alive(process.pid):  # or this test takes too long
+        time.sleep(0.05)
+
+
+def is_alive(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
