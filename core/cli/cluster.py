@@ -11,10 +11,12 @@ import argparse
 import contextlib
 import importlib
 import logging
+import math
 import pickle
 import signal
 import sys
 import threading
+import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
@@ -42,6 +44,7 @@ from .running import (
 _LOCAL = "local"
 _PATIENCE = 4.0  # seconds for a scheduler to answer
 _GLANCE = 0.2  # seconds between looks at what has been pressed
+_PAUSE = 1.0  # seconds between looks at which workers there are
 _AHEAD = 2  # files for each thread of the workers, so that none waits for its next one
 
 File = tuple[str, Path]
@@ -154,10 +157,11 @@ class _Run:
         self._name = uuid.uuid4().hex
         # Whether an output may be replaced is asked here, as a worker may be lost after writing.
         self._flags = {**whole(options), "command": options.command.command, "overwrite": True}
-        self._bar = Bar(options.cluster, interrupt, shown=sys.stderr.isatty() and not options.quiet)
+        self._bar = Bar(options.cluster, interrupt, options.quiet)
         self._failures: list[Result] = []
         self._written = self._skipped = 0
-        self._is_stopped = self._is_alone = False
+        self._threads, self._asked = 1, -math.inf
+        self._is_stopped = False
 
     def run(self, files: Iterable[File]) -> int:
         """Filter all; returns the exit code."""
@@ -195,8 +199,7 @@ class _Run:
             if self._interrupt.asked:
                 self._stop()
             else:
-                free = max(_AHEAD * self._threads(), 1) - len(under_way)
-                for file in islice(waiting, max(free, 0)):
+                for file in islice(waiting, max(self._room() - len(under_way), 0)):
                     under_way[self._submit(*file)] = file
             if not under_way:
                 return suspects
@@ -237,13 +240,16 @@ class _Run:
         )
         return self._client.submit(pickle.loads, call, key=f"shock-filter-{uuid.uuid4().hex}")
 
-    def _threads(self) -> int:
-        """Count the threads of all workers, which come and go."""
-        count = sum(self._client.nthreads().values())
-        if not count and not self._is_alone:
-            say("The cluster has no worker; waiting for one.", sys.stderr)
-        self._is_alone = not count
-        return count
+    def _room(self) -> int:
+        """How many files may be under way; asks now and then, as workers come and go."""
+        now = time.monotonic()
+        if now - self._asked > _PAUSE:
+            self._asked = now
+            threads = sum(self._client.nthreads().values())
+            if not threads and self._threads:
+                say("The cluster has no worker; waiting for one.", sys.stderr)
+            self._threads = threads
+        return max(_AHEAD * self._threads, 1)
 
     def _note(self, result: Result) -> None:
         if result.is_done:

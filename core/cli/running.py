@@ -74,7 +74,7 @@ def run_all(job: Job, pairs: list[tuple[str, Path]]) -> int:
             if job.is_done(source, target):
                 skipped += 1
                 continue
-            bar = Bar(source, interrupt, shown=sys.stderr.isatty() and not quiet)
+            bar = Bar(source, interrupt, quiet)
             result = filter_file(job, source, target, bar, lambda: interrupt.asked)
             bar.clear()
             result.tell(quiet)
@@ -174,12 +174,12 @@ class Interrupt:
 
 
 class Bar:
-    """A progress callback that draws a bar on the terminal."""
+    """A progress callback that draws a bar, on terminals only."""
 
-    def __init__(self, name: str, interrupt: Interrupt, shown: bool) -> None:
+    def __init__(self, name: str, interrupt: Interrupt, quiet: bool) -> None:
         self._name = os.path.basename(name)
         self._interrupt = interrupt
-        self._shown = shown
+        self._shown = sys.stderr is not None and sys.stderr.isatty() and not quiet
 
     def __call__(self, fraction: float, message: str) -> bool:
         if self._shown:
