@@ -135,7 +135,7 @@ def _check_workers(client: Any) -> None:
     """Refuse workers that would make other results, or none."""
     answers = client.run(pickle.loads, _call(_check_version, __version__), on_error="return")
     for worker, answer in answers.items():
-        if isinstance(answer, Exception):
+        if isinstance(answer, ImportError | ShockError):  # and not if it has just been lost
             raise ShockError(f"The worker {worker} cannot be used: {_reason(answer)}")
 
 
@@ -165,6 +165,8 @@ class _Run:
 
     def run(self, files: Iterable[File]) -> int:
         """Filter all; returns the exit code."""
+        from distributed import CancelledError
+
         quiet = self._job.options.quiet
         try:
             for suspect in self._filter(self._to_do(files)):
@@ -172,6 +174,11 @@ class _Run:
                 for source, _ in self._filter(iter([suspect])):
                     reason = "each worker that had it was lost; has it enough memory for this?"
                     self._note(failure(source, ShockError(f"{source}: {reason}")))
+        except (CancelledError, OSError) as error:
+            raise ShockError(
+                f"The scheduler at {self._job.options.cluster} is gone; {self._progress()}. Start"
+                " it again, and add --resume to go on."
+            ) from error
         finally:
             self._bar.clear()
             for result in sorted(self._failures):
@@ -191,7 +198,7 @@ class _Run:
 
     def _filter(self, waiting: Iterator[File]) -> list[File]:
         """Filter files; returns those whose workers were lost again and again."""
-        from distributed import CancelledError, KilledWorker
+        from distributed import KilledWorker
 
         under_way: dict[Any, File] = {}
         suspects: list[File] = []
@@ -203,21 +210,17 @@ class _Run:
                     under_way[self._submit(*file)] = file
             if not under_way:
                 return suspects
-            try:
-                for future in _finished(under_way):
-                    file = under_way.pop(future)
-                    try:
-                        self._note(future.result())
-                    except KilledWorker:
-                        suspects.append(file)
-                    except (ImportError, ShockError) as error:
-                        reason = f"its worker cannot be used: {_reason(error)}"
-                        self._note(failure(file[0], ShockError(reason)))
-            except CancelledError as error:
-                raise ShockError(
-                    f"The scheduler at {self._job.options.cluster} is gone; {self._progress()}."
-                    " Start it again, and add --resume to go on."
-                ) from error
+            for future in _finished(under_way):
+                file = under_way.pop(future)
+                try:
+                    self._note(future.result())
+                except KilledWorker:
+                    suspects.append(file)
+                except (ImportError, ShockError) as error:  # it would fail all that are left
+                    raise ShockError(
+                        f"A new worker cannot be used: {_reason(error)} {self._progress()}; add"
+                        " --resume to go on."
+                    ) from error
             self._bar(self._ended / self._count, f"{self._ended} of {self._count} files")
 
     def _to_do(self, files: Iterable[File]) -> Iterator[File]:

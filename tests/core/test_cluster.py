@@ -291,11 +291,7 @@ def test_a_worker_with_another_version_is_refused(address, folder, capsys, monke
     draw("a")
     assert sharpen("in/a.png", "out/", "--cluster", address) == 1
     (line,) = failures(capsys)
-    wanted = (
-        r"Failed: The worker tcp://\S+ cannot be used: it has version (\S+) of Shock Filter, and"
-    )
-    assert re.match(wanted, line)[1] == __version__
-    assert line.endswith("and 9.8.7 asks; install the same.")
+    assert f"cannot be used: it has version {__version__} of Shock Filter, and 9.8.7 asks;" in line
     assert begun() == []
 
 
