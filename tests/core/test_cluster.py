@@ -73,9 +73,17 @@ def address(tmp_path_factory):
     folder = str(tmp_path_factory.mktemp("workers"))
     words = ["--nworkers", "2", "--nthreads", "1", "--preload", PRELOAD]
     workers = start("worker", address, *words, "--local-directory", folder)
-    yield address
-    stop(workers)
-    stop(scheduler)
+    try:
+        wait_for_workers(address, 2)
+        yield address
+    finally:
+        stop(workers)
+        stop(scheduler)
+
+
+def wait_for_workers(address, count):
+    with Client(address, timeout=60) as client:
+        client.wait_for_workers(count, timeout=60)
 
 
 @pytest.fixture
@@ -235,7 +243,7 @@ def test_files_of_workers_that_die_are_done_by_others(address, folder, capsys):
     assert sharpen("in/*.png", "there/", "--cluster", address) == 0
     assert contents("there") == contents("here")
     times = Counter(name for name, *_ in begun())
-    assert times["unlucky"] == times["late"] == 2
+    assert min(times["unlucky"], times["late"]) >= 2  # more, if the result went with a worker
     processes = {process for _, process, _ in begun()}
     assert len(processes) >= 3  # two that died, and at least one that came for them
     assert {threads for *_, threads in begun()} == {"1"}
@@ -301,8 +309,7 @@ def test_a_scheduler_that_is_gone_is_said(folder, capsys):
     scheduler, address = start_scheduler()
     worker = start("worker", address, "--no-nanny", without="shock_filter")
     try:
-        with Client(address, timeout=20) as client:
-            client.wait_for_workers(1, timeout=20)
+        wait_for_workers(address, 1)
         assert sharpen("in/a.png", "out/", "--cluster", address) == 1
         (line,) = failures(capsys)
         assert re.search(r"The worker \S+ cannot be used: it cannot load Shock Filter \(", line)
