@@ -42,7 +42,7 @@ from .running import (
 )
 
 _LOCAL = "local"
-_PATIENCE = 4.0  # seconds for a scheduler to answer
+_PATIENCE = 3.5  # seconds for a scheduler to answer
 _GLANCE = 0.2  # seconds between looks at what has been pressed
 _PAUSE = 1.0  # seconds between looks at which workers there are
 _AHEAD = 2  # files for each thread of the workers, so that none waits for its next one
@@ -85,28 +85,32 @@ def _connected(address: str) -> Iterator[Any]:
         if address == _LOCAL:
             from ..base.parallel import thread_count
 
-            local = distributed.LocalCluster(
-                n_workers=thread_count(),
-                threads_per_worker=1,
-                memory_limit=None,  # a large file may take what small ones leave
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-            )
+            with _deaf_to_ctrl_c():  # workers are told when to stop
+                local = distributed.LocalCluster(
+                    n_workers=thread_count(),
+                    threads_per_worker=1,
+                    memory_limit=None,  # a large file may take what small ones leave
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
             place = stack.enter_context(local)
-        client = stack.enter_context(_client(distributed, place))
-        if address == _LOCAL:
-            client.register_plugin(_deaf_to_ctrl_c(distributed))
-        yield client
+        yield stack.enter_context(_client(distributed, place))
 
 
-def _deaf_to_ctrl_c(distributed: Any) -> Any:
-    """Keep Ctrl-C from workers: a terminal sends it to them, too, and they are told to stop."""
+@contextlib.contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Keep Ctrl-C, which a terminal sends to all, from threads and processes that start here."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
 
-    class Deaf(distributed.WorkerPlugin):
-        def setup(self, worker: Any) -> None:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    return Deaf()
+    resource_tracker.ensure_running()  # or its start would let Ctrl-C in again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _client(distributed: Any, place: Any) -> Any:
@@ -115,7 +119,7 @@ def _client(distributed: Any, place: Any) -> Any:
 
     def connect() -> None:
         try:
-            answers.append(distributed.Client(place, timeout=_PATIENCE - 1))
+            answers.append(distributed.Client(place, timeout=_PATIENCE - 0.5))
         except Exception as error:
             answers.append(error)
 
@@ -266,7 +270,7 @@ class _Run:
         """Have workers leave the files that they are at."""
         if not self._is_stopped:
             self._is_stopped = True
-            self._client.run(pickle.loads, _call(_stop, self._name), on_error="ignore")
+            self._client.run(pickle.loads, _call(_stop_here, self._name), on_error="ignore")
 
 
 def _finished(futures: Iterable[Any]) -> Iterable[Any]:
@@ -315,7 +319,7 @@ _stopped: set[str] = set()
 """Names of the runs that are to end."""
 
 
-def _stop(run: str) -> None:
+def _stop_here(run: str) -> None:
     _stopped.add(run)
 
 

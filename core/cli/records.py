@@ -12,7 +12,7 @@ import argparse
 import hashlib
 import json
 import os
-import tempfile
+import uuid
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ def fingerprint(source: str, options: argparse.Namespace) -> str:
 
 def is_done(target: Path, made: str) -> bool:
     """Whether an output is there, was made like this, and is as it was then."""
-    return _read(target) == _content(target, made)
+    return _path(target).exists() and _read(target) == _content(target, made)
 
 
 def is_ours(target: Path) -> bool:
@@ -58,14 +58,12 @@ def keep(target: Path, made: str) -> None:
     """Note that an output is complete, and how it was made."""
     path = _path(target)
     path.parent.mkdir(exist_ok=True)
-    number, name = tempfile.mkstemp(dir=path.parent)
+    new = path.with_name(uuid.uuid4().hex)
     try:
-        with os.fdopen(number, "w", encoding="utf-8") as file:
-            json.dump(_content(target, made), file)
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+        new.write_text(json.dumps(_content(target, made)), encoding="utf-8")
+        os.replace(new, path)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def _content(target: Path, made: Any) -> dict[str, Any]:
@@ -78,9 +76,10 @@ def _path(target: Path) -> Path:
 
 
 def _read(target: Path) -> dict[str, Any] | None:
+    """Read a record; None where it is damaged."""
     try:
         found = json.loads(_path(target).read_bytes())
-    except (OSError, ValueError):
+    except ValueError:
         return None
     return found if isinstance(found, dict) and "made" in found else None
 

@@ -122,6 +122,15 @@ def test_an_output_that_somebody_has_changed_stays(made, capsys):
     assert Path("out/b.png").read_text() == "mine"
 
 
+@pytest.mark.parametrize("words", [["--resume"], ["--cluster", "local"]])
+def test_no_file_is_filtered_into_itself(folder, capsys, words):
+    """Nobody could tell whether it is done."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["sharpen-image", "in/*.png", "in/../in", "--overwrite", *words])
+    assert stop.value.code == 2
+    assert "in/a.png would replace itself" in capsys.readouterr().err.replace("\\", "/")
+
+
 def test_runs_without_it_leave_no_records(folder):
     assert cli.main(["sharpen-image", "in/*.png", "out/", "--time", "4"]) == 0
     assert sorted(os.listdir("out")) == ["a.png", "b.png", "c.png"]
@@ -131,7 +140,7 @@ def test_what_fails_has_no_record_and_is_tried_again(folder, capsys):
     whole = Path("in/b.png").read_bytes()
     Path("in/b.png").write_bytes(whole[:50])
     assert sharpen() == 1
-    assert len(os.listdir("out/.shock-filter")) == 2
+    assert len(os.listdir("out/.shock-filter")) == 2  # nor has it left anything else
     Path("in/b.png").write_bytes(whole)
     assert sharpen() == 0
     assert sorted(os.listdir("out")) == [".shock-filter", "a.png", "b.png", "c.png"]
