@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
     except (InvalidSettings, UsageError) as error:
         parser.error(str(error))
     job = Job(backend, settings, options)
-    if options.cluster:
+    if options.cluster is not None:
         from .cluster import run_on_cluster
 
         return run_on_cluster(job, files)

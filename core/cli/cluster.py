@@ -7,25 +7,19 @@ an answer like others, and so is not tried again.
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import importlib
-import logging
 import math
 import pickle
-import signal
 import sys
-import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from ... import __version__
 from ..errors import ShockError
-from .commands import COMMANDS
+from . import worker
 from .inputs import check_target, whole
 from .running import (
     DONE,
@@ -36,13 +30,11 @@ from .running import (
     Job,
     Result,
     failure,
-    filter_file,
     say,
     tell_skipped,
 )
+from .scheduler import connected
 
-_LOCAL = "local"
-_PATIENCE = 3.5  # seconds for a scheduler to answer
 _GLANCE = 0.2  # seconds between looks at what has been pressed
 _PAUSE = 1.0  # seconds between looks at which workers there are
 _AHEAD = 2  # files for each thread of the workers, so that none waits for its next one
@@ -56,7 +48,7 @@ def run_on_cluster(job: Job, files: Iterable[File]) -> int:
     named = [(str(Path(source).absolute()), target.absolute()) for source, target in files]
     with Interrupt() as interrupt:
         try:
-            with _connected(job.options.cluster) as client:
+            with connected(job.options.cluster) as client:
                 _check_workers(client)
                 return _Run(client, job, len(named), interrupt).run(named)
         except ShockError as error:
@@ -64,92 +56,6 @@ def run_on_cluster(job: Job, files: Iterable[File]) -> int:
             return FAILED
         except KeyboardInterrupt:
             return INTERRUPTED
-
-
-# ------------------------------------------------------------------------------------ the scheduler
-
-
-@contextlib.contextmanager
-def _connected(address: str) -> Iterator[Any]:
-    """Connect to the scheduler at an address, or start one here with its workers."""
-    try:
-        distributed = importlib.import_module("distributed")
-    except ImportError as error:
-        raise ShockError(
-            "--cluster needs Dask; run: pip install 'shock-filter[cluster]'."
-        ) from error
-    for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said here
-    with contextlib.ExitStack() as stack:
-        place: Any = address
-        if address == _LOCAL:
-            from ..base.parallel import thread_count
-
-            with _deaf_to_ctrl_c():  # workers are told when to stop
-                local = distributed.LocalCluster(
-                    n_workers=thread_count(),
-                    threads_per_worker=1,
-                    memory_limit=None,  # a large file may take what small ones leave
-                    dashboard_address=None,
-                    silence_logs=logging.CRITICAL,
-                )
-            place = stack.enter_context(local)
-        yield stack.enter_context(_client(distributed, place))
-
-
-@contextlib.contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Keep Ctrl-C, which a terminal sends to all, from threads and processes that start here."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    from multiprocessing import resource_tracker
-
-    resource_tracker.ensure_running()  # or its start would let Ctrl-C in again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _client(distributed: Any, place: Any) -> Any:
-    """Connect in time: where something else answers, Dask would wait for ever."""
-    answers: list[Any] = []
-
-    def connect() -> None:
-        try:
-            answers.append(distributed.Client(place, timeout=_PATIENCE - 0.5))
-        except Exception as error:
-            answers.append(error)
-
-    thread = threading.Thread(target=connect, daemon=True)
-    thread.start()
-    thread.join(_PATIENCE)
-    answer = answers[0] if answers else "something else answers"
-    if isinstance(answer, str | Exception):
-        raise ShockError(
-            f"There is no Dask scheduler at {place} ({answer}); start one with dask scheduler, or"
-            " use --cluster local."
-        )
-    return answer
-
-
-def _check_workers(client: Any) -> None:
-    """Refuse workers that would make other results, or none."""
-    answers = client.run(pickle.loads, _call(_check_version, __version__), on_error="return")
-    for worker, answer in answers.items():
-        if isinstance(answer, ImportError | ShockError):  # and not if it has just been lost
-            raise ShockError(f"The worker {worker} cannot be used: {_reason(answer)}")
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, ImportError):
-        return f"it cannot load Shock Filter ({error}); install it there."
-    return str(error)
-
-
-# ---------------------------------------------------------------------------------------- the files
 
 
 class _Run:
@@ -202,7 +108,7 @@ class _Run:
 
     def _filter(self, waiting: Iterator[File]) -> list[File]:
         """Filter files; returns those whose workers were lost again and again."""
-        from distributed import KilledWorker
+        from distributed import CancelledError, KilledWorker
 
         under_way: dict[Any, File] = {}
         suspects: list[File] = []
@@ -220,7 +126,9 @@ class _Run:
                     self._note(future.result())
                 except KilledWorker:
                     suspects.append(file)
-                except (ImportError, ShockError) as error:  # it would fail all that are left
+                except (CancelledError, OSError):
+                    raise
+                except Exception as error:  # which would meet all files that are left
                     raise ShockError(
                         f"A new worker cannot be used: {_reason(error)} {self._progress()}; add"
                         " --resume to go on."
@@ -242,8 +150,15 @@ class _Run:
 
     def _submit(self, source: str, target: Path) -> Any:
         backend, settings, _ = self._job
-        call = _call(
-            _filter_here, __version__, self._name, backend, settings, self._flags, source, target
+        call = worker.call(
+            worker.filter_here,
+            __version__,
+            self._name,
+            backend,
+            settings,
+            self._flags,
+            source,
+            target,
         )
         return self._client.submit(pickle.loads, call, key=f"shock-filter-{uuid.uuid4().hex}")
 
@@ -270,7 +185,7 @@ class _Run:
         """Have workers leave the files that they are at."""
         if not self._is_stopped:
             self._is_stopped = True
-            self._client.run(pickle.loads, _call(_stop_here, self._name), on_error="ignore")
+            self._client.run(pickle.loads, worker.call(worker.stop, self._name), on_error="ignore")
 
 
 def _finished(futures: Iterable[Any]) -> Iterable[Any]:
@@ -294,56 +209,18 @@ def _check_target(job: Job, target: Path) -> None:
         check_target(target, may_replace)
 
 
-# --------------------------------------------------------------------------------------- at workers
+def _check_workers(client: Any) -> None:
+    """Refuse workers that would make other results, or none."""
+    answers = client.run(
+        pickle.loads, worker.call(worker.check_version, __version__), on_error="return"
+    )
+    for address, answer in answers.items():
+        is_lost = isinstance(answer, OSError)  # just now, and others will do
+        if isinstance(answer, Exception) and not is_lost:
+            raise ShockError(f"The worker {address} cannot be used: {_reason(answer)}")
 
 
-class _Call:
-    """Something that becomes the result of a call where it is unpickled.
-
-    Dask itself is told of nothing but `pickle.loads`. So the scheduler needs no Shock Filter, and
-    a worker that has none can answer so: it would come to an end over a function of ours.
-    """
-
-    def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        self._made_of = function, arguments
-
-    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return self._made_of
-
-
-def _call(function: Callable[..., Any], *arguments: Any) -> bytes:
-    return pickle.dumps(_Call(function, arguments))
-
-
-_stopped: set[str] = set()
-"""Names of the runs that are to end."""
-
-
-def _stop_here(run: str) -> None:
-    _stopped.add(run)
-
-
-def _check_version(wanted: str) -> None:
-    if wanted != __version__:
-        raise ShockError(
-            f"it has version {__version__} of Shock Filter, and {wanted} asks; install the same."
-        )
-
-
-def _filter_here(
-    version: str,
-    run: str,
-    backend: Any,
-    settings: Any,
-    flags: dict[str, Any],
-    source: str,
-    target: Path,
-) -> Result:
-    """Filter one file in a worker, which has as many threads of its own as it is to use."""
-    _check_version(version)
-    from ..base import parallel
-
-    parallel.most_threads = 1
-    (command,) = (row for row in COMMANDS if row.command == flags["command"])
-    job = Job(backend, settings, argparse.Namespace(**{**flags, "command": command}))
-    return filter_file(job, source, target, lambda *_: run not in _stopped, lambda: run in _stopped)
+def _reason(error: Exception) -> str:
+    if isinstance(error, ImportError):
+        return f"it cannot load Shock Filter ({error}); install it there."
+    return str(error)

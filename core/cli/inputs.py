@@ -25,7 +25,7 @@ def files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
     if options.command.kind.makes_frames:  # into a folder all of them, and not one for each input
         return [(options.inputs[0], Path(options.output))]
     pairs = _pairs(options.inputs, options.output)
-    for source, target in pairs if options.cluster or options.resume else ():
+    for source, target in pairs if options.cluster is not None or options.resume else ():
         if os.path.realpath(source) == os.path.realpath(target):
             raise UsageError(
                 f"{source} would replace itself, and be filtered twice if it is tried again; with"

@@ -107,7 +107,7 @@ def filter_file(
         if not options.command.kind.makes_frames:
             check_target(target, overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
-        is_recorded = options.resume or options.cluster
+        is_recorded = options.resume or options.cluster is not None
         made = records.fingerprint(source, options) if is_recorded else ""
         with gathering() as findings:
             outcome = backend.filter(options.command, source, target, settings, options, progress)

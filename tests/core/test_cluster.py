@@ -18,7 +18,7 @@ from distributed import Client
 from PIL import Image
 from shock_filter import __version__
 from shock_filter.core import cli
-from shock_filter.core.cli import cluster
+from shock_filter.core.cli import cluster, scheduler
 from shock_filter.core.cli.inputs import FileName
 
 HERE = Path(__file__).parent
@@ -271,7 +271,7 @@ def failures(capsys):
 def test_no_scheduler_is_said_within_seconds(folder, capsys, monkeypatch, listens):
     draw("a")
     if not listens:
-        monkeypatch.setattr(cluster, "_PATIENCE", 1.5)
+        monkeypatch.setattr(scheduler, "_PATIENCE", 1.5)
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         if listens:
