@@ -102,8 +102,8 @@ def filter_file(
     backend, settings, options = job
     start = time.perf_counter()
     try:
-        if overwrite := job.may_replace(target):
-            options = argparse.Namespace(**{**vars(options), "overwrite": overwrite})
+        overwrite = job.may_replace(target)
+        options = argparse.Namespace(**{**vars(options), "overwrite": overwrite})
         if not options.command.kind.makes_frames:
             check_target(target, overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
