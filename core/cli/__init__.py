@@ -14,7 +14,7 @@ from .commands import COMMANDS, TEXTURE_MASK, Backend, Command
 from .file_backend import FileBackend
 from .inputs import UsageError, files_of
 from .parsing import build_parser, read_settings
-from .running import DONE, FAILED, INTERRUPTED, run_all
+from .running import DONE, FAILED, INTERRUPTED, Job, run_all
 
 __all__ = [
     "COMMANDS",
@@ -53,4 +53,9 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
         files = files_of(options)
     except (InvalidSettings, UsageError) as error:
         parser.error(str(error))
-    return run_all(backend, files, settings, options)
+    job = Job(backend, settings, options)
+    if options.cluster is not None:
+        from .cluster import run_on_cluster
+
+        return run_on_cluster(job, files)
+    return run_all(job, files)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE
 from . import flows
 from .commands import Command
+from .inputs import FileName
 from .parsing import add_gain_map, add_mask, add_others, add_sources, sources_of
 
 if TYPE_CHECKING:
@@ -57,6 +58,18 @@ class FileBackend:
             action="store_true",
             help="read files, too, whose header claims far more than their size can hold",
         )
+        parser.add_argument(
+            "--cluster",
+            metavar="ADDRESS",
+            help="have files done by the workers of the Dask scheduler there, such as"
+            " tcp://host:8786, which see the same disk; local starts a worker for each core here",
+        )
+        parser.add_argument(
+            "--resume",
+            action="store_true",
+            help="skip outputs that this version has made with --resume or --cluster, from the same"
+            " files and with the same settings; make those again where one of these differs",
+        )
         if command.kind.makes_frames:
             parser.add_argument(
                 "--attribute",
@@ -79,6 +92,7 @@ class FileBackend:
         if command.takes_guide:
             parser.add_argument(
                 "--guide",
+                type=FileName,
                 metavar="FILE",
                 help="image of the same size whose flow moves the values of IN, so that several"
                 " maps get their borders in the same places",

@@ -7,7 +7,7 @@ import argparse
 from typing import Any, NamedTuple
 
 from ..settings import ConvolutionSettings, DyeSettings, NoiseSettings, describe
-from .inputs import UsageError, read_size
+from .inputs import FileName, UsageError, read_size
 
 KINDS = {
     "noise": (NoiseSettings, "noise that moves"),
@@ -65,6 +65,7 @@ def add_flags(parser: argparse.ArgumentParser, add_settings: Any) -> None:
     )
     parser.add_argument(
         "--background",
+        type=FileName,
         metavar="IMAGE",
         help="picture behind the noise or the dye, of the frames' size; frames have its size if"
         " there is no --size",

@@ -7,6 +7,7 @@ import argparse
 import glob
 import os
 from pathlib import Path
+from typing import Any
 
 from ..errors import ShockError
 
@@ -15,11 +16,22 @@ class UsageError(Exception):
     """The command line asks for something that cannot be meant."""
 
 
+class FileName(str):
+    """The name of a file that a flag gives: the result depends on what is in it."""
+
+
 def files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
     """Each input with what it is written to."""
     if options.command.kind.makes_frames:  # into a folder all of them, and not one for each input
         return [(options.inputs[0], Path(options.output))]
-    return _pairs(options.inputs, options.output)
+    pairs = _pairs(options.inputs, options.output)
+    for source, target in pairs if options.cluster is not None or options.resume else ():
+        if os.path.realpath(source) == os.path.realpath(target):
+            raise UsageError(
+                f"{source} would replace itself, and be filtered twice if it is tried again; with"
+                " --cluster and --resume write to another folder"
+            )
+    return pairs
 
 
 def _pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
@@ -48,6 +60,17 @@ def _expand(pattern: str) -> list[str]:
     if os.path.exists(pattern) or not glob.has_magic(pattern):
         return [pattern]
     return sorted(glob.glob(pattern, recursive=True)) or [pattern]
+
+
+def whole(options: argparse.Namespace) -> dict[str, Any]:
+    """Give all flags, their files by names that hold in any folder."""
+
+    def completed(value: Any) -> Any:
+        if isinstance(value, list):
+            return [completed(each) for each in value]
+        return FileName(os.path.abspath(value)) if isinstance(value, FileName) else value
+
+    return {name: completed(value) for name, value in vars(options).items()}
 
 
 def check_target(target: Path, overwrite: bool) -> None:

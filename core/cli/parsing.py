@@ -13,7 +13,7 @@ from ..registry import WAYS, find
 from ..settings import Setting, describe
 from . import flows
 from .commands import COMMANDS, Backend, Command
-from .inputs import UsageError, read_size
+from .inputs import FileName, UsageError, read_size
 
 _EPILOG = """\
 exit codes:
@@ -57,7 +57,7 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
         description=f"{row.about.capitalize()}: {backend.formats(row)}.",
         allow_abbrev=False,
     )
-    parser.set_defaults(command=row)
+    parser.set_defaults(command=row, cluster=None, resume=False)
     if row.kind.is_drawn:
         words: dict[str, Any] = {"nargs": 1, "metavar": "MESH", "help": row.kind.inputs}
         output = "image file to write, its ending says the format"
@@ -74,7 +74,9 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
             " there are several inputs: files keep their names and formats there; folders are made"
         )
     if row.kind.on_mesh:
-        parser.add_argument("mesh", metavar="MESH", help="mesh file whose surface shows IN")
+        parser.add_argument(
+            "mesh", type=FileName, metavar="MESH", help="mesh file whose surface shows IN"
+        )
     parser.add_argument("inputs", **words)
     parser.add_argument("output", metavar="OUT", help=output)
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
@@ -92,15 +94,21 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
         size.add_argument(
             "--size", type=read_size, metavar="WxH", help="width and height in texels"
         )
-        size.add_argument("--like", metavar="IMAGE", help="image file of the wanted size")
+        size.add_argument(
+            "--like", type=FileName, metavar="IMAGE", help="image file of the wanted size"
+        )
 
 
 def add_mask(parser: argparse.ArgumentParser, command: Command, of_meshes: str) -> None:
     """Add the flags of a mask; `of_meshes` says what it is where no image is filtered."""
-    metavar, about = "NAME", of_meshes
+    kind, metavar, about = str, "NAME", of_meshes
     if command.kind.is_image:
-        metavar, about = "FILE", "gray image of the same size: black stays, white changes fully"
-    parser.add_argument("--mask", metavar=metavar, help=about)
+        kind, metavar, about = (
+            FileName,
+            "FILE",
+            "gray image of the same size: black stays, white changes fully",
+        )
+    parser.add_argument("--mask", type=kind, metavar=metavar, help=about)
     parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
 
 
@@ -108,6 +116,7 @@ def add_gain_map(parser: argparse.ArgumentParser) -> None:
     """Add the flag of painted gains."""
     parser.add_argument(
         "--gain-map",
+        type=FileName,
         metavar="FILE",
         help="gray image of the same size that says where: white gives the gain, middle gray (128"
         " of 255) keeps detail as it is, black smooths it away",
@@ -118,6 +127,7 @@ def add_others(parser: argparse.ArgumentParser) -> None:
     """Add the flag of further pictures."""
     parser.add_argument(
         "--with",
+        type=FileName,
         metavar="FILE",
         action="append",
         default=[],
@@ -139,6 +149,7 @@ def add_sources(parser: argparse.ArgumentParser, command: Command) -> None:
         )
         parser.add_argument(
             "--painted",
+            type=FileName,
             metavar="FILE",
             help="the distance is 0 where this gray image of the same size is white",
         )
@@ -153,6 +164,7 @@ def add_sources(parser: argparse.ArgumentParser, command: Command) -> None:
     if command.takes_scale:
         parser.add_argument(
             "--scale-map",
+            type=FileName,
             metavar="FILE",
             help="gray image of the same size: white has the scale, middle gray half of it",
         )

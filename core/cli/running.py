@@ -11,77 +11,127 @@ import sys
 import threading
 import time
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from ..base.findings import gathering
 from ..errors import ShockError
 from ..files.output import Unfinished
+from . import records
 from .commands import Backend
 from .inputs import check_target
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
 
 
-def run_all(
-    backend: Backend,
-    pairs: list[tuple[str, Path]],
-    settings: Any,
-    options: argparse.Namespace,
-) -> int:
+class Job(NamedTuple):
+    """What is done with each file."""
+
+    backend: Backend
+    settings: Any
+    options: argparse.Namespace
+
+    def is_done(self, source: str, target: Path) -> bool:
+        """Whether an earlier run has left nothing to do."""
+        if not self.options.resume:
+            return False
+        try:
+            return records.is_done(target, records.fingerprint(source, self.options))
+        except OSError:  # which will be said when it is read
+            return False
+
+    def may_replace(self, target: Path) -> bool:
+        """Whether an output may be replaced that is there."""
+        return self.options.overwrite or (self.options.resume and records.is_ours(target))
+
+
+class Result(NamedTuple):
+    """What became of a file: whether it was written, and what is to be said about it."""
+
+    is_done: bool
+    text: str
+
+    def tell(self, quiet: bool) -> None:
+        """Print it."""
+        if not self.is_done:
+            say(self.text, sys.stderr)
+        elif not quiet:
+            say(self.text, sys.stdout)
+
+
+def run_all(job: Job, pairs: list[tuple[str, Path]]) -> int:
     """Filter each input into its output; returns the exit code."""
     failed = False
-    with _Interrupt() as interrupt:
+    skipped = 0
+    quiet = job.options.quiet
+    with Interrupt() as interrupt:
         for source, target in pairs:
             if interrupt.asked:  # too late for the file before
                 say(f"Interrupted; {target} was not written.", sys.stderr)
                 return INTERRUPTED
-            done = _run_one(backend, source, target, settings, options, interrupt)
-            if interrupt.asked and not done:
+            if job.is_done(source, target):
+                skipped += 1
+                continue
+            bar = Bar(source, interrupt, quiet)
+            result = filter_file(job, source, target, bar, lambda: interrupt.asked)
+            bar.clear()
+            result.tell(quiet)
+            if interrupt.asked and not result.is_done:
                 return INTERRUPTED
-            failed |= not done
+            failed |= not result.is_done
+    tell_skipped(skipped, quiet)
     return FAILED if failed else DONE
 
 
-def _run_one(
-    backend: Backend,
+def tell_skipped(count: int, quiet: bool) -> None:
+    """Say how many files had nothing left to do."""
+    if count and not quiet:
+        say(f"Skipped, as they are done already: {count}", sys.stdout)
+
+
+def filter_file(
+    job: Job,
     source: str,
     target: Path,
-    settings: Any,
-    options: argparse.Namespace,
-    interrupt: _Interrupt,
-) -> bool:
-    """Filter one file and say so, or why not."""
-    bar = _Bar(source, interrupt, shown=sys.stderr.isatty() and not options.quiet)
+    progress: Callable[[float, str], bool],
+    is_stopped: Callable[[], bool],
+) -> Result:
+    """Filter one file; says what was done, or why not."""
+    backend, settings, options = job
     start = time.perf_counter()
     try:
+        overwrite = job.may_replace(target)
+        options = argparse.Namespace(**{**vars(options), "overwrite": overwrite})
         if not options.command.kind.makes_frames:
-            check_target(target, options.overwrite)
+            check_target(target, overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
+        is_recorded = options.resume or options.cluster is not None
+        made = records.fingerprint(source, options) if is_recorded else ""
         with gathering() as findings:
-            outcome = backend.filter(options.command, source, target, settings, options, bar)
+            outcome = backend.filter(options.command, source, target, settings, options, progress)
+        if is_recorded:
+            records.keep(target, made)
     except (ShockError, OSError, KeyboardInterrupt) as error:
-        bar.clear()
         if isinstance(error, Unfinished):
-            say(str(error), sys.stderr)
-        elif interrupt.asked:
-            say(f"Interrupted; {target} was not written.", sys.stderr)
-        else:
-            say(f"Failed: {_sentence(source, error)}", sys.stderr)
-        return False
+            return Result(False, str(error))
+        if is_stopped():
+            return Result(False, f"Interrupted; {target} was not written.")
+        return failure(source, error)
     except Exception as error:  # unforeseen; the other files are done all the same
-        bar.clear()
-        say("".join(traceback.format_exception(error)), sys.stderr)
-        say(f"Failed: {source}: {type(error).__name__}: {error}", sys.stderr)
-        return False
-    bar.clear()
-    if not options.quiet:
-        seconds = time.perf_counter() - start
-        say(f"{source} -> {target}: {outcome} in {seconds:.1f} s", sys.stdout)
-        for note in (*map(str, findings), *outcome.notes):
-            say(f"  {note}", sys.stdout)
-    return True
+        trace = "".join(traceback.format_exception(error))
+        return Result(False, f"{trace}\nFailed: {source}: {type(error).__name__}: {error}")
+    seconds = time.perf_counter() - start
+    done = f"{source} -> {target}: {outcome} in {seconds:.1f} s"
+    notes = (f"  {note}" for note in (*map(str, findings), *outcome.notes))
+    return Result(True, "\n".join([done, *notes]))
+
+
+def failure(source: str, error: BaseException) -> Result:
+    """Say why a file was not filtered."""
+    text = str(error)
+    return Result(False, "Failed: " + (text if source in text else f"{source}: {text}"))
 
 
 def say(text: str, stream: TextIO | None, end: str = "\n") -> None:
@@ -100,17 +150,12 @@ def say(text: str, stream: TextIO | None, end: str = "\n") -> None:
             os.close(nowhere)
 
 
-def _sentence(source: str, error: BaseException) -> str:
-    text = str(error)
-    return text if source in text else f"{source}: {text}"
-
-
-class _Interrupt:
+class Interrupt:
     """Ctrl-C asks for an end through the progress callback; the second one forces it."""
 
     asked = False
 
-    def __enter__(self) -> _Interrupt:
+    def __enter__(self) -> Interrupt:
         self._is_main = threading.current_thread() is threading.main_thread()
         if self._is_main:
             self._before = signal.signal(signal.SIGINT, self._ask)
@@ -128,13 +173,13 @@ class _Interrupt:
         say("\nStopping; press Ctrl-C again if this takes too long.", sys.stderr)
 
 
-class _Bar:
-    """A progress callback that draws a bar on the terminal."""
+class Bar:
+    """A progress callback that draws a bar, on terminals only."""
 
-    def __init__(self, name: str, interrupt: _Interrupt, shown: bool) -> None:
+    def __init__(self, name: str, interrupt: Interrupt, quiet: bool) -> None:
         self._name = os.path.basename(name)
         self._interrupt = interrupt
-        self._shown = shown
+        self._shown = sys.stderr is not None and sys.stderr.isatty() and not quiet
 
     def __call__(self, fraction: float, message: str) -> bool:
         if self._shown:

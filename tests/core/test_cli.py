@@ -190,7 +190,7 @@ def test_help_is_quick_and_loads_no_numerics():
         "import sys; from shock_filter.core import cli\n"
         "try: cli.main(['--help'])\n"
         "except SystemExit: pass\n"
-        "print({'numpy', 'numba', 'scipy', 'trimesh', 'PIL'} & set(sys.modules))"
+        "print({'numpy', 'numba', 'scipy', 'trimesh', 'PIL', 'dask'} & set(sys.modules))"
     )
     start = time.perf_counter()
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many files on a Dask cluster: each is a task, whose worker reads, filters and writes it.
+
+Dask hands the task of a worker that is lost to another one. All else that goes wrong with a file is
+an answer like others, and so is not tried again.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+import sys
+import time
+import uuid
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from ... import __version__
+from ..errors import ShockError
+from . import worker
+from .inputs import check_target, whole
+from .running import (
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    Bar,
+    Interrupt,
+    Job,
+    Result,
+    failure,
+    say,
+    tell_skipped,
+)
+from .scheduler import connected
+
+_GLANCE = 0.2  # seconds between looks at what has been pressed
+_PAUSE = 1.0  # seconds between looks at which workers there are
+_AHEAD = 2  # files for each thread of the workers, so that none waits for its next one
+
+File = tuple[str, Path]
+
+
+def run_on_cluster(job: Job, files: Iterable[File]) -> int:
+    """Have the workers of a cluster filter each input into its output; returns the exit code."""
+    # Workers have folders of their own.
+    named = [(str(Path(source).absolute()), target.absolute()) for source, target in files]
+    with Interrupt() as interrupt:
+        try:
+            with connected(job.options.cluster) as client:
+                _check_workers(client)
+                return _Run(client, job, len(named), interrupt).run(named)
+        except ShockError as error:
+            say(f"Failed: {error}", sys.stderr)
+            return FAILED
+        except KeyboardInterrupt:
+            return INTERRUPTED
+
+
+class _Run:
+    """All files of a run, and what became of them."""
+
+    def __init__(self, client: Any, job: Job, count: int, interrupt: Interrupt) -> None:
+        options = job.options
+        self._client, self._job, self._count, self._interrupt = client, job, count, interrupt
+        self._name = uuid.uuid4().hex
+        # Whether an output may be replaced is asked here, as a worker may be lost after writing.
+        self._flags = {**whole(options), "command": options.command.command, "overwrite": True}
+        self._bar = Bar(options.cluster, interrupt, options.quiet)
+        self._failures: list[Result] = []
+        self._written = self._skipped = 0
+        self._threads, self._asked = 1, -math.inf
+        self._is_stopped = False
+
+    def run(self, files: Iterable[File]) -> int:
+        """Filter all; returns the exit code."""
+        from distributed import CancelledError
+
+        quiet = self._job.options.quiet
+        try:
+            for suspect in self._filter(self._to_do(files)):
+                # Alone, as it may have been another file that ended the worker of both.
+                for source, _ in self._filter(iter([suspect])):
+                    reason = "each worker that had it was lost; has it enough memory for this?"
+                    self._note(failure(source, ShockError(f"{source}: {reason}")))
+        except (CancelledError, OSError) as error:
+            raise ShockError(
+                f"The scheduler at {self._job.options.cluster} is gone; {self._progress()}. Start"
+                " it again, and add --resume to go on."
+            ) from error
+        finally:
+            self._bar.clear()
+            for result in sorted(self._failures):
+                result.tell(quiet)
+        tell_skipped(self._skipped, quiet)
+        if self._ended < self._count:
+            say(f"Interrupted; {self._progress()}. Add --resume to go on.", sys.stderr)
+            return INTERRUPTED
+        return FAILED if self._failures else DONE
+
+    @property
+    def _ended(self) -> int:
+        return self._written + self._skipped + len(self._failures)
+
+    def _progress(self) -> str:
+        return f"{self._written} of {self._count} files were written"
+
+    def _filter(self, waiting: Iterator[File]) -> list[File]:
+        """Filter files; returns those whose workers were lost again and again."""
+        from distributed import CancelledError, KilledWorker
+
+        under_way: dict[Any, File] = {}
+        suspects: list[File] = []
+        while True:
+            if self._interrupt.asked:
+                self._stop()
+            else:
+                for file in islice(waiting, max(self._room() - len(under_way), 0)):
+                    under_way[self._submit(*file)] = file
+            if not under_way:
+                return suspects
+            for future in _finished(under_way):
+                file = under_way.pop(future)
+                try:
+                    self._note(future.result())
+                except KilledWorker:
+                    suspects.append(file)
+                except (CancelledError, OSError):
+                    raise
+                except Exception as error:  # which would meet all files that are left
+                    raise ShockError(
+                        f"A new worker cannot be used: {_reason(error)} {self._progress()}; add"
+                        " --resume to go on."
+                    ) from error
+            self._bar(self._ended / self._count, f"{self._ended} of {self._count} files")
+
+    def _to_do(self, files: Iterable[File]) -> Iterator[File]:
+        """Pass on what is for workers to do."""
+        for source, target in files:
+            if self._job.is_done(source, target):
+                self._skipped += 1
+                continue
+            try:
+                _check_target(self._job, target)
+            except (ShockError, OSError) as error:
+                self._note(failure(source, error))
+            else:
+                yield source, target
+
+    def _submit(self, source: str, target: Path) -> Any:
+        backend, settings, _ = self._job
+        call = worker.call(
+            worker.filter_here,
+            __version__,
+            self._name,
+            backend,
+            settings,
+            self._flags,
+            source,
+            target,
+        )
+        return self._client.submit(pickle.loads, call, key=f"shock-filter-{uuid.uuid4().hex}")
+
+    def _room(self) -> int:
+        """How many files may be under way; asks now and then, as workers come and go."""
+        now = time.monotonic()
+        if now - self._asked > _PAUSE:
+            self._asked = now
+            threads = sum(self._client.nthreads().values())
+            if not threads and self._threads:
+                say("The cluster has no worker; waiting for one.", sys.stderr)
+            self._threads = threads
+        return max(_AHEAD * self._threads, 1)
+
+    def _note(self, result: Result) -> None:
+        if result.is_done:
+            self._written += 1
+            self._bar.clear()
+            result.tell(self._job.options.quiet)
+        elif not self._interrupt.asked:
+            self._failures.append(result)
+
+    def _stop(self) -> None:
+        """Have workers leave the files that they are at."""
+        if not self._is_stopped:
+            self._is_stopped = True
+            self._client.run(pickle.loads, worker.call(worker.stop, self._name), on_error="ignore")
+
+
+def _finished(futures: Iterable[Any]) -> Iterable[Any]:
+    """Wait a moment for some tasks to finish."""
+    from distributed import wait
+
+    try:
+        return wait(list(futures), timeout=_GLANCE, return_when="FIRST_COMPLETED").done
+    except TimeoutError:
+        return ()
+
+
+def _check_target(job: Job, target: Path) -> None:
+    """Refuse to replace an output, unless that is asked for."""
+    may_replace = job.may_replace(target)
+    if job.options.command.kind.makes_frames and job.options.kind != "lines":
+        from ..files.frames import check_frames_target
+
+        check_frames_target(target, may_replace)
+    else:
+        check_target(target, may_replace)
+
+
+def _check_workers(client: Any) -> None:
+    """Refuse workers that would make other results, or none."""
+    answers = client.run(
+        pickle.loads, worker.call(worker.check_version, __version__), on_error="return"
+    )
+    for address, answer in answers.items():
+        is_lost = isinstance(answer, OSError)  # just now, and others will do
+        if isinstance(answer, Exception) and not is_lost:
+            raise ShockError(f"The worker {address} cannot be used: {_reason(answer)}")
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ImportError):
+        return f"it cannot load Shock Filter ({error}); install it there."
+    return str(error)

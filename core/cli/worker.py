@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What runs in the workers of a cluster, and how it gets there."""
+
+from __future__ import annotations
+
+import argparse
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ... import __version__
+from ..errors import ShockError
+from .commands import COMMANDS
+from .running import Job, Result, filter_file
+
+
+class _Call:
+    """Something that becomes the result of a call where it is unpickled.
+
+    Dask itself is told of nothing but `pickle.loads`. So the scheduler needs no Shock Filter, and
+    a worker that has none can answer so: it would come to an end over a function of ours.
+    """
+
+    def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        self._made_of = function, arguments
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return self._made_of
+
+
+def call(function: Callable[..., Any], *arguments: Any) -> bytes:
+    """Pack a call, for `pickle.loads` in a worker to make."""
+    return pickle.dumps(_Call(function, arguments))
+
+
+_stopped: set[str] = set()
+"""Names of the runs that are to end."""
+
+
+def stop(run: str) -> None:
+    """Have the files of a run left as they are."""
+    _stopped.add(run)
+
+
+def check_version(wanted: str) -> None:
+    """Refuse to work for another version."""
+    if wanted != __version__:
+        raise ShockError(
+            f"it has version {__version__} of Shock Filter, and {wanted} asks; install the same."
+        )
+
+
+def filter_here(
+    version: str,
+    run: str,
+    backend: Any,
+    settings: Any,
+    flags: dict[str, Any],
+    source: str,
+    target: Path,
+) -> Result:
+    """Filter one file in a worker, which has as many threads of its own as it is to use."""
+    check_version(version)
+    from ..base import parallel
+
+    parallel.most_threads = 1
+    (command,) = (row for row in COMMANDS if row.command == flags["command"])
+    job = Job(backend, settings, argparse.Namespace(**{**flags, "command": command}))
+    return filter_file(job, source, target, lambda *_: run not in _stopped, lambda: run in _stopped)

@@ -1,0 +1,407 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Command lines on a real scheduler with real workers, which die and come back."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from distributed import Client
+from PIL import Image
+from shock_filter import __version__
+from shock_filter.core import cli
+from shock_filter.core.cli import cluster, scheduler
+from shock_filter.core.cli.inputs import FileName
+
+HERE = Path(__file__).parent
+PRELOAD = str(HERE / "cluster_worker.py")
+FEW_TRIES = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # as each takes a second
+OUT = r"\bout\S*"
+
+
+def environment():
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **FEW_TRIES}
+
+
+def start(program, *words, without=None):
+    """Start one of Dask's programs; it finds the package where this process has it."""
+    code = (
+        f"import sys; sys.modules[{without!r}] = None\n"
+        f"from distributed.cli.dask_{program} import main; main()"
+    )
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *words, "--no-dashboard"],
+        env=environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def start_scheduler():
+    port = free_port()
+    process = start("scheduler", "--host", "127.0.0.1", "--port", str(port))
+    return process, f"tcp://127.0.0.1:{port}"
+
+
+def stop(process):
+    """End a program; workers notice that the one that started them is gone, and end as well."""
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    """A scheduler and two workers of one thread each, which are started again when they die."""
+    scheduler, address = start_scheduler()
+    folder = str(tmp_path_factory.mktemp("workers"))
+    words = ["--nworkers", "2", "--nthreads", "1", "--preload", PRELOAD]
+    workers = start("worker", address, *words, "--local-directory", folder)
+    try:
+        wait_for_workers(address, 2)
+        yield address
+    finally:
+        stop(workers)
+        stop(scheduler)
+
+
+def wait_for_workers(address, count):
+    with Client(address, timeout=60) as client:
+        client.wait_for_workers(count, timeout=60)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*words):
+    return cli.main([str(word) for word in words])
+
+
+def sharpen(*words):
+    return run("sharpen-image", *words, "--time", 4)
+
+
+def draw(*names, folder="in"):
+    """Write small images, all different."""
+    Path(folder).mkdir(exist_ok=True)
+    for number, name in enumerate(names):
+        pixels = np.random.default_rng(number).integers(0, 256, (8, 8, 3), np.uint8)
+        Image.fromarray(pixels).save(Path(folder, f"{name}.png"))
+
+
+def begun(folder="in"):
+    """Files that workers began, in order, with their process and its number of threads."""
+    path = Path(folder, "begun.txt")
+    return [line.split() for line in path.read_text().splitlines()] if path.exists() else []
+
+
+def names(folder):
+    return sorted(path.name for path in Path(folder).iterdir() if path.is_file())
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in Path(folder).iterdir() if path.is_file()}
+
+
+# ------------------------------------------------------------------------------------- all commands
+
+MESH = """
+v 0 0 0 0 0 0
+v 1 0 0 0.4 0.5 0.5
+v 2 0 0 1 1 1
+v 0 1 1 0 0 0
+v 1 1 1.2 0.5 0.5 0.6
+v 2 1 1 1 1 1
+v 0 2 0 0 0 0
+v 1 2 0 0.6 0.5 0.5
+v 2 2 0 1 1 1
+vt 0 0
+vt 0.5 0
+vt 1 0
+vt 0 0.5
+vt 0.5 0.5
+vt 1 0.5
+vt 0 1
+vt 0.5 1
+vt 1 1
+f 1/1 2/2 5/5 4/4
+f 2/2 3/3 6/6 5/5
+f 4/4 5/5 8/8 7/7
+f 5/5 6/6 9/9 8/8
+"""
+
+WORDS = {
+    "denoise-geometry": "mesh.obj out.obj",
+    "denoise-colors": "mesh.obj out.obj",
+    "denoise-image": "a.png out.png --mask gray.png",
+    "denoise-texture": "mesh.obj a.png out.png --iterations 1",
+    "sharpen-geometry": "mesh.obj out.obj",
+    "sharpen-colors": "mesh.obj out.obj --time 1",
+    "sharpen-image": "a.png out.png --guide b.png --time 4",
+    "sharpen-texture": "mesh.obj a.png out.png --guide b.png --time 4",
+    "filter-texture": "mesh.obj a.png out.png --gain-map gray.png --gain 2",
+    "stitch-textures": "mesh.obj a.png out.png --with b.png",
+    "geodesic-distance": "mesh.obj out.npy --painted gray.png --like a.png",
+    "surface-streaks": "mesh.obj out.npy --like a.png",
+    "surface-pattern": "mesh.obj out.npy --scale-map gray.png --like a.png",
+    "visualize-flow": "flow.npy out --frames 2 --background b.png",
+    "dilate-texture": "mesh.obj a.png out.png",
+    "texture-mask": "mesh.obj out.png --like a.png",
+}
+"""What each command is given, with all kinds of files that flags name: in the client's folder."""
+
+
+def test_each_command_runs_on_workers_and_writes_the_same(address, folder):
+    """In the order of the table; a new command needs its words above."""
+    assert list(WORDS) == [row.command for row in cli.COMMANDS]
+    draw("a", "b", folder=".")
+    Path("mesh.obj").write_text(MESH)
+    np.save("flow.npy", np.random.default_rng(0).random((8, 8, 2)))
+    Image.open("a.png").convert("L").save("gray.png")
+    for command, words in WORDS.items():
+        made = []
+        for place, flags in (("here", []), ("there", ["--cluster", address])):
+            made.append(f"{command}/{place}/{next(re.finditer(OUT, words))[0]}")
+            assert run(command, *re.sub(OUT, made[-1], words).split(), "--quiet", *flags) == 0
+        same = contents if Path(made[0]).is_dir() else Path.read_bytes
+        assert same(Path(made[0])) == same(Path(made[1])), command
+
+
+def test_each_flag_that_names_a_file_is_known_as_one():
+    """Or workers would look for it in a folder of their own."""
+    from test_interface import commands
+
+    flags = [action for parser in commands().values() for action in parser._actions]
+    named = [flag for flag in flags if flag.metavar in ("FILE", "IMAGE", "MESH")]
+    assert len(named) > 20
+    assert all(flag.type is FileName for flag in named if flag.dest != "inputs")
+
+
+# ------------------------------------------------------------------------------ files that are bad
+
+
+def test_damaged_files_among_many_are_tried_once_and_listed_at_the_end(address, folder, capsys):
+    draw(*(f"{number:02}" for number in range(60)))
+    for number in (0, 9, 25, 41, 59):
+        Path(f"in/{number:02}.png").write_bytes(b"damaged")
+    assert sharpen("in/*.png", "out/", "--cluster", address) == 1
+    assert len(names("out")) == 55
+    lines = failures(capsys)
+    assert [Path(line.split()[1]).stem for line in lines] == ["00", "09", "25", "41", "59"]
+    assert all("cannot be read; is it damaged?" in line for line in lines)
+    times = Counter(name for name, *_ in begun())
+    assert len(times) == 60
+    assert set(times.values()) == {1}
+    assert len({process for _, process, _ in begun()}) == 2  # both took part
+
+
+def test_what_exists_is_not_overwritten(address, folder, capsys):
+    draw("a", "b")
+    Path("out").mkdir()
+    Path("out/a.png").write_text("mine")
+    Path("frames").mkdir()
+    Path("frames/mine.txt").write_text("mine")
+    np.save("flow.npy", np.ones((4, 4, 2)))
+    assert sharpen("in/a.png", "in/b.png", "out", "--cluster", address) == 1
+    assert run("visualize-flow", "flow.npy", "frames", "--cluster", address) == 1
+    exists, not_empty = failures(capsys)
+    assert "out/a.png exists already; add --overwrite" in exists
+    assert "frames is not empty; add --overwrite" in not_empty
+    assert Path("out/a.png").read_text() == "mine"
+    assert names("out") == ["a.png", "b.png"]
+    assert names("frames") == ["mine.txt"]
+
+
+# ------------------------------------------------------------------------------- workers that die
+
+
+def test_files_of_workers_that_die_are_done_by_others(address, folder, capsys):
+    """Before the file is filtered, and when it is written but nobody has heard of it."""
+    draw("a", "b", "unlucky", "c", "late", "d")
+    assert sharpen("in/*.png", "here/") == 0
+    for path in Path("in").glob("*.met"):
+        path.unlink()
+    assert sharpen("in/*.png", "there/", "--cluster", address) == 0
+    assert contents("there") == contents("here")
+    times = Counter(name for name, *_ in begun())
+    assert min(times["unlucky"], times["late"]) >= 2  # more, if the result went with a worker
+    processes = {process for _, process, _ in begun()}
+    assert len(processes) >= 3  # two that died, and at least one that came for them
+    assert {threads for *_, threads in begun()} == {"1"}
+    assert "Failed" not in capsys.readouterr().err
+
+
+def test_a_file_that_ends_each_worker_fails_alone(address, folder, capsys):
+    draw("a", "deadly", "z")
+    assert sharpen("in/*.png", "out/", "--cluster", address) == 1
+    assert names("out") == ["a.png", "z.png"]
+    (line,) = failures(capsys)
+    assert line.endswith(
+        "in/deadly.png: each worker that had it was lost; has it enough memory for this?"
+    )
+
+
+def failures(capsys):
+    return [line for line in capsys.readouterr().err.splitlines() if line.startswith("Failed")]
+
+
+# ------------------------------------------------------------------------------------- no cluster
+
+
+@pytest.mark.parametrize("listens", [True, False])
+def test_no_scheduler_is_said_within_seconds(folder, capsys, monkeypatch, listens):
+    draw("a")
+    if not listens:
+        monkeypatch.setattr(scheduler, "_PATIENCE", 1.5)
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        if listens:
+            mute.listen()
+        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+        start = time.monotonic()
+        assert sharpen("in/a.png", "out/", "--cluster", address) == 1
+        assert time.monotonic() - start < 5
+    (line,) = failures(capsys)
+    assert line.startswith(f"Failed: There is no Dask scheduler at {address}")
+    assert line.endswith("start one with dask scheduler, or use --cluster local.")
+    assert not Path("out").exists()
+
+
+def test_no_dask_is_said(folder, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert sharpen("a.png", "out/", "--cluster", "local") == 1
+    assert failures(capsys) == [
+        "Failed: --cluster needs Dask; run: pip install 'shock-filter[cluster]'."
+    ]
+
+
+def test_a_worker_with_another_version_is_refused(address, folder, capsys, monkeypatch):
+    monkeypatch.setattr(cluster, "__version__", "9.8.7")
+    draw("a")
+    assert sharpen("in/a.png", "out/", "--cluster", address) == 1
+    (line,) = failures(capsys)
+    assert f"cannot be used: it has version {__version__} of Shock Filter, and 9.8.7 asks;" in line
+    assert begun() == []
+
+
+def test_a_scheduler_that_is_gone_is_said(folder, capsys):
+    """And before that a worker without the package, and none at all."""
+    draw("a")
+    scheduler, address = start_scheduler()
+    worker = start("worker", address, "--no-nanny", without="shock_filter")
+    try:
+        wait_for_workers(address, 1)
+        assert sharpen("in/a.png", "out/", "--cluster", address) == 1
+        (line,) = failures(capsys)
+        assert re.search(r"The worker \S+ cannot be used: it cannot load Shock Filter \(", line)
+        stop(worker)
+        killing = threading.Timer(0.5, scheduler.kill)
+        killing.start()
+        start_time = time.monotonic()
+        assert sharpen("in/a.png", "out/", "--cluster", address) == 1
+        assert time.monotonic() - start_time < 5
+        killing.join()
+    finally:
+        stop(worker)
+        stop(scheduler)
+    err = capsys.readouterr().err
+    assert err.startswith("The cluster has no worker; waiting for one.\n")
+    assert err.endswith(
+        "is gone; 0 of 1 files were written. Start it again, and add --resume to go on.\n"
+    )
+
+
+# ------------------------------------------------------------------------------------- going on
+
+
+def test_what_an_interrupted_run_left_undone_is_done_and_no_more(address, folder, capsys):
+    draw("a", "b", "c", "endless 1", "endless 2", "z")
+    with pressing_ctrl_c_when(lambda: sum("endless" in name for name, *_ in begun()) == 2):
+        assert sharpen("in/*.png", "out/", "--cluster", address) == 130
+    out, err = capsys.readouterr()
+    first = contents("out")  # z may have been begun before the others
+    assert f"Interrupted; {len(first)} of 6 files were written. Add --resume to go on." in err
+    assert out.count(" -> ") == len(first)
+    assert not [name for name in first if name.startswith("endless")]
+    assert not list(Path("out").glob(".shock-filter-*"))
+    for number in (1, 2):
+        Path(f"in/endless {number}.png").rename(f"in/y{number}.png")
+    Path("in/begun.txt").unlink()
+    assert sharpen("in/*.png", "out/", "--cluster", address, "--resume") == 0
+    missing = {path.name for path in Path("in").glob("*.png")} - first.keys()
+    assert sorted(f"{name}.png" for name, *_ in begun()) == sorted(missing)
+    assert capsys.readouterr().out.endswith(f"Skipped, as they are done already: {len(first)}\n")
+    assert first.items() <= contents("out").items()
+    assert sharpen("in/*.png", "here/") == 0
+    assert contents("here") == contents("out")
+
+
+class pressing_ctrl_c_when:
+    """Press it as soon as something is so."""
+
+    def __init__(self, is_so, group=None):
+        self._is_so, self._group = is_so, group
+
+    def __enter__(self):
+        self._thread = threading.Thread(target=self._wait)
+        self._thread.start()
+
+    def _wait(self):
+        end = time.monotonic() + 30
+        while not self._is_so() and time.monotonic() < end:
+            time.sleep(0.02)
+        if self._group is None:
+            os.kill(os.getpid(), signal.SIGINT)
+        else:
+            os.killpg(self._group, signal.SIGINT)
+
+    def __exit__(self, *_):
+        self._thread.join()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no groups of processes")
+def test_ctrl_c_on_a_terminal_reaches_local_workers_too_and_leaves_nothing(folder):
+    draw("a", "b", "endless 1", "endless 2", "z")
+    words = ["sharpen-image", "in/*.png", "out/", "--cluster", "local", "--quiet"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "shock_filter.core.cli", *words],
+        env={**environment(), "DASK_DISTRIBUTED__WORKER__PRELOAD": PRELOAD},
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    cores = len(os.sched_getaffinity(0))
+    with pressing_ctrl_c_when(
+        lambda: sum("endless" in name for name, *_ in begun()) == min(cores, 2), process.pid
+    ):
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    written = len(names("out"))
+    assert f"Interrupted; {written} of 5 files were written. Add --resume to go on." in err
+    assert {path.name for path in Path("out").iterdir() if path.is_dir()} == {".shock-filter"}
+    while is_alive(process.pid):  # or this test takes too long
+        time.sleep(0.05)
+
+
+def is_alive(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
