@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -80,7 +80,7 @@ SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float6
 """The types of images, with what brings their values to [0, 1]."""
 
 
-def is_dask(array: Any) -> bool:
+def is_dask(array: Any) -> TypeGuard[Any]:
     """Whether an array is one of dask, which is not imported to find out."""
     dask = sys.modules.get("dask.array")
     return dask is not None and isinstance(array, dask.Array)

@@ -108,11 +108,11 @@ def sharpen_chunks(
     found: Sequence[Measured] = ()
     times = settings.enlarge
     if min(pixels.shape[:2]) * times < 2:  # a line of pixels is filtered at once
-        whole = {0: -1, 1: -1}
-        pixels, weights, lead = (each and each.rechunk(whole) for each in (pixels, weights, lead))
-    elif settings.by_width and not settings.is_neutral:
-        found = _measured(pixels, lead, settings, known)
-    margin, halo = _reach_of_sharpening(settings, found)
+        margin, halo = 0, max(pixels.shape[:2])
+    else:
+        if settings.by_width and not settings.is_neutral:
+            found = _measured(pixels, lead, settings, known)
+        margin, halo = _reach_of_sharpening(settings, found)
     function = partial(
         _sharpen_part,
         settings=settings,

@@ -290,6 +290,7 @@ def _sharpen_into(
     if thin:  # a line of pixels is widened to have cells
         pixels = _widened(pixels)
         lead = None if lead is None else _widened(lead)
+        part = None  # lines are filtered as a whole
     widened = pixels.copy() if thin else target
     groups = channel_groups(pixels.shape[2], settings)
     pixels = opacity_in_range(pixels, groups[0].alpha)
@@ -298,8 +299,10 @@ def _sharpen_into(
     found: Sequence[Measured] = ()
     if settings.by_width:
         with aside("Measuring borders"):
-            is_one = known is None or isinstance(known, Measured)
-            found = measured_each(pixels, lead, settings, known) if is_one else known
+            if known is None or isinstance(known, Measured):
+                found = measured_each(pixels, lead, settings, known)
+            else:
+                found = known
     if lead is not None:
         _follow_into(widened, pixels, lead, settings, found, part)
         groups = []
