@@ -24,7 +24,8 @@ from ..errors import ShockError
 from ..filters.painted_gain import gains_of
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
-from .formats.tiff import read_tiff, write_tiff
+from .formats.tiff import claimed_size, read_tiff, write_tiff
+from .formats.zarr import ENDING as ZARR
 from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_source, check_target, reading, reading_back
@@ -77,6 +78,10 @@ _FORMATS = {
     _ARRAY: _Format(_map_array, _flush_array, _TYPES, range(1, sys.maxsize)),
 }
 _LOSSY = (".jpg", ".jpeg")
+_TIFFS = (".tif", ".tiff")
+BIG = 1 << 28
+"""Bytes of pixels from which on TIFF files are filtered chunk by chunk."""
+
 _ROWS = 256
 
 
@@ -98,7 +103,8 @@ def filter_image_file(
         result. It gets float32 in place of float16.
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
-        complete; its format must hold the values as they are, none is converted.
+        complete; its format must hold the values as they are, none is converted. Zarr arrays and
+        tiled TIFF files may be larger than memory.
     options : Options
         Masks, and whether to replace files.
     times : int
@@ -114,6 +120,10 @@ def filter_image_file(
     ShockError
         If a file cannot be read or written, or as `function` does.
     """
+    if is_big(Path(source), Path(target)):
+        from .big_images import filter_big_image
+
+        return filter_big_image(function, Path(source), Path(target), options, times=times)
     words = read_beside(options)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
@@ -132,6 +142,18 @@ def filter_image_file(
     with staged(target, options.overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
         return _filter(source, path, fill, options.any_size, times)
+
+
+def is_big(source: Path, target: Path) -> bool:
+    """Whether an image is filtered chunk by chunk, as it may not fit into memory."""
+    endings = source.suffix.lower(), target.suffix.lower()
+    if ZARR in endings:
+        return True
+    if not set(endings) <= set(_TIFFS):
+        return False
+    check_source(source, _FORMATS)
+    with reading(source):
+        return claimed_size(source) > BIG
 
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
@@ -159,14 +181,19 @@ def _read(path: Path, any_size: bool) -> ImageFile:
     with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
     pixels = image_file.pixels
+    check_kind(path, pixels)
+    image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
+    return image_file
+
+
+def check_kind(path: Path, pixels: Any) -> None:
+    """Refuse an array that is no image, or of a type that none has."""
     if pixels.dtype.name not in _TYPES:
         raise ShockError(
             f"{path} holds values of type {pixels.dtype}; save it with 8 or 16 bits, or as floats."
         )
-    if pixels.ndim not in (2, 3) or not pixels.size:
+    if pixels.ndim not in (2, 3) or 0 in pixels.shape:
         raise ShockError(f"{path} has the shape {pixels.shape}; give (h, w) or (h, w, channels).")
-    image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
-    return image_file
 
 
 def _filter(

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import logging
 import math
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -425,16 +424,14 @@ def _reruns(both: tuple[npt.NDArray, int]) -> npt.NDArray[np.int64]:
 
 
 def _computed(arrays: Sequence[Dask]) -> Sequence[npt.NDArray]:
-    # From inside a task, too, on a cluster by other tasks of it.
+    # From inside a task, too: on a cluster by other tasks of it.
     import dask
 
-    distributed = sys.modules.get("distributed")
     try:
-        in_worker = distributed is not None and distributed.get_worker() is not None
-    except ValueError:
-        in_worker = False
-    if not in_worker:
+        from distributed import get_worker, worker_client
+
+        get_worker()
+    except (ImportError, ValueError):  # no cluster, or not in it
         return dask.compute(*arrays)
-    assert distributed is not None
-    with distributed.worker_client() as client:
+    with worker_client() as client:
         return client.gather(client.compute(list(arrays)))
