@@ -35,8 +35,17 @@ def sum_kernel(function: Callable[..., Any]) -> Any:
     return keep_on_disk(compiled(function))
 
 
-@cache
+most_threads: int | None = None
+"""Threads of one run, where a host program has work for the other cores; None is one a core."""
+
+
 def thread_count() -> int:
+    """Threads that a run may use."""
+    return most_threads or _core_count()
+
+
+@cache
+def _core_count() -> int:
     """Cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
