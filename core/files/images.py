@@ -172,11 +172,12 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
 
 def image_size(path: str | Path, any_size: bool = False) -> tuple[int, int]:
     """Return height and width of an image file."""
-    height, width = _read(Path(path), any_size).pixels.shape[:2]
+    height, width = read_image(Path(path), any_size).pixels.shape[:2]
     return height, width
 
 
-def _read(path: Path, any_size: bool) -> ImageFile:
+def read_image(path: Path, any_size: bool) -> ImageFile:
+    """Read an image file; its pixels keep their type."""
     check_source(path, _FORMATS)
     with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
@@ -203,7 +204,7 @@ def _filter(
     any_size: bool,
     times: int,
 ) -> Outcome:
-    image_file = _read(source, any_size)
+    image_file = read_image(source, any_size)
     pixels = image_file.pixels
     ending = path.suffix.lower()
     _check_format(source, ending, pixels)
@@ -288,13 +289,13 @@ def read_beside(options: Options) -> dict[str, Pixels]:
 
 def read_pixels(path: str | Path, any_size: bool) -> Pixels:
     """Read an image file; float32 in place of float16."""
-    pixels = _read(Path(path), any_size).pixels
+    pixels = read_image(Path(path), any_size).pixels
     return pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
 
 
 def read_grays(path: Path, what: str, any_size: bool) -> Pixels:
     """Read a gray image file, from 0 to 1; `what` is what it holds, for people."""
-    grays = _read(path, any_size).pixels
+    grays = read_image(path, any_size).pixels
     if grays.ndim == 3 and grays.shape[2] == 1:
         grays = grays[..., 0]
     if grays.ndim != 2:

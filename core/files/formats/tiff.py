@@ -102,7 +102,7 @@ class TiffTiles:
                     out[top : top + len(part), left : left + part.shape[1]] = part.reshape(
                         *part.shape[:2], *self.shape[2:]
                     )
-        return out[(..., *window[2:])]
+        return out[(slice(None), slice(None), *window[2:])]
 
 
 def _read_tile(page: Any, number: int) -> npt.NDArray[Any]:
