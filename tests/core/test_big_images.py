@@ -202,6 +202,24 @@ def test_cancelling_leaves_nothing():
     assert os.listdir() == ["in.zarr"]
 
 
+def test_on_a_cluster():
+    from distributed import Client
+
+    image = picture()
+    spoiled = image.astype(np.float32)
+    spoiled[120, 130, 1] = np.nan
+    save_zarr("in.zarr", image)
+    save_zarr("nan.zarr", spoiled)
+    with Client(processes=False, n_workers=1, threads_per_worker=2, dashboard_address=":0"):
+        sharpen_image_file("in.zarr", "out.zarr", SETTINGS)
+        np.testing.assert_array_equal(load("out.zarr"), core.sharpen_image(image, SETTINGS))
+        with pytest.raises(core.InvalidSignal, match="NaN or infinity"):
+            sharpen_image_file("nan.zarr", "none.zarr", SETTINGS)
+        with pytest.raises(core.Cancelled):
+            sharpen_image_file("in.zarr", "none.zarr", SETTINGS, progress=lambda *_: False)
+    assert sorted(os.listdir()) == ["in.zarr", "nan.zarr", "out.zarr"]
+
+
 RUN = """
 import resource, sys
 from functools import partial

@@ -79,7 +79,7 @@ def test_chunks_run_again_on_a_cluster(monkeypatch):
     image = shapes()
     settings = core.ImageSettings(time=1e4)
     with Client(
-        processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None
+        processes=False, n_workers=1, threads_per_worker=2, dashboard_address=":0"
     ) as client:
         given = client.persist(cut(image))  # what tasks read again is held by the cluster
         with counting_reruns() as counts:
