@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images on disk that may be larger than memory: Zarr arrays and tiled TIFF files.
 
-They are read, filtered and written chunk by chunk by dask, on whatever scheduler is current:
-threads of this process, or the cluster of a client that was made before.
+They are read, filtered and written chunk by chunk by dask, on threads of this process, or on the
+cluster of a client that was made before.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..base.parallel import thread_count
 from ..base.progress import ask, phase, reporting
 from ..errors import ShockError
 from ..filters.chunked import Dask, counting_reruns
@@ -209,8 +211,10 @@ def _computed(wanted: Sequence[Any]) -> Sequence[Any]:
             left = sum(len(state[name]) for name in ("waiting", "ready", "running"))
             ask(len(state["finished"]) / (len(state["finished"]) + left))
 
-        with Callback(posttask=count):
-            return dask.compute(*wanted)
+        # A pool of its own is waited for: nobody writes any more once this ends, however it does.
+        threads = dask.config.get("num_workers", None) or thread_count()
+        with ThreadPoolExecutor(threads) as pool, Callback(posttask=count):
+            return dask.compute(*wanted, scheduler="threads", pool=pool)
     futures = client.compute(list(wanted))
     try:
         while not all(future.done() for future in futures):

@@ -184,7 +184,9 @@ def staged_folder(target: Path, overwrite: bool) -> Iterator[Path]:
 def temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
     """Make a folder that goes at the end, or in a later run if this one is killed."""
     _remove_left_over(parent)
-    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=_PREFIX, dir=parent)))
+    # What workers of a cluster still write there is left to a later run.
+    made = tempfile.TemporaryDirectory(prefix=_PREFIX, dir=parent, ignore_cleanup_errors=True)
+    folder = Path(stack.enter_context(made))
     stack.enter_context(_held(folder))
     return folder
 

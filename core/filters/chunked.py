@@ -35,7 +35,7 @@ from ..base.checks import (
 )
 from ..base.findings import is_gathered
 from ..errors import InvalidSignal
-from ..grid.channels import opacity_channel
+from ..grid.channels import channel_groups, opacity_channel
 from ..grid.part import LeftPart, Part
 from ..grid.potential import flow_reach
 from ..settings import BeltramiSettings, ImageSettings
@@ -44,7 +44,7 @@ from .beltrami.images import beltrami_image
 from .dials import tell_widths
 from .guides import check_guide, checked_guide
 from .images import LARGEST, large_pixels, measured_each, opacity_in_range, sharpen_checked
-from .images_by_width import Measured, reach_by_width
+from .images_by_width import Measured, measured, reach_by_width
 from .pde import check_kind, evolved
 from .signals import step_durations
 
@@ -125,7 +125,8 @@ def sharpen_chunks(
 
 def measure_chunks(image: Dask, settings: ImageSettings) -> Measured:
     """Do what `measure_image` does to a dask array."""
-    return _measured(_checked_picture(image), None, settings, None)[0]
+    view: Any = _View(_checked_picture(image), settings, settings.alpha)
+    return measured(view, channel_groups(view.shape[2], settings)[0], settings)
 
 
 def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike | None) -> Dask:
@@ -211,8 +212,8 @@ class _View:
         if times > 1:
             given = large_pixels(given, self._settings)
         rows, columns = (
-            slice(part.start - times * all_.start, part.stop - times * all_.start)
-            for part, all_ in zip(window, cut, strict=True)
+            slice(part.start - times * outer.start, part.stop - times * outer.start)
+            for part, outer in zip(window, cut, strict=True)
         )
         return opacity_in_range(given[rows, columns], self._alpha)
 

@@ -74,7 +74,7 @@ def sharpen_image(
         `ImageSettings.enlarge` times as high and wide. Every value lies within the input's values
         near it. A time of 0 returns the input bit for bit, or enlarged by a cubic; opacity (see
         `ImageSettings.alpha`) always stays. For a dask array another one, computed later chunk by
-        chunk, of the same bits; see `filters.chunked`.
+        chunk, of the same bits; only What and Width are measured at once. See `filters.chunked`.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     Parameters
     ----------
     image : array
-        As in `sharpen_image`.
+        As in `sharpen_image`; of a dask array, some windows are computed.
     settings : ImageSettings, optional
         What they say is not measured.
 
