@@ -25,7 +25,7 @@ from ..filters.chunked import Dask, counting_reruns
 from .formats.tiff import TILE, open_tiff_tiles, write_tiff_tiles
 from .formats.zarr import ENDING, create_zarr, is_zarr, open_zarr
 from .image_file import ImageFile
-from .images import check_kind, read_image
+from .images import check_format, check_kind, read_image
 from .output import Options, Outcome, staged, staged_folder, temporary_folder
 from .reading import check_ending, check_source, needed, reading, reading_back
 
@@ -51,6 +51,8 @@ def filter_big_image(
     if target.is_dir() and not is_zarr(target):
         raise ShockError(f"{target} is a folder of other files; choose another output.")
     image_file = _open(source, options.any_size)
+    if target.suffix.lower() in _TIFFS:
+        check_format(source, target.suffix.lower(), image_file.pixels)
     with reporting(options.progress), counting_reruns() as counts:
         pixels = _chunks(source, image_file)
         words = _beside(options)
@@ -87,6 +89,7 @@ def _write_tiff(
     target: Path, overwrite: bool, image_file: ImageFile, result: Dask, wanted: Sequence[Dask]
 ) -> tuple[Sequence[Any], list[str]]:
     # By way of a Zarr array, as tiles stand in their order in the file, however they are computed.
+    result = result[..., 0] if result.shape[2:] == (1,) else result
     with contextlib.ExitStack() as stack:
         stage = stack.enter_context(staged(target, overwrite))
         spool = temporary_folder(target.absolute().parent, stack) / f"spool{ENDING}"
@@ -194,6 +197,7 @@ def _store(
     ):  # a quarter of what is filtered at once, along the sides
         sides = (n // 4 if n % 4 == 0 else n for n in result.chunksize[:2])
         chunks = (*sides, *result.shape[2:])
+    chunks = chunks[: result.ndim]
     target = create_zarr(path, image_file, result.shape, result.dtype, chunks)
     stored = dask.array.store(result, target, lock=False, compute=False)
     return _computed([stored, *wanted])[1:]

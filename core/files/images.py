@@ -161,7 +161,7 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     check_target(target, _FORMATS)
     ending = target.suffix.lower()
     if ending != _ARRAY:
-        _check_format(target, ending, pixels)
+        check_format(target, ending, pixels)
     with staged(target, overwrite) as path:
         if ending == _ARRAY:
             np.save(path, pixels)
@@ -207,7 +207,7 @@ def _filter(
     image_file = read_image(source, any_size)
     pixels = image_file.pixels
     ending = path.suffix.lower()
-    _check_format(source, ending, pixels)
+    check_format(source, ending, pixels)
     shape = (times * pixels.shape[0], times * pixels.shape[1], *pixels.shape[2:])
     new = _new_array if ending == _ARRAY else _empty
     result = new(path, shape, pixels.dtype)
@@ -254,7 +254,8 @@ def _new_array(path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
     return result
 
 
-def _check_format(source: Path, ending: str, pixels: Pixels) -> None:
+def check_format(source: Path, ending: str, pixels: Any) -> None:
+    """Refuse a format that cannot hold pixels as they are; `source` is where they come from."""
     if _FORMATS[ending].holds(pixels):
         return
     fitting = [name for name, other in _FORMATS.items() if other.holds(pixels)]

@@ -99,6 +99,9 @@ def test_from_one_format_to_the_other():
     sharpen_image_file("in.tif", "between.zarr", core.ImageSettings(time=0))
     sharpen_image_file("between.zarr", "out.tif", core.ImageSettings(time=0))
     np.testing.assert_array_equal(load("out.tif"), image)
+    save_zarr("one.zarr", image[..., None])  # one channel along an axis of its own
+    sharpen_image_file("one.zarr", "one.tif", core.ImageSettings(time=0))
+    np.testing.assert_array_equal(load("one.tif"), image)
     tifffile.imwrite("strips.tif", image)
     outcome = sharpen_image_file("strips.tif", "strips.zarr", core.ImageSettings(time=0))
     np.testing.assert_array_equal(load("strips.zarr"), image)
@@ -160,6 +163,7 @@ def test_bad_input_is_named_and_leaves_nothing(tmp_path, capsys):
     save_zarr("type.zarr", np.zeros((4, 4), np.int64))
     save_zarr("good.zarr", picture())
     save_zarr("small.zarr", picture(1)[:50])
+    save_zarr("half.zarr", picture(kind=np.float16))
     zarr.open_group("group.zarr", mode="w")
     damaged = tmp_path / "damaged.zarr"
     save_zarr("damaged.zarr", picture())
@@ -177,6 +181,7 @@ def test_bad_input_is_named_and_leaves_nothing(tmp_path, capsys):
         "plain.zarr out.zarr": "no Zarr array",
         "none.zarr out.zarr": "There is no file",
         "good.zarr out.png": "use one of .zarr, .tif, .tiff",
+        "half.zarr out.tif": ".tif cannot hold 3 channels of float16",
         "good.zarr plain.zarr --overwrite": "folder of other files",
         "good.zarr out.zarr --mask small.zarr": "The mask has the shape (50, 200)",
         "good.zarr out.zarr --mask good.zarr": "gray image",
