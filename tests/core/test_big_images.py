@@ -192,6 +192,14 @@ def test_bad_input_is_named_and_leaves_nothing(tmp_path, capsys):
     assert os.listdir("plain.zarr") == ["letter.txt"]
 
 
+@pytest.mark.parametrize("package", ["dask.array", "zarr"])
+def test_missing_packages_are_named(package, monkeypatch):
+    save_zarr("in.zarr", picture())
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(core.ShockError, match=rf"needs {package}; run: .*shock-filter\[cluster\]"):
+        sharpen_image_file("in.zarr", "out.zarr", SETTINGS)
+
+
 def test_cancelling_leaves_nothing():
     save_zarr("in.zarr", picture())
     asked = []
