@@ -20,6 +20,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -125,7 +126,7 @@ def sharpen_chunks(
 
 def measure_chunks(image: Dask, settings: ImageSettings) -> Measured:
     """Do what `measure_image` does to a dask array."""
-    view: Any = _View(_checked_picture(image), settings, settings.alpha)
+    view: Any = _View(_checked_picture(image), settings)
     return measured(view, channel_groups(view.shape[2], settings)[0], settings)
 
 
@@ -192,9 +193,9 @@ def _checked_lead(
 class _View:
     """An image as its borders are measured, read window by window: enlarged, opacity in [0, 1]."""
 
-    def __init__(self, pixels: Dask, settings: ImageSettings, alpha: str) -> None:
+    def __init__(self, pixels: Dask, settings: ImageSettings) -> None:
         self._pixels, self._settings = pixels, settings
-        self._alpha = opacity_channel(pixels.shape[2], alpha)
+        self._alpha = opacity_channel(pixels.shape[2], settings.alpha)
         height, width, channels = pixels.shape
         self.shape = settings.enlarge * height, settings.enlarge * width, channels
         self.dtype = pixels.dtype
@@ -221,8 +222,8 @@ class _View:
 def _measured(
     pixels: Dask, lead: Dask | None, settings: ImageSettings, known: Measured | None
 ) -> tuple[Measured, ...]:
-    image: Any = _View(pixels, settings, settings.alpha)
-    leading: Any = None if lead is None else _View(lead, settings, "auto")
+    image: Any = _View(pixels, settings)
+    leading: Any = None if lead is None else _View(lead, replace(settings, alpha="auto"))
     found = measured_each(image, leading, settings, known)
     if settings.width == 0 and is_gathered():
         width, count = found[0].borders.width, found[0].borders.number

@@ -113,6 +113,13 @@ def test_mask_and_guide_may_be_lazy_or_not():
         np.testing.assert_array_equal(computed(lazy), expected)
 
 
+def test_opacity_of_a_guide_counts_though_the_images_does_not():
+    image, guide = shapes(1), shapes(2, seed=1)
+    settings = core.ImageSettings(what="drawing", enlarge=2, alpha="none")
+    lazy = core.sharpen_image(cut(image, 100), settings, guide=guide)
+    np.testing.assert_array_equal(computed(lazy), core.sharpen_image(image, settings, guide=guide))
+
+
 def bad_pixel(value, dtype=np.float32):
     image = np.ones(SHAPE, dtype)
     image[170, 180] = value
