@@ -68,6 +68,7 @@ IMAGE = Kind("image", "image files", is_image=True)
 """``function(image, settings, mask, progress)`` returns an image.
 
 One that has a parameter ``out`` is given an array for the result, which may be mapped from a file.
+Zarr arrays and large TIFF files are given as dask arrays; one may be returned, too.
 """
 
 TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_mesh=True)

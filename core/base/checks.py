@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import sys
+from typing import Any, TypeGuard
+
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InvalidSignal
+from ..errors import InvalidSettings, InvalidSignal
 from .progress import ask
 
 Floats = npt.NDArray[np.float64]
@@ -77,6 +80,22 @@ SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float6
 """The types of images, with what brings their values to [0, 1]."""
 
 
+def is_dask(array: Any) -> TypeGuard[Any]:
+    """Whether an array is one of dask, which is not imported to find out."""
+    dask = sys.modules.get("dask.array")
+    return dask is not None and isinstance(array, dask.Array)
+
+
+def refuse_with_dask(**words: Any) -> None:
+    """Raise `InvalidSettings` for a parameter that is given, and means nothing to dask arrays."""
+    for name, given in words.items():
+        if given is not None:
+            raise InvalidSettings(
+                f"{name} is given with a dask array, which is computed later and elsewhere; leave"
+                " it out."
+            )
+
+
 BAND = 256
 """Rows of an image that numpy gets at once."""
 
@@ -87,12 +106,7 @@ def checked_image(image: npt.ArrayLike, largest: float | None = None) -> npt.NDA
     Values up to `largest` are taken; None sets no limit.
     """
     array = as_array(image, "image")
-    if array.dtype.name not in SCALES:
-        raise InvalidSignal(
-            f"The image is of type {array.dtype}; give uint8, uint16, float32 or float64."
-        )
-    if array.ndim not in (2, 3) or array.size == 0:
-        raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
+    check_kind_of_image(array)
     array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
     if array.dtype.kind == "f":
         for start in range(0, len(array), BAND):
@@ -103,6 +117,16 @@ def checked_image(image: npt.ArrayLike, largest: float | None = None) -> npt.NDA
                 "The image holds values beyond {most:g}; scale or clip them.", most=largest
             )
     return array
+
+
+def check_kind_of_image(array: Any) -> None:
+    """Raise `InvalidSignal` if images of such a type or shape cannot be filtered."""
+    if array.dtype.name not in SCALES:
+        raise InvalidSignal(
+            f"The image is of type {array.dtype}; give uint8, uint16, float32 or float64."
+        )
+    if array.ndim not in (2, 3) or array.size == 0:
+        raise InvalidSignal(f"The image has the shape {array.shape}; give (h, w) or (h, w, c).")
 
 
 def checked_out(out: npt.NDArray | None, given: npt.NDArray, times: int = 1) -> npt.NDArray:
@@ -120,13 +144,18 @@ def checked_out(out: npt.NDArray | None, given: npt.NDArray, times: int = 1) -> 
     return np.asarray(out)
 
 
-def checked_weights(mask: npt.ArrayLike | None, given: npt.NDArray) -> npt.NDArray | None:
+def check_shape_of_mask(mask: Any, given: Any) -> None:
+    """Raise `InvalidSignal` unless a mask has the size of the image."""
+    if mask.shape != given.shape[:2]:
+        raise InvalidSignal(f"The mask has the shape {mask.shape}; give {given.shape[:2]}.")
+
+
+def checked_weights(mask: npt.ArrayLike | None, given: Any) -> npt.NDArray | None:
     """Return the mask as float64; raises `InvalidSignal` if it does not fit the image."""
     if mask is None:
         return None
     weights = as_array(mask, "mask")
-    if weights.shape != given.shape[:2]:
-        raise InvalidSignal(f"The mask has the shape {weights.shape}; give {given.shape[:2]}.")
+    check_shape_of_mask(weights, given)
     if weights.dtype.kind not in "bfiu" or not np.isfinite(weights).all():
         raise InvalidSignal("The mask holds NaN, infinity or no numbers; give weights in [0, 1].")
     if weights.min() < 0 or weights.max() > 1:

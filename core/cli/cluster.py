@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Many files on a Dask cluster: each is a task, whose worker reads, filters and writes it.
 
+Of pictures that may not fit into memory, chunks are the tasks instead, of one picture at a time.
+
 Dask hands the task of a worker that is lost to another one. All else that goes wrong with a file is
 an answer like others, and so is not tried again.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
 import pickle
 import sys
@@ -19,6 +22,7 @@ from typing import Any
 
 from ... import __version__
 from ..errors import ShockError
+from ..registry import IMAGE
 from . import worker
 from .inputs import check_target, whole
 from .running import (
@@ -30,6 +34,7 @@ from .running import (
     Job,
     Result,
     failure,
+    filter_file,
     say,
     tell_skipped,
 )
@@ -78,12 +83,19 @@ class _Run:
         from distributed import CancelledError
 
         quiet = self._job.options.quiet
+        whole_ones, divided = [], []
+        for file in files:
+            (divided if _is_divided(self._job, *file) else whole_ones).append(file)
         try:
-            for suspect in self._filter(self._to_do(files)):
+            for suspect in self._filter(self._to_do(whole_ones)):
                 # Alone, as it may have been another file that ended the worker of both.
                 for source, _ in self._filter(iter([suspect])):
                     reason = "each worker that had it was lost; has it enough memory for this?"
                     self._note(failure(source, ShockError(f"{source}: {reason}")))
+            for source, target in self._to_do(divided):
+                self._note(self._divide(source, target))
+                if self._interrupt.asked:
+                    break
         except (CancelledError, OSError) as error:
             raise ShockError(
                 f"The scheduler at {self._job.options.cluster} is gone; {self._progress()}. Start"
@@ -162,6 +174,17 @@ class _Run:
         )
         return self._client.submit(pickle.loads, call, key=f"shock-filter-{uuid.uuid4().hex}")
 
+    def _divide(self, source: str, target: Path) -> Result:
+        """Filter one picture here, whose chunks the workers compute."""
+        # Workers open what flags name, and have folders of their own.
+        options = argparse.Namespace(**whole(self._job.options))
+
+        def tell(fraction: float, message: str) -> bool:
+            return self._bar((self._ended + fraction) / self._count, message)
+
+        job = self._job._replace(options=options)
+        return filter_file(job, source, target, tell, lambda: self._interrupt.asked)
+
     def _room(self) -> int:
         """How many files may be under way; asks now and then, as workers come and go."""
         now = time.monotonic()
@@ -198,6 +221,18 @@ def _finished(futures: Iterable[Any]) -> Iterable[Any]:
         return ()
 
 
+def _is_divided(job: Job, source: str, target: Path) -> bool:
+    """Tell whether a file is a picture that is filtered chunk by chunk."""
+    if job.options.command.kind is not IMAGE:
+        return False
+    from ..files.images import is_big
+
+    try:
+        return is_big(Path(source), target)
+    except (ShockError, OSError):  # which a worker will meet, too
+        return False
+
+
 def _check_target(job: Job, target: Path) -> None:
     """Refuse to replace an output, unless that is asked for."""
     may_replace = job.may_replace(target)
@@ -212,7 +247,7 @@ def _check_target(job: Job, target: Path) -> None:
 def _check_workers(client: Any) -> None:
     """Refuse workers that would make other results, or none."""
     answers = client.run(
-        pickle.loads, worker.call(worker.check_version, __version__), on_error="return"
+        pickle.loads, worker.call(worker.prepare, __version__), on_error="return"
     )
     for address, answer in answers.items():
         is_lost = isinstance(answer, OSError)  # just now, and others will do

@@ -25,7 +25,7 @@ _MESHES = "OBJ, PLY, GLB and glTF files with texture coordinates"
 _FORMATS = {
     GEOMETRY: "PLY, OBJ, STL, OFF, GLB and glTF files",
     COLORS: "PLY, OBJ, GLB and glTF files, which keep their format",
-    IMAGE: f"{_IMAGES}; 16 bits stay 16 bits",
+    IMAGE: f"{_IMAGES}; 16 bits stay 16 bits; Zarr arrays (.zarr) and tiled TIFF of any size",
     TEXTURE: f"{_IMAGES}; 16 bits stay 16 bits; on {_MESHES}",
     FIELD: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold floats, PNG 16 bits",
     FLOW: "from flow maps (PNG, JPEG, TIFF, EXR, BMP, WebP), NumPy (.npy, .npz), NetCDF and Zarr"

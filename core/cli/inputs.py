@@ -39,7 +39,7 @@ def _pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
     sources = list(dict.fromkeys(name for pattern in patterns for name in _expand(pattern)))
     if "-" in sources and len(sources) > 1:
         raise UsageError("- (the open file) must be the only input")
-    is_folder = os.path.isdir(output) or output.endswith(("/", os.sep))
+    is_folder = _is_folder(output)
     if len(sources) > 1 and not is_folder and os.path.exists(output):
         raise UsageError(f"{output} is a file; several inputs need a folder as OUT")
     if len(sources) == 1 and not is_folder:
@@ -48,11 +48,18 @@ def _pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
         raise UsageError("name the file to write for - (the open file), not a folder")
     taken: dict[Path, str] = {}
     for source in sources:
-        target = Path(output, os.path.basename(source))
+        target = Path(output, Path(source).name)
         if target in taken:
             raise UsageError(f"{taken[target]} and {source} would both be written to {target}")
         taken[target] = source
     return [(source, target) for target, source in taken.items()]
+
+
+def _is_folder(output: str) -> bool:
+    # Zarr arrays are folders, too, but stand for a file.
+    if Path(output).suffix.lower() == ".zarr":
+        return False
+    return os.path.isdir(output) or output.endswith(("/", os.sep))
 
 
 def _expand(pattern: str) -> list[str]:
@@ -75,7 +82,7 @@ def whole(options: argparse.Namespace) -> dict[str, Any]:
 
 def check_target(target: Path, overwrite: bool) -> None:
     """Refuse to write to a folder, or over a file unless that is asked for."""
-    if target.is_dir():
+    if target.is_dir() and target.suffix.lower() != ".zarr":
         raise ShockError(f"{target} is a folder; name a file.")
     if target.exists() and not overwrite:
         raise ShockError(f"{target} exists already; add --overwrite or choose another output.")

@@ -55,7 +55,7 @@ def connected(address: str) -> Iterator[Any]:
                     n_workers=thread_count(),
                     threads_per_worker=1,
                     memory_limit=None,  # a large file may take what small ones leave
-                    dashboard_address=None,
+                    dashboard_address=":0",
                     silence_logs=logging.CRITICAL,
                 )
             place = stack.enter_context(local)

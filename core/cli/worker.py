@@ -43,8 +43,11 @@ def stop(run: str) -> None:
     _stopped.add(run)
 
 
-def check_version(wanted: str) -> None:
-    """Refuse to work for another version."""
+def prepare(wanted: str) -> None:
+    """Refuse to work for another version; use one thread for each that the worker has."""
+    from ..base import parallel
+
+    parallel.most_threads = 1
     if wanted != __version__:
         raise ShockError(
             f"it has version {__version__} of Shock Filter, and {wanted} asks; install the same."
@@ -60,11 +63,8 @@ def filter_here(
     source: str,
     target: Path,
 ) -> Result:
-    """Filter one file in a worker, which has as many threads of its own as it is to use."""
-    check_version(version)
-    from ..base import parallel
-
-    parallel.most_threads = 1
+    """Filter one file in a worker."""
+    prepare(version)
     (command,) = (row for row in COMMANDS if row.command == flags["command"])
     job = Job(backend, settings, argparse.Namespace(**{**flags, "command": command}))
     return filter_file(job, source, target, lambda *_: run not in _stopped, lambda: run in _stopped)

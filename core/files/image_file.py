@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy.typing as npt
-
 ICC, RESOLUTION, EXIF, XMP = "ICC profile", "resolution", "EXIF", "XMP"
 
 
@@ -18,7 +16,7 @@ class ImageFile:
 
     Attributes
     ----------
-    pixels : (h, w) or (h, w, c) array
+    pixels : (h, w) or (h, w, c) array, or what reads windows of one
         Two or four channels end with opacity.
     format : str
         Name of the format it was read from.
@@ -32,7 +30,7 @@ class ImageFile:
         Names of that, as far as another format leaves it behind.
     """
 
-    pixels: npt.NDArray[Any]
+    pixels: Any
     format: str
     about: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)

@@ -24,7 +24,8 @@ from ..errors import ShockError
 from ..filters.painted_gain import gains_of
 from .formats.exr import read_exr, write_exr
 from .formats.pillow import read_pillow, write_bmp, write_jpeg, write_png, write_webp
-from .formats.tiff import read_tiff, write_tiff
+from .formats.tiff import claimed_size, read_tiff, write_tiff
+from .formats.zarr import ENDING as ZARR
 from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_source, check_target, reading, reading_back
@@ -77,6 +78,10 @@ _FORMATS = {
     _ARRAY: _Format(_map_array, _flush_array, _TYPES, range(1, sys.maxsize)),
 }
 _LOSSY = (".jpg", ".jpeg")
+_TIFFS = (".tif", ".tiff")
+BIG = 1 << 28
+"""Bytes of pixels from which on TIFF files are filtered chunk by chunk."""
+
 _ROWS = 256
 
 
@@ -98,7 +103,8 @@ def filter_image_file(
         result. It gets float32 in place of float16.
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
-        complete; its format must hold the values as they are, none is converted.
+        complete; its format must hold the values as they are, none is converted. Zarr arrays and
+        tiled TIFF files may be larger than memory.
     options : Options
         Masks, and whether to replace files.
     times : int
@@ -114,6 +120,10 @@ def filter_image_file(
     ShockError
         If a file cannot be read or written, or as `function` does.
     """
+    if is_big(Path(source), Path(target)):
+        from .big_images import filter_big_image
+
+        return filter_big_image(function, Path(source), Path(target), options, times=times)
     words = read_beside(options)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
@@ -134,12 +144,24 @@ def filter_image_file(
         return _filter(source, path, fill, options.any_size, times)
 
 
+def is_big(source: Path, target: Path) -> bool:
+    """Whether an image is filtered chunk by chunk, as it may not fit into memory."""
+    endings = source.suffix.lower(), target.suffix.lower()
+    if ZARR in endings:
+        return True
+    if not set(endings) <= set(_TIFFS):
+        return False
+    check_source(source, _FORMATS)
+    with reading(source):
+        return claimed_size(source) > BIG
+
+
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     """Write pixels that come from no file, in the format of the target's ending."""
     check_target(target, _FORMATS)
     ending = target.suffix.lower()
     if ending != _ARRAY:
-        _check_format(target, ending, pixels)
+        check_format(target, ending, pixels)
     with staged(target, overwrite) as path:
         if ending == _ARRAY:
             np.save(path, pixels)
@@ -150,23 +172,29 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
 
 def image_size(path: str | Path, any_size: bool = False) -> tuple[int, int]:
     """Return height and width of an image file."""
-    height, width = _read(Path(path), any_size).pixels.shape[:2]
+    height, width = read_image(Path(path), any_size).pixels.shape[:2]
     return height, width
 
 
-def _read(path: Path, any_size: bool) -> ImageFile:
+def read_image(path: Path, any_size: bool) -> ImageFile:
+    """Read an image file; its pixels keep their type."""
     check_source(path, _FORMATS)
     with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
     pixels = image_file.pixels
+    check_kind(path, pixels)
+    image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
+    return image_file
+
+
+def check_kind(path: Path, pixels: Any) -> None:
+    """Refuse an array that is no image, or of a type that none has."""
     if pixels.dtype.name not in _TYPES:
         raise ShockError(
             f"{path} holds values of type {pixels.dtype}; save it with 8 or 16 bits, or as floats."
         )
-    if pixels.ndim not in (2, 3) or not pixels.size:
+    if pixels.ndim not in (2, 3) or 0 in pixels.shape:
         raise ShockError(f"{path} has the shape {pixels.shape}; give (h, w) or (h, w, channels).")
-    image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
-    return image_file
 
 
 def _filter(
@@ -176,10 +204,10 @@ def _filter(
     any_size: bool,
     times: int,
 ) -> Outcome:
-    image_file = _read(source, any_size)
+    image_file = read_image(source, any_size)
     pixels = image_file.pixels
     ending = path.suffix.lower()
-    _check_format(source, ending, pixels)
+    check_format(source, ending, pixels)
     shape = (times * pixels.shape[0], times * pixels.shape[1], *pixels.shape[2:])
     new = _new_array if ending == _ARRAY else _empty
     result = new(path, shape, pixels.dtype)
@@ -226,7 +254,8 @@ def _new_array(path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
     return result
 
 
-def _check_format(source: Path, ending: str, pixels: Pixels) -> None:
+def check_format(source: Path, ending: str, pixels: Any) -> None:
+    """Refuse a format that cannot hold pixels as they are; `source` is where they come from."""
     if _FORMATS[ending].holds(pixels):
         return
     fitting = [name for name, other in _FORMATS.items() if other.holds(pixels)]
@@ -261,13 +290,13 @@ def read_beside(options: Options) -> dict[str, Pixels]:
 
 def read_pixels(path: str | Path, any_size: bool) -> Pixels:
     """Read an image file; float32 in place of float16."""
-    pixels = _read(Path(path), any_size).pixels
+    pixels = read_image(Path(path), any_size).pixels
     return pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
 
 
 def read_grays(path: Path, what: str, any_size: bool) -> Pixels:
     """Read a gray image file, from 0 to 1; `what` is what it holds, for people."""
-    grays = _read(path, any_size).pixels
+    grays = read_image(path, any_size).pixels
     if grays.ndim == 3 and grays.shape[2] == 1:
         grays = grays[..., 0]
     if grays.ndim != 2:

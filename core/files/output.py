@@ -153,10 +153,40 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
             os.replace(new, old)
 
 
+@contextlib.contextmanager
+def staged_folder(target: Path, overwrite: bool) -> Iterator[Path]:
+    """Give a folder to make and fill, which becomes `target` at the end; as `staged` for files.
+
+    What was there is replaced as a whole, if `overwrite` says so.
+    """
+    target = Path(os.path.realpath(target))
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise ShockError(f"Cannot write to the folder {target.parent}; choose another output.")
+    with contextlib.ExitStack() as stack:
+        folder = temporary_folder(target.parent, stack)
+        stage, replaced = folder / target.name, folder / "replaced"
+        with room(target.parent):
+            yield stage
+        if target.exists():
+            if not overwrite:
+                raise ShockError(
+                    f"{target} exists already; add --overwrite or choose another output."
+                )
+            os.replace(target, replaced)
+        try:
+            os.replace(stage, target)
+        except OSError:
+            if replaced.exists():
+                os.replace(replaced, target)
+            raise
+
+
 def temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
     """Make a folder that goes at the end, or in a later run if this one is killed."""
     _remove_left_over(parent)
-    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=_PREFIX, dir=parent)))
+    # What workers of a cluster still write there is left to a later run.
+    made = tempfile.TemporaryDirectory(prefix=_PREFIX, dir=parent, ignore_cleanup_errors=True)
+    folder = Path(stack.enter_context(made))
     stack.enter_context(_held(folder))
     return folder
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy.typing as npt
 
 from ..base.checks import checked_image
@@ -25,9 +27,15 @@ def checked_guide(
     if guide is None:
         return None
     found = checked_image(guide)
-    if found.shape[:2] != image.shape[:2]:
+    check_guide(found, image, settings)
+    return found.reshape(*found.shape[:2], -1)
+
+
+def check_guide(guide: Any, image: Any, settings: ImageSettings | TextureSettings) -> None:
+    """Raise as `checked_guide` does for another size than the image's, or settings."""
+    if guide.shape[:2] != image.shape[:2]:
         raise InvalidSignal(
-            f"The guide has {found.shape[1]} x {found.shape[0]} pixels, the image"
+            f"The guide has {guide.shape[1]} x {guide.shape[0]} pixels, the image"
             f" {image.shape[1]} x {image.shape[0]}; scale it to the same size."
         )
     if settings.channels == "independent":
@@ -41,4 +49,3 @@ def checked_guide(
             "scheme is {scheme!r}, which computes the flow anew; choose 'fixed' with a guide.",
             scheme=scheme,
         )
-    return found.reshape(*found.shape[:2], -1)

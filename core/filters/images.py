@@ -3,25 +3,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import BAND, SCALES, checked_image, checked_out, checked_weights
+from ..base.checks import (
+    BAND,
+    SCALES,
+    checked_image,
+    checked_out,
+    checked_weights,
+    is_dask,
+    refuse_with_dask,
+)
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..grid.advect import TracedPixels, advect_pixels
+from ..grid.borders import measure_borders
 from ..grid.channels import Channels, channel_groups, opacity_channel
 from ..grid.enlarge import enlarged
+from ..grid.part import Part, keep_inside
 from ..grid.pixels import copied, mix
-from ..grid.potential import image_potential
+from ..grid.potential import flow_reach, image_potential
 from ..settings import ImageSettings
 from .guides import checked_guide
 from .images_by_width import Measured, follow_by_width, measured, sharpen_by_width
 from .signals import step_durations
 
-_LARGEST = 1e15
+LARGEST = 1e15
 """Beyond, squares of what borders are measured by leave the range of float32."""
 
 
@@ -41,14 +52,14 @@ def sharpen_image(
     ----------
     image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
         Any number of channels. Times are meant for values in [0, 1]; whole numbers are scaled
-        to it, floats may go beyond. May be mapped from disk.
+        to it, floats may go beyond. May be mapped from disk, or a dask array.
     settings : ImageSettings, optional
     mask : (h, w) array of float in [0, 1], optional
         1 sharpens fully, less mixes with the input, 0 keeps it bit for bit.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
     out : array like `image`, optional
-        Where the result goes; may be mapped from disk. Left undefined on an error.
+        Where the result goes; may be mapped from disk. Left undefined on an error. Not for dask.
     known : Measured, optional
         What `measure_image` found in a larger image that this is a part of.
     guide : (h, w) or (h, w, c) array, optional
@@ -62,7 +73,8 @@ def sharpen_image(
     array like `image`
         `ImageSettings.enlarge` times as high and wide. Every value lies within the input's values
         near it. A time of 0 returns the input bit for bit, or enlarged by a cubic; opacity (see
-        `ImageSettings.alpha`) always stays.
+        `ImageSettings.alpha`) always stays. For a dask array another one, computed later chunk by
+        chunk, of the same bits; only What and Width are measured at once. See `filters.chunked`.
 
     Raises
     ------
@@ -92,42 +104,78 @@ def sharpen_image(
     >>> sharp.shape, bool(np.abs(np.diff(sharp)).max() > np.abs(np.diff(image)).max())
     ((8, 32), True)
     """
+    settings = settings or ImageSettings()
+    if is_dask(image):
+        from .chunked import sharpen_chunks
+
+        refuse_with_dask(out=out, progress=progress)
+        return sharpen_chunks(image, settings, mask, known, guide)
     with reporting(progress):
-        settings = settings or ImageSettings()
-        given = checked_image(image, _LARGEST if settings.by_width else None)
+        given = checked_image(image, LARGEST if settings.by_width else None)
         result = checked_out(out, given, settings.enlarge)
         weights = checked_weights(mask, given)
-        pixels = given.reshape(*given.shape[:2], -1)
-        target = result.reshape(*result.shape[:2], -1)
         lead = checked_guide(guide, given, settings)
-        if settings.enlarge == 1:
-            _filter_into(target, pixels, settings, weights, known, lead)
-            return result
-        with phase(0.0, 0.1, "Enlarging"):
-            large = _large(pixels, settings)
-            lead = None if lead is None else _large(lead, replace(settings, alpha="auto"))
-        if weights is not None:
-            with aside("Enlarging"):
-                weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
-        floats = np.empty_like(large)
-        with phase(0.1, 1.0, "Sharpening"):
-            _filter_into(floats, large, settings, weights, known, lead)
-        with aside("Sharpening"):
-            scale = SCALES[given.dtype.name]
-            for band in blocks(len(floats), BAND):
-                target[band] = np.rint(floats[band] / scale) if scale != 1.0 else floats[band]
+        sharpen_checked(given, result, settings, weights, lead, known)
     return result
 
 
-def _large(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
-    # As floats in the range of colors, so that soft slopes do not become stairs.
+def sharpen_checked(
+    given: npt.NDArray,
+    result: npt.NDArray,
+    settings: ImageSettings,
+    weights: npt.NDArray | None,
+    lead: npt.NDArray | None,
+    known: Measured | Sequence[Measured] | None,
+    part: Part | None = None,
+) -> None:
+    """Do what `sharpen_image` does to what was checked.
+
+    Parameters
+    ----------
+    given, result : (h, w) or (h, w, c) array
+    settings : ImageSettings
+    weights : (h, w) float64, optional
+    lead : (h, w, c) array, optional
+        The guide.
+    known : Measured or sequence of them, optional
+        Of all, or as `measured_each` returns them.
+    part : Part, optional
+        What is wanted, if the image is a part of another one; in pixels of the result.
+
+    Raises
+    ------
+    LeftPart
+        If the part is too small for the pixels that are wanted.
+    """
+    pixels = given.reshape(*given.shape[:2], -1)
+    target = result.reshape(*result.shape[:2], -1)
+    if settings.enlarge == 1:
+        _filter_into(target, pixels, settings, weights, lead, known, part)
+        return
+    with phase(0.0, 0.1, "Enlarging"):
+        large = large_pixels(pixels, settings)
+        lead = None if lead is None else large_pixels(lead, replace(settings, alpha="auto"))
+    if weights is not None:
+        with aside("Enlarging"):
+            weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
+    floats = np.empty_like(large)
+    with phase(0.1, 1.0, "Sharpening"):
+        _filter_into(floats, large, settings, weights, lead, known, part)
+    with aside("Sharpening"):
+        scale = SCALES[given.dtype.name]
+        for band in blocks(len(floats), BAND):
+            target[band] = np.rint(floats[band] / scale) if scale != 1.0 else floats[band]
+
+
+def large_pixels(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
+    """Enlarge to floats in the range of colors, so that soft slopes do not become stairs."""
     alpha = opacity_channel(pixels.shape[2], settings.alpha)
-    weighing = _opacity_in_range(pixels, alpha)
+    weighing = opacity_in_range(pixels, alpha)
     scale = SCALES[pixels.dtype.name]
     large = enlarged(weighing, settings.enlarge, scale, alpha)
     if weighing is not pixels:  # it stays as it is
         own = np.ascontiguousarray(pixels[..., alpha, None])
-        large[..., alpha] = enlarged(own, settings.enlarge, scale)[..., 0]
+        large[..., alpha] = enlarged(own, settings.enlarge, scale, 0)[..., 0]
     return large
 
 
@@ -136,15 +184,16 @@ def _filter_into(
     pixels: npt.NDArray,
     settings: ImageSettings,
     weights: npt.NDArray | None,
-    known: Measured | None,
     lead: npt.NDArray | None,
+    known: Measured | Sequence[Measured] | None,
+    part: Part | None,
 ) -> None:
     with aside("Sharpening"):
         for band in blocks(len(pixels), BAND):
             target[band] = pixels[band]
     if settings.is_neutral:
         return
-    _sharpen_into(target, pixels, settings, known, lead)
+    _sharpen_into(target, pixels, settings, lead, known, part)
     if weights is not None or settings.amount < 1.0:
         with phase(1.0, 1.0, "Sharpening"):
             mix(pixels, _times_amount(weights, settings.amount, pixels), target)
@@ -162,7 +211,7 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     Parameters
     ----------
     image : array
-        As in `sharpen_image`.
+        As in `sharpen_image`; of a dask array, some windows are computed.
     settings : ImageSettings, optional
         What they say is not measured.
 
@@ -188,38 +237,81 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     ('drawing', 5)
     """
     settings = settings or ImageSettings()
-    given = checked_image(image, _LARGEST)
+    if is_dask(image):
+        from .chunked import measure_chunks
+
+        return measure_chunks(image, settings)
+    given = checked_image(image, LARGEST)
     pixels = given.reshape(*given.shape[:2], -1)
     if settings.enlarge > 1:
-        pixels = _large(pixels, settings)
+        pixels = large_pixels(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
-    return measured(_opacity_in_range(pixels, channels.alpha), channels, settings)
+    return measured(opacity_in_range(pixels, channels.alpha), channels, settings)
+
+
+def measured_each(
+    pixels: npt.NDArray,
+    lead: npt.NDArray | None,
+    settings: ImageSettings,
+    known: Measured | None = None,
+) -> tuple[Measured, ...]:
+    """Measure each group of channels; or the guide, and the image's borders beside it.
+
+    What is `known` is not measured, but for the latter.
+    """
+    scale = SCALES[pixels.dtype.name]
+    if lead is None:
+        groups = channel_groups(pixels.shape[2], settings)
+        return tuple(known or measured(pixels, channels, settings) for channels in groups)
+    channels, guides = _leading(pixels, lead, settings)
+    found = known or measured(lead, guides, settings)
+    return found, found._replace(borders=measure_borders(pixels, scale, channels))
+
+
+def _leading(
+    pixels: npt.NDArray, lead: npt.NDArray, settings: ImageSettings
+) -> tuple[Channels, Channels]:
+    # The channels that are filtered, and those of the guide that count.
+    (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
+    (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
+    return channels, guides
 
 
 def _sharpen_into(
     target: npt.NDArray,
     pixels: npt.NDArray,
     settings: ImageSettings,
-    known: Measured | None,
     lead: npt.NDArray | None,
+    known: Measured | Sequence[Measured] | None,
+    part: Part | None,
 ) -> None:
     # `target` holds a copy of the pixels.
     thin = min(pixels.shape[:2]) < 2
     if thin:  # a line of pixels is widened to have cells
         pixels = _widened(pixels)
         lead = None if lead is None else _widened(lead)
+        part = None  # lines are filtered as a whole
     widened = pixels.copy() if thin else target
     groups = channel_groups(pixels.shape[2], settings)
-    pixels = _opacity_in_range(pixels, groups[0].alpha)
+    pixels = opacity_in_range(pixels, groups[0].alpha)
     if lead is not None:
-        _follow_into(widened, pixels, lead, settings, known)
+        lead = opacity_in_range(lead, opacity_channel(lead.shape[2], "auto"))
+    found: Sequence[Measured] = ()
+    if settings.by_width:
+        with aside("Measuring borders"):
+            if known is None or isinstance(known, Measured):
+                found = measured_each(pixels, lead, settings, known)
+            else:
+                found = known
+    if lead is not None:
+        _follow_into(widened, pixels, lead, settings, found, part)
         groups = []
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
             if settings.by_width:
-                sharpen_by_width(pixels, channels, settings, widened, known)
+                sharpen_by_width(pixels, channels, settings, widened, found[number], part)
             else:
-                _flow_channels(pixels, channels, settings, widened)
+                _flow_channels(pixels, channels, settings, widened, part)
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
 
@@ -234,24 +326,27 @@ def _follow_into(
     pixels: npt.NDArray,
     lead: npt.NDArray,
     settings: ImageSettings,
-    known: Measured | None,
+    found: Sequence[Measured],
+    part: Part | None,
 ) -> None:
-    (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
-    (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
-    lead = _opacity_in_range(lead, guides.alpha)
+    channels, guides = _leading(pixels, lead, settings)
     if settings.by_width:
-        follow_by_width(lead, guides, pixels, channels, settings, target, known)
+        follow_by_width(lead, guides, pixels, channels, settings, target, found, part)
         return
     nearest = settings.sampling == "nearest"
     with phase(0.0, 0.2, "Computing the flow"):
         scale = SCALES[lead.dtype.name]
         potential = image_potential(lead, scale, guides, settings.smoothing_passes)
     with phase(0.2, 1.0, "Tracing flow-lines"):
-        advect_pixels(pixels, channels, potential, settings.time, target, nearest=nearest)
+        keep_inside(
+            advect_pixels(
+                pixels, channels, potential, settings.time, target, nearest=nearest, part=part
+            )
+        )
 
 
-def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
-    # Floats may leave [0, 1]; opacity is a weight, and must not.
+def opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
+    """Clip opacity, channel `alpha`: floats may leave [0, 1], but a weight must not."""
     if alpha < 0 or pixels.dtype.kind == "u":
         return pixels
     opacity = pixels[..., alpha]
@@ -263,7 +358,11 @@ def _opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
 
 
 def _flow_channels(
-    pixels: npt.NDArray, channels: Channels, settings: ImageSettings, target: npt.NDArray
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings,
+    target: npt.NDArray,
+    part: Part | None,
 ) -> None:
     scale = SCALES[pixels.dtype.name]
     nearest = settings.sampling == "nearest"
@@ -273,7 +372,11 @@ def _flow_channels(
         with phase(0.0, 0.2, "Computing the flow"):
             potential = image_potential(pixels, scale, channels, passes)
         with phase(0.2, 1.0, "Tracing flow-lines"):
-            advect_pixels(pixels, channels, potential, durations[0], target, nearest=nearest)
+            keep_inside(
+                advect_pixels(
+                    pixels, channels, potential, durations[0], target, nearest=nearest, part=part
+                )
+            )
         return
     # Whole numbers are not rounded between steps.
     current = pixels.astype(np.float64 if pixels.dtype == np.float64 else np.float32)
@@ -281,18 +384,26 @@ def _flow_channels(
         spare = copied(current)
         composed = settings.scheme == "composed"
         traced = TracedPixels(*pixels.shape[:2]) if composed else None
+    margin = 0  # what a part lacks grows inwards with each step
     for number, duration in enumerate(durations):
         with phase(number / len(durations), (number + 1) / len(durations), "Sharpening"):
             with phase(0.0, 0.4, "Computing the flow"):
                 potential = image_potential(current, scale, channels, passes)
+            margin += flow_reach(passes)
+            inner = part and part.without(margin)
             if traced is not None:
                 with phase(0.4, 0.9, "Tracing flow-lines"):
-                    traced.trace(potential, duration)
+                    depths = traced.trace(potential, duration, inner)
                 with phase(0.9, 1.0, "Tracing flow-lines"):
                     traced.read(pixels, channels, current, nearest=nearest)
             else:
                 with phase(0.4, 1.0, "Tracing flow-lines"):
-                    advect_pixels(current, channels, potential, duration, spare, nearest=nearest)
+                    depths = advect_pixels(
+                        current, channels, potential, duration, spare, nearest=nearest, part=inner
+                    )
                 current, spare = spare, current
+            margin += int(depths.max())
+    if part is not None:
+        part.without(margin)
     for c in range(channels.start, channels.stop):
         target[..., c] = np.rint(current[..., c]) if scale != 1.0 else current[..., c]

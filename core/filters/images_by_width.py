@@ -7,7 +7,7 @@ them as windows reach.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,8 @@ from ..base.progress import aside, phase
 from ..grid.advect import advect_pixels
 from ..grid.borders import Borders, guide_planes, is_drawing, measure_borders
 from ..grid.channels import Channels
-from ..grid.potential import image_potential
+from ..grid.part import Part, keep_inside
+from ..grid.potential import flow_reach, image_potential
 from ..grid.windows import Plane, gaussian, least_and_greatest, smooth
 from ..settings import ImageSettings
 from .dials import (
@@ -77,7 +78,8 @@ def sharpen_by_width(
     channels: Channels,
     settings: ImageSettings,
     target: npt.NDArray,
-    known: Measured | None = None,
+    found: Measured,
+    part: Part | None = None,
 ) -> None:
     """Sharpen some channels of an image into `target`, which holds a copy of the image.
 
@@ -86,17 +88,15 @@ def sharpen_by_width(
     pixels, target : (h, w, c) array
     channels : Channels
     settings : ImageSettings
-    known : Measured, optional
-        Of the image that this is a part of.
+    found : Measured
+        Of the channels, in all of the image.
+    part : Part, optional
+        What is wanted, if the image is a part of another one.
     """
-    with aside("Measuring borders"):
-        found = known or measured(pixels, channels, settings)
-    what, width, borders = found
+    width, borders = found.width, found.borders
     if width > 0:
-        passes = settings.smoothing_passes
-        plan = plan_of(what, width, borders.noise, passes, settings.enlarge)
-        _follow(plan, pixels, channels, settings, target)
-    if settings.width == 0 and channels.start == 0 and is_gathered():
+        _follow(_plan(found, settings), pixels, channels, settings, target, part=part)
+    if settings.width == 0 and channels.start == 0 and part is None and is_gathered():
         result = None
         if width > 0:
             with aside("Measuring borders"):
@@ -112,7 +112,8 @@ def follow_by_width(
     channels: Channels,
     settings: ImageSettings,
     target: npt.NDArray,
-    known: Measured | None = None,
+    found: Sequence[Measured],
+    part: Part | None = None,
 ) -> None:
     """Do to an image what is done to another one, whose flow it follows.
 
@@ -126,23 +127,42 @@ def follow_by_width(
     channels : Channels
         Of the image.
     settings : ImageSettings
-    known : Measured, optional
-        Of the lead.
+    found : sequence of Measured
+        Of the lead, and of the image, where only the noise counts.
+    part : Part, optional
+        What is wanted, if both are parts of larger ones.
     """
-    with aside("Measuring borders"):
-        what, width, borders = known or measured(lead, guides, settings)
-        noise = measure_borders(pixels, SCALES[pixels.dtype.name], channels).noise
-    if width == 0:
+    if found[0].width == 0:
         return
-    passes = settings.smoothing_passes
-    plan = plan_of(what, width, borders.noise, passes, settings.enlarge)
-    own = plan_of(what, width, noise, passes, settings.enlarge)
+    plan, own = (_plan(each, settings) for each in found)
     with phase(0.0, 0.2, "Sharpening"):
         leading = _drawn_apart(lead, guides, plan) if plan.unsharp_first else lead
     with phase(0.2, 1.0, "Sharpening"):
         own = plan._replace(unsharp=own.unsharp, grain=own.grain)
         guide = _Guide(leading, SCALES[lead.dtype.name], guides)
-        _follow(own, pixels, channels, settings, target, guide)
+        _follow(own, pixels, channels, settings, target, guide, part)
+
+
+def _plan(found: Measured, settings: ImageSettings) -> Plan:
+    what, width, borders = found
+    return plan_of(what, width, borders.noise, settings.smoothing_passes, settings.enlarge)
+
+
+def reach_by_width(found: Measured, settings: ImageSettings) -> tuple[int, int]:
+    """How far around a pixel an image counts: for the flow there, and for all else.
+
+    Parameters
+    ----------
+    found : Measured
+    settings : ImageSettings
+    """
+    if found.width == 0:
+        return 0, 0
+    plan = _plan(found, settings)
+    unsharp, times = _unsharp_reach(plan), _times_reach(plan)
+    if plan.unsharp_first:
+        return unsharp + flow_reach(plan.passes), unsharp + times
+    return flow_reach(plan.passes), max(unsharp, times)
 
 
 class _Guide(NamedTuple):
@@ -159,6 +179,7 @@ def _follow(
     settings: ImageSettings,
     target: npt.NDArray,
     guide: _Guide | None = None,
+    part: Part | None = None,
 ) -> None:
     nearest = settings.sampling == "nearest"
     scale = SCALES[pixels.dtype.name]
@@ -166,13 +187,14 @@ def _follow(
         with phase(0.0, 0.2, "Sharpening"):
             sharp = _drawn_apart(pixels, channels, plan)
         with phase(0.2, 1.0, "Sharpening"):
-            _flow(sharp, channels, guide or _Guide(sharp, scale, channels), plan, nearest, target)
+            guide = guide or _Guide(sharp, scale, channels)
+            _flow(sharp, channels, guide, plan, nearest, target, part)
         return
     flowed = _floats(pixels)
     with phase(0.0, 0.8, "Sharpening"):
         if plan.square > 0:
             guide = guide or _Guide(pixels, scale, channels)
-            _flow(pixels, channels, guide, plan, nearest, flowed)
+            _flow(pixels, channels, guide, plan, nearest, flowed, part)
 
     def mix(rows: slice, c: int, values: Plane) -> None:
         mixed = blended(plan, values, flowed[rows, :, c])
@@ -207,21 +229,31 @@ def _flow(
     plan: Plan,
     nearest: bool,
     target: npt.NDArray,
+    part: Part | None,
 ) -> None:
     with phase(0.0, 0.2, "Computing the flow"):
         times = _times(*guide, plan)
     with phase(0.2, 0.3, "Computing the flow"):
         potential = image_potential(*guide, plan.passes)
     with phase(0.3, 1.0, "Tracing flow-lines"):
-        advect_pixels(pixels, channels, potential, times, target, nearest=nearest)
+        keep_inside(
+            advect_pixels(pixels, channels, potential, times, target, nearest=nearest, part=part)
+        )
+
+
+def _times_reach(plan: Plan) -> int:
+    return len(gaussian(plan.presmooth)) + round(plan.reach) + len(gaussian(plan.reach / 2.0))
+
+
+def _unsharp_reach(plan: Plan) -> int:
+    return max(len(gaussian(plan.blur)), int(np.ceil(plan.limit)))
 
 
 def _times(
     pixels: npt.NDArray, scale: float, channels: Channels, plan: Plan
 ) -> npt.NDArray[np.float32]:
     before, after = gaussian(plan.presmooth), gaussian(plan.reach / 2.0)
-    reach = round(plan.reach)
-    halo = len(before) + reach + len(after)
+    reach, halo = round(plan.reach), _times_reach(plan)
     times = np.empty(pixels.shape[:2], np.float32)
 
     def fill(start: int, stop: int) -> None:
@@ -247,8 +279,7 @@ def _unsharp(
     # Hands the result to ``put(rows, channel, values)``, in the image's range.
     weights = gaussian(plan.blur)
     ranged = plan._replace(grain=plan.grain / SCALES[pixels.dtype.name])
-    reach = int(np.ceil(plan.limit))
-    halo = max(len(weights), reach)
+    reach, halo = int(np.ceil(plan.limit)), _unsharp_reach(plan)
 
     def fill(start: int, stop: int) -> None:
         first = max(start - halo, 0)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_image
+from ..base.checks import checked_image, is_dask, refuse_with_dask
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
@@ -33,7 +33,7 @@ def osher_rudin_image(
     Parameters
     ----------
     image : (h, w) or (h, w, c) array of float32 or float64
-        Values in [0, 1].
+        Values in [0, 1]. May be a dask array, but not for "flow".
     steps : int
         Number of steps; 0 returns the input.
     time_step : float
@@ -70,11 +70,6 @@ def osher_rudin_image(
     >>> bool(np.diff(sharp).max() > 2 * np.diff(step).max())
     True
     """
-    array = checked_image(image)
-    if array.dtype.kind != "f" or min(array.shape[:2]) < 2:
-        raise InvalidSignal("Give an image of float32 or float64 of at least 2 x 2 pixels.")
-    if max(array.max(), -array.min()) > _LARGEST:
-        raise InvalidSignal(f"The image holds values beyond {_LARGEST:g}; scale them to [0, 1].")
     if edge_detector not in DETECTORS:
         raise InvalidSettings(
             f"edge_detector is {edge_detector!r}; choose: {', '.join(DETECTORS)}."
@@ -84,18 +79,43 @@ def osher_rudin_image(
     longest = _LARGEST if edge_detector == "flow" else 0.5
     if not 0 < time_step <= longest:
         raise InvalidSettings(f"time_step is {time_step!r}; give a value in (0, {longest:g}].")
+    if is_dask(image):
+        from .chunked import evolve_chunks
+
+        refuse_with_dask(progress=progress)
+        if edge_detector == "flow":
+            raise InvalidSettings(
+                "edge_detector is 'flow', whose steps are as long as the fastest pixel of the whole"
+                " image allows, which no chunk of a dask array knows; choose 'gradient' or"
+                " 'laplacian'."
+            )
+        return evolve_chunks(image, int(steps), time_step, DETECTORS[edge_detector])
+    with reporting(progress):
+        return evolved(checked_image(image), int(steps), time_step, DETECTORS[edge_detector])
+
+
+def check_kind(array: npt.NDArray) -> None:
+    """Raise `InvalidSignal` unless an image has a type and size that can evolve."""
+    if array.dtype.kind != "f" or min(array.shape[:2]) < 2:
+        raise InvalidSignal("Give an image of float32 or float64 of at least 2 x 2 pixels.")
+
+
+def evolved(array: npt.NDArray, steps: int, time_step: float, detector: int) -> npt.NDArray:
+    """Do what `osher_rudin_image` does to an image of finite values."""
+    check_kind(array)
+    if max(array.max(), -array.min()) > _LARGEST:
+        raise InvalidSignal(f"The image holds values beyond {_LARGEST:g}; scale them to [0, 1].")
     # Planar: every channel's rows lie together, which lets the processor vectorise.
     planes = np.moveaxis(array.reshape(*array.shape[:2], -1), 2, 0).copy(order="C")
     spares = np.empty_like(planes)
-    count = len(planes) * int(steps)
-    with reporting(progress):
-        for number in range(len(planes)):
-            here, there = planes[number], spares[number]
-            for step in range(int(steps)):
-                done = number * int(steps) + step
-                with phase(done / count, (done + 1) / count, "Sharpening"):
-                    here, there = _step(here, there, time_step, DETECTORS[edge_detector])
-            planes[number] = here
+    count = len(planes) * steps
+    for number in range(len(planes)):
+        here, there = planes[number], spares[number]
+        for step in range(steps):
+            done = number * steps + step
+            with phase(done / count, (done + 1) / count, "Sharpening"):
+                here, there = _step(here, there, time_step, detector)
+        planes[number] = here
     return np.moveaxis(planes, 0, 2).reshape(array.shape).copy()
 
 

@@ -14,9 +14,10 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run
 from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from .channels import Channels
+from .part import Part
 from .potential import ROWS
 from .sample import add_value, put_mean
-from .walk import UNFINISHED, begin, walk_cells
+from .walk import LEFT_ACROSS, LEFT_DOWN, UNFINISHED, begin, walk_cells
 
 
 def advect_pixels(
@@ -27,7 +28,8 @@ def advect_pixels(
     out: npt.NDArray,
     *,
     nearest: bool = False,
-) -> None:
+    part: Part | None = None,
+) -> npt.NDArray[np.int64]:
     """Read the image where the flow-lines come from ("Vertex Advection", on squares).
 
     From each pixel a trace begins in each adjacent cell; the pixel's new value is the mean of
@@ -45,12 +47,24 @@ def advect_pixels(
         Where the result goes, in the image's range; whole numbers are rounded.
     nearest : bool
         Take the nearest pixel's value at the ends instead of interpolating linearly.
+    part : Part, optional
+        What is wanted, if the image is a part of another one.
+
+    Returns
+    -------
+    (rows,) int64
+        For each row that is wanted: up to how far from where the known flow ends pixels have
+        traces that leave it, and so a wrong value; 0 where none has.
     """
+    part = part or Part.whole(image.shape)
     unfinished = np.zeros(len(image), dtype=np.int64)
+    depths = np.zeros(part.rows.stop - part.rows.start, dtype=np.int64)
     same, times = split_time(time)
-    run(_advect_rows, len(image), image, channels, potential, same, times, MOST_STEPS, nearest,
-        _rounds(out), out, unfinished, chunk=ROWS)  # fmt: skip
+    known = np.ascontiguousarray(potential[part.known()])
+    run(_advect_rows, len(depths), image, channels, known, part.window(), same, times, MOST_STEPS,
+        nearest, _rounds(out), out, unfinished, depths, chunk=ROWS)  # fmt: skip
     warn_of_unfinished(unfinished)
+    return depths
 
 
 def split_time(
@@ -73,12 +87,18 @@ class TracedPixels:
         self._places = np.empty((height, width, 4, 2), dtype=np.float32)
         run(_start_rows, height, self._cells, self._places, chunk=ROWS)
 
-    def trace(self, potential: npt.NDArray[np.float32], time: float) -> None:
-        """Trace on from where the traces ended."""
+    def trace(
+        self, potential: npt.NDArray[np.float32], time: float, part: Part | None = None
+    ) -> npt.NDArray[np.int64]:
+        """Trace on from where the traces ended; parameters and result as in `advect_pixels`."""
+        part = part or Part.whole(potential.shape)
         unfinished = np.zeros(len(potential), dtype=np.int64)
-        run(_trace_rows, len(potential), potential, float(time), MOST_STEPS, self._cells,
-            self._places, unfinished, chunk=ROWS)  # fmt: skip
+        depths = np.zeros(part.rows.stop - part.rows.start, dtype=np.int64)
+        known = np.ascontiguousarray(potential[part.known()])
+        run(_trace_rows, len(depths), known, part.window(), float(time), MOST_STEPS, self._cells,
+            self._places, unfinished, depths, chunk=ROWS)  # fmt: skip
         warn_of_unfinished(unfinished)
+        return depths
 
     def read(
         self, image: npt.NDArray, channels: Channels, out: npt.NDArray, *, nearest: bool = False
@@ -99,28 +119,56 @@ def _exists(place, height, width):
 
 
 @kernel
+def _is_lost(place, window):
+    """Whether the picture goes on beside a cell where a trace left the known flow."""
+    row, column, _, _ = place
+    return (
+        row <= window.first_row or row >= window.last_row
+        or column <= window.first_column or column >= window.last_column
+    )  # fmt: skip
+
+
+@kernel
+def _depth(y, x, window):
+    """How far a pixel is from where the known flow ends, counted from 1."""
+    down = min(y - window.first_row, window.last_row + 1 - y)
+    across = min(x - window.first_column, window.last_column + 1 - x)
+    return min(down, across) + 1
+
+
+@kernel
 def _advect_rows(
-    start, stop, image, channels, potential, time, times, most_steps, nearest, rounded, out,
-    unfinished,
+    start, stop, image, channels, potential, window, time, times, most_steps, nearest, rounded,
+    out, unfinished, depths,
 ):  # fmt: skip
-    height, width = image.shape[:2]
+    height, width = potential.shape
     total = np.empty(image.shape[2])
-    for y in range(start, stop):
-        for x in range(width):
+    for number in range(start, stop):
+        y = window.row + number
+        for x in range(window.column, window.end):
             total[:] = 0.0
             opacity = 0.0
+            lost = False
             if times.size > 0:
                 time = float(times[y, x])
             for corner in range(4):
-                place = begin(y, x, corner)
+                place = begin(y - window.top, x - window.left, corner)
                 if not _exists(place, height, width):
+                    lost |= _is_lost(place, window)
                     continue
                 place, _, _, _, ending = walk_cells(
                     potential, None, None, None, time, most_steps, place
                 )
                 unfinished[y] += ending == UNFINISHED
+                if ending == LEFT_DOWN or ending == LEFT_ACROSS:
+                    lost |= _is_lost(place, window)
+                row, column, down, across = place
+                place = row + window.top, column + window.left, down, across
                 opacity += add_value(image, channels, place, nearest, total)
             put_mean(image, y, x, channels, total, opacity, rounded, out)
+            if lost:
+                depth = _depth(y - window.top, x - window.left, window)
+                depths[number] = max(depths[number], depth)
 
 
 @kernel
@@ -146,19 +194,34 @@ def _stored(cell, within):
 
 
 @kernel
-def _trace_rows(start, stop, potential, time, most_steps, cells, places, unfinished):
-    width = cells.shape[1]
-    for y in range(start, stop):
-        for x in range(width):
+def _trace_rows(
+    start, stop, potential, window, time, most_steps, cells, places, unfinished, depths
+):
+    height, width = potential.shape
+    for number in range(start, stop):
+        y = window.row + number
+        for x in range(window.column, window.end):
+            lost = False
             for corner in range(4):
                 cell, within = cells[y, x, corner], places[y, x, corner]
                 if cell[0] < 0:
                     continue
+                row, column, down, across = _stored(cell, within)
+                place = row - window.top, column - window.left, down, across
+                if not _exists(place, height, width):
+                    lost = True
+                    continue
                 place, _, _, _, ending = walk_cells(
-                    potential, None, None, None, time, most_steps, _stored(cell, within)
+                    potential, None, None, None, time, most_steps, place
                 )
                 unfinished[y] += ending == UNFINISHED
-                _store(place, cell, within)
+                if ending == LEFT_DOWN or ending == LEFT_ACROSS:
+                    lost |= _is_lost(place, window)
+                row, column, down, across = place
+                _store((row + window.top, column + window.left, down, across), cell, within)
+            if lost:
+                depth = _depth(y - window.top, x - window.left, window)
+                depths[number] = max(depths[number], depth)
 
 
 @kernel

@@ -23,6 +23,7 @@ from .windows import Plane, gaussian, least_and_greatest, smooth
 _TILE = 192
 _MOST_TILES = 16
 _FEW_TILES = 8
+_ALL_TILES = 256  # where those hold too few borders
 _MOST_BORDERS = 8000
 _FEWEST_BORDERS = 30
 _REACH = 24  # pixels that a profile is followed each way
@@ -97,7 +98,8 @@ def measure_borders(
     some = _spread_out(tiles, _FEW_TILES if roughly else _MOST_TILES)
     found = _measure_tiles(image, scale, channels, inside, some)
     if found.number < _FEWEST_BORDERS and len(some) < len(tiles):
-        found = _measure_tiles(image, scale, channels, inside, tiles)
+        more = _spread_out(tiles, _ALL_TILES)
+        found = _measure_tiles(image, scale, channels, inside, more)
     return found
 
 

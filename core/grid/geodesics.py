@@ -32,6 +32,9 @@ _STENCIL = 40  # numbers per cell: eight lengths to neighbours, four for each of
 MOST_SPLITS = 16
 """Most triangles that an obtuse one is split into; beyond, distances through it are too long."""
 
+FARTHEST_SPLIT = MOST_SPLITS + 1
+"""Most pixels, along each axis, to the corners of these parts."""
+
 MEASURED = np.float32(-1.0)
 """Says that the lengths of a guide are measured in units that differ from place to place."""
 
@@ -209,8 +212,8 @@ def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, t
                                      corners, lengths)  # fmt: skip
                 unsplit += full
                 for i in range(count):
-                    near = cell + corners[i, 0] * width + corners[i, 1]
-                    far = cell + corners[i, 2] * width + corners[i, 3]
+                    near = _cell(y + corners[i, 0], x + corners[i, 1], first, last, width)
+                    far = _cell(y + corners[i, 2], x + corners[i, 3], first, last, width)
                     for turned in range(2):
                         start, other = (far, near) if turned else (near, far)
                         place = cursors[start]
@@ -225,6 +228,13 @@ def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, t
                             lengths[i, turned], lengths[i, 1 - turned], lengths[i, 2], way[1:]
                         )
     return unsplit
+
+
+@kernel
+def _cell(y, x, first, last, width):
+    # The first cell, in the frame, where no front comes, stands for all beyond the band: so bands
+    # of other rows find the same distances.
+    return (y - first + 1) * width + x + 1 if first <= y < last else 0
 
 
 @kernel
@@ -252,7 +262,8 @@ def _split(guide, spacing, limit, first, last, squares, y, x, j, corners, length
         down = y + corners[i, 0] + corners[i, 2]
         right = x + corners[i, 1] + corners[i, 3]
         acute = near + far >= side
-        outside = down < first or down >= last or right < 0 or right >= guide.shape[1]
+        outside = down < 0 or down >= guide.shape[0] or right < 0 or right >= guide.shape[1]
+        outside |= max(abs(down - y), abs(right - x)) > FARTHEST_SPLIT
         if acute or outside:
             i += 1
             continue

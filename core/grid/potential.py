@@ -52,6 +52,11 @@ def image_potential(
     return potential
 
 
+def flow_reach(passes: int) -> int:
+    """How far around a pixel an image counts for P there."""
+    return 2 * passes + 1
+
+
 @kernel
 def _potential_rows(start, stop, image, scale, channels, passes, potential):
     # Planar working copy of the rows that this band depends on.

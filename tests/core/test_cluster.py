@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from distributed import Client
 from PIL import Image
-from shock_filter import __version__
+from shock_filter import __version__, core
 from shock_filter.core import cli
 from shock_filter.core.cli import cluster, scheduler
 from shock_filter.core.cli.inputs import FileName
@@ -181,6 +182,25 @@ def test_each_command_runs_on_workers_and_writes_the_same(address, folder):
             assert run(command, *re.sub(OUT, made[-1], words).split(), "--quiet", *flags) == 0
         same = contents if Path(made[0]).is_dir() else Path.read_bytes
         assert same(Path(made[0])) == same(Path(made[1])), command
+
+
+def test_the_chunks_of_large_pictures_are_the_tasks(address, folder, capsys):
+    """Of one with pixels that are wrong, nothing is left; flags name files in this folder."""
+    pixels = np.random.default_rng(0).integers(0, 256, (90, 60, 3), np.uint8)
+    file = zarr.open_array("in.zarr", mode="w", shape=pixels.shape, chunks=(30, 30, 3), dtype="u1")
+    file[...] = pixels
+    zarr.save_array("nan.zarr", np.full((8, 8), np.nan, np.float32))
+    draw("small", folder=".")
+    Image.fromarray(pixels[..., 0]).save("gray.png")
+    words = "--time", 4, "--mask", "gray.png", "--cluster", address
+    assert run("sharpen-image", "in.zarr", "out.zarr", *words) == 0
+    assert "chunks" in capsys.readouterr().out
+    settings = core.ImageSettings(time=4.0)
+    expected = core.sharpen_image(pixels, settings, mask=pixels[..., 0] / 255.0)
+    np.testing.assert_array_equal(zarr.load("out.zarr"), expected)
+    assert sharpen("nan.zarr", "small.png", "both/", "--cluster", address) == 1
+    assert "NaN" in capsys.readouterr().err
+    assert names("both") == ["small.png"] and not Path("both/nan.zarr").exists()
 
 
 def test_each_flag_that_names_a_file_is_known_as_one():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+import zarr
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -87,4 +88,5 @@ def write_inputs(folder: Path) -> None:
     textured.visual = trimesh.visual.TextureVisuals(uv=uv, image=picture)
     textured.export(folder / "mesh.glb")
     textured.export(folder / "mesh.obj")
+    zarr.save_array(folder / "in.zarr", np.array(picture))
     (folder / "shock_addon").symlink_to(ROOT / "shock_addon", target_is_directory=True)

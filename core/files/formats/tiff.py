@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,9 @@ _RGB, _PALETTE = 2, 3
 _GRAY = {0: "miniswhite", 1: "minisblack"}
 _COLORS = {*_GRAY, _RGB, _PALETTE, 6}  # 6: of JPEG, decoded to RGB
 _NONE, _UNSPECIFIED = 1, 0
+TILE = 256
+"""Pixels along the sides of the tiles that are written."""
+
 _MOST_PAGES = 99  # a picture and smaller copies of it; a damaged file may seem to go on for ever
 # Tags that say how pixels are stored, or where in the file something stands; tifffile writes those
 # of them that the copy needs.
@@ -34,6 +39,83 @@ _NAMES = {700: XMP, 34675: ICC}
 
 def read_tiff(path: Path) -> ImageFile:
     """Read a TIFF file of one picture."""
+    with _only_page(path) as (page, has_previews):
+        check_claim(path, page.nbytes)
+        pixels = page.asarray()
+        if page.axes.startswith("S"):  # planes one after the other
+            pixels = np.moveaxis(pixels, 0, -1)
+        image_file = _about_page(page, has_previews)
+        if page.photometric == _PALETTE:
+            pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
+            image_file.notes.insert(0, "its palette was replaced by 16-bit RGB channels")
+        image_file.pixels = pixels
+        return image_file
+
+
+def claimed_size(path: Path) -> int:
+    """Return the bytes of the picture in a TIFF file with tiles; 0 for others."""
+    with needed("tifffile", path).TiffFile(path) as file:
+        return file.pages[0].nbytes if file.pages[0].is_tiled else 0
+
+
+def open_tiff_tiles(path: Path) -> ImageFile | None:
+    """Open a TIFF file whose tiles can be read one by one; None if it is another one."""
+    with _only_page(path) as (page, has_previews):
+        if not page.is_tiled or page.photometric == _PALETTE or page.axes.startswith("S"):
+            return None
+        image_file = _about_page(page, has_previews)
+        image_file.pixels = TiffTiles(path, page.index, page.shape, page.dtype, page.chunks)
+        return image_file
+
+
+class TiffTiles:
+    """The picture of a tiled TIFF file: what is asked for is read from it, and nothing kept.
+
+    Tasks may take it along to other processes, which read the file themselves.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        page: int,
+        shape: tuple[int, ...],
+        dtype: np.dtype,
+        chunks: tuple[int, ...],
+    ) -> None:
+        self.path, self.page, self.shape = path, page, shape
+        self.dtype = dtype.newbyteorder("=")
+        self.chunks, self.ndim = chunks, len(shape)
+
+    def __getitem__(self, window: tuple[slice, ...]) -> npt.NDArray[Any]:
+        rows, columns = (range(n)[part] for n, part in zip(self.shape, window[:2], strict=False))
+        out = np.empty((len(rows), len(columns), *self.shape[2:]), self.dtype)
+        high, wide = self.chunks[:2]
+        across = -(-self.shape[1] // wide)
+        with needed("tifffile", self.path).TiffFile(self.path) as file:
+            page = file.pages[self.page]
+            for down in range(rows.start // high, -(-rows.stop // high)):
+                for right in range(columns.start // wide, -(-columns.stop // wide)):
+                    tile = _read_tile(page, across * down + right)
+                    y, x = down * high - rows.start, right * wide - columns.start
+                    top, left = max(y, 0), max(x, 0)
+                    part = tile[top - y : len(rows) - y, left - x : len(columns) - x]
+                    out[top : top + len(part), left : left + part.shape[1]] = part.reshape(
+                        *part.shape[:2], *self.shape[2:]
+                    )
+        return out[(slice(None), slice(None), *window[2:])]
+
+
+def _read_tile(page: Any, number: int) -> npt.NDArray[Any]:
+    file = page.parent.filehandle
+    file.seek(page.dataoffsets[number])
+    data = file.read(page.databytecounts[number])
+    tables = {"jpegtables": page.jpegtables} if page.jpegtables else {}
+    return page.decode(data, number, **tables)[0][0]
+
+
+@contextlib.contextmanager
+def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
+    # The page of the one picture, and whether there are smaller copies of it.
     tifffile = needed("tifffile", path)
     try:
         with tifffile.TiffFile(path) as file:
@@ -44,20 +126,20 @@ def read_tiff(path: Path) -> ImageFile:
                     f"{path} does not hold one picture alone; save its pages as files of one page"
                     " each."
                 )
-            return _read_page(whole[0], path, len(pages) > 1)
+            (page,) = whole
+            if page.photometric not in _COLORS or page.imagedepth != 1:
+                raise ShockError(
+                    f"{path} has colors of another kind; convert it to gray or RGB first."
+                )
+            if 0 in page.databytecounts:
+                raise ShockError(f"{path} has parts without data; fill them, or save it anew.")
+            yield page, len(pages) > 1
     except tifffile.TiffFileError as error:
         raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
 
 
-def _read_page(page: Any, path: Path, has_previews: bool) -> ImageFile:
-    if page.photometric not in _COLORS or page.imagedepth != 1:
-        raise ShockError(f"{path} has colors of another kind; convert it to gray or RGB first.")
-    if 0 in page.databytecounts:
-        raise ShockError(f"{path} has parts without data; fill them, or save it anew.")
-    check_claim(path, page.nbytes)
-    pixels = page.asarray()
-    if page.axes.startswith("S"):  # planes one after the other
-        pixels = np.moveaxis(pixels, 0, -1)
+def _about_page(page: Any, has_previews: bool) -> ImageFile:
+    # All but the pixels.
     tags = {tag.code: tag for tag in page.tags.values()}
     about = {name: tags[code].value for code, name in _NAMES.items() if code in tags}
     unit = _RESOLUTION_UNITS.get(tags[296].value if 296 in tags else 2)
@@ -66,9 +148,6 @@ def _read_page(page: Any, path: Path, has_previews: bool) -> ImageFile:
             unit * top / (bottom or 1) for top, bottom in (tags[282].value, tags[283].value)
         )
     notes = []
-    if page.photometric == _PALETTE:
-        pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
-        notes.append("its palette was replaced by 16-bit RGB channels")
     if has_previews or _SUB_PAGES in tags:
         notes.append("smaller copies in the file: left behind")
     blocks = [name for code, name in _BLOCKS.items() if code in tags]
@@ -77,7 +156,7 @@ def _read_page(page: Any, path: Path, has_previews: bool) -> ImageFile:
     options = _write_options(page)
     named = {code: tag.name for code, tag in tags.items() if code not in _NAMES}
     only_tiff = [named[code] for code, *_ in options["extratags"] if code in named]
-    return ImageFile(pixels, "TIFF", about, notes, options, only_tiff)
+    return ImageFile(np.empty((0, 0)), "TIFF", about, notes, options, only_tiff)
 
 
 def _write_options(page: Any) -> dict[str, Any]:
@@ -110,13 +189,32 @@ def _tag_value(page: Any, tag: Any) -> Any:
 
 def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write with any channels; compressed without loss if the source was compressed."""
-    count = pixels.shape[2] if pixels.ndim == 3 else 1
+    options = _options(image_file, pixels.shape)
+    needed("tifffile", path).imwrite(path, pixels, **options)
+    return lost(image_file, path, {ICC, RESOLUTION, XMP}, "TIFF")
+
+
+def write_tiff_tiles(
+    path: Path,
+    image_file: ImageFile,
+    shape: tuple[int, ...],
+    kind: np.dtype,
+    tiles: Iterable[npt.NDArray[Any]],
+) -> list[str]:
+    """Write a BigTIFF file tile by tile, row by row of them; each is full, also at the border."""
+    options = _options(image_file, shape) | {"bigtiff": True, "tile": (TILE, TILE)}
+    needed("tifffile", path).imwrite(path, tiles, shape=shape, dtype=kind, **options)
+    return lost(image_file, path, {ICC, RESOLUTION, XMP}, "TIFF")
+
+
+def _options(image_file: ImageFile, shape: tuple[int, ...]) -> dict[str, Any]:
+    count = shape[2] if len(shape) == 3 else 1
     own = dict(image_file.own) if image_file.format == "TIFF" else {"compressed": True}
     options: dict[str, Any] = {"metadata": None, "software": False}
     if own.pop("compressed"):
         options |= {"compression": "zlib", "predictor": True}
     options["photometric"] = "rgb" if count >= 3 else "minisblack"
-    if pixels.ndim == 3:
+    if len(shape) == 3:
         options["planarconfig"] = "contig"
     if count in (2, 4):
         options["extrasamples"] = ["unassalpha"]
@@ -127,5 +225,4 @@ def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> l
     if XMP in image_file.about and image_file.format != "TIFF":
         data = image_file.about[XMP]
         options["extratags"] = [(700, 1, len(data), data, True)]
-    needed("tifffile", path).imwrite(path, pixels, **options)
-    return lost(image_file, path, {ICC, RESOLUTION, XMP}, "TIFF")
+    return options

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...base.parallel import kernel, run
-from ...grid.geodesics import MOST_SPLITS, chord, march, open_band
+from ...grid.geodesics import FARTHEST_SPLIT, MOST_SPLITS, chord, march, open_band
 from ...settings import BeltramiSettings
 
 log = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ def smooth_grid(
     array like `signal`
     """
     out = np.empty_like(signal)
-    limit = -4.0 * settings.time * math.log(settings.threshold)
+    limit = _limit(settings)
     rows = _reachable_rows(guide, flat, math.sqrt(limit), settings.window)
     smooth = smooth_rows if settings.distance == "geodesic" else bilateral_rows
     rate = np.float32(min(0.25 / settings.time, FASTEST))
@@ -70,6 +70,19 @@ def smooth_grid(
         log.info("Some obtuse triangles of pixels are split into %d parts, and not to the end:"
                  " distances through them are too long.", MOST_SPLITS)  # fmt: skip
     return out
+
+
+def _limit(settings: BeltramiSettings) -> float:
+    # Squared distance beyond which nothing counts.
+    return -4.0 * settings.time * math.log(settings.threshold)
+
+
+def reach_of(settings: BeltramiSettings) -> int:
+    """How far around a pixel of a flat image others count when the kernel is applied once."""
+    reach = math.ceil(math.sqrt(_limit(settings)))
+    if settings.window:
+        reach = min(reach, settings.window // 2)
+    return reach + FARTHEST_SPLIT + 1  # one more for areas
 
 
 def surface_areas(guide: Coordinates, flat: bool) -> npt.NDArray[np.float32]:
@@ -117,9 +130,13 @@ def _reachable_rows(
     # For each row, the first one within the radius, and the end of these rows.
     height = len(guide)
     number = np.arange(height)
-    depth = number * 1.0 if flat else np.concatenate([[0.0], np.cumsum(_row_gaps(guide))])
-    first = np.searchsorted(depth, depth - radius, "left")
-    last = np.searchsorted(depth, depth + radius, "right")
+    if flat:
+        reach = min(math.ceil(radius), height)
+        first, last = np.maximum(number - reach, 0), np.minimum(number + reach + 1, height)
+    else:
+        depth = np.concatenate([[0.0], np.cumsum(_row_gaps(guide))])
+        first = np.searchsorted(depth, depth - radius, "left")
+        last = np.searchsorted(depth, depth + radius, "right")
     if window:
         first = np.maximum(first, number - window // 2)
         last = np.minimum(last, number + window // 2 + 1)

@@ -6,7 +6,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...base.checks import BAND, SCALES, as_array, checked_image, checked_weights
+from ...base.checks import (
+    BAND,
+    SCALES,
+    as_array,
+    checked_image,
+    checked_weights,
+    is_dask,
+    refuse_with_dask,
+)
 from ...base.parallel import blocks
 from ...base.progress import ProgressCallback, aside, ask, phase, reporting
 from ...errors import InvalidSettings, InvalidSignal
@@ -33,7 +41,8 @@ def beltrami_image(
     Parameters
     ----------
     image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
-        Any number of channels. Whole numbers are scaled to [0, 1], floats may go beyond.
+        Any number of channels. Whole numbers are scaled to [0, 1], floats may go beyond. May be a
+        dask array.
     settings : BeltramiSettings, optional
     mask : (h, w) array of float in [0, 1], optional
         1 smooths fully, less mixes with the input, 0 keeps it bit for bit.
@@ -44,7 +53,8 @@ def beltrami_image(
     -------
     array like `image`
         Every value lies within the input's values near it. A time of 0 returns the input bit
-        for bit; opacity (see `BeltramiSettings.alpha`) always stays.
+        for bit; opacity (see `BeltramiSettings.alpha`) always stays. For a dask array another one,
+        computed later chunk by chunk, of the same bits; see `filters.chunked`.
 
     Raises
     ------
@@ -72,9 +82,14 @@ def beltrami_image(
     >>> bool(abs(smooth - step).mean() < 0.4 * abs(noisy - step).mean())
     True
     """
+    settings = settings or BeltramiSettings()
+    if is_dask(image):
+        from ..chunked import smooth_chunks
+
+        refuse_with_dask(progress=progress)
+        return smooth_chunks(image, settings, mask)
     given = checked_image(image)
     weights = checked_weights(mask, given)
-    settings = settings or BeltramiSettings()
     if settings.time == 0:
         return given.copy()
     flat = np.empty((*given.shape[:2], 0), dtype=np.float32)
