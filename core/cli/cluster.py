@@ -83,7 +83,8 @@ class _Run:
         from distributed import CancelledError
 
         quiet = self._job.options.quiet
-        whole_ones, divided = [], []
+        whole_ones: list[File] = []
+        divided: list[File] = []
         for file in files:
             (divided if _is_divided(self._job, *file) else whole_ones).append(file)
         try:
@@ -246,9 +247,7 @@ def _check_target(job: Job, target: Path) -> None:
 
 def _check_workers(client: Any) -> None:
     """Refuse workers that would make other results, or none."""
-    answers = client.run(
-        pickle.loads, worker.call(worker.prepare, __version__), on_error="return"
-    )
+    answers = client.run(pickle.loads, worker.call(worker.prepare, __version__), on_error="return")
     for address, answer in answers.items():
         is_lost = isinstance(answer, OSError)  # just now, and others will do
         if isinstance(answer, Exception) and not is_lost:
