@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bundled
-from bundled import Refused
+import check_zip
 
 ROOT = Path(__file__).resolve().parent.parent
 WHEELS = ROOT / ".wheels"
@@ -96,7 +96,7 @@ def check_wheel(wheel: Path, platform: str, python: str) -> None:
     *_, tag, _, systems = wheel.stem.split("-")
     fitting = f"cp{python.replace('.', '')}"
     if tag != fitting or not any(_loads(platform, system) for system in systems.split(".")):
-        raise Refused(
+        raise SystemExit(
             f"{wheel.name} is not for {platform} and Python {python}: take one for {fitting} and"
             f" {' or '.join(PLATFORMS[platform])}."
         )
@@ -217,13 +217,14 @@ def build(platform: str, series: Series, requirements: list[str], target: Path) 
     make_reproducible(target)
     blender_ext("validate", str(target))
     check_size(target)
+    check_zip.check(target, platform)
     return target
 
 
 def check_size(path: Path) -> None:
     """Refuse a zip that is too large to be downloaded and updated at ease."""
     if path.stat().st_size >= SIZE_LIMIT:
-        raise Refused(
+        raise SystemExit(
             f"{path.name} has {path.stat().st_size / MEGABYTE:.1f} MB; the limit is"
             f" {SIZE_LIMIT // MEGABYTE} MB: leave something out."
         )

@@ -8,8 +8,6 @@ the script that made it, what it shows and that one's licence, out of docs/image
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
-import importlib.util
 import re
 import tomllib
 import zipfile
@@ -61,10 +59,6 @@ INSIDE = {
 }
 
 
-class Refused(SystemExit):
-    """Why there is no release, in a sentence."""
-
-
 class Package(NamedTuple):
     """Another's work in a zip, as the list names it."""
 
@@ -80,7 +74,7 @@ def check_licence(what: str, licence: str) -> None:
     """Refuse a licence that GPL-3.0-or-later cannot ship, or that nobody knows."""
     for part in licence.split(" AND "):
         if not any(option in SHIPPABLE for option in part.strip("()").split(" OR ")):
-            raise Refused(
+            raise SystemExit(
                 f"{what} has the licence {licence or '(none)'!r}, which GPL-3.0-or-later cannot"
                 " ship: replace it, or add the licence to tools/bundled.py if it fits."
             )
@@ -101,8 +95,9 @@ def package_of(wheel: Path) -> Package:
 
 def theme_of_manual() -> Package:
     """Tell of the styles, scripts and signs that the manual's pages use."""
-    name = "mkdocs-material"
-    version = importlib.metadata.version(name)
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    pinned = settings["project"]["optional-dependencies"]["docs"]
+    name, version = next(p.split("==") for p in pinned if p.startswith("mkdocs-material=="))
     check_licence(name, READ[name])
     return Package(name, version, READ[name], "", "manual/assets", "")
 
@@ -112,7 +107,7 @@ def pictures(folder: Path = PICTURES) -> list[dict[str, str]]:
 
     Raises
     ------
-    Refused
+    SystemExit
         If a picture has no row or more than one, a row no picture, or a licence does not fit.
     """
     rows = tomllib.loads((folder / SOURCES).read_text(encoding="utf-8"))["pictures"]
@@ -125,14 +120,14 @@ def pictures(folder: Path = PICTURES) -> list[dict[str, str]]:
     for name in found:
         fitting = [i for i, row in enumerate(rows) if any(fnmatch(name, f) for f in row["files"])]
         if len(fitting) != 1:
-            raise Refused(
+            raise SystemExit(
                 f"docs/images/{name} has {len(fitting)} rows in docs/images/{SOURCES}: give it one,"
                 " with its script, what it shows, and that one's licence."
             )
         shown[fitting[0]].append(name)
     for row, names in zip(rows, shown, strict=True):
         if not names:
-            raise Refused(f"docs/images/{SOURCES} names {row['files']}, which are not there.")
+            raise SystemExit(f"docs/images/{SOURCES} names {row['files']}, which are not there.")
         check_licence(f"docs/images/{names[0]}", row["licence"])
     return [{**row, "files": names} for row, names in zip(rows, shown, strict=True)]
 
