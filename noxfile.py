@@ -210,6 +210,14 @@ def build(session: nox.Session) -> None:
 
 
 @nox.session(python=PYTHON)
+def release(session: nox.Session) -> None:
+    """Make all that people install, in dist/release, from a commit that .ci/run has passed."""
+    provide_system_libraries(session)
+    install(session, "-e", ".[blender,files,test,docs,release]")
+    session.run("python", "tools/release.py", *session.posargs)
+
+
+@nox.session(python=PYTHON)
 def docs(session: nox.Session) -> None:
     """Build the documentation as a site and as the extension's manual; broken links fail."""
     install(session, *DOCS)
