@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Check a zip as far as that goes without its system: compiled files, imports, names of files.
 
-``python tools/check_zip.py FOLDER`` checks all zips in a folder. ``build_extension.py`` does so with
-each zip that it builds.
+``python tools/check_zip.py FOLDER`` checks all zips in a folder; ``build_extension.py`` checks each
+that it builds.
 """
 
 from __future__ import annotations

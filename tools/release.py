@@ -127,15 +127,18 @@ def build_python(target: Path) -> None:
 def make_reproducible(sdist: Path) -> None:
     """Write a compressed tar anew: sorted, without dates, owners and the umask of who built it."""
     part = sdist.with_name(f".{sdist.name}")
-    with tarfile.open(sdist) as old, part.open("wb") as file:
-        with gzip.GzipFile("", "wb", mtime=0, fileobj=file) as compressed:
-            with tarfile.open(fileobj=compressed, mode="w", format=tarfile.PAX_FORMAT) as new:
-                for entry in sorted(old.getmembers(), key=lambda entry: entry.name):
-                    entry.mtime, entry.pax_headers = int(LONG_AGO), {}
-                    entry.uid = entry.gid = 0
-                    entry.uname = entry.gname = ""
-                    entry.mode = 0o755 if entry.isdir() else 0o644
-                    new.addfile(entry, old.extractfile(entry) if entry.isfile() else None)
+    with (
+        tarfile.open(sdist) as old,
+        part.open("wb") as file,
+        gzip.GzipFile("", "wb", mtime=0, fileobj=file) as compressed,
+        tarfile.open(fileobj=compressed, mode="w", format=tarfile.PAX_FORMAT) as new,
+    ):
+        for entry in sorted(old.getmembers(), key=lambda entry: entry.name):
+            entry.mtime, entry.pax_headers = int(LONG_AGO), {}
+            entry.uid = entry.gid = 0
+            entry.uname = entry.gname = ""
+            entry.mode = 0o755 if entry.isdir() else 0o644
+            new.addfile(entry, old.extractfile(entry) if entry.isfile() else None)
     part.replace(sdist)
 
 

@@ -7,20 +7,19 @@ Debian's packages, in ``--folder``. Where neither can be had, one line says so a
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import build_extension
 import pytest
+import window_blender
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 420.0
@@ -29,19 +28,6 @@ PREPARING_LIMIT = 900.0  # compiles everything at low priority, beside other tes
 # What differs from the released zips, where Blender's Python is not the one of its series. There
 # are no earlier wheels for Python 3.14, and no earlier numba takes Debian's numpy 2.4.
 REQUIREMENTS = {"3.14": ["scipy==1.16.3", "numba==0.64.0", "llvmlite==0.46.0"]}
-
-
-def tool(name: str) -> ModuleType:
-    """Import one of the scripts in ``tools/``."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-window_blender = tool("window_blender")
-build_extension = tool("build_extension")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
