@@ -19,6 +19,7 @@ os.environ["BLENDER_USER_RESOURCES"] = RESOURCES  # bpy reads it when it is impo
 import bpy  # noqa: E402
 
 # isort: split
+import addon_utils  # noqa: E402  (found once bpy is imported)
 import numpy as np  # noqa: E402
 
 MODULE = "bl_ext.shock_releases.shock_filter"
@@ -70,11 +71,7 @@ def version() -> str:
 
 
 def install() -> None:
-    """Add the repository, install, and keep something of each kind."""
-    bpy.context.preferences.system.use_online_access = True  # asked for even where files are read
-    bpy.context.preferences.extensions.repos.new(
-        name="Shock Filter", module="shock_releases", remote_url=URL
-    )
+    """Install, and keep something of each kind."""
     bpy.ops.extensions.package_install(
         repo_index=repository(), pkg_id="shock_filter", enable_on_install=True
     )
@@ -83,7 +80,6 @@ def install() -> None:
     bpy.context.scene["mark"] = "kept"
     bpy.ops.shock_filter.image_preset_add(name="Mine")
     bpy.ops.wm.save_as_mainfile(filepath=str(FILE))
-    bpy.ops.wm.save_userpref()
 
 
 def update() -> None:
@@ -106,9 +102,12 @@ def files() -> list[str]:
 
 
 bpy.ops.wm.read_homefile(use_empty=True)
+preferences = bpy.context.preferences
+preferences.system.use_online_access = True  # asked for even where files are read
+preferences.extensions.repos.new(name="Shock Filter", module="shock_releases", remote_url=URL)
 report: dict[str, object] = {}
 if WHAT != "install":
-    bpy.ops.wm.read_userpref()
+    addon_utils.enable(MODULE, default_set=True)  # bpy forgets preferences, and 4.2 cannot read them
     report["before"] = version()
 {"install": install, "update": update, "downgrade": downgrade}[WHAT]()
 report["version"] = version()
