@@ -41,6 +41,8 @@ PROJECT = nox.project.load_toml("pyproject.toml")["project"]
 # For the manual, which the extension's zips carry.
 DOCS = PROJECT["optional-dependencies"]["docs"]
 
+EXTRAS = ["files", "fields", "video", "cluster"]
+
 # What is tested with the wheel: all that needs neither Blender nor a clone's files.
 WHEEL_TESTS = ["tests/core", "tests/docs/test_docstrings.py"]
 
@@ -246,7 +248,7 @@ def wheel(session: nox.Session, oldest: bool) -> None:
 
 
 @nox.session(python=PYTHON)
-@nox.parametrize("extra", ["files", "fields", "video", "cluster"])
+@nox.parametrize("extra", EXTRAS, ids=EXTRAS)
 def wheel_extra(session: nox.Session, extra: str) -> None:
     """Test that an extra of the wheel names all that it needs."""
     install(session, f"{build_wheel(session)}[{extra}]", "pytest>=8", "pytest-timeout>=2.3")

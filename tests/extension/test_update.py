@@ -2,7 +2,6 @@
 """From nothing to a used, updated, downgraded and removed extension, by a repository of files."""
 
 import json
-import shutil
 import zipfile
 from pathlib import Path
 
@@ -15,14 +14,16 @@ CHANGED = "core/grid/walk.py"
 
 
 def publish(zip_file: Path, folder: Path) -> None:
-    """Have a repository hold a zip."""
-    shutil.copy(zip_file, folder)
+    """Have a repository hold a zip, beside those for other systems and series that are there."""
+    for path in zip_file.parent.glob(f"shock_filter-{build_extension.version()}-*.zip"):
+        (folder / path.name).symlink_to(path)
     build_extension.make_repository(folder)
 
 
 def publish_newer(old: Path, folder: Path) -> None:
     """Have a repository hold the zip with a raised version and one changed kernel instead."""
-    (folder / old.name).unlink()
+    for path in folder.glob("*.zip"):
+        path.unlink()
     with zipfile.ZipFile(old) as given, zipfile.ZipFile(folder / "newer.zip", "w") as new:
         for name in given.namelist():
             content = given.read(name)
