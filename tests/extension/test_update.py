@@ -2,38 +2,13 @@
 """From nothing to a used, updated, downgraded and removed extension, by a repository of files."""
 
 import json
-import zipfile
 from pathlib import Path
 
 import build_extension
 import pytest
+from publishing import NEWER, publish, publish_newer
 
 SCRIPT = Path(__file__).with_name("update_process.py")
-NEWER = "99.0.0"
-CHANGED = "core/grid/walk.py"
-
-
-def publish(zip_file: Path, folder: Path) -> None:
-    """Have a repository hold a zip, beside those for other systems and series that are there."""
-    for path in zip_file.parent.glob(f"shock_filter-{build_extension.version()}-*.zip"):
-        (folder / path.name).symlink_to(path)
-    build_extension.make_repository(folder)
-
-
-def publish_newer(old: Path, folder: Path) -> None:
-    """Have a repository hold the zip with a raised version and one changed kernel instead."""
-    for path in folder.glob("*.zip"):
-        path.unlink()
-    with zipfile.ZipFile(old) as given, zipfile.ZipFile(folder / "newer.zip", "w") as new:
-        for name in given.namelist():
-            content = given.read(name)
-            if name == build_extension.MANIFEST:
-                line = f'\nversion = "{build_extension.version()}"\n'
-                content = content.replace(line.encode(), f'\nversion = "{NEWER}"\n'.encode())
-            if name == CHANGED:
-                content += b"\n# changed\n"
-            new.writestr(name, content)
-    build_extension.make_repository(folder)
 
 
 @pytest.fixture(scope="module")
@@ -43,15 +18,15 @@ def reports(extension_zip, run, tmp_path_factory) -> dict[str, dict]:
     resources, releases = folder / "resources", folder / "releases"
     resources.mkdir()
     releases.mkdir()
-    publish(extension_zip, releases)
+    zips = list(extension_zip.parent.glob(f"shock_filter-{build_extension.version()}-*.zip"))
+    publish(zips, releases)  # for other systems and series, too, if they are there
     url = (releases / "index.json").as_uri()
     found = {}
     for what in ("install", "update", "downgrade"):
         if what == "update":
             publish_newer(extension_zip, releases)
         if what == "downgrade":
-            (releases / "newer.zip").unlink()
-            publish(extension_zip, releases)
+            publish(zips, releases)
         run(SCRIPT, resources, folder / "report.json", what, url)
         found[what] = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     return found

@@ -107,7 +107,7 @@ preferences.system.use_online_access = True  # asked for even where files are re
 preferences.extensions.repos.new(name="Shock Filter", module="shock_releases", remote_url=URL)
 report: dict[str, object] = {}
 if WHAT != "install":
-    addon_utils.enable(MODULE, default_set=True)  # bpy forgets preferences, and 4.2 cannot read them
+    addon_utils.enable(MODULE, default_set=True)  # bpy forgets; 4.2 cannot read them
     report["before"] = version()
 {"install": install, "update": update, "downgrade": downgrade}[WHAT]()
 report["version"] = version()
