@@ -13,7 +13,7 @@ import numpy as np
 from harness import DRAWN, Steps, over, press, report
 
 RELEASES = Path.home() / "releases"
-FROM_REPOSITORY, DROPPED = "shock_releases", "user_default"
+REPOSITORY = "shock_releases"
 
 
 def scenario() -> Steps:
@@ -21,50 +21,50 @@ def scenario() -> Steps:
     preferences = bpy.context.preferences
     preferences.system.use_online_access = True  # asked for even where files are read
     url = (RELEASES / "index.json").as_uri()
-    preferences.extensions.repos.new(name="Shock Filter", module=FROM_REPOSITORY, remote_url=url)
-    yield from from_repository("package_install", pkg_id="shock_filter", enable_on_install=True)
-    yield from until(lambda: version(FROM_REPOSITORY))
-    report["installed"] = version(FROM_REPOSITORY), largest_change()
+    preferences.extensions.repos.new(name="Shock Filter", module=REPOSITORY, remote_url=url)
+    one = {"repo_index": refreshed(), "pkg_id": "shock_filter"}
+    with over():
+        bpy.ops.extensions.package_install("INVOKE_DEFAULT", enable_on_install=True, **one)
+    yield from until(version)
+    report["installed"] = version(), largest_change()
     bpy.context.scene.shock_filter.geometry.time = 77.0
 
     RELEASES.rename(RELEASES.with_name("older"))
     RELEASES.with_name("newer").rename(RELEASES)
-    with over():
-        bpy.ops.extensions.repo_sync_all("INVOKE_DEFAULT")
-    yield 5 * DRAWN
+    refreshed()
     with over():
         bpy.ops.extensions.package_upgrade_all("INVOKE_DEFAULT")
-    yield from until(lambda: version(FROM_REPOSITORY) != report["installed"][0])
-    report["updated"] = version(FROM_REPOSITORY), largest_change()
+    yield from until(lambda: version() not in ("", report["installed"][0]))
+    report["updated"] = version(), largest_change()
     report["time"] = bpy.context.scene.shock_filter.geometry.time
 
-    yield from from_repository("package_uninstall", pkg_id="shock_filter")
-    yield from until(lambda: not hasattr(bpy.types, "SHOCK_FILTER_OT_sharpen_image"))
+    with over():
+        bpy.ops.extensions.package_uninstall("INVOKE_DEFAULT", **one)
+    yield from until(lambda: not version())
 
-    with over():  # as Blender does with a file that is dropped; it asks
+    with over():  # as Blender does with a file that is dropped: it asks
         zip_file = str(Path.home() / "extension.zip")
         bpy.ops.extensions.package_install_files("INVOKE_DEFAULT", url=zip_file)
     yield DRAWN
     yield from press("Return")
-    yield from until(lambda: version(DROPPED))
-    report["dropped"] = version(DROPPED), largest_change()
+    yield from until(version)
+    report["dropped"] = version(), largest_change()
 
 
-def from_repository(operator: str, **settings: object) -> Steps:
-    """Refresh the repository, and run an operator on it, as the buttons of the preferences do."""
+def refreshed() -> int:
+    """Have Blender read the repository; return its number."""
     repos = bpy.context.preferences.extensions.repos
-    (number,) = [i for i, repo in enumerate(repos) if repo.module == FROM_REPOSITORY]
+    (number,) = [i for i, repo in enumerate(repos) if repo.module == REPOSITORY]
     bpy.ops.extensions.repo_sync(repo_index=number)
-    with over():
-        getattr(bpy.ops.extensions, operator)("INVOKE_DEFAULT", repo_index=number, **settings)
-    yield DRAWN
+    return number
 
 
-def version(repository: str) -> str:
-    """Return the version that is at work out of a repository; empty where there is none."""
-    module = f"bl_ext.{repository}.shock_filter"
-    there = module in bpy.context.preferences.addons and module in sys.modules
-    return sys.modules[module].__version__ if there else ""
+def version() -> str:
+    """Return the version that is at work, out of any repository; empty where there is none."""
+    for addon in bpy.context.preferences.addons:
+        if addon.module.endswith(".shock_filter") and addon.module in sys.modules:
+            return sys.modules[addon.module].__version__
+    return ""
 
 
 def until(reached: Callable[[], object], limit: float = 120.0) -> Steps:
