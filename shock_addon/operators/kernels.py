@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import os
@@ -81,8 +82,9 @@ def choose_folder() -> None:
         return
     import tempfile
 
-    try:
+    with contextlib.suppress(OSError):  # another Blender may be at it
         _take_over(cache_folder.chosen)
+    try:
         os.makedirs(cache_folder.chosen, exist_ok=True)
         with tempfile.TemporaryFile(dir=cache_folder.chosen):
             pass
