@@ -5,7 +5,11 @@ Blender finds its entry here (``register`` and ``unregister``); Python finds the
 ``from shock_filter import core``. Importing this file needs neither bpy, numba nor scipy.
 """
 
-__version__ = "0.1.0"
+import re
+from pathlib import Path
+
+_MANIFEST = Path(__file__).with_name("blender_manifest.toml").read_text(encoding="utf-8")
+__version__ = re.findall(r'^version = "(.+)"$', _MANIFEST, re.MULTILINE)[0]
 
 
 def register() -> None:

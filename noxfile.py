@@ -16,9 +16,9 @@ nox.options.sessions = ["lint", "test"]
 nox.options.reuse_venv = "yes"
 nox.options.error_on_missing_interpreters = False
 
-# pyenv keeps its Pythons off the PATH; Blender 5.2 needs 3.13.
+# pyenv keeps its Pythons off the PATH; Blender 5.2 needs 3.13, and the wheel is for all three.
 PYENV = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
-for folder in sorted(PYENV.glob("versions/3.1[13].*/bin")):
+for folder in sorted(PYENV.glob("versions/3.1[123].*/bin")):
     os.environ["PATH"] += os.pathsep + str(folder)
 
 PYTHON = "3.11"
@@ -36,8 +36,15 @@ BARE_BLENDER = {
 # Blender's Python packages have hundreds of megabytes; each is downloaded once for all sessions.
 WHEELS = Path(__file__).parent / ".nox" / "wheels"
 
+PROJECT = nox.project.load_toml("pyproject.toml")["project"]
+
 # For the manual, which the extension's zips carry.
-DOCS = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
+DOCS = PROJECT["optional-dependencies"]["docs"]
+
+EXTRAS = ["files", "fields", "video", "cluster"]
+
+# What is tested with the wheel: all that needs neither Blender nor a clone's files.
+WHEEL_TESTS = ["tests/core", "tests/docs/test_docstrings.py"]
 
 # What bpy links to, also when it runs without a window; Debian's packages.
 SYSTEM_LIBRARIES = {
@@ -207,6 +214,45 @@ def build(session: nox.Session) -> None:
     """Build the extension's zips for all platforms."""
     install_blender(session, "4.5", *DOCS)  # bpy for its blender_ext.py
     session.run("python", "tools/build_extension.py", *session.posargs)
+
+
+@nox.session(python=PYTHON)
+def release(session: nox.Session) -> None:
+    """Make all that people install, in dist/release, from a commit that .ci/run has passed."""
+    provide_system_libraries(session)
+    install(session, "-e", ".[blender,files,test,docs,release]")
+    session.run("python", "tools/release.py", *session.posargs)
+
+
+def build_wheel(session: nox.Session) -> Path:
+    """Build the wheel into a folder of the session's, and return it."""
+    shutil.rmtree("build", ignore_errors=True)  # setuptools would add what lay there before
+    folder = Path(session.create_tmp())
+    pip(session, "wheel", "--no-deps", "--wheel-dir", str(folder), ".")
+    return next(folder.glob("*.whl"))
+
+
+@nox.session
+@nox.parametrize(
+    ("python", "oldest"),
+    [("3.11", False), ("3.12", False), ("3.13", False), ("3.11", True)],
+    ids=["3.11", "3.12", "3.13", "oldest"],
+)
+def wheel(session: nox.Session, oldest: bool) -> None:
+    """Test the wheel in an environment of its own, with the newest or oldest allowed libraries."""
+    allowed = [f"{name.replace('>=', '==')}.*" for name in PROJECT["dependencies"] if oldest]
+    built = build_wheel(session)
+    install(session, f"{built}[files,fields,video,cluster,test]", *allowed)
+    session.run("shock-filter", "--help", silent=True)
+    session.run("pytest", *WHEEL_TESTS, *session.posargs)
+
+
+@nox.session(python=PYTHON)
+@nox.parametrize("extra", EXTRAS, ids=EXTRAS)
+def wheel_extra(session: nox.Session, extra: str) -> None:
+    """Test that an extra of the wheel names all that it needs."""
+    install(session, f"{build_wheel(session)}[{extra}]", "pytest>=8", "pytest-timeout>=2.3")
+    session.run("pytest", f"tests/wheel/test_{extra}.py", *session.posargs)
 
 
 @nox.session(python=PYTHON)

@@ -11,6 +11,8 @@ from pathlib import Path
 import common
 import numpy as np
 import peers
+import virtual_scans
+from denoise_meshes import creased_sphere, with_noise
 from geometry_speed import PAPER_POSITIONS, PAPER_REFIT, timed_flow, timed_run
 from pictures import View, draw, sheet
 from report import Target, table, targets
@@ -111,31 +113,17 @@ def table3(job: common.Job) -> None:
     job.page.write("table3", "\n\n".join(text))
 
 
-FIGURES = {
-    "figure7": (
-        "lion_statue.obj",
-        ["original", "nearest", "linear"],
-        [{}, {"sampling": "nearest"}, {"sampling": "linear"}],
-        256.0,
-        "t = 256",
-    ),
-    "figure8": (
-        "angel_scan.obj",
-        ["scan", "steady state", "steady state, mollified"],
-        [{}, {}, {"mollify_passes": 2}],
-        math.inf,
-        "t = ∞",
-    ),
-}
+SPOT = virtual_scans.SPOT
+NOISY_SHAPE = common.CREASED_SPHERE
 VIEWS = {
-    "lion_statue.obj": View((0.0, 90.0, 0.0), (0.28, 0.12), 0.55),
-    "angel_scan.obj": View((180.0, 0.0, 0.0), (0.0, 0.0), 0.8),
-    "fandisk.obj": View((-60.0, 30.0, 0.0)),
+    SPOT: View((-15.0, 140.0, 0.0)),
+    NOISY_SHAPE: View((-25.0, 30.0, 0.0)),
 }
 PIXELS = 260
 
 
 def _drawn(name: str, mesh: core.TriangleMesh, settings: list[dict], flow_time: float) -> list:
+    """Pictures of a mesh and its sharpened versions."""
     shown = [draw(mesh, mesh, VIEWS[name], PIXELS)]
     for chosen in settings:
         options = core.GeometrySettings.of_paper(**({"time": flow_time} | PAPER_LIKE | chosen))
@@ -144,55 +132,61 @@ def _drawn(name: str, mesh: core.TriangleMesh, settings: list[dict], flow_time: 
     return shown
 
 
-def draw_figure(data: Path, figure: str) -> list[np.ndarray]:
-    """Pictures of a mesh and its sharpened versions."""
-    name, _, settings, flow_time, _ = FIGURES[figure]
-    return _drawn(name, core.TriangleMesh(*common.load_mesh(data, name)), settings[1:], flow_time)
+def draw_samplings(data: Path) -> list[np.ndarray]:
+    """Spot, and sharpened with nearest and linear sampling."""
+    mesh = core.TriangleMesh(*common.load_mesh(data, SPOT))
+    return _drawn(SPOT, mesh, [{"sampling": "nearest"}, {}], 256.0)
 
 
 def figure7(job: common.Job) -> None:
     """Nearest and linear sampling."""
-    _write_figure(job, "figure7")
+    titles = ["original", "nearest", "linear"]
+    row = common.in_own_process(draw_samplings, job.data)
+    about = f"A cow: {', '.join(titles)}"
+    picture = job.page.picture("figure7", sheet(titles, [row], 1).quantize(64), about)
+    job.page.write(
+        "figure7",
+        "Spot (Keenan Crane, CC0), t = 256, no feature threshold, one smoothing pass, flat-shaded."
+        + picture,
+    )
+
+
+def draw_scan(data: Path) -> list[np.ndarray]:
+    """A virtual scan of Spot, and its steady states."""
+    scan = virtual_scans.range_image(data, SPOT, 170, 0.25, 1)
+    return _drawn(SPOT, scan.mesh, [{}, {"mollify_passes": 2}], math.inf)
 
 
 def figure8(job: common.Job) -> None:
     """The steady state of a noisy scan."""
-    _write_figure(job, "figure8")
-
-
-def _write_figure(job: common.Job, figure: str) -> None:
-    name, titles, _, _, when = FIGURES[figure]
-    row = common.in_own_process(draw_figure, job.data, figure)
-    label = Path(name).stem
-    picture = job.page.picture(
-        figure, sheet(titles, [row], 1).quantize(64), f"{label}: {', '.join(titles)}"
-    )
+    titles = ["scan", "steady state", "steady state, mollified"]
+    row = common.in_own_process(draw_scan, job.data)
+    about = f"A virtual scan of a cow: {', '.join(titles)}"
+    picture = job.page.picture("figure8", sheet(titles, [row], 1).quantize(64), about)
     job.page.write(
-        figure, f"{label}, {when}, no feature threshold, one smoothing pass, flat-shaded." + picture
+        "figure8",
+        "A virtual scan of Spot (Keenan Crane, CC0), t = ∞, no feature threshold, one smoothing"
+        " pass, flat-shaded." + picture,
     )
 
 
-def draw_noisy(data: Path) -> list[list[np.ndarray]]:
-    """Fandisk with little and much noise: the noisy mesh, plainly sharpened, mollified."""
-    faces = common.load_mesh(data, "fandisk.obj")[1]
-    rows = []
-    for noise in ("0.3", "0.7"):
-        noisy = core.TriangleMesh(common.load_mesh(data, f"fandisk_noisy_{noise}.obj")[0], faces)
-        rows.append(_drawn("fandisk.obj", noisy, [{}, {"mollify_passes": 2}], 1024.0))
-    return rows
+def draw_noisy() -> list[list[np.ndarray]]:
+    """A creased shape with little and much noise: noisy, plainly sharpened, mollified."""
+    clean = creased_sphere(5)
+    noisy = [with_noise(clean, amount) for amount in (0.1, 0.3)]
+    return [_drawn(NOISY_SHAPE, mesh, [{}, {"mollify_passes": 2}], 1024.0) for mesh in noisy]
 
 
 def figure11(job: common.Job) -> None:
     """Noisy meshes, with and without mollified normals."""
     titles = ["noisy", "plain", "mollified"]
-    rows = common.in_own_process(draw_noisy, job.data)
-    picture = job.page.picture(
-        "figure11", sheet(titles, rows, 1).quantize(64), f"fandisk: {', '.join(titles)}"
-    )
+    rows = common.in_own_process(draw_noisy)
+    about = f"A creased shape: {', '.join(titles)}"
+    picture = job.page.picture("figure11", sheet(titles, rows, 1).quantize(64), about)
     job.page.write(
         "figure11",
-        "fandisk with noise of 0.3 (top) and 0.7 (bottom) mean edge lengths, t = 1024; mollified:"
-        " two smoothing passes on the normals first." + picture,
+        "A shape made by code with noise of 0.1 (top) and 0.3 (bottom) mean edge lengths,"
+        " t = 1024; mollified: two smoothing passes on the normals first." + picture,
     )
 
 

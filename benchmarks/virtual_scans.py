@@ -35,7 +35,9 @@ VIEWS = 14
 
 Floats = np.ndarray
 
+SPOT = "../textured/spot/spot_triangulated.obj"  # by Keenan Crane, CC0
 FRONTS = {
+    SPOT: (-0.65, 0.2, -0.75),
     "julius.obj": (0.1, 0.15, -1.0),
     "nicolo.obj": (-1.0, 0.15, -0.4),
     "igea.ply": (0.1, 0.15, 1.0),

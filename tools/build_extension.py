@@ -10,13 +10,18 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import json
 import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+
+import bundled
+import check_zip
 
 ROOT = Path(__file__).resolve().parent.parent
 WHEELS = ROOT / ".wheels"
@@ -41,6 +46,9 @@ PLATFORMS = {
     "macos-x64": ["macosx_10_15_x86_64"],
 }
 
+LONG_AGO = (1980, 1, 1, 0, 0, 0)
+"""The date of all files in zips, so that two builds give the same bytes."""
+
 
 @dataclass(frozen=True)
 class Series:
@@ -64,7 +72,7 @@ def run(command: list[str], tries: int = 1) -> None:
         if not code:
             break
     else:
-        raise SystemExit(f"No zip was built: exit status {code} of `{' '.join(command)}`.")
+        raise SystemExit(f"Nothing was built: exit status {code} of `{' '.join(command)}`.")
 
 
 def download_wheels(platform: str, python: str, requirements: list[str]) -> list[Path]:
@@ -81,6 +89,29 @@ def download_wheels(platform: str, python: str, requirements: list[str]) -> list
             run([*command, requirement], tries=3)  # downloads break off
         wheels += folder.glob(pattern)
     return wheels
+
+
+def check_wheel(wheel: Path, platform: str, python: str) -> None:
+    """Refuse a wheel that is for another platform, or for another Python than the series has."""
+    *_, tag, _, systems = wheel.stem.split("-")
+    fitting = f"cp{python.replace('.', '')}"
+    if tag != fitting or not any(_loads(platform, system) for system in systems.split(".")):
+        raise SystemExit(
+            f"{wheel.name} is not for {platform} and Python {python}: take one for {fitting} and"
+            f" {' or '.join(PLATFORMS[platform])}."
+        )
+
+
+def _loads(platform: str, system: str) -> bool:
+    """Tell whether the oldest supported system of a platform loads wheels for `system`."""
+    newest = PLATFORMS[platform][0]
+    if not platform.startswith("macos"):
+        return system in PLATFORMS[platform]
+    kind, *version, processor = system.split("_", 3)
+    newest_kind, *newest_version, newest_processor = newest.split("_", 3)
+    return (kind, processor) == (newest_kind, newest_processor) and [*map(int, version)] <= [
+        *map(int, newest_version)
+    ]
 
 
 def build_manual() -> None:
@@ -134,11 +165,39 @@ def blender_ext(*arguments: str) -> None:
     run([sys.executable, str(found[-1]), *arguments])
 
 
-def zip_path(platform: str, name: str) -> Path:
-    """Return where the zip for one platform and one Blender series goes."""
-    version = tomllib.loads((ROOT / MANIFEST).read_text(encoding="utf-8"))["version"]
+def version() -> str:
+    """Return the version, which stands in the manifest."""
+    return tomllib.loads((ROOT / MANIFEST).read_text(encoding="utf-8"))["version"]
+
+
+def zip_name(platform: str, name: str) -> str:
+    """Name the zip for one platform and one Blender series."""
     label = f"{platform.replace('-', '_')}-blender{name.replace('.', '')}"
-    return DIST / f"shock_filter-{version}-{label}.zip"
+    return f"shock_filter-{version()}-{label}.zip"
+
+
+def make_reproducible(path: Path) -> None:
+    """Write an archive anew: sorted, without dates and the umask of who built it."""
+    part = path.with_name(f".{path.name}")
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(part, "w", compresslevel=9) as new:
+        for entry in sorted(old.infolist(), key=lambda entry: entry.filename):
+            same = zipfile.ZipInfo(entry.filename, LONG_AGO)
+            same.compress_type = entry.compress_type
+            same.external_attr = 0o100644 << 16
+            new.writestr(same, old.read(entry))
+    part.replace(path)
+
+
+def make_repository(folder: Path) -> None:
+    """Make a folder of zips an extension repository, which Blender reads as files or from the web.
+
+    Blender's own tool writes ``index.json``, in the order of the file system, which is sorted here.
+    """
+    blender_ext("server-generate", f"--repo-dir={folder}")
+    index = folder / "index.json"
+    listed = json.loads(index.read_text(encoding="utf-8"))
+    listed["data"].sort(key=lambda entry: entry["archive_url"])
+    index.write_text(json.dumps(listed, indent=2) + "\n", encoding="utf-8")
 
 
 def build(platform: str, series: Series, requirements: list[str], target: Path) -> Path:
@@ -149,16 +208,26 @@ def build(platform: str, series: Series, requirements: list[str], target: Path) 
         copy_content(stage)
         (stage / "wheels").mkdir()
         for wheel in wheels:
+            check_wheel(wheel, platform, series.python)
             shutil.copy(wheel, stage / "wheels")
+        has_manual = (stage / MANUAL).is_dir()
+        (stage / bundled.LIST).write_text(bundled.listing(wheels, has_manual), encoding="utf-8")
         (stage / MANIFEST).write_text(complete_manifest(platform, series, wheels), encoding="utf-8")
         blender_ext("build", f"--source-dir={stage}", f"--output-filepath={target}")
+    make_reproducible(target)
     blender_ext("validate", str(target))
-    if target.stat().st_size >= SIZE_LIMIT:
+    check_size(target)
+    check_zip.check(target, platform)
+    return target
+
+
+def check_size(path: Path) -> None:
+    """Refuse a zip that is too large to be downloaded and updated at ease."""
+    if path.stat().st_size >= SIZE_LIMIT:
         raise SystemExit(
-            f"{target.name} has {target.stat().st_size / MEGABYTE:.1f} MB; the limit is"
+            f"{path.name} has {path.stat().st_size / MEGABYTE:.1f} MB; the limit is"
             f" {SIZE_LIMIT // MEGABYTE} MB: leave something out."
         )
-    return target
 
 
 def main() -> None:
@@ -170,7 +239,7 @@ def main() -> None:
     DIST.mkdir(exist_ok=True)
     build_manual()
     zips = [
-        build(p, SERIES[s], REQUIREMENTS_ON.get(p, REQUIREMENTS), zip_path(p, s))
+        build(p, SERIES[s], REQUIREMENTS_ON.get(p, REQUIREMENTS), DIST / zip_name(p, s))
         for p in arguments.platform
         for s in arguments.series
     ]

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import os
+import shutil
 import threading
 import time
 from functools import cache
@@ -80,12 +82,30 @@ def choose_folder() -> None:
         return
     import tempfile
 
+    with contextlib.suppress(OSError):  # another Blender may be at it
+        _take_over(cache_folder.chosen)
     try:
         os.makedirs(cache_folder.chosen, exist_ok=True)
         with tempfile.TemporaryFile(dir=cache_folder.chosen):
             pass
     except OSError:
         cache_folder.chosen = os.path.join(bpy.app.tempdir, "shock_filter_kernels")
+
+
+def _take_over(folder: str) -> None:
+    """Go on with what another version has compiled, and leave no third version's code.
+
+    What differs between the versions is compiled anew: the files know their sources.
+    """
+    parent = os.path.dirname(folder)
+    if not os.path.isdir(parent):
+        return
+    others = [entry.path for entry in os.scandir(parent) if entry.name.startswith("kernels-")]
+    others = sorted({*others} - {folder}, key=os.path.getmtime)
+    if others and not os.path.isdir(folder):
+        os.rename(others.pop(), folder)
+    for other in others:
+        shutil.rmtree(other, ignore_errors=True)
 
 
 def load() -> None:

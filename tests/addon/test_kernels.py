@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import shock_filter
+from shock_filter.shock_addon.operators import kernels
 
 ROOT = Path(shock_filter.__file__).parent
 MODULE = "bl_ext.user_default.shock_filter"
@@ -132,3 +133,29 @@ def test_a_folder_that_cannot_be_made_is_replaced_by_a_temporary_one(resources):
     state = run(resources, "load only")
     assert state["kept"].startswith(state["temporary"])
     assert written(extension) == before
+
+
+@pytest.mark.parametrize(
+    ("there", "kept"),
+    [
+        ([], None),
+        (["kernels-1"], "kernels-1"),
+        (["kernels-1", "kernels-2"], "kernels-2"),  # the one that was used last
+        (["kernels-2", "kernels-3"], "kernels-3"),
+    ],
+)
+def test_a_version_goes_on_with_what_another_has_compiled(tmp_path, there, kept):
+    for age, name in enumerate(there):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "code").write_text(name)
+        os.utime(tmp_path / name, (age, age))
+    (tmp_path / "other").mkdir()
+    kernels._take_over(str(tmp_path / "kernels-3"))
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == ({"kernels-3", "other"} if kept else {"other"})
+    assert kept is None or (tmp_path / "kernels-3" / "code").read_text() == kept
+
+
+def test_without_a_user_folder_nothing_is_taken_over(tmp_path):
+    kernels._take_over(str(tmp_path / "nowhere" / "kernels-3"))
+    assert list(tmp_path.iterdir()) == []

@@ -88,7 +88,8 @@ def tree(tmp_path_factory):
     """A copy of the package with the toy: a new module and three additions."""
     root = tmp_path_factory.mktemp("tree") / "shock_filter"
     root.mkdir()
-    shutil.copy(ROOT / "__init__.py", root)
+    for name in ("__init__.py", "blender_manifest.toml"):
+        shutil.copy(ROOT / name, root)
     for name in ("core", "shock_addon"):
         shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
     (root / "core" / "filters" / "inverting.py").write_text(MODULE)

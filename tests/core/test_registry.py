@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The table of filters and what is made from it."""
 
-import importlib.util
 import shutil
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+import write_stub
 from shock_filter import core
 from shock_filter.core import registry
 
@@ -89,10 +89,6 @@ def test_a_row_gives_its_function_and_what_follows():
 
 
 def test_the_stub_is_as_the_table_says():
-    path = ROOT / "tools" / "write_stub.py"
-    spec = importlib.util.spec_from_file_location("write_stub", path)
-    write_stub = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(write_stub)
     written = (ROOT / "core" / "__init__.pyi").read_text(encoding="utf-8")
     assert written == write_stub.stub(registry.public_names()), "run python tools/write_stub.py"
 
@@ -124,7 +120,8 @@ NEW_ROWS = """
 def test_a_new_filter_is_settings_a_module_and_a_row(tmp_path):
     package = tmp_path / "shock_filter"
     shutil.copytree(ROOT / "core", package / "core", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "__init__.py", package)
+    for name in ("__init__.py", "blender_manifest.toml"):
+        shutil.copy(ROOT / name, package)
     with (package / "core" / "settings.py").open("a") as file:
         file.write(NEW_SETTINGS)
     (package / "core" / "filters" / "invert.py").write_text(NEW_MODULE)

@@ -62,6 +62,7 @@ def test_zip_holds_the_extension_and_nothing_else(extension_zip):
         names = archive.namelist()
     assert len(names) == len(set(names))
     assert {name.split("/")[0] for name in names} == {
+        "BUNDLED.md",
         "LICENSE",
         "README.md",
         "__init__.py",

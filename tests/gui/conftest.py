@@ -7,20 +7,20 @@ Debian's packages, in ``--folder``. Where neither can be had, one line says so a
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+import build_extension
 import pytest
+import window_blender
+from publishing import publish_newer
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 420.0
@@ -29,19 +29,6 @@ PREPARING_LIMIT = 900.0  # compiles everything at low priority, beside other tes
 # What differs from the released zips, where Blender's Python is not the one of its series. There
 # are no earlier wheels for Python 3.14, and no earlier numba takes Debian's numpy 2.4.
 REQUIREMENTS = {"3.14": ["scipy==1.16.3", "numba==0.64.0", "llvmlite==0.46.0"]}
-
-
-def tool(name: str) -> ModuleType:
-    """Import one of the scripts in ``tools/``."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-window_blender = tool("window_blender")
-build_extension = tool("build_extension")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -151,6 +138,14 @@ def _prepare(blender: Any, work: Path, python: str) -> dict[str, dict]:
 
 def _install(blender: Any, work: Path, python: str) -> subprocess.CompletedProcess[str]:
     """Install and enable the extension's zip from the command line, as users do."""
+    _build(work / "extension.zip", python)
+    zip_seen = str(blender.seen(work) / "extension.zip")
+    install = ["blender", "--command", "extension", "install-file", "-r", "user_default"]
+    return blender.run(work, *install, "--enable", zip_seen, limit=240.0)
+
+
+def _build(target: Path, python: str) -> None:
+    """Build the zip for the Python of the Blender to test in."""
     known = {*REQUIREMENTS, *(series.python for series in build_extension.SERIES.values())}
     if python not in known:
         pytest.skip(
@@ -161,11 +156,25 @@ def _install(blender: Any, work: Path, python: str) -> subprocess.CompletedProce
         "linux-x64",
         build_extension.Series(first="4.2.0", end=None, python=python),
         REQUIREMENTS.get(python, build_extension.REQUIREMENTS),
-        work / "extension.zip",
+        target,
     )
-    zip_seen = str(blender.seen(work) / "extension.zip")
-    install = ["blender", "--command", "extension", "install-file", "-r", "user_default"]
-    return blender.run(work, *install, "--enable", zip_seen, limit=240.0)
+
+
+@pytest.fixture(scope="module")
+def fresh(blender, versions, tmp_path_factory) -> dict:
+    """Return the report of a person who has a release, and a Blender without the extension."""
+    work = tmp_path_factory.mktemp("fresh")
+    (work / "resources").mkdir()
+    shutil.copytree(Path(__file__).parent / "inside", work / "inside")
+    _build(work / "extension.zip", versions["python"])
+    for name in ("releases", "newer"):
+        (work / name).mkdir()
+    shutil.copy(
+        work / "extension.zip", work / "releases"
+    )  # a link would lead out of Blender's system
+    build_extension.make_repository(work / "releases")
+    publish_newer(work / "extension.zip", work / "newer")
+    return _play(blender, work, "installing")
 
 
 @pytest.fixture(scope="session")
