@@ -36,7 +36,7 @@ def sharpen() -> dict[str, object]:
     image = bpy.data.images.new("Noise", 32, 24, float_buffer=True)
     image.pixels.foreach_set(np.random.default_rng(0).random(32 * 24 * 4, np.float32))
     try:
-        result = bpy.ops.shock_filter.sharpen_image(image="Noise", output="REPLACE")
+        result = bpy.ops.shock_filter.sharpen_image(image="Noise", output="REPLACE", time=16.0)
     except RuntimeError as error:
         return {"result": [], "said": str(error)}
     pixels = np.empty(32 * 24 * 4, np.float32)
