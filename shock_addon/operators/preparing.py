@@ -29,7 +29,7 @@ _AT_FIRST = 1.0
 """Seconds after enabling: until then Blender has other things to do."""
 
 _INTERVAL = 0.5
-_SHARES = ["geometry", "colors", "flow"], ["image", "texture", "field"]
+_SHARES = ["geometry", "colors", "flow", "field"], ["image", "texture"]
 """Kinds of data, for one process each: about half of the work, and few kernels in common."""
 
 _NOTICED = 0.5
