@@ -44,7 +44,6 @@ def scenario() -> Steps:
     for mode, filter_mode in MODES.items():
         bpy.context.scene.shock_filter.mode = filter_mode.upper()  # undo has made it anew
         bpy.ops.object.mode_set(mode=mode)
-        area("VIEW_3D").spaces.active.show_region_asset_shelf = False  # its icons come in slowly
         if mode == "EDIT":
             bpy.ops.mesh.select_all(action="SELECT")
         bpy.ops.ed.undo_push(message="Mode")

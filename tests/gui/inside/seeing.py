@@ -201,9 +201,11 @@ def new_file_during_both() -> Steps:
 
 
 def object_seen() -> np.ndarray:
-    """Return the picture of the 3D view without the sidebar."""
+    """Return the picture of the 3D view without the sidebar and brushes, whose icons come late."""
     whole = region("VIEW_3D")
-    return crop(whole)[:, : int(0.7 * whole.width)]
+    brushes = [part for part in area("VIEW_3D").regions if part.type.startswith("ASSET_SHELF")]
+    shelf = sum(part.height for part in brushes)
+    return crop(whole)[shelf:, : int(0.7 * whole.width)]
 
 
 def state() -> dict[str, str]:
