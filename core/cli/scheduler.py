@@ -85,7 +85,8 @@ def _client(distributed: Any, place: Any) -> Any:
     def connect() -> None:
         try:
             answers.append(distributed.Client(place, timeout=_PATIENCE - 0.5))
-        except Exception as error:
+        except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
+            # Nobody there, no such address, no certificate, no library for it: said below.
             answers.append(error)
 
     thread = threading.Thread(target=connect, daemon=True)
