@@ -104,10 +104,7 @@ class _Wait:
     @property
     def is_forsaken(self) -> bool:
         """Whether nobody waits any more, since Blender has freed the operator."""
-        try:
-            return self.operator._wait is not self
-        except (AttributeError, ReferenceError):
-            return True
+        return is_freed(self.operator)
 
     def show(self, context: bpy.types.Context) -> None:
         """Say how far it is."""
@@ -223,6 +220,15 @@ def stop_all() -> None:
     for job in list(_running):
         job.cancel()
         job.wait()
+
+
+def is_freed(operator: bpy.types.Operator) -> bool:
+    """Whether Blender has freed an operator: each look at one of its attributes raises then."""
+    try:
+        getattr(operator, "bl_idname", "")
+    except ReferenceError:
+        return True
+    return False
 
 
 def is_settling() -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.app.handlers import persistent
@@ -22,6 +23,9 @@ from ..operators.base import can_run
 from ..operators.status import StatusText
 from .pointing import editors_of, is_over_view, views_with_textures
 
+if TYPE_CHECKING:
+    from .previewing import Preview
+
 _INTERVAL = 0.03
 _FINE = 0.1
 _REST = 0.25
@@ -33,7 +37,43 @@ _CANCELS = {"ESC", "RIGHTMOUSE"}
 _COMPARES = "B"
 _APPLIES = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}
 
-_running: list[SHOCK_FILTER_OT_preview] = []
+_running: list[_Session] = []
+
+
+class _Session:
+    """A preview that is under way, and what it has put into the window.
+
+    It is kept apart from its operator, which Blender frees when the operator raises.
+    """
+
+    def __init__(
+        self, operator: bpy.types.Operator, context: bpy.types.Context, preview: Preview
+    ) -> None:
+        self.operator, self._preview = operator, preview
+        self._status = StatusText()
+        self._timer = context.window_manager.event_timer_add(_INTERVAL, window=context.window)
+        _running.append(self)
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether it has not ended, and its operator still follows the mouse."""
+        return self in _running and not jobs.is_freed(self.operator)
+
+    def show_text(self, context: bpy.types.Context) -> None:
+        """Say how the dials stand, and which keys there are."""
+        text = self._preview.text()
+        keys = iface_("Shift: small steps | Enter or Click: apply | Esc or Right Click: cancel")
+        compare = iface_("B: before / after")
+        self._status.show(context, f"{text} | {compare} | {keys}", context.area)
+
+    def end(self) -> None:
+        """Bring everything back and let go of the window."""
+        if self not in _running:
+            return
+        _running.remove(self)
+        bpy.context.window_manager.event_timer_remove(self._timer)
+        self._status.clear(bpy.context)
+        self._preview.end()
 
 
 class SHOCK_FILTER_OT_preview(bpy.types.Operator):
@@ -59,7 +99,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             obstacle = "Wait until the render, or the last run, has ended."
         if not _shown_mode(context).has_preview:
             obstacle = "Flows cannot be tried; press Visualize Flow, with few frames."
-        if _running:
+        if is_running():
             obstacle = "A preview is under way; click to apply it, or press Esc."
         return can_run(cls, obstacle)
 
@@ -72,6 +112,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         """Read the object or image that the tab here is about, and begin."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
+        stop()  # what an operator left that Blender has freed
         self._mode = _shown_mode(context)
         begin = load(f".preview.{self._mode.stage}:begin")
         try:
@@ -79,25 +120,29 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         except (ShockError, Refused) as error:
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
-        self._ended, self._status = False, StatusText()
+        self._session = _Session(self, context, self._preview)
         self._arrived, self._last_move = is_over_view(context.area, event), math.inf
         self._ticks = 0
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(_INTERVAL, window=context.window)
-        manager.modal_handler_add(self)
-        _running.append(self)
-        self._show_text(context)
+        self._session.show_text(context)
+        context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Follow the mouse; apply or drop what is tried."""
-        if self._ended:
+        try:
+            return self._step(context, event)
+        except Exception:
+            self._session.end()  # Blender frees the operator then
+            raise
+
+    def _step(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self._session.is_under_way:
             return {"CANCELLED"}
         reason = self._preview.stage.lost()
         if reason:
             return self._ended_by(reason)
         if event.type in _CANCELS and event.value == "PRESS":
-            self.end()
+            self._session.end()
             self.report({"INFO"}, "Preview cancelled; nothing was changed.")
             return {"CANCELLED"}
         if event.type in _APPLIES and event.value == "PRESS":
@@ -113,17 +158,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Bring everything back; Blender calls this when a window closes or a file is loaded."""
-        self.end()
-
-    def end(self) -> None:
-        """Bring everything back and let go of the window."""
-        if self._ended:
-            return
-        self._ended = True
-        _running.remove(self)
-        bpy.context.window_manager.event_timer_remove(self._timer)
-        self._status.clear(bpy.context)
-        self._preview.end()
+        self._session.end()
 
     def _turn(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         pace = _FINE if event.shift else 1.0
@@ -136,7 +171,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             self._preview.roll(pace if event.type == "WHEELUPMOUSE" else -pace)
         else:
             return {"PASS_THROUGH"} if event.type in _PASSED_ON else {"RUNNING_MODAL"}
-        self._show_text(context)
+        self._session.show_text(context)
         return {"RUNNING_MODAL"}
 
     def _follow(self, context: bpy.types.Context, step: Callable[[], None]) -> set[str]:
@@ -145,20 +180,17 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             step()
         except Skipped as reason:
             return self._ended_by(str(reason))
-        except Exception:
-            self.end()
-            raise
-        self._show_text(context)
+        self._session.show_text(context)
         return {"RUNNING_MODAL"}
 
     def _ended_by(self, reason: str) -> set[str]:
-        self.end()
+        self._session.end()
         text = pgettext_rpt("Preview ended: {reason}.").format(reason=pgettext_rpt(reason))
         self.report({"INFO"}, text)
         return {"CANCELLED"}
 
     def _apply(self, context: bpy.types.Context) -> set[str]:
-        self.end()
+        self._session.end()
         mode, preview = self._mode, self._preview
         settings = getattr(context.scene.shock_filter, mode.key)
         for name in (preview.dial, preview.second, STEADY_STATE):
@@ -173,16 +205,10 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             return {"CANCELLED"}
         return {"FINISHED"}
 
-    def _show_text(self, context: bpy.types.Context) -> None:
-        text = self._preview.text()
-        keys = iface_("Shift: small steps | Enter or Click: apply | Esc or Right Click: cancel")
-        compare = iface_("B: before / after")
-        self._status.show(context, f"{text} | {compare} | {keys}", context.area)
-
 
 def is_running() -> bool:
     """Whether a preview is under way."""
-    return bool(_running)
+    return any(session.is_under_way for session in _running)
 
 
 def _shown_mode(context: bpy.types.Context) -> Mode:
@@ -216,8 +242,8 @@ def _of_meshes(context: bpy.types.Context) -> str:
 @persistent
 def stop(*_: object) -> None:
     """End the preview, if one is under way, and bring everything back."""
-    for operator in list(_running):
-        operator.end()
+    for session in list(_running):
+        session.end()
 
 
 def unregister() -> None:

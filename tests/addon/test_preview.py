@@ -636,18 +636,17 @@ class _Events:
         cls = preview_operator.SHOCK_FILTER_OT_preview
         self.reports, self.status, self.ran = [], [], []
         self._mode = find("geometry")
-        self._preview, self._ended, self._timer = running, False, "timer"
+        self._preview = running
         self._arrived, self._last_move, self._ticks = True, math.inf, 0
-        self._status = SimpleNamespace(
-            show=lambda context, text, area: self.status.append(text),
-            clear=lambda context: self.status.append(None),
-        )
-        for name in ("modal", "end", "cancel", "_turn", "_follow", "_ended_by", "_apply"):
+        for name in ("modal", "cancel", "_step", "_turn", "_follow", "_ended_by", "_apply"):
             setattr(self, name, getattr(cls, name).__get__(self))
-        self._show_text = cls._show_text.__get__(self)
         self.report = lambda kind, text: self.reports.append(text)
-        manager = SimpleNamespace(event_timer_remove=lambda timer: None)
-        self.context = SimpleNamespace(window_manager=manager, area=None, scene=bpy.context.scene)
+        manager = SimpleNamespace(
+            event_timer_add=lambda seconds, window: "timer", event_timer_remove=lambda timer: None
+        )
+        self.context = SimpleNamespace(
+            window_manager=manager, window=None, area=None, scene=bpy.context.scene
+        )
         run = SimpleNamespace(
             sharpen_geometry=lambda *given, **settings: self.ran.append((given, settings))
         )
@@ -655,7 +654,11 @@ class _Events:
             context=self.context, ops=SimpleNamespace(shock_filter=run), types=bpy.types
         )
         monkeypatch.setattr(preview_operator, "bpy", fake)
-        preview_operator._running.append(self)
+        self._session = preview_operator._Session(self, self.context, running)
+        self._session._status = SimpleNamespace(
+            show=lambda context, text, area: self.status.append(text),
+            clear=lambda context: self.status.append(None),
+        )
 
     def send(self, kind, value="PRESS", shift=False, x=0):
         event = SimpleNamespace(
@@ -820,6 +823,38 @@ def test_a_bug_leaves_the_old_shape(events, monkeypatch):
             time.sleep(0.01)
     assert stored(box) == before
     assert preview_operator._running == []
+
+
+@pytest.mark.parametrize("step", ["_turn", "_follow"])
+def test_any_error_while_it_follows_the_mouse_ends_it(events, monkeypatch, step):
+    box = bpy.context.object
+    before = stored(box)
+    shown_by(events)
+    monkeypatch.setattr(events, step, lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        events.send("TIMER" if step == "_follow" else "MOUSEMOVE")
+    assert stored(box) == before
+    assert not preview_operator.is_running()
+    assert events.send("TIMER") == {"CANCELLED"}
+
+
+class _Freed:
+    """Like an operator that Blender has freed."""
+
+    def __getattribute__(self, name):
+        raise ReferenceError("StructRNA of type SHOCK_FILTER_OT_preview has been removed")
+
+
+def test_an_operator_that_blender_has_freed_is_no_preview_under_way(events):
+    box = bpy.context.object
+    before = stored(box)
+    shown_by(events)
+    events._session.operator = _Freed()
+    assert not preview_operator.is_running()
+    assert bpy.ops.shock_filter.preview.poll()
+    preview_operator.stop()
+    assert stored(box) == before
+    assert events.status[-1] is None
 
 
 def test_the_button_says_what_is_missing(rounded_box):

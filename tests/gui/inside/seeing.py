@@ -167,7 +167,7 @@ def drag(x: float, y: float) -> Steps:
     for _ in range(60):  # seconds: a busy Blender is told late that the mouse has come, and rests
         move(x, y)
         yield DRAWN
-        if addon("preview.operator")._running[0]._arrived:
+        if addon("preview.operator")._running[0].operator._arrived:
             break
     for step in range(11):
         move(x + 12 * step, y)
