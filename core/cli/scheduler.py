@@ -50,16 +50,42 @@ def connected(address: str) -> Iterator[Any]:
         if address == _LOCAL:
             from ..base.parallel import thread_count
 
-            with _deaf_to_ctrl_c():  # workers are told when to stop
+            security = _own_certificate(distributed)
+            with _deaf_to_ctrl_c(), _nothing_on_the_web():  # workers are told when to stop
                 local = distributed.LocalCluster(
                     n_workers=thread_count(),
                     threads_per_worker=1,
                     memory_limit=None,  # a large file may take what small ones leave
-                    dashboard_address=":0",
+                    host="127.0.0.1",
+                    security=security,
+                    dashboard_address=None,
                     silence_logs=logging.CRITICAL,
                 )
             place = stack.enter_context(local)
         yield stack.enter_context(_client(distributed, place))
+
+
+def _own_certificate(distributed: Any) -> Any:
+    """Make a certificate for this run, without which nobody can reach scheduler and workers.
+
+    They listen on this machine only, but all its users could connect there, and run code as us.
+    """
+    try:
+        return distributed.Security.temporary()
+    except ImportError as error:
+        raise ShockError(
+            "--cluster local needs cryptography; run: pip install 'shock-filter[cluster]'."
+        ) from error
+
+
+@contextlib.contextmanager
+def _nothing_on_the_web() -> Iterator[None]:
+    """Leave out all pages, such as logs and metrics, of Dask's web servers, which ask nobody."""
+    import dask
+
+    places = ("distributed.scheduler.http.routes", "distributed.worker.http.routes")
+    with dask.config.set({place: [] for place in places}):
+        yield
 
 
 @contextlib.contextmanager

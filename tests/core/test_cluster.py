@@ -9,13 +9,16 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
+import urllib.request
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import zarr
-from distributed import Client
+from distributed import Client, Security
 from PIL import Image
 from shock_filter import __version__, core
 from shock_filter.core import cli
@@ -309,6 +312,42 @@ def test_no_dask_is_said(folder, capsys, monkeypatch):
     assert failures(capsys) == [
         "Failed: --cluster needs Dask; run: pip install 'shock-filter[cluster]'."
     ]
+
+
+def test_local_workers_are_reached_by_this_run_alone(folder):
+    with scheduler.connected("local") as client:
+        me = psutil.Process()
+        sockets = [
+            socket
+            for process in (me, *me.children(recursive=True))
+            for socket in process.net_connections("inet")
+            if socket.status == psutil.CONN_LISTEN
+        ]
+        assert len(sockets) >= 3  # of the scheduler and two workers, at least
+        assert {socket.laddr.ip for socket in sockets} == {"127.0.0.1"}
+        where = client.scheduler.address
+        assert where.startswith("tls://127.0.0.1:")
+        assert all(worker.startswith("tls://") for worker in client.scheduler_info()["workers"])
+        for address in (where, where.replace("tls:", "tcp:")):
+            for security in (None, Security.temporary()):
+                with pytest.raises((OSError, TypeError, RuntimeError)):
+                    Client(address, security=security, timeout=1)
+        for port in {socket.laddr.port for socket in sockets}:
+            for page in ("/health", "/metrics", "/info/main/workers.html", "/json/identity.json"):
+                try:
+                    urllib.request.urlopen(f"http://127.0.0.1:{port}{page}", timeout=1)
+                except urllib.error.HTTPError as error:
+                    assert error.code == 404
+                except OSError:
+                    continue  # it speaks TLS
+                else:
+                    pytest.fail(f"{page} can be read")
+
+
+def test_no_certificates_can_be_made(folder, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    assert sharpen("a.png", "out/", "--cluster", "local") == 1
+    assert "pip install 'shock-filter[cluster]'" in capsys.readouterr().err
 
 
 def test_a_worker_with_another_version_is_refused(address, folder, capsys, monkeypatch):
