@@ -23,7 +23,8 @@ from ..base.progress import ask, phase, reporting
 from ..errors import ShockError
 from ..filters.chunked import Dask, counting_reruns
 from .formats.tiff import TILE, open_tiff_tiles, write_tiff_tiles
-from .formats.zarr import ENDING, create_zarr, is_zarr, open_zarr
+from .formats.zarr import ENDING, create_zarr, create_zarr_like, open_zarr
+from .formats.zarr_metadata import is_zarr
 from .image_file import ImageFile
 from .images import check_format, check_kind, read_image
 from .output import Options, Outcome, staged, staged_folder, temporary_folder
@@ -78,8 +79,13 @@ def _write_zarr(
 ) -> tuple[Sequence[Any], list[str]]:
     # Writes the result; returns what else is wanted, and notes.
     with staged_folder(target, overwrite) as stage:
-        found = _store(stage, image_file, result, wanted)
-    notes = list(image_file.notes)
+        notes = list(image_file.notes)
+        if image_file.format == "Zarr":
+            array, left = create_zarr_like(stage, image_file, result.shape)
+            notes += left
+        else:
+            array = _create(stage, result)
+        found = _store(array, result, wanted)
     if image_file.about:
         notes.append(f"{ENDING} does not keep {', '.join(image_file.about)}: left behind")
     return found, notes
@@ -94,7 +100,7 @@ def _write_tiff(
         stage = stack.enter_context(staged(target, overwrite))
         spool = temporary_folder(target.absolute().parent, stack) / f"spool{ENDING}"
         with phase(0.0, 0.9, "Filtering"):
-            found = _store(spool, image_file, result, wanted)
+            found = _store(_create(spool, result), result, wanted)
         with phase(0.9, 1.0, "Writing"):
             tiles = _tiles(open_zarr(spool).pixels)
             notes = write_tiff_tiles(stage, image_file, result.shape, result.dtype, tiles)
@@ -118,7 +124,7 @@ def _open(path: Path, any_size: bool) -> ImageFile:
     # With pixels that are read when they are asked for, where files allow that.
     ending = path.suffix.lower()
     if ending == ENDING:
-        image_file = open_zarr(path)
+        image_file = open_zarr(path, any_size)
         check_kind(path, image_file.pixels)
         return image_file
     if ending in _TIFFS:
@@ -185,21 +191,18 @@ def _grays(path: Path, any_size: bool) -> Dask:
     return grays / np.float64(np.iinfo(grays.dtype).max) if grays.dtype.kind == "u" else grays
 
 
-def _store(
-    path: Path, image_file: ImageFile, result: Dask, wanted: Sequence[Dask]
-) -> Sequence[Any]:
+def _create(path: Path, result: Dask) -> Any:
+    # An array whose chunks have a quarter of what is filtered at once along the sides.
+    sides = (n // 4 if n % 4 == 0 else n for n in result.chunksize[:2])
+    chunks = (*sides, *result.shape[2:])[: result.ndim]
+    return create_zarr(path, result.shape, result.dtype, chunks)
+
+
+def _store(array: Any, result: Dask, wanted: Sequence[Dask]) -> Sequence[Any]:
     # Writes the result to a Zarr array, and computes on the way what else is wanted.
     import dask.array
 
-    chunks = _chunks_on_disk(image_file.pixels)
-    if (
-        chunks is None or image_file.format != "Zarr"
-    ):  # a quarter of what is filtered at once, along the sides
-        sides = (n // 4 if n % 4 == 0 else n for n in result.chunksize[:2])
-        chunks = (*sides, *result.shape[2:])
-    chunks = chunks[: result.ndim]
-    target = create_zarr(path, image_file, result.shape, result.dtype, chunks)
-    stored = dask.array.store(result, target, lock=False, compute=False)
+    stored = dask.array.store(result, array, lock=False, compute=False)
     return _computed([stored, *wanted])[1:]
 
 

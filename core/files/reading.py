@@ -77,13 +77,17 @@ def needed(package: str, path: Path, extra: str = "files") -> Any:
         ) from error
 
 
-def check_claim(path: Path, claimed: float) -> None:
-    """Refuse a file whose header claims far more bytes than it can hold, before these are taken."""
-    size = path.stat().st_size
+def check_claim(path: Path, claimed: float, stored: int | None = None) -> None:
+    """Refuse a file whose header claims far more bytes than it can hold, before these are taken.
+
+    `stored` are the bytes of a folder, or of a part of the file that stands for all of it.
+    """
+    size = path.stat().st_size if stored is None else stored
     if claimed > max(_FREE, _RATIO * size) and not _any_size.get():
+        where = "in a file of" if stored is None else "in"
         raise ShockError(
-            f"{path} claims to hold {claimed / 2**30:.1f} GiB in a file of {size} bytes; is it"
-            " damaged? If not, add --any-size."
+            f"{path} claims to hold {claimed / 2**30:.1f} GiB {where} {size} bytes; is it damaged?"
+            " If not, add --any-size."
         )
 
 

@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from ...errors import ShockError
 from ..reading import check_claim, check_source, needed, reading
+from .hdf5 import check_hdf5
+from .zarr_metadata import check_zarr
 
 GRIDS = (".nc", ".nc4", ".cdf", ".zarr")
 
@@ -39,10 +41,11 @@ def read_grid(
 ) -> tuple[npt.NDArray[np.float32], tuple[str, ...]]:
     """Read (h, w, 2) or (k, h, w, 2) velocities, from the top down, and notes on them."""
     xarray = needed("xarray", path, "fields")
-    engine = _engine(path)
     with (
         reading(path, any_size),
-        xarray.open_dataset(path, engine=engine, decode_times=False, chunks=None) as data,
+        xarray.open_dataset(
+            path.absolute(), engine=_checked(path), decode_times=False, chunks=None
+        ) as data,
     ):
         names = _names(path, data, variables)
         pair = [data[name].isel(_chosen(path, data[name], select)) for name in names]
@@ -52,13 +55,14 @@ def read_grid(
                 f"{path}: {names[0]} is given at {_told(first)}, {names[1]} at {_told(second)};"
                 " interpolate both to the same places."
             )
+        _check_numbers(path, pair)
         if path.is_file():
             check_claim(path, 2.0 * first.size * 4)
         order = _order(path, first)
         single = {name: 0 for name in first.dims if name not in order}
         parts = [each.isel(single).transpose(*order) for each in pair]
         first, _ = parts
-        velocity = np.stack([np.asarray(each.values, np.float32) for each in parts], axis=-1)
+        velocity = _loaded(parts)
         for axis, dimension in zip((-3, -2), order[-2:], strict=True):
             velocity = _sorted(velocity, axis, _places(first, dimension))
         notes = [f"velocities are {names[0]} and {names[1]}"]
@@ -68,15 +72,43 @@ def read_grid(
     return velocity, tuple(notes)
 
 
-def _engine(path: Path) -> str:
+def _checked(path: Path) -> str:
+    """Name what reads a file, after looking at what that would do."""
     if path.suffix.lower() == ".zarr":
-        if not path.exists():
-            raise ShockError(f"There is no file {path}; check its name and folder.")
         needed("zarr", path, "fields")
+        check_zarr(path)
         return "zarr"
     check_source(path, GRIDS)
-    needed("netCDF4", path, "fields")
+    netcdf = needed("netCDF4", path, "fields")
+    check_hdf5(path)
+    with netcdf.Dataset(str(path.absolute())) as data:
+        # Coordinates, variables named as their only dimension, are read when a file is opened.
+        claimed = sum(
+            float(np.dtype(variable.dtype).itemsize) * variable.size
+            for name, variable in data.variables.items()
+            if variable.dimensions == (name,)
+        )
+    check_claim(path, claimed)
     return "netcdf4"
+
+
+def _check_numbers(path: Path, pair: Sequence[Any]) -> None:
+    for values in pair:
+        if values.dtype.kind not in "fiu":
+            raise ShockError(
+                f"{path}: {values.name} holds values of type {values.dtype}; save real numbers."
+            )
+
+
+def _loaded(parts: Sequence[Any]) -> npt.NDArray[np.float32]:
+    """Read both components, a moment at a time, so that memory holds no more than the result."""
+    first, _ = parts
+    velocity = np.empty((*first.shape, 2), np.float32)
+    for component, values in enumerate(parts):
+        moments = range(len(values)) if values.ndim == 3 else [slice(None)]
+        for moment in moments:
+            velocity[moment, ..., component] = values[moment].values
+    return velocity
 
 
 def _names(path: Path, data: Any, variables: Sequence[str] | None) -> tuple[str, str]:

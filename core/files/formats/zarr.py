@@ -3,6 +3,11 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,43 +16,115 @@ import numpy as np
 from ...errors import ShockError
 from ..image_file import ImageFile
 from ..reading import needed, reading
+from .zarr_metadata import FILES, check_zarr
 
 ENDING = ".zarr"
-_FILES = ("zarr.json", ".zarray", ".zgroup")
+_ABOUT = (*FILES, ".zattrs", ".zmetadata")
 
 
-def is_zarr(path: Path) -> bool:
-    """Whether a folder holds Zarr's own files."""
-    return any((path / name).is_file() for name in _FILES)
+@dataclass(frozen=True)
+class _Place:
+    """The folder that was opened, and where the picture is in it; empty for the folder itself."""
+
+    folder: Path
+    name: str
 
 
-def open_zarr(path: Path) -> ImageFile:
-    """Open a folder that is an array, or a group of one; the pixels are Zarr's array."""
-    if not path.exists():
-        raise ShockError(f"There is no file {path}; check its name and folder.")
-    if not is_zarr(path):
-        raise ShockError(f"{path} is no Zarr array; save the picture as one, or as a tiled TIFF.")
+def open_zarr(path: Path, any_size: bool = False) -> ImageFile:
+    """Open a folder that is an array, or a group of one picture; the pixels are Zarr's array.
+
+    Raises
+    ------
+    ShockError
+        As `check_zarr`, and if a group has no picture or several.
+    """
+    with reading(path, any_size):
+        check_zarr(path)
     zarr = needed("zarr", path, "cluster")
     with reading(path):
         found = zarr.open(str(path), mode="r")
         arrays = dict(found.arrays()) if isinstance(found, zarr.Group) else {"": found}
-    if len(arrays) != 1:
+    # Arrays of one axis are the coordinates of the picture's axes.
+    pictures = {name: array for name, array in arrays.items() if not name or array.ndim > 1}
+    if len(pictures) != 1:
         raise ShockError(
-            f"{path} is a group of {len(arrays)} arrays; save one of them as a Zarr array alone."
+            f"{path} is a group of {len(arrays)} arrays, {len(pictures)} of them pictures; save one"
+            " of them as a Zarr array alone."
         )
-    (array,) = arrays.values()
-    return ImageFile(array, "Zarr", own=dict(array.attrs))
+    ((name, array),) = pictures.items()
+    return ImageFile(array, "Zarr", own=_Place(path, name))
 
 
-def create_zarr(
-    path: Path, source: ImageFile, shape: tuple[int, ...], kind: np.dtype, chunks: tuple[int, ...]
-) -> Any:
-    """Make an empty array, in the format and with the attributes of the source if that is one."""
+def create_zarr(path: Path, shape: tuple[int, ...], kind: np.dtype, chunks: tuple[int, ...]) -> Any:
+    """Make an empty array."""
     zarr = needed("zarr", path, "cluster")
-    is_zarr = source.format == "Zarr"
-    words: dict[str, Any] = {}
-    if is_zarr and hasattr(source.pixels, "metadata"):  # Zarr 3 writes two formats
-        words["zarr_format"] = source.pixels.metadata.zarr_format
-    array = zarr.open_array(str(path), mode="w", shape=shape, dtype=kind, chunks=chunks, **words)
-    array.attrs.update(source.own if is_zarr else {})
-    return array
+    return zarr.open_array(str(path), mode="w", shape=shape, dtype=kind, chunks=chunks)
+
+
+def create_zarr_like(
+    path: Path, source: ImageFile, shape: tuple[int, ...]
+) -> tuple[Any, list[str]]:
+    """Make an empty array like the source's, with all that stands beside it.
+
+    The metadata are those of the source, but for the shape: names of dimensions, fill value,
+    codecs, shards, attributes, and the group with its own. Coordinates are copied, unless the shape
+    differs.
+
+    Returns
+    -------
+    zarr.Array
+    list of str
+        Notes on what was left behind.
+    """
+    zarr = needed("zarr", path, "cluster")
+    place: _Place = source.own
+    is_as_large = tuple(shape) == tuple(source.pixels.shape)
+    left = []
+    path.mkdir()
+    for part in sorted(place.folder.iterdir()):
+        if part.name in _ABOUT:
+            shutil.copyfile(part, path / part.name)
+        elif place.name and part.name != place.name and part.is_dir():
+            if is_as_large:
+                shutil.copytree(part, path / part.name)
+            else:
+                left.append(part.name)
+    if place.name:
+        (path / place.name).mkdir()
+        for name in _ABOUT:
+            if (place.folder / place.name / name).is_file():
+                shutil.copyfile(place.folder / place.name / name, path / place.name / name)
+    if not is_as_large:
+        _resize(path, place.name, shape, left)
+    notes = [f"{', '.join(left)} did not fit the new size: left behind"] if left else []
+    return zarr.open_array(str(path / place.name), mode="r+"), notes
+
+
+def _resize(path: Path, name: str, shape: tuple[int, ...], left: list[str]) -> None:
+    """Write another shape into all metadata of an array, and take out those that were left."""
+    for file in ("zarr.json", ".zarray"):
+        if (path / name / file).is_file():
+            with _edited(path / name / file) as array:
+                array["shape"] = list(shape)
+    if not name:
+        return
+    if (path / ".zmetadata").is_file():
+        with _edited(path / ".zmetadata") as consolidated:
+            known = consolidated["metadata"]
+            known[f"{name}/.zarray"]["shape"] = list(shape)
+            for key in [key for key in known if key.partition("/")[0] in left]:
+                del known[key]
+    if (path / "zarr.json").is_file():
+        with _edited(path / "zarr.json") as group:
+            known = (group.get("consolidated_metadata") or {}).get("metadata", {})
+            if name in known:
+                known[name]["shape"] = list(shape)
+            for key in [key for key in known if key.partition("/")[0] in left]:
+                del known[key]
+
+
+@contextmanager
+def _edited(path: Path) -> Iterator[dict[str, Any]]:
+    document = json.loads(path.read_bytes())
+    yield document
+    path.write_text(json.dumps(document, indent=2), encoding="utf-8")
