@@ -116,7 +116,11 @@ def install_blender(
     blender, numpy = BARE_BLENDER[version]
     wheel = f"{blender.replace('==', '-')}-*.whl"
     if not list(WHEELS.glob(wheel)):
-        pip(session, "download", "--no-deps", "--dest", str(WHEELS), blender, python=python)
+        lines = (Path(__file__).parent / "tools" / "wheels.txt").read_text().splitlines()
+        known = Path(session.create_tmp()) / "blender.txt"
+        known.write_text(next(line for line in lines if line.split(" ")[0] == blender))
+        words = ("--no-deps", "--require-hashes", "--requirement", str(known))
+        pip(session, "download", *words, "--dest", str(WHEELS), python=python)
     install(session, blender, numpy, *packages, python=python)
 
 

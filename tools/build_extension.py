@@ -22,6 +22,7 @@ from pathlib import Path
 
 import bundled
 import check_zip
+import wheel_hashes
 
 ROOT = Path(__file__).resolve().parent.parent
 WHEELS = ROOT / ".wheels"
@@ -37,6 +38,17 @@ SIZE_LIMIT = 110 * MEGABYTE
 # the graphics driver. There are no later wheels for Macs with Intel processors.
 REQUIREMENTS = ["scipy==1.15.3", "numba==0.63.1", "llvmlite==0.46.0"]
 REQUIREMENTS_ON = {"macos-x64": ["scipy==1.15.3", "numba==0.62.1", "llvmlite==0.45.1"]}
+
+# For windows of Blenders whose Python no series has: Debian's 5.2, whose numpy is 2.4.
+REQUIREMENTS_IN_WINDOWS = {"3.14": ["scipy==1.16.3", "numba==0.64.0", "llvmlite==0.46.0"]}
+
+# Blender as a Python package, for tests, and the Python of each; see noxfile.py.
+BLENDERS = {
+    "bpy==4.2.23": "3.11",
+    "bpy==4.5.15": "3.11",
+    "bpy==5.0.1": "3.11",
+    "bpy==5.2.3": "3.13",
+}
 
 # Blender's name of each platform, and the wheel tags that its oldest supported system can load.
 PLATFORMS = {
@@ -65,29 +77,34 @@ SERIES = {
 }
 
 
-def run(command: list[str], tries: int = 1) -> None:
-    """Run `command`, whose own output says what went wrong, and stop if it fails each time."""
-    for _ in range(tries):
-        code = subprocess.run(command).returncode
-        if not code:
-            break
-    else:
+def run(command: list[str]) -> None:
+    """Run `command`, whose own output says what went wrong, and stop if it fails."""
+    code = subprocess.run(command).returncode
+    if code:
         raise SystemExit(f"Nothing was built: exit status {code} of `{' '.join(command)}`.")
+
+
+def pip_words(platform: str, python: str) -> list[str]:
+    """Return what tells pip to take wheels for a platform and a Python."""
+    tags = [f"--platform={tag}" for tag in PLATFORMS[platform]]
+    return ["--implementation=cp", f"--python-version={python}", *tags]
 
 
 def download_wheels(platform: str, python: str, requirements: list[str]) -> list[Path]:
     """Return the pinned wheels, fetched by pip unless they are in ``.wheels/`` already."""
     folder = WHEELS / f"{platform}-python{python}"
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
-    command += ["--only-binary=:all:", f"--dest={folder}"]
-    command += ["--implementation=cp", f"--python-version={python}"]
-    command += [f"--platform={tag}" for tag in PLATFORMS[platform]]
     wheels = []
     for requirement in requirements:
         pattern = requirement.replace("==", "-") + "-*.whl"
-        if not list(folder.glob(pattern)):
-            run([*command, requirement], tries=3)  # downloads break off
-        wheels += folder.glob(pattern)
+        for _ in range(3):  # downloads break off
+            if list(folder.glob(pattern)):
+                break
+            wheel_hashes.download(requirement, folder, pip_words(platform, python))
+        else:
+            raise SystemExit(f"Nothing was built: {requirement} cannot be downloaded.")
+        for wheel in folder.glob(pattern):
+            wheel_hashes.check(wheel, requirement)
+            wheels.append(wheel)
     return wheels
 
 

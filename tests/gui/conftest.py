@@ -26,9 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 420.0
 PREPARING_LIMIT = 900.0  # compiles everything at low priority, beside other tests
 
-# What differs from the released zips, where Blender's Python is not the one of its series. There
-# are no earlier wheels for Python 3.14, and no earlier numba takes Debian's numpy 2.4.
-REQUIREMENTS = {"3.14": ["scipy==1.16.3", "numba==0.64.0", "llvmlite==0.46.0"]}
+REQUIREMENTS = build_extension.REQUIREMENTS_IN_WINDOWS
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -150,7 +148,7 @@ def _build(target: Path, python: str) -> None:
     if python not in known:
         pytest.skip(
             f"The window tests were not run: Blender's Python {python} has no entry in"
-            " tests/gui/conftest.py's REQUIREMENTS."
+            " REQUIREMENTS_IN_WINDOWS of tools/build_extension.py."
         )
     build_extension.build(
         "linux-x64",

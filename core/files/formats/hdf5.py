@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What HDF5 files, NetCDF-4 among them, take from other files: links, raw data, virtual datasets.
 
-The library follows these wherever they lead. A file from a stranger could have any file of the reader
-shown as numbers, so they may lead to the file's own folder only.
+The library follows these wherever they lead. A file from a stranger could show any file of its
+reader as numbers, so they may lead to the file's own folder only.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the metadata of a Zarr folder ask for, looked at before any library acts on it.
 
-Metadata name the codecs that decode chunks, and a library runs what is registered under a name. Some
-codecs run code that the chunk holds (``pickle``). So each codec and each type has to be on a list.
+Metadata name the codecs that decode chunks, and a library runs what is registered under a name.
+Some codecs run code that the chunk holds (``pickle``). So each codec and each type has to be on a
+list.
 """
 
 from __future__ import annotations
@@ -84,8 +85,8 @@ def check_zarr(path: Path) -> list[ArrayClaim]:
     Raises
     ------
     ShockError
-        If it is no Zarr folder, its metadata cannot be read, a codec or a type is not on the list, a
-        link leads out of the folder, or the arrays are far larger than what is stored.
+        If it is no Zarr folder, its metadata cannot be read, a codec or a type is not on the list,
+        a link leads out of the folder, or the arrays are far larger than what is stored.
     """
     if not path.exists():
         raise ShockError(f"There is no file {path}; check its name and folder.")
