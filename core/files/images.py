@@ -29,6 +29,7 @@ from .formats.zarr import ENDING as ZARR
 from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_source, check_target, reading, reading_back
+from .second_look import check_brightness
 
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
@@ -73,7 +74,7 @@ _FORMATS = {
     ".tif": _TIFF,
     ".tiff": _TIFF,
     ".exr": _Format(read_exr, write_exr, ("float16", "float32"), (1, 3, 4)),
-    ".bmp": _Format(read_pillow, write_bmp, ("uint8",), (1, 3)),
+    ".bmp": _Format(read_pillow, write_bmp, ("uint8",), (1, 3, 4)),
     ".webp": _Format(read_pillow, write_webp, ("uint8",), (3, 4)),
     _ARRAY: _Format(_map_array, _flush_array, _TYPES, range(1, sys.maxsize)),
 }
@@ -219,8 +220,13 @@ def _filter(
         shutil.copyfile(source, path)
     else:
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
+        if image_file.format == "TIFF":
+            check_brightness(source, pixels, image_file.own)
         notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
         _read_back(path, flat)
+        if ending in _TIFFS:
+            is_tiff = image_file.format == "TIFF"
+            check_brightness(path, flat, image_file.own if is_tiff else {})
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import threading
 import zlib
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from ...errors import ShockError
 from ..image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost
 from ..reading import check_claim, needed
+from .thumbnails import without_exif_thumbnail, without_photoshop_thumbnail
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}
@@ -35,26 +37,35 @@ _KNOWN_JPEG = (
     *(b"JFIF", b"Exif\0", b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0", b"MPF\0"),
     *(b"Adobe", b"Photoshop 3.0\0"),
 )
+_BMP_HEADER, _MASKED = 108, 3
 _BMP_PROFILES = (b"DEBM", b"KNIL")
 _EXIF_MARK = b"Exif\0\0"
 _LIMIT = threading.Lock()
+_OF_ANY_SIZE = (b"tEXt", b"zTXt", b"iTXt", b"iCCP")
+_PIECE = 1 << 20
+_OLD_THUMBNAIL = "its thumbnail, which shows the old picture: left behind"
 _CLEAR_COLOR = "its transparent color became a channel of opacity"
 
 
 def read_pillow(path: Path) -> ImageFile:
     """Read a PNG, JPEG, BMP or WebP file, whatever its name says."""
-    with _opened(path) as image:
+    png = _read_png_bytes(path)
+    with _opened(path, png) as image:
         if getattr(image, "is_animated", False) and image.format != "MPO":
             raise ShockError(f"{path} is animated; save its frames as files, and name these.")
         width, height = image.size
         check_claim(path, width * height * len(image.getbands()))
         about = {key: image.info[name] for key, name in _INFO.items() if image.info.get(name)}
-        if EXIF in about:
-            about[EXIF] = about[EXIF].removeprefix(_EXIF_MARK)
         image_file = ImageFile(np.empty(0), image.format or "", about)
+        if EXIF in about:
+            exif, had_thumbnail = without_exif_thumbnail(about[EXIF].removeprefix(_EXIF_MARK))
+            about[EXIF] = exif
+            if had_thumbnail:
+                image_file.notes.append(_OLD_THUMBNAIL)
         if image.format == "PNG":
-            data = path.read_bytes()
-            image_file.own, damaged, stale = _lasting_chunks(data)
+            data = png.pixels
+            about |= png.about()
+            image_file.own, damaged, stale = _lasting_chunks(png.data)
             for what, kinds in (
                 ("damaged parts of the file", damaged),
                 ("parts that hold for the old pixels only", stale),
@@ -68,7 +79,9 @@ def read_pillow(path: Path) -> ImageFile:
                 image_file.pixels = needed("imagecodecs", path).png_decode(data)
                 return image_file
         if image.format in ("JPEG", "MPO"):
-            image_file.own = _jpeg_options(image)
+            image_file.own, had_thumbnail = _jpeg_options(image)
+            if had_thumbnail and _OLD_THUMBNAIL not in image_file.notes:
+                image_file.notes.append(_OLD_THUMBNAIL)
             others = {name for name, data in image.applist if not data.startswith(_KNOWN_JPEG)}
             if others - {"COM"}:
                 image_file.notes.append(f"{', '.join(sorted(others - {'COM'}))} data: left behind")
@@ -82,7 +95,7 @@ def read_pillow(path: Path) -> ImageFile:
     return image_file
 
 
-def _opened(path: Path) -> Any:
+def _opened(path: Path, png: _PngBytes | None) -> Any:
     """Read the header of an image of any size.
 
     Pillow refuses large images, since servers open what strangers send; here a person named it.
@@ -94,7 +107,7 @@ def _opened(path: Path) -> Any:
     with _LIMIT:
         limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
         try:
-            return Image.open(path, formats=_READABLE)
+            return Image.open(io.BytesIO(png.pixels) if png else path, formats=_READABLE)
         finally:
             Image.MAX_IMAGE_PIXELS = limit
 
@@ -121,6 +134,63 @@ def _plain(image: Any, path: Path, notes: list[str]) -> Any:
 # --------------------------------------------------------------------------------------------- PNG
 
 
+class _PngBytes:
+    """A PNG file in memory: all of it, and without texts and profiles, which may be of any size.
+
+    Libraries refuse a text of more than a megabyte, as photo editors write them.
+    """
+
+    def __init__(self, path: Path, data: bytes) -> None:
+        self._path, self.data = path, data
+        self._profile = self._xmp = b""
+        kept, place = [SIGNATURE], len(SIGNATURE)
+        while place + 12 <= len(data):
+            length, kind = struct.unpack_from(">I4s", data, place)
+            end = place + 12 + length
+            content = data[place + 8 : end - 4]
+            if kind == b"iCCP":
+                self._profile = self._profile or content
+            elif kind == b"iTXt" and content.startswith(_XMP_KEY + b"\0"):
+                self._xmp = self._xmp or content
+            if kind not in _OF_ANY_SIZE:
+                kept.append(data[place:end])
+            place = end
+            if kind == b"IEND":
+                break
+        self.pixels = b"".join([*kept, data[place:]])
+
+    def about(self) -> dict[str, Any]:
+        """Return profile and XMP, as far as they can be read."""
+        _, _, profile = self._profile.partition(b"\0")
+        found = {ICC: self._inflated(profile[1:])}
+        rest = self._xmp[len(_XMP_KEY) + 1 :]
+        is_packed = rest[:1] == b"\1"
+        _, _, text = rest[2:].partition(b"\0")  # after a language
+        _, _, text = text.partition(b"\0")  # and the translated keyword
+        found[XMP] = self._inflated(text) if is_packed else text
+        return {name: value for name, value in found.items() if value}
+
+    def _inflated(self, data: bytes) -> bytes:
+        whole = zlib.decompressobj()
+        parts, size = [], 0
+        try:
+            while data and not whole.eof:
+                parts.append(whole.decompress(data, _PIECE))
+                data = whole.unconsumed_tail
+                size += len(parts[-1])
+                check_claim(self._path, size)
+        except zlib.error:
+            return b""
+        return b"".join(parts) if whole.eof else b""
+
+
+def _read_png_bytes(path: Path) -> _PngBytes | None:
+    with path.open("rb") as stream:
+        if stream.read(len(SIGNATURE)) != SIGNATURE:
+            return None
+    return _PngBytes(path, path.read_bytes())
+
+
 def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
     """Write 8 or 16 bits; what the source PNG says beside its pixels is kept."""
     if pixels.dtype == np.uint16:
@@ -136,8 +206,6 @@ def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> li
 
 
 def _encoded_png(pixels: npt.NDArray[Any], about: dict[str, Any] | None = None) -> bytes:
-    import io
-
     from PIL import Image, PngImagePlugin
 
     options = _options(about or {}, "PNG")
@@ -164,6 +232,8 @@ def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]
         optional, safe = kind[0:1].islower(), kind[3:4].islower()  # as the standard defines
         if kind in _MEANING or (optional and safe and kind != b"fdAT"):
             if whole == chunk(kind, whole[8 : 8 + length]):
+                if kind == b"eXIf":
+                    whole = chunk(kind, without_exif_thumbnail(whole[8:-4])[0])
                 found.append(whole)
             else:
                 damaged.append(kind)
@@ -191,8 +261,8 @@ def chunk(kind: bytes, data: bytes) -> bytes:
 # ----------------------------------------------------------------------------- JPEG, WebP and BMP
 
 
-def _jpeg_options(image: Any) -> dict[str, Any]:
-    """What makes the copy as fine as the original."""
+def _jpeg_options(image: Any) -> tuple[dict[str, Any], bool]:
+    """What makes the copy as fine as the original, and whether an old thumbnail was left out."""
     from PIL import JpegImagePlugin
 
     options: dict[str, Any] = {"qtables": image.quantization}
@@ -202,10 +272,11 @@ def _jpeg_options(image: Any) -> dict[str, Any]:
     if "comment" in image.info:
         options["comment"] = image.info["comment"]
     blocks = [data for _, data in image.applist if data.startswith(b"Photoshop 3.0\0")]
+    cleaned = [without_photoshop_thumbnail(data) for data in blocks]
     if blocks:  # of captions and copyright (IPTC)
-        parts = (b"\xff\xed" + struct.pack(">H", len(data) + 2) + data for data in blocks)
+        parts = (b"\xff\xed" + struct.pack(">H", len(data) + 2) + data for data, _ in cleaned)
         options["extra"] = b"".join(parts)
-    return options
+    return options, any(had for _, had in cleaned)
 
 
 def write_jpeg(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
@@ -223,8 +294,20 @@ def write_webp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> l
 
 
 def write_bmp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
-    """Write without compression."""
-    return _save(path, "BMP", image_file, pixels)
+    """Write without compression; opacity by the fourth version of the header."""
+    if pixels.ndim == 2 or pixels.shape[2] == 3:
+        return _save(path, "BMP", image_file, pixels)
+    height, width = pixels.shape[:2]
+    x, y = image_file.about.get(RESOLUTION, (0, 0))
+    per_meter = [round(float(each) / 0.0254) for each in (x, y)]
+    start = 14 + _BMP_HEADER
+    size = pixels.size
+    header = struct.pack("<2sI4xI", b"BM", start + size, start)
+    header += struct.pack("<IiiHHIIiiII", _BMP_HEADER, width, height, 1, 32, _MASKED, size,
+                          *per_meter, 0, 0)  # fmt: skip
+    header += struct.pack("<4I4s48x", 0xFF0000, 0xFF00, 0xFF, 0xFF000000, b"BGRs")
+    path.write_bytes(header + pixels[::-1, :, [2, 1, 0, 3]].tobytes())
+    return lost(image_file, path, _KEPT["BMP"], "BMP")
 
 
 def _save(

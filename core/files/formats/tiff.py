@@ -15,10 +15,17 @@ import numpy.typing as npt
 from ...errors import ShockError
 from ..image_file import ICC, RESOLUTION, XMP, ImageFile, lost
 from ..reading import check_claim, needed
+from .ycbcr import read_ycbcr
 
-_RGB, _PALETTE = 2, 3
+_RGB, _PALETTE, _YCBCR = 2, 3, 6
 _GRAY = {0: "miniswhite", 1: "minisblack"}
-_COLORS = {*_GRAY, _RGB, _PALETTE, 6}  # 6: of JPEG, decoded to RGB
+_COLORS = {*_GRAY, _RGB, _PALETTE, _YCBCR}
+_OTHER_COLORS = {
+    4: "mask", 5: "CMYK", 8: "CIE L*a*b*", 9: "ICC L*a*b*", 10: "ITU L*a*b*", 32803: "raw sensor",
+    32844: "LogL", 32845: "LogLuv", 34892: "raw sensor", 51177: "depth",
+}  # fmt: skip
+_JPEG = {6, 7, 33007, 34892}  # compressions that are decoded to RGB
+_WHOLE_BITS = (8, 16, 32, 64)
 _NONE, _UNSPECIFIED = 1, 0
 TILE = 256
 """Pixels along the sides of the tiles that are written."""
@@ -41,15 +48,49 @@ def read_tiff(path: Path) -> ImageFile:
     """Read a TIFF file of one picture."""
     with _only_page(path) as (page, has_previews):
         check_claim(path, page.nbytes)
+        image_file = _about_page(page, has_previews)
+        if _is_unconverted(page):
+            image_file.pixels = read_ycbcr(page)
+            image_file.notes.insert(0, "its luminance and chroma became RGB channels")
+            return image_file
         pixels = page.asarray()
         if page.axes.startswith("S"):  # planes one after the other
             pixels = np.moveaxis(pixels, 0, -1)
-        image_file = _about_page(page, has_previews)
         if page.photometric == _PALETTE:
-            pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
+            image_file.pixels = _of_palette(path, page, pixels)
             image_file.notes.insert(0, "its palette was replaced by 16-bit RGB channels")
-        image_file.pixels = pixels
+        elif _has_odd_depth(page):
+            image_file.pixels = _scaled(pixels, page.bitspersample)
+            bits = 8 * image_file.pixels.itemsize
+            image_file.notes.insert(0, f"values of {page.bitspersample} bits became {bits}-bit")
+        else:
+            image_file.pixels = pixels
         return image_file
+
+
+def _is_unconverted(page: Any) -> bool:
+    """Whether tifffile returns luminance and chroma."""
+    return page.photometric == _YCBCR and page.compression not in _JPEG
+
+
+def _has_odd_depth(page: Any) -> bool:
+    """Whether white is not the largest value of the type that tifffile returns."""
+    return page.dtype.kind in "bu" and page.bitspersample not in _WHOLE_BITS
+
+
+def _scaled(pixels: npt.NDArray[Any], bits: int) -> npt.NDArray[Any]:
+    """Scale whole numbers of some bits to the next larger type, white to white."""
+    kind = np.dtype(np.uint8 if bits < 8 else np.uint16)
+    steps = np.iinfo(kind).max * np.arange(1 << bits, dtype=np.float64) / ((1 << bits) - 1)
+    return np.rint(steps).astype(kind)[pixels.astype(np.uint16)]
+
+
+def _of_palette(path: Path, page: Any, pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    pixels = pixels.astype(np.intp)
+    palette = page.colormap
+    if np.ndim(palette) != 2 or len(palette) != 3 or pixels.max(initial=0) >= len(palette[0]):
+        raise ShockError(f"{path} has a broken palette; save it as RGB.")
+    return np.moveaxis(np.asarray(palette)[:, pixels], 0, -1)
 
 
 def claimed_size(path: Path) -> int:
@@ -61,7 +102,10 @@ def claimed_size(path: Path) -> int:
 def open_tiff_tiles(path: Path) -> ImageFile | None:
     """Open a TIFF file whose tiles can be read one by one; None if it is another one."""
     with _only_page(path) as (page, has_previews):
-        if not page.is_tiled or page.photometric == _PALETTE or page.axes.startswith("S"):
+        is_plain = not (_is_unconverted(page) or _has_odd_depth(page))
+        if not (is_plain and page.is_tiled) or page.photometric == _PALETTE:
+            return None
+        if page.axes.startswith("S"):
             return None
         image_file = _about_page(page, has_previews)
         image_file.pixels = TiffTiles(path, page.index, page.shape, page.dtype, page.chunks)
@@ -127,15 +171,29 @@ def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
                     " each."
                 )
             (page,) = whole
-            if page.photometric not in _COLORS or page.imagedepth != 1:
-                raise ShockError(
-                    f"{path} has colors of another kind; convert it to gray or RGB first."
-                )
+            _check_page(path, page)
             if 0 in page.databytecounts:
                 raise ShockError(f"{path} has parts without data; fill them, or save it anew.")
             yield page, len(pages) > 1
     except tifffile.TiffFileError as error:
         raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+
+
+def _check_page(path: Path, page: Any) -> None:
+    """Refuse what is no picture of gray values or colors, of one depth."""
+    if page.photometric not in _COLORS:
+        name = _OTHER_COLORS.get(page.photometric, f"unknown ({page.photometric})")
+        raise ShockError(f"{path} has {name} colors; convert it to gray or RGB first.")
+    if page.imagedepth != 1:
+        raise ShockError(f"{path} is a volume; save its slices as files of one page each.")
+    depths = page.tags[258].value if 258 in page.tags else 1
+    if isinstance(depths, tuple) and len(set(depths)) > 1:
+        named = ", ".join(map(str, depths))
+        raise ShockError(f"{path} has channels of {named} bits; save it with 8 or 16 bits each.")
+    if page.dtype is None:
+        raise ShockError(
+            f"{path} has values of a kind that is not read; save it with 8 or 16 bits."
+        )
 
 
 def _about_page(page: Any, has_previews: bool) -> ImageFile:
