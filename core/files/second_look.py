@@ -2,8 +2,8 @@
 """Whether another reader sees a TIFF file as we do: as bright, before and after a filter.
 
 TIFF leaves to the reader what its values mean: which one is white, whether they are luminance and
-chroma, whether white is 0. A mistake about that makes a picture dark or colored, and reading it back
-by the same means shows nothing.
+chroma, whether white is 0. A mistake about that makes a picture dark or colored, and reading it
+back by the same means shows nothing.
 """
 
 from __future__ import annotations
@@ -50,26 +50,32 @@ def check_brightness(path: Path, pixels: npt.NDArray[Any], about: dict[str, Any]
     is_plain = pixels.dtype.kind == "u" and 1 not in map(int, about.get("extrasamples") or ())
     if not is_plain or not 0 < pixels.size <= _MOST:
         return
-    ours = _mean(pixels) / np.iinfo(pixels.dtype).max
+    ours = _means(pixels) / np.iinfo(pixels.dtype).max
     if about.get("photometric") == "miniswhite":
         ours = 1.0 - ours
     theirs = _seen_by_pillow(path)
-    if theirs is not None and abs(ours - theirs) > _SLACK + _SHARE * max(ours, theirs):
+    if theirs is None:
+        return
+    if (abs(ours - theirs) > _SLACK + _SHARE * np.maximum(ours, theirs)).any():
         raise ShockError(
-            f"{path.name}: its mean brightness is {ours:.3f} of white here and {theirs:.3f} in"
+            f"{path.name}: its mean brightness is {_told(ours)} of white here and {_told(theirs)} in"
             " Pillow. Nothing was written; save the picture as PNG, and report this, since Shock"
             " Filter should know this kind of TIFF."
         )
 
 
-def _mean(values: npt.NDArray[Any]) -> float:
-    """Return the mean over colors, without opacity."""
-    count = values.shape[2] if values.ndim == 3 else 1
-    colors = values[..., : 3 if count >= 3 else 1] if values.ndim == 3 else values
-    return float(colors.mean(dtype=np.float64))
+def _means(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Return the mean of each color, without opacity."""
+    colors = values.reshape(*values.shape[:2], -1)
+    colors = colors[..., : 3 if colors.shape[2] >= 3 else 1]
+    return np.array([colors[..., c].mean(dtype=np.float64) for c in range(colors.shape[2])])
 
 
-def _seen_by_pillow(path: Path) -> float | None:
+def _told(means: npt.NDArray[np.float64]) -> str:
+    return ", ".join(f"{mean:.3f}" for mean in means)
+
+
+def _seen_by_pillow(path: Path) -> npt.NDArray[np.float64] | None:
     from PIL import Image
 
     try:
@@ -78,10 +84,10 @@ def _seen_by_pillow(path: Path) -> float | None:
             with Image.open(path, formats=("TIFF",)) as image:
                 if image.mode.startswith("I;16"):
                     bits = image.tag_v2.get(_BITS, (16,))[0]
-                    return _mean(np.asarray(image)) / (2.0**bits - 1)
+                    return _means(np.asarray(image)) / (2.0**bits - 1)
                 if image.mode in ("I", "F"):
                     return None
                 mode = "RGB" if image.mode in ("P", "RGB", "RGBA", "RGBX", "YCbCr") else "L"
-                return _mean(np.asarray(image.convert(mode))) / 255.0
+                return _means(np.asarray(image.convert(mode))) / 255.0
     except _UNREADABLE:
         return None
