@@ -58,9 +58,9 @@ def check_brightness(path: Path, pixels: npt.NDArray[Any], about: dict[str, Any]
         return
     if (abs(ours - theirs) > _SLACK + _SHARE * np.maximum(ours, theirs)).any():
         raise ShockError(
-            f"{path.name}: its mean brightness is {_told(ours)} of white here and {_told(theirs)} in"
-            " Pillow. Nothing was written; save the picture as PNG, and report this, since Shock"
-            " Filter should know this kind of TIFF."
+            f"{path.name}: its mean brightness is {_told(ours)} here and {_told(theirs)} in Pillow"
+            " (1 is white). Nothing was written; save the picture as PNG, and report this, since"
+            " Shock Filter should know this kind of TIFF."
         )
 
 

@@ -7,6 +7,8 @@ first, NaN where undefined.
 
 from __future__ import annotations
 
+import math
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +23,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from .formats.grids import GRIDS, read_grid
 from .formats.ply import PlyVertices
 from .images import read_pixels
-from .reading import check_ending, check_source, reading
+from .reading import check_claim, check_ending, check_source, reading
 from .textures import read_textured_mesh
 
 Velocities = npt.NDArray[Any]
@@ -29,6 +31,7 @@ Velocities = npt.NDArray[Any]
 MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".bmp", ".webp")
 _NUMPY = (".npy", ".npz")
 MESHES = (".ply",)
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0}
 _OF_ARCHIVES = "velocity"
 _NORMALS = "n"
 
@@ -131,27 +134,65 @@ def _of_map(path: Path, how: How) -> PlaneFlow:
 
 def _of_array(path: Path, how: How) -> Velocities:
     with reading(path, how.any_size):
-        return np.load(path, mmap_mode="r")
+        found = np.load(path, mmap_mode="r")
+    if not isinstance(found, np.ndarray):
+        found.close()
+        raise ShockError(f"{path} is an archive of arrays; rename it to .npz.")
+    return _real(path, found)
 
 
 def _of_archive(path: Path, how: How) -> Velocities:
-    with reading(path, how.any_size), np.load(path) as archive:
-        names = list(archive.files)
-        pair = tuple(how.variables or ("u", "v"))
-        if set(pair) <= set(names):
-            first, second = (archive[name] for name in pair)
-            if first.shape != second.shape:
-                raise ShockError(
-                    f"{path}: {pair[0]} has the shape {first.shape}, {pair[1]} {second.shape}; save"
-                    " both with one."
-                )
-            return np.stack([first, second], axis=-1)
-        if how.variables is None and (_OF_ARCHIVES in names or len(names) == 1):
-            return archive[_OF_ARCHIVES if _OF_ARCHIVES in names else names[0]]
+    with reading(path, how.any_size):
+        sizes = _claimed_sizes(path)
+    names = list(sizes)
+    pair = tuple(how.variables or ("u", "v"))
+    if set(pair) <= set(names):
+        first, second = _members(path, how, pair, sizes)
+        if first.shape != second.shape:
+            raise ShockError(
+                f"{path}: {pair[0]} has the shape {first.shape}, {pair[1]} {second.shape}; save"
+                " both with one."
+            )
+        return np.stack([first, second], axis=-1)
+    if how.variables is None and (_OF_ARCHIVES in names or len(names) == 1):
+        name = _OF_ARCHIVES if _OF_ARCHIVES in names else names[0]
+        (velocity,) = _members(path, how, (name,), sizes)
+        return velocity
     raise ShockError(
         f"{path} has no {' and '.join(pair)}; it has: {', '.join(names) or 'nothing'}. Name both"
         " with --variables."
     )
+
+
+def _claimed_sizes(path: Path) -> dict[str, int]:
+    """Return the bytes that each array of an archive claims, in its name's place."""
+    if not zipfile.is_zipfile(path):
+        raise ShockError(f"{path} is no archive of arrays; rename it to .npy if it is one array.")
+    sizes = {}
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            with archive.open(member) as stream:
+                version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+                read = _HEADERS.get(version, np.lib.format.read_array_header_2_0)
+                shape, _, kind = read(stream)
+            claimed = math.prod(shape) * kind.itemsize
+            sizes[member.filename.removesuffix(".npy")] = max(claimed, member.file_size)
+    return sizes
+
+
+def _members(
+    path: Path, how: How, names: Sequence[str], sizes: Mapping[str, int]
+) -> list[Velocities]:
+    with reading(path, how.any_size):
+        check_claim(path, 2.0 * sum(sizes[name] for name in names))  # both are stacked
+        with np.load(path) as archive:
+            return [_real(path, archive[name]) for name in names]
+
+
+def _real(path: Path, values: Velocities) -> Velocities:
+    if values.dtype.kind not in "fiu":
+        raise ShockError(f"{path} holds values of type {values.dtype}; save real numbers.")
+    return values
 
 
 def _of_mesh(path: Path, how: How) -> SurfaceFlow:

@@ -43,9 +43,7 @@ def read_grid(
     xarray = needed("xarray", path, "fields")
     with (
         reading(path, any_size),
-        xarray.open_dataset(
-            path.absolute(), engine=_checked(path), decode_times=False, chunks=None
-        ) as data,
+        xarray.open_dataset(path.absolute(), **_checked(path), decode_times=False) as data,
     ):
         names = _names(path, data, variables)
         pair = [data[name].isel(_chosen(path, data[name], select)) for name in names]
@@ -72,12 +70,12 @@ def read_grid(
     return velocity, tuple(notes)
 
 
-def _checked(path: Path) -> str:
-    """Name what reads a file, after looking at what that would do."""
+def _checked(path: Path) -> dict[str, Any]:
+    """Look at what reading a file would do, and return how it is read."""
     if path.suffix.lower() == ".zarr":
         needed("zarr", path, "fields")
         check_zarr(path)
-        return "zarr"
+        return {"engine": "zarr", "consolidated": False}
     check_source(path, GRIDS)
     netcdf = needed("netCDF4", path, "fields")
     check_hdf5(path)
@@ -89,7 +87,7 @@ def _checked(path: Path) -> str:
             if variable.dimensions == (name,)
         )
     check_claim(path, claimed)
-    return "netcdf4"
+    return {"engine": "netcdf4"}
 
 
 def _check_numbers(path: Path, pair: Sequence[Any]) -> None:
@@ -107,7 +105,8 @@ def _loaded(parts: Sequence[Any]) -> npt.NDArray[np.float32]:
     for component, values in enumerate(parts):
         moments = range(len(values)) if values.ndim == 3 else [slice(None)]
         for moment in moments:
-            velocity[moment, ..., component] = values[moment].values
+            with np.errstate(over="ignore"):  # infinity is refused with a sentence, later
+                velocity[moment, ..., component] = values[moment].values
     return velocity
 
 

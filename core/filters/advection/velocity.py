@@ -303,7 +303,11 @@ def _checked_field(field: npt.NDArray, shape: tuple[int, ...] | None) -> _Single
         raise InvalidSignal(f"The velocity has the shape {field.shape}; give (h, w, 2).")
     if field.dtype.kind not in "fiu":
         raise InvalidSignal(f"The velocity is of type {field.dtype}; give floats.")
-    if field.dtype.kind == "f" and (abs(field) > _LARGEST).any():
+    # To float16 that limit would be infinity.
+    if (
+        field.dtype.kind == "f"
+        and (abs(field) > min(_LARGEST, float(np.finfo(field.dtype).max))).any()
+    ):
         raise InvalidSignal(
             "The velocity holds infinity or values beyond 1e30; give NaN where it is undefined."
         )
