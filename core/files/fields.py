@@ -56,7 +56,7 @@ def field_file(
             words[name] = np.ascontiguousarray(grays[::-1])
     with reporting(options.progress):
         if "along" in words:
-            words["directions"] = named_directions(surface.mesh, words.pop("along"))
+            words["directions"], words["at"] = named_directions(surface.mesh, words.pop("along"))
         with phase(0.0, 0.3, "Finding the charts"):
             atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
         with phase(0.3, 1.0, "Generating"):

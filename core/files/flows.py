@@ -137,7 +137,7 @@ def _on_surface(flow: SurfaceFlow, look: Look, options: Options) -> Iterator[Pix
     size = size_on_surface(look)
     behind = None if look.background is None else look.background[::-1]
     frames = pictures_of_surface(
-        flow.mesh, flow.uv, flow.vectors, size, look.settings, look.frames,
+        flow.mesh, flow.uv, flow.vectors, size, look.settings, look.frames, at="vertices",
         in_colors=look.in_colors, background=behind, progress=options.progress,
     )  # fmt: skip
     return (frame[::-1] for frame in frames)

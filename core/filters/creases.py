@@ -16,7 +16,7 @@ from ..base.findings import tell
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import aside, phase
-from ..base.vectors import dot
+from ..base.vectors import TIE_BREAKER, dot
 from ..flow.potential import bending, dilation, opening
 from ..mesh.adjacency import connected_parts
 from ..mesh.calculus import (
@@ -69,6 +69,9 @@ _RINGS = 5
 
 _PASSES = 12
 """Smoothing passes that add up the bending around a vertex: over about four edges."""
+
+_ROUNDING = 1e-9
+"""Costs that differ by less are the same, and rounding made the difference."""
 
 _MOST_FAN = 32
 """Most faces around a vertex that are looked at; of more, evenly spread ones."""
@@ -427,6 +430,7 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
         if not zone[f] or (own[0] == 0 and own[1] == 0 and own[2] == 0):
             out[f] = own
             continue
+        # Between costs that rounding tells apart a direction decides, not the order of faces.
         best, choice = uneven[f] + pull * (1.0 - dot(own, means[f])), f
         for k in range(3):
             v = faces[f, k]
@@ -435,8 +439,11 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
             for i in range(first, last, stride):
                 g = corners[i] // 3
                 cost = uneven[g] + pull * (1.0 - dot(own, means[g]))
-                if cost < best:
-                    best, choice = cost, g
+                is_alike = abs(cost - best) <= _ROUNDING
+                if cost < best - _ROUNDING or (
+                    is_alike and dot(TIE_BREAKER, means[g]) > dot(TIE_BREAKER, means[choice])
+                ):
+                    best, choice = min(cost, best) if is_alike else cost, g
         out[f] = means[choice]
         make_unit(out[f])
 

@@ -27,7 +27,7 @@ from ..mesh.calculus import (
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import BeltramiGeometrySettings, FitSettings, GeometrySettings
-from .slide import LOOSE, further_steps
+from .slide import LOOSE, further_steps, turns
 
 log = logging.getLogger(__name__)
 
@@ -145,6 +145,8 @@ def displacement(
     With further `steps` vertices slide onto creases; with `freedom` they are held less there.
     """
     eps = screening(mesh, settings)
+    if steps > 1 and not turns(mesh, normals).any():
+        steps = 1  # none would follow, and make up for a first one that is solved loosely
     try:
         with phase(0.0, 0.2, "Preparing the refit"):
             hold = _hold(mesh, normals, freedom)

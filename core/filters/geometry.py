@@ -216,8 +216,7 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
         begin = 0.25
         with phase(0.0, begin, "Finding creases"):
             regions = find_regions(mesh, settings.widest_fillet)
-        if weights is None:
-            tell_creases(regions)
+        tell_creases(regions)
         if not regions.creased.any():
             steps = 1  # without creases to slide onto, more gain nothing
     with phase(begin, 1.0, "Sharpening"):

@@ -14,7 +14,7 @@ from ..base.checks import Floats, as_array
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
-from ..mesh.directions import face_tensors, principal_directions
+from ..mesh.directions import at_corners, face_tensors, principal_directions
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, StreakSettings
 from .texels import Texture, checked_atlas, checked_size, written
@@ -48,6 +48,7 @@ def surface_line_convolution(
     settings: StreakSettings | None = None,
     progress: ProgressCallback | None = None,
     *,
+    at: str | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
     """Draw noise as streaks along directions on the surface, across seams.
@@ -63,6 +64,8 @@ def surface_line_convolution(
         there are grains instead of streaks. Left out, where the surface bends least, see
         `principal_directions`; others are made by `gradient_directions` and `axis_directions`.
     settings : StreakSettings, optional
+    at : {"faces", "vertices"}, optional
+        Where the directions are; needed where the mesh has as many faces as vertices.
 
     Returns
     -------
@@ -100,7 +103,7 @@ def surface_line_convolution(
     """
     settings = settings or StreakSettings()
     shape = checked_size(size)
-    given = checked_directions(mesh, directions)
+    given = checked_directions(mesh, directions, at)
     with reporting(progress):
         with phase(0.0, 0.1, "Finding directions"):
             tensors = _tensors(mesh, given, settings)
@@ -163,7 +166,7 @@ def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) ->
 
 def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings) -> Floats:
     # Those of diffusion: in each direction the square of how far it goes, against the length.
-    directions = principal_directions(mesh) if given is None else given
+    directions = principal_directions(mesh)[mesh.faces] if given is None else given
     a, b, c = face_tensors(mesh, directions).T
     trace, apart = a + c, np.hypot(a - c, 2.0 * b)
     clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
@@ -178,23 +181,22 @@ def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings)
     return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
 
 
-def checked_directions(mesh: TriangleMesh, directions: npt.ArrayLike | None) -> Floats | None:
-    """Return directions at faces or vertices as unit vectors; raises `InvalidSignal`."""
+def checked_directions(
+    mesh: TriangleMesh, directions: npt.ArrayLike | None, at: str | None
+) -> Floats | None:
+    """Return directions as unit vectors at the corners of faces; raises `InvalidSignal`."""
     if directions is None:
         return None
     given = as_array(directions, "directions")
-    if given.shape not in ((mesh.face_count, 3), (mesh.vertex_count, 3)):
-        raise InvalidSignal(
-            f"The directions have the shape {given.shape}; give ({mesh.face_count}, 3) or"
-            f" ({mesh.vertex_count}, 3)."
-        )
+    at_corners(mesh, given, at, "directions have")
     if given.dtype.kind not in "iuf" or not np.isfinite(given).all():
         raise InvalidSignal("The directions hold NaN, infinity or no numbers; give vectors.")
     vectors = given.astype(np.float64)
     largest = np.abs(vectors).max(axis=1, keepdims=True)
     vectors /= np.where(largest > 0, largest, 1.0)
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1.0)
+    vectors /= np.where(length > 0, length, 1.0)
+    return at_corners(mesh, vectors, at, "directions have")
 
 
 @kernel

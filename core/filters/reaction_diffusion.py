@@ -63,6 +63,7 @@ def reaction_diffusion(
     directions: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
     *,
+    at: str | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
     """Grow stripes, spots or mazes on a surface, across seams.
@@ -83,6 +84,8 @@ def reaction_diffusion(
     directions : (m, 3) or (n, 3) array of float, optional
         At faces or at vertices: along these the pattern is longer, as `stretch` says. Signs and
         lengths do not matter; where a vector is zero, all directions are alike.
+    at : {"faces", "vertices"}, optional
+        Where the directions are; needed where the mesh has as many faces as vertices.
 
     Returns
     -------
@@ -135,7 +138,7 @@ def reaction_diffusion(
     """
     settings = settings or ReactionSettings()
     shape = checked_size(size)
-    given = checked_directions(mesh, directions)
+    given = checked_directions(mesh, directions, at)
     first = _checked_start(start, shape)
     factors = _checked_rates(rates, shape)
     with reporting(progress):

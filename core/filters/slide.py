@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ..base.findings import tell
 from ..base.parallel import kernel, run
 from ..base.progress import phase
-from ..base.vectors import after, cross, dot
+from ..base.vectors import TIE_BREAKER, after, cross, dot
 from ..flow.potential import dilation
 from ..linear.cg import roughly
 from ..linear.system import LinearSystem
@@ -58,9 +59,17 @@ _SLIDE = 0.5
 _HEIGHT = 0.05
 """Height that turned faces are given, relative to their longest edge."""
 
-_SLIDES, _RETREATS = 20, 8
-"""Rounds in which turned faces get a height; in which their vertices go back half of their way."""
+_SLIDES, _RETREATS = 20, 16
+"""Rounds in which turned faces get a height; in which their vertices go back."""
 
+_LEAST_COSINE = 0.3
+"""Of the angle to the target, below which a face has turned."""
+
+_FOLD = np.cos(np.radians(150.0))
+"""Cosine of the angle over an edge, below which its faces are folded onto each other."""
+
+_ALIKE = 1e-9
+"""Relative difference of squared lengths that rounding may make."""
 
 _CHUNK = 8192
 """Rows that one sum runs over, so that its rounding is the same on any number of cores."""
@@ -70,6 +79,7 @@ class _Piece(NamedTuple):
     # What of a mesh moves on, and the rim around it, which stays; numbered on its own.
     vertices: Floats
     faces: Ints
+    across: Ints
     corners: tuple[Ints, Ints]
     halves: Floats
     areas: Floats
@@ -95,7 +105,7 @@ def further_steps(
     system : LinearSystem
         The refit's matrix.
     normals : (m, 3) float64
-        Target normals.
+        Target normals, of which some turn.
     moved : (n, 3) float64
         The displacement of the first step, in mean edge lengths.
     steps : int
@@ -108,9 +118,7 @@ def further_steps(
     """
     message = "Fitting the surface"
     with phase(0.0, 0.1, message):
-        near = _near_turns(mesh, normals)
-        if not near.any():
-            return moved
+        near = dilation(mesh, greatest_to_vertices(mesh, turns(mesh, normals)), _RINGS)
         index, piece = _cut_out(mesh, system, normals, near)
     with phase(0.1, 1.0, message):
         slid = _descend(piece, moved[index], steps, message)
@@ -118,10 +126,10 @@ def further_steps(
     return moved
 
 
-def _near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
-    # 1 at the vertices around faces that are to turn, and some rings more.
+def turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
+    """Return 1 for faces that are to turn by enough for further steps, 0 for others."""
     turned = (cosines(mesh.normals, normals) < np.cos(_TURNING)) & (mesh.areas > 0)
-    return dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), _RINGS)
+    return turned.view(np.uint8)
 
 
 def _cut_out(
@@ -144,7 +152,13 @@ def _cut_out(
     areas = mesh.areas[chosen]
     halves = cotangents_of(vertices, faces, areas)
     screen = system.screen[index]
-    return index, _Piece(vertices, faces, corners, halves, areas, targets, shapes, screen, inner)
+    face_number = np.full(mesh.face_count + 1, -1, dtype=np.int32)
+    face_number[chosen] = np.arange(len(chosen), dtype=np.int32)
+    twins = mesh.twins[chosen]
+    across = face_number[np.where(twins >= 0, twins // 3, mesh.face_count)]
+    return index, _Piece(
+        vertices, faces, across, corners, halves, areas, targets, shapes, screen, inner
+    )
 
 
 def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
@@ -217,31 +231,74 @@ def _sum(function: Callable[..., None], *arguments: Any) -> float:
 
 
 def _without_turned(piece: _Piece, moved: Floats) -> Floats:
-    # Vertices around faces that have turned over slide on; those that stay so go back, half of
-    # their way each time, until there are none.
+    # Vertices around faces that have turned over or folded slide on; those that stay so go back,
+    # half of their way each time and at last all of it.
     fixed, around = piece.system.fixed, np.arange(len(piece.faces))
-    now = np.empty(len(around))
-    for turn in range(_SLIDES + _RETREATS):
-        run(_shapes, len(around), around, piece.vertices, moved, piece.faces, piece.normals, now)
-        turned = around[(now[around] <= 0) & (piece.shapes[around] > 0)]
-        if len(turned) == 0:
+    units = _unit_normals(piece.vertices[piece.faces])
+    least = np.clip(_row_dots(units, piece.normals), -1.0, _LEAST_COSINE)
+    edges_before = _cosines_across(units, piece.across, around)
+    for attempt in range(_SLIDES + _RETREATS):
+        x = piece.vertices[piece.faces[around]] + moved[piece.faces[around]]
+        units[around] = _unit_normals(x)
+        bent = _cosines_across(units, piece.across, around)
+        folded = (bent < _FOLD) & (edges_before[around] >= _FOLD)
+        turned = _row_dots(units[around], piece.normals[around]) < least[around]
+        bad = around[(turned & (piece.shapes[around] > 0)) | folded.any(axis=1)]
+        if len(bad) == 0:
             break
-        faces, n = piece.faces[turned], piece.normals[turned]
-        if turn < _SLIDES:
-            # The corner opposite the longest edge goes to the right side of it, in the plane.
-            x = piece.vertices[faces] + moved[faces]
-            edges = np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
-            rows = np.arange(len(x)), np.einsum("fkx,fkx->fk", edges, edges).argmax(axis=1)
-            length = np.linalg.norm(edges[rows], axis=1)
-            inward = np.cross(n, edges[rows]) / np.maximum(length, 1e-12)[:, None]
-            base = np.roll(x, -1, axis=1)[rows]
-            height = np.einsum("fx,fx->f", x[rows] - base, inward)
-            way = np.where(fixed[faces[rows]], 0.0, _HEIGHT * length - height)
-            moved[faces[rows]] += way[:, None] * inward
-        else:
+        faces = piece.faces[bad]
+        if attempt < _SLIDES:
+            _give_height(piece, moved, bad)
+        elif attempt < _SLIDES + _RETREATS // 2:
             moved[faces[~fixed[faces]]] *= 0.5
+        else:
+            moved[faces[~fixed[faces]]] = 0.0
         around = _faces_around(piece, np.unique(faces))
+    else:
+        tell("Faces that stay folded: {count}.", count=len(bad))
     return moved
+
+
+def _give_height(piece: _Piece, moved: Floats, chosen: npt.NDArray[Any]) -> None:
+    """Move the corner opposite the longest edge to the right side of it, in the target's plane.
+
+    A corner of several faces moves by their mean. Of edges of one length the corner decides that
+    lies farthest along a direction, so that the order of corners does not matter.
+    """
+    faces, normals = piece.faces[chosen], piece.normals[chosen]
+    x = piece.vertices[faces] + moved[faces]
+    edges = np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
+    squares = np.einsum("fkx,fkx->fk", edges, edges)
+    longest = squares >= (1.0 - _ALIKE) * squares.max(axis=1, keepdims=True)
+    along = np.where(longest, x @ np.array(TIE_BREAKER), -np.inf)
+    rows = np.arange(len(x)), along.argmax(axis=1)
+    length = np.linalg.norm(edges[rows], axis=1)
+    inward = np.cross(normals, edges[rows]) / np.maximum(length, 1e-12)[:, None]
+    base = np.roll(x, -1, axis=1)[rows]
+    height = _row_dots(x[rows] - base, inward)
+    corners = faces[rows]
+    rise = np.maximum(np.where(piece.system.fixed[corners], 0.0, _HEIGHT * length - height), 0.0)
+    total, count = np.zeros_like(moved), np.zeros(len(moved))
+    np.add.at(total, corners, rise[:, None] * inward)
+    np.add.at(count, corners, rise > 0)
+    moved += total / np.maximum(count, 1.0)[:, None]
+
+
+def _unit_normals(corners: Floats) -> Floats:
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+
+
+def _row_dots(one: Floats, other: Floats) -> Floats:
+    return np.einsum("fx,fx->f", one, other)
+
+
+def _cosines_across(units: Floats, across: Ints, chosen: npt.NDArray[Any]) -> Floats:
+    """Return the cosine of the angle over each edge of some faces; 1 where nothing is across."""
+    others = across[chosen]
+    cosines = np.einsum("fx,fkx->fk", units[chosen], units[others])
+    return np.where(others >= 0, cosines, 1.0)
 
 
 @kernel

@@ -114,8 +114,9 @@ def frames_of(
             field = limited(_field(flow, atlas.mesh))
     behind = None if background is None else background[::-1]
     pictures = pictures_of_surface(
-        atlas.mesh, flow.faces.uv, field, flow.shape, settings, frames, in_colors=in_colors,
-        background=behind, progress=part_of(progress, _ANALYSIS, 1.0), atlas=atlas,
+        atlas.mesh, flow.faces.uv, field, flow.shape, settings, frames, at="faces",
+        in_colors=in_colors, background=behind, progress=part_of(progress, _ANALYSIS, 1.0),
+        atlas=atlas,
     )  # fmt: skip
     return (picture[::-1] for picture in pictures)
 

@@ -149,9 +149,11 @@ def generate(
         with phase(_ANALYSIS, 1.0, "Generating"):
             uv, given = surface.faces.uv, dict(surface.given)
             if "along" in given:
-                given["directions"] = named_directions(atlas.mesh, given.pop("along"))
+                given["directions"], given["at"] = named_directions(atlas.mesh, given.pop("along"))
             if "rising" in given:
                 given["directions"] = gradient_directions(atlas.mesh, given.pop("rising"))
+            if "directions" in given:
+                given.setdefault("at", "faces")
             function = find(name).function(vertices=surface.at_vertices)
             made = function(atlas.mesh, uv, surface.shape, settings=settings, atlas=atlas, **given)
     values = made if surface.at_vertices else grays_of(made, atlas.inside)

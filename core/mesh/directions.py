@@ -169,13 +169,14 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = Fals
     return _unit(around if turned else np.cross(around, mesh.normals))
 
 
-def named_directions(mesh: TriangleMesh, way: str) -> Floats:
+def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
     """Find the directions that a word means, one of those in `registry.WAYS`.
 
     Returns
     -------
     (n, 3) or (m, 3) float64
-        At vertices or faces.
+    {"vertices", "faces"}
+        Where they are.
 
     Raises
     ------
@@ -183,11 +184,54 @@ def named_directions(mesh: TriangleMesh, way: str) -> Floats:
         If it is another word.
     """
     if way in ("flat", "bending"):
-        return principal_directions(mesh, "least" if way == "flat" else "most")
+        return principal_directions(mesh, "least" if way == "flat" else "most"), "vertices"
     if way.removeprefix("around_") not in ("x", "y", "z"):
         raise InvalidSettings(f"There is no way {way!r}; give one such as flat, x or around_z.")
     axis = np.eye(3)["xyz".index(way[-1])]
-    return axis_directions(mesh, axis, turned=way.startswith("around_"))
+    return axis_directions(mesh, axis, turned=way.startswith("around_")), "faces"
+
+
+def at_corners(mesh: TriangleMesh, vectors: Floats, at: str | None, what: str) -> Floats:
+    """Return vectors at faces or vertices as those at the corners of faces.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    vectors : (m, 3) or (n, 3) float64
+    at : {"faces", "vertices"} or None
+        Where they are; None tells by their number.
+    what : str
+        Subject and verb of errors about their shape, such as "field has".
+
+    Returns
+    -------
+    (m, 1, 3) or (m, 3, 3) float64
+        One for all corners of a face, or one for each.
+
+    Raises
+    ------
+    InvalidSettings
+        If `at` is another word.
+    InvalidSignal
+        If their number does not fit, or fits both and `at` is None.
+    """
+    counts = {"faces": mesh.face_count, "vertices": mesh.vertex_count}
+    if at not in (None, *counts):
+        raise InvalidSettings(f"at is {at!r}; choose one of: faces, vertices.")
+    fitting = [
+        place
+        for place, count in counts.items()
+        if at in (None, place) and vectors.shape == (count, 3)
+    ]
+    if not fitting:
+        wanted = " or ".join(f"({counts[place]}, 3)" for place in ([at] if at else counts))
+        raise InvalidSignal(f"The {what} the shape {vectors.shape}; give {wanted}.")
+    if len(fitting) > 1:
+        raise InvalidSignal(
+            "The mesh has as many faces as vertices, and vectors can be at either; say which by"
+            " at='faces' or at='vertices'."
+        )
+    return vectors[:, None] if fitting == ["faces"] else vectors[mesh.faces]
 
 
 def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
@@ -196,8 +240,8 @@ def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
     Parameters
     ----------
     mesh : TriangleMesh
-    directions : (m, 3) or (n, 3) float64
-        At faces or at vertices.
+    directions : (m, k, 3) float64
+        At the corners, as `at_corners` returns them.
 
     Returns
     -------
@@ -208,14 +252,10 @@ def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
     corners = mesh.vertices[mesh.faces]
     one = _unit(corners[:, 1] - corners[:, 0])
     two = np.cross(mesh.normals, one)
-    if len(directions) == mesh.face_count:
-        u, v = _dots(directions, one), _dots(directions, two)
-        return np.stack([u * u, u * v, v * v], axis=1)
     tensors = np.zeros((mesh.face_count, 3))
-    for k in range(3):
-        given = directions[mesh.faces[:, k]]
+    for given in directions.swapaxes(0, 1):
         u, v = _dots(given, one), _dots(given, two)
-        tensors += np.stack([u * u, u * v, v * v], axis=1) / 3.0
+        tensors += np.stack([u * u, u * v, v * v], axis=1) / directions.shape[1]
     return tensors
 
 

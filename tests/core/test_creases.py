@@ -8,6 +8,7 @@ from shapes import cube, fan, icosphere
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.filters.creases import consistent_normals, find_regions, mixed_normals
+from shock_filter.core.filters.fit import displacement
 from shock_filter.core.mesh.calculus import gradient, smooth_vertices
 
 PAPER = core.GeometrySettings.of_paper()
@@ -58,10 +59,32 @@ def test_its_corners_come_back(box):
     assert away.mean() < 0.5 * before.mean() / mesh.mean_edge_length
 
 
-def test_no_face_turns_over(box):
-    mesh, _ = box
-    sharp = mesh.moved_to(core.sharpen_geometry(mesh))
-    targets = core.sharpen_normals(mesh)
+def holed_box(count):
+    """A turned box with a round hole, remeshed by a surface net."""
+    line = np.linspace(-1.6, 1.6, count)
+    points = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1)
+    _, _, axes = turned_box(5)
+    places = points @ axes.T
+    box = (np.abs(places) - np.array([1.0, 0.7, 0.5])).max(axis=-1)
+    hole = 0.35 - np.linalg.norm(places[..., :2], axis=-1)
+    return core.TriangleMesh(*surface_net(np.maximum(box, hole), line[1] - line[0]))
+
+
+def folded_edges(mesh, degrees=150.0):
+    """Pairs of faces whose normals are farther apart than that."""
+    here, there = np.arange(3 * mesh.face_count), mesh.twins.reshape(-1)
+    pairs = np.stack([here, there], axis=1)[there >= 0] // 3
+    cosines = (mesh.normals[pairs[:, 0]] * mesh.normals[pairs[:, 1]]).sum(axis=1)
+    return {tuple(pair) for pair in pairs[cosines < np.cos(np.radians(degrees))].tolist()}
+
+
+@pytest.mark.parametrize("count", [36, 44, 48])
+@pytest.mark.parametrize("more", [{}, {"time": 4096.0, "screening_radius": 1000.0}])
+def test_no_faces_are_folded_onto_each_other(count, more):
+    mesh = holed_box(count)
+    sharp = mesh.moved_to(core.sharpen_geometry(mesh, core.GeometrySettings(**more)))
+    assert folded_edges(sharp) <= folded_edges(mesh)
+    targets = core.sharpen_normals(mesh, core.GeometrySettings(**more))
     assert (np.einsum("ij,ij->i", sharp.normals, targets) > 0).all()
 
 
@@ -149,7 +172,40 @@ def test_turning_and_scaling_the_part_changes_nothing(box):
     sharp = core.sharpen_geometry(mesh)
     turned = core.TriangleMesh(10.0 * mesh.vertices @ axes + 3.0, mesh.faces)
     found = core.sharpen_geometry(turned)
-    assert abs(found - (10.0 * sharp @ axes + 3.0)).max() < 0.1 * mesh.mean_edge_length
+    assert abs(found - (10.0 * sharp @ axes + 3.0)).max() < 1e-3 * mesh.mean_edge_length
+
+
+@pytest.mark.parametrize("shape", [turned_box, lambda: turned_box(40, graded=0.5), holed_box],
+                         ids=["box", "graded", "hole"])  # fmt: skip
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_order_of_vertices_faces_and_corners_changes_nothing(shape, seed):
+    mesh = holed_box(44) if shape is holed_box else core.TriangleMesh(*shape()[:2])
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(mesh.vertex_count)
+    faces = np.argsort(order)[mesh.faces][rng.permutation(mesh.face_count)]
+    corners = (rng.integers(0, 3, len(faces))[:, None] + np.arange(3)) % 3
+    shuffled = core.TriangleMesh(mesh.vertices[order], np.take_along_axis(faces, corners, axis=1))
+    away = abs(core.sharpen_geometry(shuffled) - core.sharpen_geometry(mesh)[order])
+    assert away.max() < 1e-5 * mesh.mean_edge_length
+
+
+def test_a_masked_run_says_what_it_found_of_creases(box):
+    mesh, _ = box
+    with gathering() as findings:
+        core.sharpen_geometry(mesh, mask=(mesh.vertices[:, 0] > 0).astype(float))
+    assert any("Closed creases" in str(finding) for finding in findings)
+
+
+def test_more_steps_are_as_exact_as_one_where_nothing_turns():
+    mesh = core.TriangleMesh(*icosphere(3))
+    rng = np.random.default_rng(0)
+    tilt = rng.normal(scale=0.002, size=mesh.normals.shape)
+    normals = mesh.normals + tilt
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    settings = core.FitSettings(screening_radius=50.0)
+    one, _ = displacement(mesh, normals, settings, None, 1)
+    many, _ = displacement(mesh, normals, settings, None, 13)
+    np.testing.assert_array_equal(many, one)
 
 
 def test_neutral_values_give_the_filter_of_the_paper(box):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from shapes import grid, icosphere, rotation
 from shock_filter import core
-from shock_filter.core.mesh.directions import face_tensors
+from shock_filter.core.mesh.directions import at_corners, face_tensors
 
 
 def bent_sheet(n=16, radius=10.0, saddle=False):
@@ -82,7 +82,55 @@ def test_signs_do_not_matter_to_tensors():
     rng = np.random.default_rng(0)
     vectors = rng.normal(size=(mesh.vertex_count, 3))
     signs = rng.choice([-1.0, 1.0], size=(mesh.vertex_count, 1))
-    assert np.allclose(face_tensors(mesh, vectors), face_tensors(mesh, signs * vectors))
+    here, there = (at_corners(mesh, each, None, "field has") for each in (vectors, signs * vectors))
+    assert np.allclose(face_tensors(mesh, here), face_tensors(mesh, there))
+
+
+def band(count=16, unused=0):
+    """A closed band, one quad high: as many faces as vertices, but for unused ones."""
+    angles = 2 * np.pi * np.arange(count) / count
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * count / 2 / np.pi
+    vertices = np.concatenate([ring, ring + [0, 0, 1], np.zeros((unused, 3))])
+    a = np.arange(count)
+    b = (a + 1) % count
+    faces = np.concatenate([np.stack([a, b, b + count], 1), np.stack([a, b + count, a + count], 1)])
+    across = np.stack([a, a + 1, a + 1], 1) / count, np.stack([a, a + 1, a], 1) / count
+    up = np.array([[0, 0, 1], [0, 1, 1]])
+    uv = np.concatenate([np.stack([u, np.broadcast_to(v, u.shape)], -1)
+                         for u, v in zip(across, up, strict=True)])  # fmt: skip
+    return core.TriangleMesh(vertices, faces), 0.05 + 0.9 * uv
+
+
+def draw_streaks(mesh, uv, vectors, **words):
+    return core.surface_line_convolution(mesh, uv, (24, 64), vectors, **words)
+
+
+def draw_noise(mesh, uv, vectors, **words):
+    return next(iter(core.advect_on_surface(mesh, uv, vectors, (24, 64), frames=1, **words)))
+
+
+def draw_pattern(mesh, uv, vectors, **words):
+    settings = core.ReactionSettings(steps=20, scale=6.0, stretch=3.0)
+    return core.reaction_diffusion(mesh, uv, (24, 64), settings, directions=vectors, **words)
+
+
+@pytest.mark.parametrize("draw", [draw_streaks, draw_noise, draw_pattern])
+def test_vectors_at_faces_and_at_vertices_are_told_apart(draw):
+    mesh, uv = band()
+    assert mesh.vertex_count == mesh.face_count
+    vectors = np.random.default_rng(0).normal(size=(mesh.face_count, 3))
+    with pytest.raises(core.InvalidSignal, match="at='faces' or at='vertices'"):
+        draw(mesh, uv, vectors)
+    with pytest.raises(core.InvalidSettings, match="choose one of: faces, vertices"):
+        draw(mesh, uv, vectors, at="corners")
+    more, _ = band(unused=1)
+    at_vertices = np.concatenate([vectors, np.zeros((1, 3))])
+    np.testing.assert_array_equal(
+        draw(mesh, uv, vectors, at="vertices"), draw(more, uv, at_vertices)
+    )
+    np.testing.assert_array_equal(draw(mesh, uv, vectors, at="faces"), draw(more, uv, vectors))
+    with pytest.raises(core.InvalidSignal, match=r"give \(33, 3\)"):
+        draw(more, uv, vectors, at="vertices")
 
 
 def test_wrong_input_is_named():

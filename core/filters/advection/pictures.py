@@ -96,6 +96,7 @@ def pictures_of_surface(
     settings: NoiseSettings,
     frames: int,
     *,
+    at: str | None = None,
     in_colors: bool = False,
     background: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
@@ -103,7 +104,7 @@ def pictures_of_surface(
 ) -> Iterator[npt.NDArray[np.float32]]:
     """Show a flow on a surface; see `advect_on_surface`, and `pictures_of_plane` for the rest."""
     return advect_on_surface(
-        mesh, uv, field, size, in_front(settings, in_colors), frames, background=background,
+        mesh, uv, field, size, in_front(settings, in_colors), frames, at=at, background=background,
         colors=SPEEDS if in_colors else None, progress=progress, atlas=atlas,
     )  # fmt: skip
 

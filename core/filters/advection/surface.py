@@ -20,6 +20,7 @@ from ...base.checks import Floats, as_array
 from ...base.parallel import kernel, run
 from ...base.progress import ProgressCallback, part_of, phase, reporting
 from ...errors import InvalidSettings, InvalidSignal
+from ...mesh.directions import at_corners
 from ...mesh.triangle_mesh import TriangleMesh
 from ...settings import DilateSettings, NoiseSettings
 from ..texels import checked_atlas, checked_size
@@ -45,6 +46,7 @@ def advect_on_surface(
     settings: NoiseSettings | None = None,
     frames: int = 100,
     *,
+    at: str | None = None,
     background: npt.ArrayLike | None = None,
     colors: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
@@ -66,6 +68,8 @@ def advect_on_surface(
         they are; `periodic` is not for surfaces.
     frames, colors, progress
         As in `advect_noise`.
+    at : {"faces", "vertices"}, optional
+        Where the velocity is; needed where the mesh has as many faces as vertices.
     background : (h, w) or (h, w, 3) array of float, optional
         As there; a texture of the surface.
 
@@ -104,7 +108,7 @@ def advect_on_surface(
         raise InvalidSettings("A surface has no sides that could be joined; leave periodic out.")
     count = checked_frames(frames, settings.loop)
     shape = checked_size(size)
-    given = _checked_vectors(mesh, field)
+    given = _checked_vectors(mesh, field, at)
     behind = checked_background(background, shape)
     palette = checked_colors(colors)
     with reporting(part_of(progress, 0.0, _ANALYSIS)):
@@ -133,14 +137,10 @@ def _shown(
         yield look.shown(texture.drawn(gray), seen)
 
 
-def _checked_vectors(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
-    # NaN where they are undefined, in all of a vector.
+def _checked_vectors(mesh: TriangleMesh, field: npt.ArrayLike, at: str | None) -> Floats:
+    # At the corners of faces; NaN where they are undefined, in all of a vector.
     given = as_array(field, "field")
-    if given.shape not in ((mesh.face_count, 3), (mesh.vertex_count, 3)):
-        raise InvalidSignal(
-            f"The field has the shape {given.shape}; give ({mesh.face_count}, 3) or"
-            f" ({mesh.vertex_count}, 3)."
-        )
+    at_corners(mesh, given, at, "field has")
     if given.dtype.kind not in "iuf":
         raise InvalidSignal(f"The field is of type {given.dtype}; give floats.")
     vectors = given.astype(np.float64)
@@ -149,7 +149,7 @@ def _checked_vectors(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
             "The field holds infinity or values beyond 1e30; give NaN where it is undefined."
         )
     vectors[np.isnan(vectors).any(axis=1)] = np.nan
-    return vectors
+    return at_corners(mesh, vectors, at, "field has")
 
 
 class _SurfaceFlow:
@@ -210,9 +210,8 @@ class _SurfaceFlow:
 
 def _projected(mesh: TriangleMesh, field: Floats) -> Floats:
     # What lies in the face, at its corners: (m, 3, 3).
-    at_corners = field[:, None] if len(field) == mesh.face_count else field[mesh.faces]
     normals = mesh.normals[:, None]
-    flat = at_corners - (at_corners * normals).sum(axis=2, keepdims=True) * normals
+    flat = field - (field * normals).sum(axis=2, keepdims=True) * normals
     return np.array(np.broadcast_to(flat, (mesh.face_count, 3, 3)))
 
 
