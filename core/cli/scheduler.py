@@ -58,7 +58,9 @@ def connected(address: str) -> Iterator[Any]:
                     memory_limit=None,  # a large file may take what small ones leave
                     host="127.0.0.1",
                     security=security,
-                    dashboard_address=None,
+                    # With None, older versions of Dask listen for the network.
+                    dashboard_address="127.0.0.1:0",
+                    worker_dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
                 )
             place = stack.enter_context(local)

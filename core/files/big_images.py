@@ -100,18 +100,19 @@ def _write_tiff(
         stage = stack.enter_context(staged(target, overwrite))
         spool = temporary_folder(target.absolute().parent, stack) / f"spool{ENDING}"
         with phase(0.0, 0.9, "Filtering"):
-            found = _store(_create(spool, result), result, wanted)
+            pixels = _create(spool, result)
+            found = _store(pixels, result, wanted)
         with phase(0.9, 1.0, "Writing"):
-            tiles = _tiles(open_zarr(spool).pixels)
+            tiles = _tiles(pixels)
             notes = write_tiff_tiles(stage, image_file, result.shape, result.dtype, tiles)
-            _read_back(stage, spool)
+            _read_back(stage, pixels)
     return found, [*image_file.notes, *notes]
 
 
-def _read_back(path: Path, spool: Path) -> None:
+def _read_back(path: Path, expected: Any) -> None:
     # Make sure that a TIFF file that was just written holds what was computed.
     with reading_back(path):
-        written, expected = open_tiff_tiles(path), open_zarr(spool).pixels
+        written = open_tiff_tiles(path)
         if written is None or written.pixels.shape != expected.shape:
             raise ValueError("another shape")
         for top in range(0, expected.shape[0], TILE):

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Zarr arrays and tiled TIFF files that may be larger than memory, through the command line."""
 
+import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+import numcodecs
 import numpy as np
 import pytest
 import tifffile
@@ -13,7 +16,7 @@ from on_files import denoise_image_file, sharpen_image_file
 from scipy.ndimage import gaussian_filter
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files import big_images, images
+from shock_filter.core.files import big_images, images, reading
 
 SIDE = 64
 SETTINGS = core.ImageSettings(time=64.0)
@@ -106,6 +109,73 @@ def test_from_one_format_to_the_other():
     outcome = sharpen_image_file("strips.tif", "strips.zarr", core.ImageSettings(time=0))
     np.testing.assert_array_equal(load("strips.zarr"), image)
     assert outcome.changed == 0
+
+
+def test_zarr_keeps_how_it_is_stored():
+    words = {
+        "compressors": zarr.codecs.GzipCodec(level=3),
+        "fill_value": 7,
+        "chunks": (16, 16),
+        "shards": (64, 64),
+        "dimension_names": ("y", "x"),
+        "attributes": {"unit": "nm"},
+    }
+    image = picture(1)
+    group = zarr.open_group("in.zarr", mode="w", attributes={"crs": "EPSG:4326"})
+    before = group.create_array("band", shape=image.shape, dtype=image.dtype, **words)
+    before[:] = image
+    for name, count in zip("yx", image.shape, strict=True):
+        group.create_array(name, shape=(count,), dtype="f8", dimension_names=(name,))[:] = 0.5
+    sharpen_image_file("in.zarr", "out.zarr", SETTINGS)
+    found = zarr.open_group("out.zarr", mode="r")
+    assert found.attrs.asdict() == {"crs": "EPSG:4326"}
+    assert found["band"].metadata == before.metadata
+    assert sorted(name for name, _ in found.arrays()) == ["band", "x", "y"]
+    assert (found["x"][:] == 0.5).all()
+    np.testing.assert_array_equal(found["band"][:], core.sharpen_image(image, SETTINGS))
+
+
+@pytest.mark.filterwarnings("ignore")  # zarr's own
+@pytest.mark.parametrize("version", [2, 3])
+def test_enlarged_zarr_keeps_all_but_coordinates(version, capsys):
+    image = picture(1)
+    group = zarr.open_group("in.zarr", mode="w", zarr_format=version, attributes={"crs": "x"})
+    band = group.create_array("band", shape=image.shape, chunks=(32, 32), dtype=">u2", fill_value=9)
+    band[:] = image
+    group.create_array("x", shape=(image.shape[1],), dtype="f8")[:] = 0.5
+    zarr.consolidate_metadata("in.zarr")
+    assert cli.main(["sharpen-image", "in.zarr", "out.zarr", "--enlarge", "2", "--time", "1"]) == 0
+    assert "x did not fit the new size: left behind" in capsys.readouterr().out
+    for consolidated in (True, False):
+        found = zarr.open_group("out.zarr", mode="r", use_consolidated=consolidated)
+        assert [name for name, _ in found.arrays()] == ["band"]
+        assert found["band"].shape == (300, 400)
+        assert (found["band"].fill_value, found["band"].chunks) == (9, (32, 32))
+        assert found.attrs["crs"] == "x"
+
+
+def test_codecs_that_cannot_be_written_are_said_at_once(capsys):
+    image = picture(1)
+    words = {"zarr_format": 2, "compressors": numcodecs.Blosc()}
+    array = zarr.create_array("in.zarr", shape=image.shape, dtype=image.dtype, **words)
+    array[:] = image
+    about = json.loads(Path("in.zarr/.zarray").read_text())
+    about["compressor"]["cname"] = "none"
+    Path("in.zarr/.zarray").write_text(json.dumps(about))
+    assert cli.main(["sharpen-image", "in.zarr", "out.zarr"]) == 1
+    said = capsys.readouterr().err
+    assert "in.zarr cannot be read; is it damaged? (bad compressor" in said
+    assert "Traceback" not in said
+    assert not Path("out.zarr").exists()
+
+
+def test_flat_pictures_are_written_however_small_they_pack(monkeypatch):
+    monkeypatch.setattr(reading, "_FREE", 1000)
+    monkeypatch.setattr(reading, "_RATIO", 2)
+    flat = np.zeros((150, 200), np.uint8)
+    save_tiff("in.tif", flat)
+    sharpen_image_file("in.tif", "out.tif", core.ImageSettings(time=1))
+    np.testing.assert_array_equal(load("out.tif"), flat)
 
 
 def test_mask_guide_and_enlarging(capsys):

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -41,10 +42,7 @@ def read_grid(
 ) -> tuple[npt.NDArray[np.float32], tuple[str, ...]]:
     """Read (h, w, 2) or (k, h, w, 2) velocities, from the top down, and notes on them."""
     xarray = needed("xarray", path, "fields")
-    with (
-        reading(path, any_size),
-        xarray.open_dataset(path.absolute(), **_checked(path), decode_times=False) as data,
-    ):
+    with reading(path, any_size), _opened(xarray, path) as (data, stored):
         names = _names(path, data, variables)
         pair = [data[name].isel(_chosen(path, data[name], select)) for name in names]
         first, second = pair
@@ -54,8 +52,7 @@ def read_grid(
                 " interpolate both to the same places."
             )
         _check_numbers(path, pair)
-        if path.is_file():
-            check_claim(path, 2.0 * first.size * 4)
+        check_claim(path, 2.0 * first.size * 4, stored)
         order = _order(path, first)
         single = {name: 0 for name in first.dims if name not in order}
         parts = [each.isel(single).transpose(*order) for each in pair]
@@ -70,24 +67,37 @@ def read_grid(
     return velocity, tuple(notes)
 
 
-def _checked(path: Path) -> dict[str, Any]:
-    """Look at what reading a file would do, and return how it is read."""
+@contextmanager
+def _opened(xarray: Any, path: Path) -> Iterator[tuple[Any, int | None]]:
+    """Open a file after looking at what that would do, and say how many bytes a folder holds.
+
+    xarray gets a store or an absolute path, as it takes some names for addresses on the network.
+    """
+    words: dict[str, Any]
     if path.suffix.lower() == ".zarr":
-        needed("zarr", path, "fields")
-        check_zarr(path)
-        return {"engine": "zarr", "consolidated": False}
-    check_source(path, GRIDS)
-    netcdf = needed("netCDF4", path, "fields")
-    check_hdf5(path)
+        zarr = needed("zarr", path, "fields")
+        stored = check_zarr(path)
+        source = zarr.storage.LocalStore(path.absolute(), read_only=True)
+        # What a folder's consolidated metadata say may differ from what its arrays say.
+        words = {"engine": "zarr", "consolidated": False}
+    else:
+        check_source(path, GRIDS)
+        netcdf = needed("netCDF4", path, "fields")
+        check_hdf5(path)
+        check_claim(path, _claimed_at_once(netcdf, path))
+        stored, source, words = None, path.absolute(), {"engine": "netcdf4"}
+    with xarray.open_dataset(source, decode_times=False, **words) as data:
+        yield data, stored
+
+
+def _claimed_at_once(netcdf: Any, path: Path) -> float:
+    """Count the bytes of coordinates, named as their only dimension: opening reads them."""
     with netcdf.Dataset(str(path.absolute())) as data:
-        # Coordinates, variables named as their only dimension, are read when a file is opened.
-        claimed = sum(
+        return sum(
             float(np.dtype(variable.dtype).itemsize) * variable.size
             for name, variable in data.variables.items()
             if variable.dimensions == (name,)
         )
-    check_claim(path, claimed)
-    return {"engine": "netcdf4"}
 
 
 def _check_numbers(path: Path, pair: Sequence[Any]) -> None:

@@ -42,7 +42,7 @@ def open_zarr(path: Path, any_size: bool = False) -> ImageFile:
         check_zarr(path)
     zarr = needed("zarr", path, "cluster")
     with reading(path):
-        found = zarr.open(str(path), mode="r")
+        found = zarr.open(zarr.storage.LocalStore(path.absolute(), read_only=True), mode="r")
         arrays = dict(found.arrays()) if isinstance(found, zarr.Group) else {"": found}
     # Arrays of one axis are the coordinates of the picture's axes.
     pictures = {name: array for name, array in arrays.items() if not name or array.ndim > 1}
@@ -58,7 +58,8 @@ def open_zarr(path: Path, any_size: bool = False) -> ImageFile:
 def create_zarr(path: Path, shape: tuple[int, ...], kind: np.dtype, chunks: tuple[int, ...]) -> Any:
     """Make an empty array."""
     zarr = needed("zarr", path, "cluster")
-    return zarr.open_array(str(path), mode="w", shape=shape, dtype=kind, chunks=chunks)
+    store = zarr.storage.LocalStore(path.absolute())
+    return zarr.open_array(store, mode="w", shape=shape, dtype=kind, chunks=chunks)
 
 
 def create_zarr_like(
@@ -97,7 +98,11 @@ def create_zarr_like(
     if not is_as_large:
         _resize(path, place.name, shape, left)
     notes = [f"{', '.join(left)} did not fit the new size: left behind"] if left else []
-    return zarr.open_array(str(path / place.name), mode="r+"), notes
+    with reading(place.folder):
+        array = zarr.open_array(zarr.storage.LocalStore(path.absolute() / place.name), mode="r+")
+        # Not all codecs that can be read can be written; the store writes this pixel anew.
+        array[(0,) * array.ndim] = 0 if array.fill_value else 1
+    return array, notes
 
 
 def _resize(path: Path, name: str, shape: tuple[int, ...], left: list[str]) -> None:

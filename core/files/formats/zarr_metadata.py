@@ -24,6 +24,9 @@ FILES = ("zarr.json", ".zarray", ".zgroup")
 """Each node of a hierarchy has one of these."""
 
 _CONSOLIDATED = ".zmetadata"
+_OF_ARRAYS = {
+    "chunk_grid", "chunks", "codecs", "compressor", "data_type", "dtype", "filters", "shape",
+}  # fmt: skip
 _MOST_METADATA = 1 << 26
 """Bytes of one metadata file; the largest stores have some megabytes."""
 
@@ -36,12 +39,13 @@ _SERIALIZERS = {"bytes", "endian", "sharding_indexed", "transpose", "vlen-bytes"
 CODECS = frozenset(_COMPRESSORS | _FILTERS | _SERIALIZERS)
 _RUN_CODE = {"pickle"}
 
-_PLAIN_TYPE = re.compile(r"[<>|=]?(?:[biufc]\d+|[SUV]\d+|[mM]8(?:\[\d*\w+\])?)")  # of format 2
+# Types of format 2, and of format 3.
+_PLAIN_TYPE = re.compile(r"[<>|=]?(?:[biufc]\d{1,2}|[SUV]\d{1,9}|[mM]8(?:\[\d*\w+\])?)")
 _TYPES = re.compile(
-    r"bool|u?int(?:8|16|32|64)|b?float(?:16|32|64)|complex(?:64|128)|r\d+|string|bytes|raw_bytes"
+    r"bool|u?int(?:8|16|32|64)|b?float(?:16|32|64)|complex(?:64|128)|r\d{1,9}|string|bytes|raw_bytes"
     r"|variable_length_bytes|variable_length_utf8|fixed_length_utf32|null_terminated_bytes"
     r"|numpy\.(?:datetime64|timedelta64)"
-)  # of format 3
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,7 @@ class ArrayClaim:
         return float(max(math.prod(self.shape), math.prod(self.chunk))) * self.item
 
 
-def check_zarr(path: Path) -> list[ArrayClaim]:
+def check_zarr(path: Path) -> int:
     """Refuse a Zarr folder that runs code, leads elsewhere, or claims more than it can hold.
 
     Parameters
@@ -79,8 +83,8 @@ def check_zarr(path: Path) -> list[ArrayClaim]:
 
     Returns
     -------
-    list of ArrayClaim
-        All arrays in it.
+    int
+        The bytes of all files in it.
 
     Raises
     ------
@@ -94,16 +98,15 @@ def check_zarr(path: Path) -> list[ArrayClaim]:
         raise ShockError(f"{path} is no Zarr array; save the picture as one, or as a tiled TIFF.")
     found: dict[str, ArrayClaim] = {}
     stored = 0
-    for folder, _, names in _walk(path):
-        for name in names:
-            file = Path(folder, name)
-            stored += file.lstat().st_size
-            if name in FILES or name == _CONSOLIDATED:
-                for claim in _Metadata(path, file).arrays():
-                    known = found.get(claim.name, claim)
-                    found[claim.name] = max(claim, known, key=lambda each: each.size)
+    for file in _files(path):
+        stored += file.lstat().st_size
+        # Some systems do not tell capitals apart.
+        if file.name.lower() in (*FILES, _CONSOLIDATED):
+            for claim in _Metadata(path, file).arrays():
+                known = found.get(claim.name, claim)
+                found[claim.name] = max(claim, known, key=lambda each: each.size)
     check_claim(path, sum(claim.size for claim in found.values()), stored)
-    return list(found.values())
+    return stored
 
 
 def is_zarr(path: Path) -> bool:
@@ -111,9 +114,14 @@ def is_zarr(path: Path) -> bool:
     return any((path / name).is_file() for name in FILES)
 
 
-def _walk(path: Path) -> Iterator[tuple[str, list[str], list[str]]]:
+def _files(path: Path) -> Iterator[Path]:
+    """Walk over all files in a folder; refuse links that lead out, and what is no file."""
     inside = path.resolve()
-    for folder, folders, names in os.walk(path):
+
+    def stop(error: OSError) -> None:
+        raise error  # what cannot be listed may well be opened
+
+    for folder, folders, names in os.walk(path, onerror=stop):
         for name in (*folders, *names):
             part = Path(folder, name)
             if part.is_symlink() and not part.resolve().is_relative_to(inside):
@@ -121,7 +129,11 @@ def _walk(path: Path) -> Iterator[tuple[str, list[str], list[str]]]:
                     f"{path}: {part.relative_to(path)} is a link out of the folder; copy the folder"
                     " with what its links point to."
                 )
-        yield folder, folders, names
+            if not part.is_file() and not part.is_dir():
+                raise ShockError(
+                    f"{path}: {part.relative_to(path)} is neither a file nor a folder; remove it."
+                )
+        yield from (Path(folder, name) for name in names)
 
 
 class _Metadata:
@@ -135,13 +147,14 @@ class _Metadata:
     def arrays(self) -> Iterator[ArrayClaim]:
         """Check all that the file says, and return what it says of arrays."""
         document = self._read()
-        kind = self._file.name
-        if kind == _CONSOLIDATED:
-            yield from self._consolidated(document)
-        elif kind == ".zarray":
-            yield self._array_of_format_2(self._name, document)
-        elif kind == "zarr.json":
-            yield from self._node_of_format_3(self._name, document)
+        try:
+            if self._file.name.lower() == _CONSOLIDATED:
+                found = list(self._consolidated(document))
+            else:
+                found = list(self._node(self._name, document))
+        except RecursionError as error:
+            raise self._broken("is nested too deeply") from error
+        return iter(found)
 
     def _read(self) -> dict[str, Any]:
         if self._file.stat().st_size > _MOST_METADATA:
@@ -158,32 +171,37 @@ class _Metadata:
         for key, value in self._mapping(document.get("metadata", {}), "metadata").items():
             name, _, kind = key.rpartition("/")
             self._check_inside(name)
-            if kind == ".zarray":
+            if kind != ".zattrs":
                 inner = self._mapping(value, key)
-                yield self._array_of_format_2(str(PurePosixPath(self._name, name)), inner)
+                yield from self._node(str(PurePosixPath(self._name, name)), inner)
 
-    def _array_of_format_2(self, name: str, array: dict[str, Any]) -> ArrayClaim:
-        item = self._check_type(array.get("dtype"))
-        for place in ("filters", "compressor"):
-            codecs = array.get(place)
-            for codec in codecs if isinstance(codecs, list) else [codecs]:
-                if codec is not None:
-                    configuration = self._mapping(codec, place)
-                    self._check_codec(configuration.get("id"), configuration)
-        chunk = self._whole_numbers(array.get("chunks"), "chunks")
-        return ArrayClaim(_clean(name), self._shape(array), chunk, item)
-
-    def _node_of_format_3(self, name: str, node: dict[str, Any]) -> Iterator[ArrayClaim]:
-        if node.get("node_type") == "array":
-            yield self._array_of_format_3(name, node)
+    def _node(self, name: str, node: dict[str, Any]) -> Iterator[ArrayClaim]:
+        """Check an array or a group, by the format that it names, whatever file it stands in."""
+        if node.get("node_type") == "array" or not _OF_ARRAYS.isdisjoint(node):
+            if node.get("zarr_format") == 2:
+                yield self._array_of_format_2(name, node)
+            elif node.get("zarr_format") == 3:
+                yield self._array_of_format_3(name, node)
+            else:
+                raise self._broken("has an array of a format other than 2 and 3")
         consolidated = node.get("consolidated_metadata")
         if consolidated is not None:
             inner = self._mapping(consolidated, "consolidated_metadata").get("metadata", {})
             for key, value in self._mapping(inner, "metadata").items():
                 self._check_inside(key)
-                yield from self._node_of_format_3(
-                    str(PurePosixPath(name, key)), self._mapping(value, key)
-                )
+                yield from self._node(str(PurePosixPath(name, key)), self._mapping(value, key))
+
+    def _array_of_format_2(self, name: str, array: dict[str, Any]) -> ArrayClaim:
+        item = self._check_type(array.get("dtype"))
+        packed = 0
+        for place in ("filters", "compressor"):
+            codecs = array.get(place)
+            for codec in codecs if isinstance(codecs, list) else [codecs]:
+                if codec is not None:
+                    configuration = self._mapping(codec, place)
+                    packed += self._check_codec(configuration.get("id"), configuration)
+        self._check_packed(packed)
+        return self._claim(name, array.get("shape"), array.get("chunks"), item)
 
     def _array_of_format_3(self, name: str, array: dict[str, Any]) -> ArrayClaim:
         kind, configuration = self._named(array.get("data_type"), "data_type")
@@ -191,29 +209,49 @@ class _Metadata:
             raise self._refused("type", kind)
         if array.get("storage_transformers"):
             raise self._refused("storage transformer", str(array["storage_transformers"]))
-        self._check_codecs(array.get("codecs"))
+        self._check_packed(self._check_codecs(array.get("codecs")))
         grid, words = self._named(array.get("chunk_grid"), "chunk_grid")
         if grid != "regular":
             raise self._refused("chunk grid", grid)
-        chunk = self._whole_numbers(words.get("chunk_shape"), "chunk_shape")
-        return ArrayClaim(_clean(name), self._shape(array), chunk, _item_size(kind, configuration))
+        item = _item_size(kind, configuration)
+        return self._claim(name, array.get("shape"), words.get("chunk_shape"), item)
 
-    def _check_codecs(self, codecs: Any) -> None:
+    def _claim(self, name: str, shape: Any, chunk: Any, item: int) -> ArrayClaim:
+        sizes = self._whole_numbers(shape, "shape", 0), self._whole_numbers(chunk, "chunks", 1)
+        if len(sizes[0]) != len(sizes[1]):
+            raise self._broken("has chunks with other axes than its shape")
+        return ArrayClaim(_clean(name), *sizes, item)
+
+    def _check_codecs(self, codecs: Any) -> int:
+        """Check a chain of codecs, inner ones too, and count those that unpack."""
         if not isinstance(codecs, list):
             raise self._broken("has no list of codecs")
+        packed = 0
         for codec in codecs:
             name, configuration = self._named(codec, "codecs")
-            self._check_codec(name.removeprefix("numcodecs."), configuration)
-            for inner in ("codecs", "index_codecs"):
-                if inner in configuration:
-                    self._check_codecs(configuration[inner])
+            packed += self._check_codec(name.removeprefix("numcodecs."), configuration)
+            if "codecs" in configuration:
+                packed += self._check_codecs(configuration["codecs"])
+            if "index_codecs" in configuration:
+                self._check_packed(self._check_codecs(configuration["index_codecs"]))
+        return packed
 
-    def _check_codec(self, name: Any, configuration: dict[str, Any]) -> None:
-        if name not in CODECS:
+    def _check_packed(self, times: int) -> None:
+        """Refuse what is packed twice: a few bytes would then unpack to any size."""
+        if times > 1:
+            raise ShockError(
+                f"{self._root}: its chunks are packed {times} times over; save it with one"
+                " compressor, or with none."
+            )
+
+    def _check_codec(self, name: Any, configuration: dict[str, Any]) -> bool:
+        """Check a codec, and return whether it unpacks."""
+        if not isinstance(name, str) or name not in CODECS:
             raise self._refused("codec", str(name))
         for key in ("dtype", "astype", "encode_dtype", "decode_dtype"):
             if key in configuration:
                 self._check_type(configuration[key])
+        return name in _COMPRESSORS
 
     def _check_type(self, kind: Any) -> int:
         """Check a type as numpy writes it, and return its bytes."""
@@ -240,13 +278,12 @@ class _Metadata:
             raise self._broken(f"has {where} that are no JSON object")
         return value
 
-    def _shape(self, array: dict[str, Any]) -> tuple[int, ...]:
-        return self._whole_numbers(array.get("shape"), "shape")
-
-    def _whole_numbers(self, value: Any, where: str) -> tuple[int, ...]:
-        fits = isinstance(value, list) and all(type(size) is int and size >= 0 for size in value)
+    def _whole_numbers(self, value: Any, where: str, least: int) -> tuple[int, ...]:
+        fits = isinstance(value, list) and all(
+            type(size) is int and size >= least for size in value
+        )
         if not fits:
-            raise self._broken(f"has no {where} of whole numbers")
+            raise self._broken(f"has no {where} of whole numbers from {least} on")
         return tuple(value)
 
     def _check_inside(self, name: str) -> None:
