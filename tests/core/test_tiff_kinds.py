@@ -78,6 +78,17 @@ def test_odd_depths_are_scaled_by_their_white(bits, channels):
     assert abs(strong.mean() / top - values.mean() / white) < 0.02
 
 
+@pytest.mark.parametrize("bits", [17, 20, 24, 31])
+def test_depths_beyond_16_bits_are_refused(bits):
+    values = np.rint((2**bits - 1) * slope()).astype(np.int64)
+    write_tiff("in.tif", packed(values, bits), {
+        "size": (16, 20), 258: (3, [bits]), 262: (3, [1]), 277: (3, [1]),
+    })  # fmt: skip
+    with pytest.raises(core.ShockError, match=f"has values of {bits} bits; save it with 8 or 16"):
+        sharpen_image_file("in.tif", "out.tiff", STILL)
+    assert not Path("out.tiff").exists()
+
+
 def test_odd_depths_of_tiles(monkeypatch):
     values = np.rint(4095 * slope()[:, :16]).astype(np.uint16)
     data = packed(values, 12)

@@ -26,6 +26,7 @@ _OTHER_COLORS = {
 }  # fmt: skip
 _JPEG = {6, 7, 33007, 34892}  # compressions that are decoded to RGB
 _WHOLE_BITS = (8, 16, 32, 64)
+_MOST_BITS = 16  # beyond that, no kind of value that is written holds all of them
 _NONE, _UNSPECIFIED = 1, 0
 TILE = 256
 """Pixels along the sides of the tiles that are written."""
@@ -190,6 +191,10 @@ def _check_page(path: Path, page: Any) -> None:
     if isinstance(depths, tuple) and len(set(depths)) > 1:
         named = ", ".join(map(str, depths))
         raise ShockError(f"{path} has channels of {named} bits; save it with 8 or 16 bits each.")
+    if page.dtype is not None and _has_odd_depth(page) and page.bitspersample > _MOST_BITS:
+        raise ShockError(
+            f"{path} has values of {page.bitspersample} bits; save it with 8 or 16 bits."
+        )
     if page.dtype is None:
         raise ShockError(
             f"{path} has values of a kind that is not read; save it with 8 or 16 bits."
