@@ -26,8 +26,9 @@ from .formats.tiff import TILE, open_tiff_tiles, write_tiff_tiles
 from .formats.zarr import ENDING, create_zarr, is_zarr, open_zarr
 from .image_file import ImageFile
 from .images import check_format, check_kind, read_image
-from .output import Options, Outcome, staged, staged_folder, temporary_folder
+from .output import Options, Outcome, staged, staged_folder
 from .reading import check_ending, check_source, needed, reading, reading_back
+from .staging import temporary_folder, tidy
 
 _TIFFS = (".tif", ".tiff")
 _ENDINGS = (ENDING, *_TIFFS)
@@ -117,6 +118,7 @@ def _read_back(path: Path, spool: Path) -> None:
 def _open(path: Path, any_size: bool) -> ImageFile:
     # With pixels that are read when they are asked for, where files allow that.
     ending = path.suffix.lower()
+    tidy(path.parent)  # a run that was killed may have taken a folder away
     if ending == ENDING:
         image_file = open_zarr(path)
         check_kind(path, image_file.pixels)

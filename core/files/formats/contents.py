@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..side_files import find
-from .gltf import chunk_name, glb_chunks, read_tree
+from .gltf_tree import chunk_name, glb_chunks, read_tree
 from .obj import material_files
 
 COLORS, UVS, MATERIALS, NAMES, NORMALS = "colors", "UVs", "materials", "object names", "normals"
