@@ -298,7 +298,7 @@ def _tidy(parent: Path) -> None:
 def _remove_unmarked(folder: Path) -> None:
     """Remove a folder whose process was killed when it had made it, and nothing in it."""
     found = list(folder.iterdir())
-    is_bare = all(path.name == _MARKER and not path.stat().st_size for path in found)
+    is_bare = all(path.name == _MARKER and _MARK.startswith(path.read_bytes()) for path in found)
     if is_bare and time.time() - folder.stat().st_mtime > _NEW:
         for path in found:
             path.unlink()
