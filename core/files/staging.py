@@ -338,8 +338,8 @@ def _noted(folder: Path) -> list[tuple[Path, Path, Any]] | None:
     moves = []
     try:
         for new, place, state in json.loads((folder / _MOVES).read_bytes()):
-            source, target = inside(new), inside(place)
-            if source is None or target is None:
+            source, target = (isinstance(name, str) and inside(name) for name in (new, place))
+            if not source or not target:
                 return None
             moves.append((folder / _FILES / source, folder.parent / target, state))
     except (ValueError, TypeError):

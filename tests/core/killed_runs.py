@@ -200,7 +200,9 @@ def found():
     """All files in the output's folder; of records, their names."""
     files = sorted(path for path in Path("out").rglob("*") if path.name != "another.png")
     return {
-        str(path): None if path.is_dir() or path.parent.name == ".shock-filter" else path.read_bytes()
+        str(path): None
+        if path.is_dir() or path.parent.name == ".shock-filter"
+        else path.read_bytes()
         for path in files
     }
 

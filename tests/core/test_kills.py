@@ -11,7 +11,9 @@ import pytest
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no forks, no locks")
 
 
-@pytest.mark.parametrize("scenario", ["new", "again", "frames", "zarr", "in place", "zarr in place"])
+@pytest.mark.parametrize(
+    "scenario", ["new", "again", "frames", "zarr", "in place", "zarr in place"]
+)
 def test_after_a_kill_at_any_point_all_is_as_if_there_was_none(tmp_path, scenario):
     script = Path(__file__).with_name("killed_runs.py")
     words = [sys.executable, str(script), str(tmp_path), scenario]

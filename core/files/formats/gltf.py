@@ -258,6 +258,8 @@ class GltfFile(InPlaceDocument):
                 binary = bytes(data)
             elif self._in_place and uri:
                 place = located(self._path.parent, unquote(uri))
+                if place is not None and is_absolute(unquote(uri)):  # not that beside the copy
+                    buffer["uri"] = quote(str(place))
                 if place is not None and path.parent / place not in written:  # models may share it
                     file = within(path.parent, place)
                     file.write_bytes(data + self._rest(buffer, data))
