@@ -109,7 +109,11 @@ class GltfFile(InPlaceDocument):
     def _store_loose(self) -> None:
         """Give accessors that are not stored as a whole a buffer, where their values changed."""
         for number, values in self._loose.items():
-            if not np.array_equal(values, values_of(self._tree, self._buffers, number), True):
+            try:
+                found = values_of(self._tree, self._buffers, number)
+            except IndexError:  # what says which entries differ was changed with another accessor
+                found = None
+            if found is None or not np.array_equal(values, found, equal_nan=True):
                 store(self._tree, self._buffers, number, values)
 
     def _floats(self, number: int) -> npt.NDArray[np.float32]:
@@ -317,13 +321,14 @@ def _gltf_matrices(tree: dict[str, Any]) -> dict[int, Floats]:
 def _gltf_matrix(node: dict[str, Any]) -> Floats:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    x, y, z, w = map(float, node.get("rotation", (0, 0, 0, 1)))
     matrix = np.eye(4)
     matrix[:3, :3] = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
-    matrix[:3, :3] *= node.get("scale", (1.0, 1.0, 1.0))
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
     return matrix

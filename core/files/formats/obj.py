@@ -63,7 +63,8 @@ class ObjFile(InPlaceDocument):
         self._triangles, self._owners = _fans(np.array(sizes, dtype=np.int64))
         self.faces = self._corners[self._triangles, 0]
         self.parts = np.array(parts, dtype=np.int64)[self._owners]
-        if self._corners[:, 1].max(initial=-1) >= len(self._normal_values):
+        normals = self._corners[:, 1]
+        if normals.min(initial=-1) < -1 or normals.max(initial=-1) >= len(self._normal_values):
             raise InvalidMesh(f"{path}: a face names a normal that is not there; repair the file.")
 
     def _corner(self, token: bytes) -> tuple[int, int]:

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import ShockError
 from ...mesh.weld import weld
 from ..document import Bools, Document, Floats, Ints, is_invertible, joined, stored, transformed
-from ..reading import needed
+from ..reading import needed, writing
 from ..side_files import Resolver
 from ..staging import within
 from .contents import REPLACED, contents, polygon_count
@@ -139,8 +139,9 @@ class SceneFile(Document):
             back = transformed(positions[rows][moved[rows]], np.linalg.inv(matrix))
             vertices[moved[rows]] = back
             mesh.vertices = vertices  # trimesh forgets stale normals by this
-        _export(self._scene, path)
-        return self._losses(path)
+        with writing(path):
+            _export(self._scene, path)
+            return self._losses(path)
 
     def _losses(self, written: Path) -> list[str]:
         notes = list(self._notes)
