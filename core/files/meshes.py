@@ -130,6 +130,8 @@ def filter_colors_file(
     document = read_document(source, IN_PLACE[ending], options.any_size)
     with reading(source):
         colors = document.read_colors()
+    if np.isinf(colors).any():
+        raise InvalidSignal(f"{source} holds infinite vertex colors; repair or remove them.")
     if not np.isfinite(colors).any():
         raise InvalidSignal(
             f"{source} has no vertex colors; paint them, or bake a texture to them."

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run a command again and again, killed before each thing that it does to the disk; then resume it.
 
-``python killed_runs.py FOLDER SCENARIO`` prints what was wrong, and how many kills there were.
+``python killed_runs.py FOLDER SCENARIO`` prints what was wrong, and how many kills there were; with
+"at once" as the scenario, what several runs in one folder said.
 Processes are forked from one that has compiled all, so that each takes some milliseconds only.
 """
 
@@ -250,5 +251,34 @@ def main(folder, name):
                     faults.append([number, is_half, code, between, sorted(found())])
 
 
+def at_once(folder, count=3, times=5):
+    """Resume one folder by several processes at once, again and again."""
+    codes, texts = [], ""
+    for number in range(times):
+        place = folder / str(number)
+        place.mkdir()
+        os.chdir(place)
+        start_new()
+        warm = number == 0 and [run(command) for command in (PICTURES, MODEL)]
+        if warm:
+            shutil.rmtree("out")
+            Path("out").mkdir()
+        children = []
+        for _ in range(count):
+            child = os.fork()
+            if child == 0:
+                with open("said", "a") as said, contextlib.redirect_stderr(said):
+                    os._exit(max(run(command) for command in (PICTURES, MODEL)))
+            children.append(child)
+        codes += [os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children]
+        texts += Path("said").read_text()
+        left = sorted(path.name for path in Path("out").iterdir())
+        codes += [run(PICTURES), run(MODEL)]
+    print(json.dumps({"codes": codes, "said": texts, "left": left}))
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).resolve(), sys.argv[2])
+    if sys.argv[2] == "at once":
+        at_once(Path(sys.argv[1]).resolve())
+    else:
+        main(Path(sys.argv[1]).resolve(), sys.argv[2])
