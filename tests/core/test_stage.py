@@ -545,6 +545,19 @@ def test_what_another_run_makes_meanwhile_is_no_failure(folder, capsys, monkeypa
     assert "done already: 1" in capsys.readouterr().out
 
 
+def test_systems_without_locks_write_and_resume_all_the_same(folder, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fcntl", None)  # as on Windows
+    pictures()
+    left = unfinished(folder, [["a", "a", None]], {"a": "new"})
+    assert cli.main(PICTURES) == 0
+    assert left.exists()  # whoever made it may be at work
+    assert cli.main(PICTURES) == 0
+    assert "done already: 3" in capsys.readouterr().out
+    frames.write_frames(iter([np.zeros((4, 4))]), folder / "out/frames", 1)
+    assert len(list((folder / "out/frames").iterdir())) == 1
+    frames.write_frames(iter([np.zeros((4, 4))]), folder / "out/frames", 1, overwrite=True)
+
+
 def test_frames_that_another_run_writes_are_said_to_be(folder):
     target = folder / "out/frames"
     target.mkdir()
