@@ -2,8 +2,9 @@
 """What is known of how outputs were made, so that a later run makes only what is missing.
 
 Each output has a small file of its own, in the folder ``.shock-filter`` beside it, so that no two
-workers write the same one. It holds two digests: of all that the output was made from, and of what
-the output was when it was complete. What is damaged or missing fits nothing, and costs time only.
+workers write the same one. It is written before the output is moved to its place, and holds
+digests: of all that the output was made from, of what it is when it is complete, and of what was
+there before. What is damaged or missing fits nothing, and costs time only.
 """
 
 from __future__ import annotations
