@@ -6,10 +6,13 @@ from __future__ import annotations
 import argparse
 import glob
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from ..errors import ShockError
+from ..files.output import check_plain
+from ..files.staging import tidy
 
 
 class UsageError(Exception):
@@ -21,8 +24,25 @@ class FileName(str):
 
 
 def files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
-    """Each input with what it is written to."""
+    """Each input with what it is written to.
+
+    What a killed run has left in their folders is made good before.
+    """
+    _tidy(options.inputs)
+    pairs = _files_of(options)
+    _tidy(target for _, target in pairs)
+    return pairs
+
+
+def _tidy(names: Iterable[str | Path]) -> None:
+    for name in names:
+        for path in (name, os.path.realpath(name)):
+            tidy(Path(path).parent)
+
+
+def _files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
     if options.command.kind.makes_frames:  # into a folder all of them, and not one for each input
+        tidy(Path(options.output))
         return [(options.inputs[0], Path(options.output))]
     pairs = _pairs(options.inputs, options.output)
     for source, target in pairs if options.cluster is not None or options.resume else ():
@@ -81,9 +101,9 @@ def whole(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def check_target(target: Path, overwrite: bool) -> None:
-    """Refuse to write to a folder, or over a file unless that is asked for."""
-    if target.is_dir() and target.suffix.lower() != ".zarr":
-        raise ShockError(f"{target} is a folder; name a file.")
+    """Refuse to write to a folder or a pipe, or over a file unless that is asked for."""
+    if not target.is_dir() or target.suffix.lower() != ".zarr":
+        check_plain(target)
     if target.exists() and not overwrite:
         raise ShockError(f"{target} exists already; add --overwrite or choose another output.")
 

@@ -11,14 +11,14 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, TextIO
 
 from ..base.findings import gathering
 from ..errors import ShockError
-from ..files.output import Unfinished
+from ..files.output import Unfinished, guarded
 from . import records
 from .commands import Backend
 from .inputs import check_target
@@ -37,10 +37,22 @@ class Job(NamedTuple):
         """Whether an earlier run has left nothing to do."""
         if not self.options.resume:
             return False
+        return self._is_made(source, target)
+
+    def _is_made(self, source: str, target: Path) -> bool:
         try:
             return records.is_done(target, records.fingerprint(source, self.options))
         except OSError:  # which will be said when it is read
             return False
+
+    def is_done_meanwhile(self, source: str, target: Path) -> bool:
+        """Whether another run has left nothing to do since this one began with a file."""
+        return not self.options.overwrite and self.is_recorded and self._is_made(source, target)
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether records of outputs are kept."""
+        return self.options.resume or self.options.cluster is not None
 
     def may_replace(self, target: Path) -> bool:
         """Whether an output may be replaced that is there."""
@@ -107,17 +119,15 @@ def filter_file(
         if not options.command.kind.makes_frames:
             check_target(target, overwrite)
         target.parent.mkdir(parents=True, exist_ok=True)
-        is_recorded = options.resume or options.cluster is not None
-        made = records.fingerprint(source, options) if is_recorded else ""
-        with gathering() as findings:
+        with gathering() as findings, _recording(job, source, target):
             outcome = backend.filter(options.command, source, target, settings, options, progress)
-        if is_recorded:
-            records.keep(target, made)
     except (ShockError, OSError, KeyboardInterrupt) as error:
         if isinstance(error, Unfinished):
             return Result(False, str(error))
         if is_stopped():
             return Result(False, f"Interrupted; {target} was not written.")
+        if job.is_done_meanwhile(source, target):
+            return Result(True, f"{source} -> {target}: made by another run meanwhile")
         return failure(source, error)
     except Exception as error:  # unforeseen; the other files are done all the same
         trace = "".join(traceback.format_exception(error))
@@ -126,6 +136,19 @@ def filter_file(
     done = f"{source} -> {target}: {outcome} in {seconds:.1f} s"
     notes = (f"  {note}" for note in (*map(str, findings), *outcome.notes))
     return Result(True, "\n".join([done, *notes]))
+
+
+@contextlib.contextmanager
+def _recording(job: Job, source: str, target: Path) -> Iterator[None]:
+    """Note how an output is made, where that is asked for."""
+    if not job.is_recorded:
+        yield
+        return
+    records.check_folder(target)
+    record = records.Record(target, records.fingerprint(source, job.options))
+    with guarded(record.guard):
+        yield
+    record.complete()
 
 
 def failure(source: str, error: BaseException) -> Result:

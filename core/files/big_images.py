@@ -27,8 +27,9 @@ from .formats.zarr import ENDING, create_zarr, create_zarr_like, open_zarr
 from .formats.zarr_metadata import is_zarr
 from .image_file import ImageFile
 from .images import check_format, check_kind, read_image
-from .output import Options, Outcome, staged, staged_folder, temporary_folder
+from .output import Options, Outcome, staged, staged_folder
 from .reading import check_ending, check_source, needed, reading, reading_back
+from .staging import temporary_folder, tidy
 
 _TIFFS = (".tif", ".tiff")
 _ENDINGS = (ENDING, *_TIFFS)
@@ -124,6 +125,7 @@ def _read_back(path: Path, expected: Any) -> None:
 def _open(path: Path, any_size: bool) -> ImageFile:
     # With pixels that are read when they are asked for, where files allow that.
     ending = path.suffix.lower()
+    tidy(path.parent)  # a run that was killed may have taken a folder away
     if ending == ENDING:
         image_file = open_zarr(path, any_size)
         check_kind(path, image_file.pixels)

@@ -124,6 +124,12 @@ def transformed(points: npt.NDArray[Any], matrix: Floats) -> Floats:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+def is_invertible(matrix: Floats) -> bool:
+    """Whether points can be brought back from where a matrix takes them."""
+    with np.errstate(all="ignore"):
+        return bool(np.isfinite(matrix).all() and np.linalg.det(matrix))
+
+
 def unit(vectors: npt.NDArray[Any]) -> Floats:
     """Vectors at length one; zero stays zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)

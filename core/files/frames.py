@@ -19,7 +19,8 @@ import numpy.typing as npt
 from ..errors import Cancelled, InvalidSettings, ShockError
 from .formats.animations import encoded_png, write_apng, write_webp_frames
 from .formats.video import write_mp4
-from .output import Unfinished, room, staged, temporary_folder
+from .output import Unfinished, room, staged, taking
+from .staging import is_at_work, temporary_folder
 
 Frames = Iterable[npt.NDArray[Any]]
 
@@ -41,6 +42,10 @@ def check_frames_target(target: Path, overwrite: bool) -> None:
     if is_folder(target):
         if target.exists() and not target.is_dir():
             raise ShockError(f"{target} is a file; name a folder, or a file with an ending.")
+        if is_at_work(target):
+            raise ShockError(
+                f"Another run writes to {target}; wait for its end, or choose another output."
+            )
         if not overwrite and target.is_dir() and any(target.iterdir()):
             raise ShockError(
                 f"The folder {target} is not empty; add --overwrite or choose another output."
@@ -130,7 +135,9 @@ def write_folder(frames: Frames, folder: Path, count: int, bits: int = 8) -> int
                 for number, frame in enumerate(frames, 1):
                     name = frame_name(number, count)
                     (stage / name).write_bytes(encoded_png(as_numbers(frame, bits)))
-                    os.replace(stage / name, folder / name)
+                    with taking(folder / name) as announce:
+                        announce(stage / name)
+                        os.replace(stage / name, folder / name)
                     done = number
         except Cancelled as error:
             raise Unfinished(done, count, folder) from error

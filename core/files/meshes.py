@@ -25,6 +25,7 @@ from .formats.ply import PlyFile, PlyVertices
 from .formats.trimesh import ENDINGS, SceneFile
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_ending, check_source, check_target, reading, reading_back
+from .staging import tidy
 
 AnyDocument = TypeVar("AnyDocument", bound=Document)
 IN_PLACE: dict[str, Callable[[Path], InPlaceDocument]] = {
@@ -129,6 +130,8 @@ def filter_colors_file(
     document = read_document(source, IN_PLACE[ending], options.any_size)
     with reading(source):
         colors = document.read_colors()
+    if np.isinf(colors).any():
+        raise InvalidSignal(f"{source} holds infinite vertex colors; repair or remove them.")
     if not np.isfinite(colors).any():
         raise InvalidSignal(
             f"{source} has no vertex colors; paint them, or bake a texture to them."
@@ -148,6 +151,7 @@ def read_document(
     source: Path, reader: Callable[[Path], AnyDocument], any_size: bool = False
 ) -> AnyDocument:
     """Read a file, or say what is wrong with it."""
+    tidy(source.parent)  # a run that was killed may have replaced half of a model
     check_source(source, ENDINGS)
     with reading(source, any_size):
         document = reader(source)

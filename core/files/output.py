@@ -9,17 +9,17 @@ from __future__ import annotations
 import contextlib
 import errno
 import filecmp
-import functools
 import os
 import shutil
 import tempfile
-import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..base.progress import ProgressCallback
 from ..errors import Cancelled, ShockError
+from .staging import Move, move_all, temporary_folder
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,6 @@ class Options:
 
 
 DEFAULTS = Options()
-_PREFIX = ".shock-filter-"
-_NEW = 10.0  # seconds; what is younger may be about to be held
 
 
 @dataclass(frozen=True)
@@ -106,6 +104,34 @@ class Unfinished(Cancelled):
         )
 
 
+Announce = Callable[[Path], None]
+Guard = Callable[[Path], contextlib.AbstractContextManager[Announce]]
+"""Opened with a place that is about to be taken; gives what is called with the file for it."""
+
+
+@contextlib.contextmanager
+def _unguarded(_place: Path) -> Iterator[Announce]:
+    yield lambda _new: None
+
+
+_guard: ContextVar[Guard] = ContextVar("guard", default=_unguarded)
+
+
+@contextlib.contextmanager
+def guarded(guard: Guard) -> Iterator[None]:
+    """Have outputs of this thread announced before they are moved to their places."""
+    token = _guard.set(guard)
+    try:
+        yield
+    finally:
+        _guard.reset(token)
+
+
+def taking(place: Path) -> contextlib.AbstractContextManager[Announce]:
+    """Announce to whom it may concern that a place is about to be taken."""
+    return _guard.get()(place)
+
+
 @contextlib.contextmanager
 def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator[Path]:
     """Give a path to write to, and move what was written there to `target` at the end.
@@ -114,43 +140,36 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
     already and differs, unless that is named in `own` or begins with the target's name and a dot:
     what stands in a folder under another name may belong to another file.
 
-    If writing fails, or the disk is full after it, nothing of it is left and all is as it was. At
-    the end files are moved one by one, the file itself last: if the system refuses that for one of
-    them, those before it are new, but none is half a file, and `target` is as it was.
+    If anything fails, or the disk is full, nothing of it is left and all is as it was. If the
+    process is killed, `target` is as it was, or a later run finishes what was begun.
 
-    Files that are replaced pass on their permissions; where they are links, what these point to is
-    replaced or made.
+    Files that are replaced pass on their permissions. Where `target` is a link, what it points to
+    is replaced or made, and all else is written beside that.
     """
-    target = target.absolute()
-    if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise ShockError(f"Cannot write to the folder {target.parent}; choose another output.")
+    real = real_place(target)
+    check_plain(real)
+    _check_writable(real.parent)
+    is_alike = real.suffix.lower() == target.suffix.lower()
+    name = real.name if is_alike else target.name  # whose ending says what is to be written
     with contextlib.ExitStack() as stack:
-        folder = temporary_folder(target.parent, stack)
-        stage = folder / target.name
-        with room(target.parent):
+        folder = temporary_folder(real.parent, stack)
+        stage = folder / name
+        with room(real.parent):
             yield stage
-        if not stage.is_file():
+        if stage.is_symlink() or not stage.is_file():
             raise ShockError(f"{target} was not written; choose another name or folder.")
-        written = sorted(path for path in folder.rglob("*") if path.is_file())
-        written.sort(key=stage.__eq__)  # the file itself comes last
-        pairs = [(path, target.parent / path.relative_to(folder)) for path in written]
-        pairs = [(new, old) for new, old in pairs if new == stage or not _same(new, old)]
-        for new, old in pairs:
-            name = new.relative_to(folder).as_posix()
-            if not old.exists():
-                continue
-            if new != stage and name not in own and not name.startswith(f"{target.name}."):
-                raise ShockError(
-                    f"{old} exists already and may belong to another file than {target.name};"
-                    " write to another folder."
-                )
-            if not overwrite:
-                raise ShockError(f"{old} exists already; add --overwrite or choose another output.")
-        pairs = [_fitted(new, old, stack) for new, old in pairs]
-        for _, old in pairs:
-            old.parent.mkdir(parents=True, exist_ok=True)
-        for new, old in pairs:
-            os.replace(new, old)
+        moves = [*_side_moves(folder, stage, real), (stage, real)]
+        with taking(target) as announce:
+            moves = [move for move in moves if move[0] == stage or not _same(*move)]
+            for new, place in moves:
+                _check_free(new.relative_to(folder).as_posix(), new == stage, place, name, own)
+                if place.exists() and not overwrite:
+                    raise _exists(target if new == stage else place)
+            announce(stage)
+            for new, place in moves:
+                if place.exists():
+                    shutil.copymode(place, new)
+            move_all(moves)
 
 
 @contextlib.contextmanager
@@ -159,87 +178,81 @@ def staged_folder(target: Path, overwrite: bool) -> Iterator[Path]:
 
     What was there is replaced as a whole, if `overwrite` says so.
     """
-    target = Path(os.path.realpath(target))
-    if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise ShockError(f"Cannot write to the folder {target.parent}; choose another output.")
+    real = real_place(target)
+    if not real.is_dir():
+        check_plain(real)
+    _check_writable(real.parent)
     with contextlib.ExitStack() as stack:
-        folder = temporary_folder(target.parent, stack)
-        stage, replaced = folder / target.name, folder / "replaced"
-        with room(target.parent):
+        stage = temporary_folder(real.parent, stack) / target.name
+        with room(real.parent):
             yield stage
-        if target.exists():
-            if not overwrite:
-                raise ShockError(
-                    f"{target} exists already; add --overwrite or choose another output."
-                )
-            os.replace(target, replaced)
-        try:
-            os.replace(stage, target)
-        except OSError:
-            if replaced.exists():
-                os.replace(replaced, target)
-            raise
+        with taking(target) as announce:
+            if real.exists() and not overwrite:
+                raise _exists(target)
+            announce(stage)
+            move_all([(stage, real)])
 
 
-def temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
-    """Make a folder that goes at the end, or in a later run if this one is killed."""
-    _remove_left_over(parent)
-    # What workers of a cluster still write there is left to a later run.
-    made = tempfile.TemporaryDirectory(prefix=_PREFIX, dir=parent, ignore_cleanup_errors=True)
-    folder = Path(stack.enter_context(made))
-    stack.enter_context(_held(folder))
-    return folder
+def real_place(target: Path) -> Path:
+    """Where a file is written that a name means: what it points to, if it is a link."""
+    real = Path(os.path.realpath(target))
+    if target.is_symlink() and (real.is_symlink() or not real.parent.is_dir()):
+        raise ShockError(f"{target} is a link to {real}, where no file can be; remove the link.")
+    return real
 
 
-@functools.cache  # once for each folder, since looking through it takes a while
-def _remove_left_over(parent: Path) -> None:
-    """Remove what runs that were killed have left in a folder."""
-    for folder in parent.glob(f"{_PREFIX}*"):
-        with contextlib.suppress(OSError), _held(folder) as is_free:
-            if is_free and time.time() - folder.stat().st_mtime > _NEW:
-                shutil.rmtree(folder)
-                folder.with_name(f"{folder.name}.blend").unlink(missing_ok=True)
+def check_plain(place: Path) -> None:
+    """Refuse to put a file where something is that is none."""
+    if place.is_dir():
+        raise ShockError(f"{place} is a folder; name a file.")
+    if place.exists() and not place.is_file():
+        raise ShockError(f"{place} is a pipe or a device, and no plain file; name another output.")
 
 
-@contextlib.contextmanager
-def _held(folder: Path) -> Iterator[bool]:
-    """Hold a folder as long as this process lives; whether no other process does."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        yield False
+def _check_writable(folder: Path) -> None:
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ShockError(f"Cannot write to the folder {folder}; choose another output.")
+
+
+def _exists(place: Path) -> ShockError:
+    return ShockError(f"{place} exists already; add --overwrite or choose another output.")
+
+
+def _side_moves(folder: Path, stage: Path, real: Path) -> list[Move]:
+    """The files beside the one that is written, and their places without links."""
+    moves: list[Move] = []
+    parent, taken = real.parent, {real}
+    for path in sorted(folder.rglob("*")):
+        if path.is_symlink() or not (path.is_dir() or path.is_file()):
+            raise ShockError(f"{path.name} is no plain file, and was not written.")
+        if path == stage or path.is_dir():
+            continue
+        named = parent / path.relative_to(folder)
+        place = Path(os.path.realpath(named))
+        if not place.is_relative_to(parent) and not _same(path, place):
+            raise ShockError(
+                f"{named} is a link, or behind one, to another folder; remove the link, or write"
+                " to another folder."
+            )
+        if place in taken:
+            raise ShockError(f"Two files would be written to {place}; choose another output.")
+        taken.add(place)
+        moves.append((path, place))
+    return moves
+
+
+def _check_free(name: str, is_main: bool, place: Path, main: str, own: Collection[str]) -> None:
+    """Refuse to replace a file of another one."""
+    if is_main or not place.exists() or name in own or name.startswith(f"{main}."):
         return
-    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
-        try:
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            is_free = True
-        except OSError:  # held, or on a disk that knows no locks
-            is_free = False
-        yield is_free
-    finally:
-        os.close(number)
+    raise ShockError(
+        f"{place} exists already and may belong to another file than {main}; write to another"
+        " folder."
+    )
 
 
 def _same(new: Path, old: Path) -> bool:
     return old.is_file() and filecmp.cmp(new, old, shallow=False)
-
-
-def _fitted(new: Path, old: Path, stack: contextlib.ExitStack) -> tuple[Path, Path]:
-    """Give a new file the permissions of the old one, and move it to the disk of a link's target.
-
-    Returns both files, the old one without links.
-    """
-    if old.exists():
-        shutil.copymode(old, new)
-    if old.is_symlink():
-        link, old = old, Path(os.path.realpath(old))
-        if old.is_symlink() or not old.parent.is_dir():
-            raise ShockError(f"{link} is a link to {old}, where no file can be; remove the link.")
-        folder = temporary_folder(old.parent, stack)
-        with room(old.parent):
-            new = Path(shutil.move(new, folder))
-    return new, old
 
 
 # --------------------------------------------------------------------------------------- full disks

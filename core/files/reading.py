@@ -121,6 +121,27 @@ def reading_back(path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Say of whatever another package raises while it writes a file that it cannot.
+
+    Raises
+    ------
+    ShockError
+        Instead. Shock Filter's own errors and those of the system pass.
+    """
+    try:
+        yield
+    except (ShockError, OSError):
+        raise
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        raise ShockError(
+            f"{path.name} was not written: what is in the input cannot be put into it ({reason})."
+            " Write another format, or the input's own."
+        ) from error
+
+
+@contextlib.contextmanager
 def reading(path: Path, any_size: bool = False) -> Iterator[None]:
     """Say of whatever a reader raises that the file may be damaged.
 

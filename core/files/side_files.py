@@ -7,27 +7,48 @@ mesh are read: no devices, and nothing that a link or ``..`` leads to elsewhere.
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterable
-from pathlib import Path, PurePosixPath
-from urllib.parse import unquote
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from urllib.parse import unquote, urlsplit
 
 from ..errors import ShockError
+from .staging import inside, within
 
 _MISSING = "left behind, as no plain files beside the input: {}"
 
 
-def relative(name: str) -> PurePosixPath:
-    """A name as a path, also if it was written on Windows."""
-    return PurePosixPath(name.strip().replace("\\", "/"))
+def located(folder: Path, name: str) -> PurePosixPath | None:
+    """A name as a path below the folder of a mesh, also if written on Windows; None if elsewhere.
+
+    Names may be absolute, or addresses of files, as some exporters write them.
+    """
+    text = name.strip()
+    if text[:5].lower() == "file:":
+        address = urlsplit(text)
+        text = unquote(address.path) if address.netloc in ("", "localhost") else text
+    text = text.replace("\\", "/")
+    for root in (os.path.abspath(folder), os.path.realpath(folder)):
+        start = root.replace("\\", "/").rstrip("/") + "/"
+        if os.path.normcase(text).startswith(os.path.normcase(start)):
+            return inside(text[len(start) :])
+    return inside(text)
+
+
+def is_absolute(name: str) -> bool:
+    """Whether a name does not depend on the folder of the mesh."""
+    text = name.strip().replace("\\", "/")
+    return text[:5].lower() == "file:" or text.startswith("/") or bool(PureWindowsPath(text).drive)
 
 
 def find(folder: Path, name: str) -> Path | None:
     """The plain file that a name means; None if there is none in or below the folder."""
-    if ".." in relative(name).parts:
-        return None
     try:
-        path = (folder / relative(name)).resolve()
+        place = located(folder, name)
+        if place is None:
+            return None
+        path = (folder / place).resolve()
         return path if path.is_relative_to(folder.resolve()) and path.is_file() else None
     except (OSError, RuntimeError, ValueError):  # too long, links in a circle, a zero in it
         return None
@@ -47,17 +68,24 @@ def read(folder: Path, name: str, size: int) -> bytes:
         return stream.read(size)
 
 
-def copy_beside(source: Path, names: Iterable[str], target: Path) -> list[str]:
-    """Copy files that a mesh file names; returns a note on those that cannot be."""
+def copy_beside(source: Path, names: Iterable[str], stage: Path) -> tuple[list[Path], list[str]]:
+    """Copy files that a mesh file names; returns the copies, and a note on those that cannot be."""
+    copies: dict[PurePosixPath, Path] = {}
     missing = []
     for name in dict.fromkeys(names):
-        found, copy = find(source.parent, name), target.parent / relative(name)
-        if found is None or copy == target:
+        found, place = find(source.parent, name), located(source.parent, name)
+        if found is None or place is None or stage.parent / place == stage:
             missing.append(name)
-            continue
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(found, copy)
-    return [_MISSING.format(", ".join(missing))] if missing else []
+        elif place not in copies:
+            copies[place] = within(stage.parent, place)
+            shutil.copyfile(found, copies[place])
+    notes = [_MISSING.format(", ".join(missing))] if missing else []
+    return list(copies.values()), notes
+
+
+def are_beside(source: Path, target: Path) -> bool:
+    """Whether two files have one folder, so that names beside one are names beside the other."""
+    return os.path.realpath(source.parent) == os.path.dirname(os.path.realpath(target))
 
 
 class Resolver:

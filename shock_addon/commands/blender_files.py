@@ -14,6 +14,7 @@ import bpy
 from ...core.errors import ShockError
 from ...core.files.output import staged
 from ...core.files.reading import check_file, reading_back
+from ...core.files.staging import beside
 
 OPEN_FILE = "-"
 _BLEND = ".blend"
@@ -92,14 +93,11 @@ def save_scene(target: Path, overwrite: bool) -> None:
     with staged(target, overwrite, own) as path:
         if ending == _BLEND:
             # In the target's own folder, as the file names others relative to where it is saved.
-            beside = target.absolute().with_name(f"{path.parent.name}.blend")
             options = {"copy": True, "check_existing": False}
-            try:
+            with beside(path, _BLEND) as saved:
                 with _reported(_UNWRITTEN, path=path):
-                    bpy.ops.wm.save_as_mainfile(filepath=str(beside), **options)
-                os.replace(beside, path)
-            finally:
-                beside.unlink(missing_ok=True)
+                    bpy.ops.wm.save_as_mainfile(filepath=str(saved), **options)
+                os.replace(saved, path)
         else:
             _, exporter, options = _SCENES[ending]
             call(exporter, filepath=str(path), **options)
@@ -108,7 +106,7 @@ def save_scene(target: Path, overwrite: bool) -> None:
 
 def _read_back(path: Path) -> None:
     """Make sure that a scene that was just written is there: its header and sizes."""
-    from ...core.files.formats.gltf import read_tree
+    from ...core.files.formats.gltf_tree import read_tree
     from ...core.files.formats.ply import PlyVertices
 
     readers = {".glb": read_tree, ".gltf": read_tree, ".ply": PlyVertices}

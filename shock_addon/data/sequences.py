@@ -19,7 +19,8 @@ import bpy
 
 from ...core.errors import Cancelled, ShockError
 from ...core.files.frames import frame_name, write_folder
-from ...core.files.output import Unfinished, temporary_folder
+from ...core.files.output import Unfinished
+from ...core.files.staging import temporary_folder
 from .skipped import Refused
 
 _FRAME = r"frame_\d+\.png"

@@ -592,7 +592,7 @@ def test_arrays_take_their_room_on_the_disk_before_they_are_filled():
     write("in.npy", picture(size=(300, 400)))
 
     def watch(fraction, message):
-        staged = next(Path().glob(".shock-filter-*/out.npy"))
+        staged = next(Path().glob(".shock-filter-*/files/out.npy"))
         assert 512 * staged.stat().st_blocks >= 300 * 400 * 3
         seen.append(fraction)
         return True

@@ -17,9 +17,8 @@ POSIX_NAMES = {
 GUARDED = {
     ("core/base/parallel.py", "register_at_fork"),  # hasattr
     ("core/base/parallel.py", "sched_getaffinity"),  # except AttributeError
-    ("core/files/output.py", "O_DIRECTORY"),  # after the import of fcntl
-    ("core/files/output.py", "O_NOFOLLOW"),
-    ("core/files/output.py", "fcntl"),  # except ImportError
+    ("core/files/staging.py", "O_NOFOLLOW"),  # after the import of fcntl
+    ("core/files/staging.py", "fcntl"),  # except ImportError
     ("core/host/rehearse_alone.py", "nice"),  # hasattr
 }
 

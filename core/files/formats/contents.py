@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..side_files import find
-from .gltf import chunk_name, glb_chunks, read_tree
+from .gltf_tree import chunk_name, glb_chunks, read_tree
 from .obj import material_files
 
 COLORS, UVS, MATERIALS, NAMES, NORMALS = "colors", "UVs", "materials", "object names", "normals"
@@ -72,7 +72,7 @@ def _of_ply(path: Path, data: bytes) -> Iterator[str]:
     header = data[: data.index(b"end_header")].decode("latin-1")
     properties: dict[str, list[str]] = {"": []}
     for words in map(str.split, header.splitlines()):
-        if words[:1] == ["element"]:
+        if words[:1] == ["element"] and len(words) > 1:
             properties[words[1]] = []
         elif words[:1] == ["property"]:
             properties[list(properties)[-1]].append(words[-1])

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import base64
-import json
-import struct
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -23,6 +21,7 @@ from ..document import (
     Ints,
     Names,
     from_unit,
+    is_invertible,
     joined,
     renewed_vertex_normals,
     stored,
@@ -30,16 +29,23 @@ from ..document import (
     transformed,
     unit,
 )
-from ..reading import check_claim
-from ..side_files import copy_beside, find, read, relative
+from ..side_files import are_beside, copy_beside, find, is_absolute, located
+from ..staging import within
+from .gltf_tree import (
+    DRACO,
+    INSIDE,
+    chunk_name,
+    description,
+    glb,
+    glb_chunks,
+    is_stored,
+    read_tree,
+    store,
+    triangles_of,
+    values_of,
+)
 
-_GLTF_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_GLTF_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-_LARGEST_ENTRY = 64  # bytes, of a matrix
-_TRIANGLES = 4
-_INSIDE = "data:"
-_DRACO = "KHR_draco_mesh_compression"
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+_MORPHS = "morph targets were left as they were: only the shape without them changed"
 
 
 class GltfFile(InPlaceDocument):
@@ -51,9 +57,11 @@ class GltfFile(InPlaceDocument):
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._in_place, self._is_beside = False, True
         self._tree, self._buffers = read_tree(path)
         self._chunks = glb_chunks(path.read_bytes())[2:]
         to_world = _gltf_matrices(self._tree)
+        self._loose: dict[int, npt.NDArray[Any]] = {}  # values of what is not stored as a whole
         self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
         blocks: list[Floats] = []
         faces: list[Ints] = []
@@ -79,9 +87,8 @@ class GltfFile(InPlaceDocument):
 
     def _primitives(self) -> Iterator[tuple[int, dict[str, Any]]]:
         for number, mesh in enumerate(self._tree.get("meshes", [])):
-            for primitive in mesh["primitives"]:
-                if primitive.get("mode", _TRIANGLES) == _TRIANGLES:
-                    yield number, primitive
+            for _, primitive in triangles_of(mesh):
+                yield number, primitive
 
     def _triangles(self) -> Iterator[tuple[dict[str, Any], slice, Ints]]:
         """Each primitive with its vertices, and its triangles as numbers of these."""
@@ -92,20 +99,22 @@ class GltfFile(InPlaceDocument):
             first += count
 
     def _array(self, number: int) -> npt.NDArray[Any]:
-        """The values of an accessor, as a view into its buffer."""
-        accessor = self._tree["accessors"][number]
-        view = self._tree["bufferViews"][accessor.get("bufferView", 0)]
-        if "bufferView" not in accessor or "sparse" in accessor or "extensions" in view:
-            raise ShockError(f"{self._path} is compressed; export it without compression.")
-        dtype = np.dtype(_GLTF_TYPES[accessor["componentType"]])
-        width = _GLTF_WIDTHS[accessor["type"]]
-        return np.ndarray(
-            (accessor["count"], width),
-            dtype,
-            self._buffers[view["buffer"]],
-            view.get("byteOffset", 0) + accessor.get("byteOffset", 0),
-            (view.get("byteStride", width * dtype.itemsize), dtype.itemsize),
-        )
+        """The values of an accessor; changes of them are written."""
+        if is_stored(self._tree["accessors"][number]):
+            return values_of(self._tree, self._buffers, number)
+        if number not in self._loose:
+            self._loose[number] = values_of(self._tree, self._buffers, number)
+        return self._loose[number]
+
+    def _store_loose(self) -> None:
+        """Give accessors that are not stored as a whole a buffer, where their values changed."""
+        for number, values in self._loose.items():
+            try:
+                found = values_of(self._tree, self._buffers, number)
+            except IndexError:  # what says which entries differ was changed with another accessor
+                found = None
+            if found is None or not np.array_equal(values, found, equal_nan=True):
+                store(self._tree, self._buffers, number, values)
 
     def _floats(self, number: int) -> npt.NDArray[np.float32]:
         array = self._array(number)
@@ -126,26 +135,33 @@ class GltfFile(InPlaceDocument):
                 accessor["max"] = values.max(axis=0).tolist()
         if moved.any():
             notes += self._drop_compressed()
+            notes += [_MORPHS] * self._has_targets("POSITION", "NORMAL")
         return notes + self._write(path)
+
+    def _has_targets(self, *names: str) -> bool:
+        targets = (primitive.get("targets", ()) for _, primitive in self._primitives())
+        return any(not {*names}.isdisjoint(each) for group in targets for each in group)
 
     def _drop_compressed(self) -> list[str]:
         """Drop the compressed copies of primitives, which stand beside what was changed."""
         dropped = [
-            primitive["extensions"].pop(_DRACO)
+            primitive["extensions"].pop(DRACO)
             for _, primitive in self._primitives()
-            if _DRACO in primitive.get("extensions", {})
+            if DRACO in primitive.get("extensions", {})
         ]
         for key in ("extensionsUsed", "extensionsRequired") if dropped else ():
-            names = [name for name in self._tree.pop(key, []) if name != _DRACO]
+            names = [name for name in self._tree.pop(key, []) if name != DRACO]
             if names:
                 self._tree[key] = names
         return ["its compressed copy (Draco) was left behind"] if dropped else []
 
     def own_files(self, target: Path) -> Collection[str]:
         # In place, buffers keep their names.
-        self._in_place = target.exists() and target.samefile(self._path)
+        self._is_beside = are_beside(self._path, target)
+        is_same = target.exists() and target.samefile(self._path)
+        self._in_place = is_same and self._is_beside
         names = self._side_files("buffers") if self._in_place else []
-        return [relative(name).as_posix() for name in names]
+        return [str(located(self._path.parent, name)) for name in names]
 
     def read_back(self, path: Path) -> Floats:
         return GltfFile(path).vertices
@@ -193,10 +209,13 @@ class GltfFile(InPlaceDocument):
             for bound in ("min", "max"):  # optional for colors, and stale now
                 self._tree["accessors"][accessor].pop(bound, None)
         if changed:
-            notes = self._drop_compressed()
+            notes = self._drop_compressed() + [_MORPHS] * self._has_targets("COLOR_0")
             return changed, notes + self._write(path)
+        names = self._side_files("buffers", "images")
+        if not self._is_beside and any(map(is_absolute, names)):
+            return 0, self._write(path)
         path.write_bytes(self._path.read_bytes())
-        return 0, copy_beside(self._path, self._side_files("buffers", "images"), path)
+        return 0, copy_beside(self._path, names, path)[1]
 
     def _renew_normals(self, positions: Floats) -> bool:
         """Compute all normals anew; whether there are some. Tangents go: readers make them."""
@@ -205,7 +224,8 @@ class GltfFile(InPlaceDocument):
         vertices, old, triangles, total = [], [], [], 0
         for primitive, rows, faces in self._triangles():
             attributes = primitive["attributes"]
-            attributes.pop("TANGENT", None)
+            for each in (attributes, *primitive.get("targets", [])):  # theirs change these
+                each.pop("TANGENT", None)
             if "NORMAL" not in attributes:
                 continue
             place, normal = attributes["POSITION"], attributes["NORMAL"]
@@ -228,29 +248,45 @@ class GltfFile(InPlaceDocument):
         return True
 
     def _write(self, path: Path) -> list[str]:
+        self._store_loose()
         binary, is_glb = b"", path.suffix.lower() == ".glb"
+        written: set[Path] = set()
         for number, (buffer, data) in enumerate(
             zip(self._tree.get("buffers", []), self._buffers, strict=True)
         ):
             uri = buffer.get("uri", "")
-            if uri.startswith(_INSIDE):
+            if uri.startswith(INSIDE):
                 buffer["uri"] = uri.partition(",")[0] + "," + base64.b64encode(data).decode()
             elif is_glb and number == 0:
                 buffer.pop("uri", None)
                 binary = bytes(data)
-            else:
-                if not self._in_place:  # a name that no other file's buffer gets
-                    buffer["uri"] = quote(f"{path.name}.{number}.bin")
-                name = path.parent / relative(unquote(buffer["uri"]))
-                name.parent.mkdir(parents=True, exist_ok=True)
-                name.write_bytes(data + self._rest(buffer, data))
-        text = json.dumps(self._tree, separators=(",", ":"), ensure_ascii=False).encode()
-        path.write_bytes(_glb(text, binary, self._chunks) if is_glb else text)
+            elif self._in_place and uri:
+                place = located(self._path.parent, unquote(uri))
+                if place is not None and is_absolute(unquote(uri)):  # not that beside the copy
+                    buffer["uri"] = quote(str(place))
+                if place is not None and path.parent / place not in written:  # models may share it
+                    file = within(path.parent, place)
+                    file.write_bytes(data + self._rest(buffer, data))
+                    written.add(file)
+            else:  # a name that no other file's buffer gets
+                buffer["uri"] = quote(f"{path.name}.{number}.bin")
+                within(path.parent, f"{path.name}.{number}.bin").write_bytes(data)
+        if not self._is_beside:
+            self._name_images_relatively()
+        text = description(self._tree)
+        path.write_bytes(glb(text, binary, self._chunks) if is_glb else text)
         notes = []
         if self._chunks and not is_glb:
             kinds = ", ".join(chunk_name(kind) for kind, _ in self._chunks)
             notes.append(f".gltf cannot hold parts of its own ({kinds}): left behind")
-        return notes + copy_beside(self._path, self._side_files("images"), path)
+        return notes + copy_beside(self._path, self._side_files("images"), path)[1]
+
+    def _name_images_relatively(self) -> None:
+        for image in self._tree.get("images", []):
+            name = unquote(image.get("uri", INSIDE))
+            place = located(self._path.parent, name) if is_absolute(name) else None
+            if place is not None:
+                image["uri"] = quote(str(place))
 
     def _rest(self, buffer: dict[str, Any], data: bytearray) -> bytes:
         """What stands behind a buffer in its file, and may be another model's."""
@@ -259,58 +295,8 @@ class GltfFile(InPlaceDocument):
 
     def _side_files(self, *kinds: str) -> list[str]:
         entries = [entry for kind in kinds for entry in self._tree.get(kind, [])]
-        uris = [entry.get("uri", _INSIDE) for entry in entries]
-        return [unquote(uri) for uri in uris if not uri.startswith(_INSIDE)]
-
-
-def read_tree(path: Path) -> tuple[dict[str, Any], list[bytearray]]:
-    """Read the description in a file, and its buffers; those in one file are one."""
-    data = path.read_bytes()
-    chunks = dict(reversed(glb_chunks(data))) if data.startswith(b"glTF") else {_JSON: data}
-    tree = json.loads(chunks.get(_JSON, b""))
-    entries = tree.get("buffers", [])
-    sizes: dict[str, int] = {}
-    for entry in entries:
-        uri = entry.get("uri", _INSIDE)
-        if not uri.startswith(_INSIDE):
-            sizes[uri] = max(entry["byteLength"], sizes.get(uri, 0))
-    files = {uri: bytearray(read(path.parent, unquote(uri), size)) for uri, size in sizes.items()}
-    buffers = []
-    for entry in entries:
-        uri = entry.get("uri")
-        if uri is None:
-            buffers.append(bytearray(chunks.get(_BINARY, b"")))
-        elif uri.startswith(_INSIDE):
-            buffers.append(bytearray(base64.b64decode(uri.partition(",")[2])))
-        else:
-            buffers.append(files[uri])
-    unstored = (each for each in tree.get("accessors", []) if "bufferView" not in each)
-    check_claim(path, sum(_LARGEST_ENTRY * each["count"] for each in unstored))
-    return tree, buffers
-
-
-def glb_chunks(data: bytes) -> list[tuple[int, bytes]]:
-    """The parts of a GLB file, each with its kind: description, buffer, and what others added."""
-    chunks, place = [], 12
-    while data.startswith(b"glTF") and place + 8 <= len(data):
-        length, kind = struct.unpack_from("<II", data, place)
-        chunks.append((kind, data[place + 8 : place + 8 + length]))
-        place += 8 + length
-    return chunks
-
-
-def chunk_name(kind: int) -> str:
-    """The four letters of a kind of part."""
-    return kind.to_bytes(4, "little").decode("latin-1")
-
-
-def _glb(text: bytes, binary: bytes, others: list[tuple[int, bytes]]) -> bytes:
-    chunks = [(_JSON, text + b" " * (-len(text) % 4))]
-    if binary or others:
-        chunks.append((_BINARY, binary + bytes(-len(binary) % 4)))
-    chunks += others
-    body = b"".join(struct.pack("<II", len(data), kind) + data for kind, data in chunks)
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+        uris = [entry.get("uri", INSIDE) for entry in entries]
+        return [unquote(uri) for uri in uris if not uri.startswith(INSIDE)]
 
 
 def _gltf_matrices(tree: dict[str, Any]) -> dict[int, Floats]:
@@ -326,7 +312,7 @@ def _gltf_matrices(tree: dict[str, Any]) -> dict[int, Floats]:
         if visits > len(nodes):
             raise InvalidMesh("The file's nodes contain each other; export it again.")
         matrix = parent @ _gltf_matrix(nodes[number])
-        if "mesh" in nodes[number] and np.linalg.det(matrix):
+        if "mesh" in nodes[number] and is_invertible(matrix):
             matrices.setdefault(nodes[number]["mesh"], matrix)
         open_nodes += [(child, matrix) for child in reversed(nodes[number].get("children", []))]
     return matrices
@@ -335,13 +321,14 @@ def _gltf_matrices(tree: dict[str, Any]) -> dict[int, Floats]:
 def _gltf_matrix(node: dict[str, Any]) -> Floats:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    x, y, z, w = map(float, node.get("rotation", (0, 0, 0, 1)))
     matrix = np.eye(4)
     matrix[:3, :3] = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
-    matrix[:3, :3] *= node.get("scale", (1.0, 1.0, 1.0))
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
     return matrix

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from codecs import BOM_UTF8
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,11 @@ from ..document import (
     decimal,
     renewed_normals,
 )
-from ..side_files import copy_beside, find
+from ..side_files import are_beside, copy_beside, find, is_absolute, located
 
 _LARGEST_LIBRARY = 1 << 26  # bytes of a file of materials, which holds no images
+_LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
+_IMAGES = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(\S.*)", re.IGNORECASE)
 
 
 class ObjFile(InPlaceDocument):
@@ -33,6 +36,7 @@ class ObjFile(InPlaceDocument):
         self._mark = BOM_UTF8 if data.startswith(BOM_UTF8) else b""
         text = re.sub(rb"\\\r?\n", b" ", data.removeprefix(BOM_UTF8))
         self.path = path
+        self._is_beside = True
         self.lines = text.splitlines(keepends=True)
         self._vertex_lines: list[int] = []
         self._normal_lines: list[int] = []
@@ -59,7 +63,8 @@ class ObjFile(InPlaceDocument):
         self._triangles, self._owners = _fans(np.array(sizes, dtype=np.int64))
         self.faces = self._corners[self._triangles, 0]
         self.parts = np.array(parts, dtype=np.int64)[self._owners]
-        if self._corners[:, 1].max(initial=-1) >= len(self._normal_values):
+        normals = self._corners[:, 1]
+        if normals.min(initial=-1) < -1 or normals.max(initial=-1) >= len(self._normal_values):
             raise InvalidMesh(f"{path}: a face names a normal that is not there; repair the file.")
 
     def _corner(self, token: bytes) -> tuple[int, int]:
@@ -74,13 +79,22 @@ class ObjFile(InPlaceDocument):
         rows = [[float(word) for word in self.lines[n].split()[1:4]] for n in lines]
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
+    def own_files(self, target: Path) -> Collection[str]:
+        self._is_beside = are_beside(self.path, target)
+        return ()
+
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
         lines = self._with_words(slice(1, 4), positions, np.flatnonzero(moved))
         fresh = bool(moved.any() and (self._corners[:, 1] >= 0).any())
         if fresh:
             self._renew_normals(lines, positions)
+        return [*self._write(path, lines), *[NEW_NORMALS] * fresh]
+
+    def _write(self, path: Path, lines: list[bytes]) -> list[str]:
+        if not self._is_beside:
+            lines = _with_relative_names(self.path.parent, lines, _LIBRARIES)
         path.write_bytes(self._mark + b"".join(lines))
-        return [*_copy_materials(self.path, self.lines, path), *[NEW_NORMALS] * fresh]
+        return _copy_materials(self.path, self.lines, path, self._is_beside)
 
     def read_back(self, path: Path) -> Floats:
         count, vertices = look_through(path)
@@ -111,8 +125,7 @@ class ObjFile(InPlaceDocument):
         old = self.read_colors()
         changed = np.flatnonzero(((colors != old) & np.isfinite(old)).any(axis=1))
         lines = self._with_words(slice(4, 7), colors, changed)
-        path.write_bytes(self._mark + b"".join(lines))
-        return len(changed), _copy_materials(self.path, self.lines, path)
+        return len(changed), self._write(path, lines)
 
     def read_uvs(self) -> tuple[Floats, Names]:
         values = [[np.nan, np.nan]]  # what corners without one point to
@@ -182,26 +195,61 @@ def look_through(path: Path) -> tuple[int, Floats]:
 
 def material_files(folder: Path, lines: list[bytes]) -> list[str]:
     """Names of the files of materials that the lines of an OBJ file name."""
-    return _named_files(folder, lines, rb"mtllib")
+    return _named_files(folder, lines, _LIBRARIES)
 
 
-def _copy_materials(source: Path, lines: list[bytes], target: Path) -> list[str]:
-    """Copy the material files that an OBJ names, and their textures, beside its copy."""
+def _copy_materials(source: Path, lines: list[bytes], stage: Path, is_beside: bool) -> list[str]:
+    """Copy the material files that an OBJ names, and their textures, beside its copy.
+
+    Where that is in another folder, absolute names in them become relative.
+    """
     libraries = material_files(source.parent, lines)
     images: list[str] = []
     for library in libraries:
         path = find(source.parent, library)
         if path is not None and path.stat().st_size < _LARGEST_LIBRARY:
             words = path.read_bytes().splitlines()
-            images += _named_files(source.parent, words, rb"map_\w+|bump|disp|decal|refl|norm")
-    return copy_beside(source, libraries + images, target)
+            images += _named_files(source.parent, words, _IMAGES)
+    copies, notes = copy_beside(source, libraries + images, stage)
+    for library in libraries if not is_beside else ():
+        copy = stage.parent / (located(source.parent, library) or "")
+        if copy in copies and copy.stat().st_size < _LARGEST_LIBRARY:
+            old = copy.read_bytes().splitlines(keepends=True)
+            copy.write_bytes(b"".join(_with_relative_names(source.parent, old, _IMAGES)))
+    return notes
 
 
-def _named_files(folder: Path, lines: list[bytes], keyword: bytes) -> list[str]:
-    # A name may hold spaces, and options may stand before it: the whole rest if there is such a
-    # file, else the last word.
-    pattern = re.compile(rb"\s*(?:" + keyword + rb")\s+(.+)", re.IGNORECASE)
-    found = {
-        match[1].strip().decode("utf-8", "replace") for match in map(pattern.match, lines) if match
-    }
-    return sorted(name if find(folder, name) else name.split()[-1] for name in found)
+def _named_files(folder: Path, lines: list[bytes], keyword: re.Pattern[bytes]) -> list[str]:
+    named = (_named_file(folder, line, keyword) for line in lines)
+    return sorted({name[0].decode("utf-8", "replace") for name in named if name})
+
+
+def _named_file(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> tuple[bytes, int] | None:
+    """The name of a file in a line, and where it begins.
+
+    A name may hold spaces, and options may stand before it: the whole rest if there is such a
+    file, else the last word.
+    """
+    match = keyword.match(line)
+    if match is None:
+        return None
+    name = match[1].rstrip()
+    if find(folder, name.decode("utf-8", "replace")) is None:
+        name = name.split()[-1]
+    return name, match.start(1) + match[1].rindex(name)
+
+
+def _with_relative_names(
+    folder: Path, lines: list[bytes], keyword: re.Pattern[bytes]
+) -> list[bytes]:
+    """Lines in which files below a folder are named as seen from it."""
+    result = []
+    for line in lines:
+        named = _named_file(folder, line, keyword)
+        if named and is_absolute(named[0].decode("utf-8", "replace")):
+            name, start = named
+            place = located(folder, name.decode("utf-8", "replace"))
+            if place is not None:
+                line = line[:start] + str(place).encode() + line[start + len(name) :]
+        result.append(line)
+    return result

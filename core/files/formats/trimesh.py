@@ -4,24 +4,30 @@
 from __future__ import annotations
 
 import io
+import itertools
+import os
 import re
 from codecs import BOM_UTF8
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...errors import ShockError
 from ...mesh.weld import weld
-from ..document import Bools, Document, Floats, Ints, joined, stored, transformed
-from ..reading import needed
+from ..document import Bools, Document, Floats, Ints, is_invertible, joined, stored, transformed
+from ..reading import needed, writing
 from ..side_files import Resolver
+from ..staging import within
 from .contents import REPLACED, contents, polygon_count
-from .gltf import read_tree
+from .gltf_tree import densified, read_tree
 from .obj import look_through
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 
 _DOUBLE = (".obj", ".off")  # all others hold 32 bits
+_LONGEST = 100  # letters of a material's name in that of a file
 
 
 def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
@@ -35,13 +41,17 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
         options = {"fix_texture": fix_texture, "skip_materials": True}
     known: dict[str, bytes] = {}
     data = _readable(path)
-    file = path if data is None else io.BytesIO(data)
+    file: Any = path if data is None else io.BytesIO(data)
+    ending = path.suffix[1:].lower()
     if path.suffix.lower() in (".glb", ".gltf"):
         tree, buffers = read_tree(path)
         uris = [buffer.get("uri") for buffer in tree.get("buffers", [])]
         known = {uri: bytes(data) for uri, data in zip(uris, buffers, strict=True) if uri}
+        dense = densified(tree, buffers)
+        if dense is not None:
+            ending, file = "gltf", io.BytesIO(dense)
     resolver = Resolver(path, known)
-    options |= {"resolver": resolver, "file_type": path.suffix[1:].lower()}
+    options |= {"resolver": resolver, "file_type": ending}
     scene = trimesh.load_scene(file, process=False, **options)
     for mesh in scene.geometry.values():
         uv = getattr(getattr(mesh, "visual", None), "uv", None)
@@ -93,13 +103,24 @@ class SceneFile(Document):
             if path.suffix.lower() == ".stl":  # it repeats a vertex in each of its triangles
                 representatives, index = weld(np.asarray(mesh.vertices))
                 mesh.faces, mesh.vertices = index[mesh.faces], mesh.vertices[representatives]
-            nodes = self._scene.graph.geometry_nodes[name]
-            matrix = self._scene.graph[nodes[0]][0] if nodes else np.eye(4)
+            matrix = self._matrix(name)
             blocks.append(transformed(np.asarray(mesh.vertices), matrix))
             faces.append(mesh.faces + first)
             self._meshes.append((mesh, matrix, slice(first, first + len(blocks[-1]))))
             first += len(blocks[-1])
         self.vertices, self.faces, self.parts = joined(blocks, faces, list(range(len(faces))))
+
+    def _matrix(self, name: str) -> Floats:
+        """From a mesh's own space to that of the scene, where the mesh first stands and is seen."""
+        nodes = self._scene.graph.geometry_nodes[name]
+        matrices = [self._scene.graph[node][0] for node in nodes] or [np.eye(4)]
+        found = next(filter(is_invertible, matrices), None)
+        if found is None:
+            raise ShockError(
+                f"{self._path}: {name} is scaled to 0, so that nothing of it is seen; set its"
+                " scale, or remove it."
+            )
+        return found
 
     def read_back(self, path: Path) -> None:
         if path.suffix.lower() == ".obj":
@@ -118,8 +139,9 @@ class SceneFile(Document):
             back = transformed(positions[rows][moved[rows]], np.linalg.inv(matrix))
             vertices[moved[rows]] = back
             mesh.vertices = vertices  # trimesh forgets stale normals by this
-        _export(self._scene, path)
-        return self._losses(path)
+        with writing(path):
+            _export(self._scene, path)
+            return self._losses(path)
 
     def _losses(self, written: Path) -> list[str]:
         notes = list(self._notes)
@@ -139,22 +161,42 @@ def _export(scene: Any, path: Path) -> None:
     if ending in (".glb", ".gltf"):
         scene.export(path, **({"embed_buffers": True} if ending == ".gltf" else {}))
     elif ending == ".obj":
-        library = path.with_name(f"{path.name}.mtl")
-        scene.export(path, digits=12, mtl_name=library.name)
-        _name_after(path, library)
+        _export_obj(scene, path)
     elif ending == ".off":
         scene.to_mesh().export(path, digits=17)
     else:
         scene.to_mesh().export(path)
 
 
-def _name_after(path: Path, library: Path) -> None:
-    """Name the images of a file's materials after the file, so that they meet no others."""
-    images = [image for image in path.parent.iterdir() if image not in (path, library)]
-    for image in images:
-        image.rename(path.with_name(f"{path.name}.{image.name}"))
-    if images:
-        names = "|".join(re.escape(image.name) for image in images)
-        text = library.read_text("utf-8")
-        text = re.sub(rf"^(map_\w+) ({names})$", rf"\1 {path.name}.\2", text, flags=re.MULTILINE)
-        library.write_text(text, "utf-8")
+def _export_obj(scene: Any, path: Path) -> None:
+    """Write an OBJ file, its materials and images, all named after it, so that they meet no others.
+
+    The names of the images come with the file, as those of its materials.
+    """
+    library = f"{path.name}.mtl"
+    options = {"digits": 12, "mtl_name": library, "return_texture": True}
+    text, files = scene.export(file_type="obj", **options)
+    path.write_bytes(text.encode())
+    names: dict[str, str] = {}
+    for name in files:
+        names[name] = library if name == library else _own_name(path, name, names.values())
+    for name, data in files.items():
+        if name == library:
+            data = _with_names(data, names)
+        within(path.parent, names[name]).write_bytes(data)
+
+
+def _own_name(path: Path, name: str, taken: Collection[str]) -> str:
+    """A name for an image, without what leads to other folders or is long."""
+    stem, ending = os.path.splitext(re.sub(r"[^\w.\- ]", "_", name).strip())
+    tries = (f"{path.name}.{stem[-_LONGEST:]}{n or ''}{ending}" for n in itertools.count())
+    return next(own for own in tries if own not in taken)
+
+
+def _with_names(data: bytes, names: dict[str, str]) -> bytes:
+    lines = data.decode("utf-8").split("\n")
+    for number, line in enumerate(lines):
+        word, _, name = line.partition(" ")
+        if word == "map_Kd" and name in names:
+            lines[number] = f"{word} {names[name]}"
+    return "\n".join(lines).encode()
