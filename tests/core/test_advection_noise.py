@@ -19,7 +19,7 @@ from flows import (
 )
 from shock_filter import core
 from shock_filter.core.base import parallel
-from shock_filter.core.filters.advection.noise import Noise
+from shock_filter.core.filters.advection.noise import SHARES, Noise
 from shock_filter.core.filters.advection.velocity import Flow
 
 SIZE = (96, 128)
@@ -386,3 +386,51 @@ def test_frames_of_the_papers_cylinder():
     assert core.flow_frames(np.zeros((5, 5, 2)), 300, 8.0, 4.0) == 1
     with pytest.raises(core.InvalidSettings, match="width"):
         core.flow_frames(velocity, 300, 0.0, 4.0)
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.2, 1.0])
+def test_as_many_cells_are_new_as_the_flow_spreads_over(spread):
+    # Where a flow spreads, its cells come from fewer ones: 1 - 1 / (1 + spread) of them are copies,
+    # and half of the noise that takes their place has the same value by chance.
+    x = np.linspace(-spread * 16, spread * 16, 33)
+    velocity = np.stack([np.tile(x, (33, 1)), np.zeros((33, 33))], axis=-1)
+    chosen = core.NoiseSettings(step=0.0, injection=0.0, divergence=1.0)
+    flow = Flow(velocity, None, None, 0.0)
+    noise = Noise(flow.size, flow.longest, chosen)
+    noise.step(flow.at(0), 0)
+    shares = noise._rates[8:-8, 8:-8] / SHARES
+    assert shares == pytest.approx(0.5 * spread / (1.0 + spread), abs=1e-3)
+
+
+def test_steps_across_and_down_are_taken_independently():
+    # At half a cell a frame each way, each of four steps is taken as often.
+    cells = cells_of(uniform(SIZE, 0.5, 0.5), 64, periodic="both", **BARE)
+    steps = [(-up, right) for up in (0, 1) for right in (0, 1)]
+    taken = [
+        [(np.roll(before, step, axis=(0, 1)) == after).all() for step in steps]
+        for before, after in itertools.pairwise(cells)
+    ]
+    assert (np.sum(taken, axis=1) == 1).all()
+    assert np.sum(taken, axis=0) == pytest.approx([16] * 4, abs=3)
+
+
+def test_places_count_as_defined_where_at_least_half_of_what_they_read_is():
+    velocity = np.full((2, 2, 2), [1.0, 0.5])
+    velocity[:, 1] = np.nan
+    for columns in (8, 9):
+        motion = Flow(velocity, (4, columns), None, 0.0).at(0)
+        assert motion.defined[0].tolist() == [(j + 0.5) / columns <= 0.5 for j in range(columns)]
+        assert (motion.right[motion.defined] == 1.0).all()
+        assert (motion.right[~motion.defined] == 0.0).all()
+
+
+def test_between_the_moments_that_are_asked_for_no_step_is_longer_than_the_longest():
+    def velocity(moment):
+        return np.full((4, 4, 2), [3.0, 4.0]) * (1.0 if moment * 32 % 1 == 0 else 10.0)
+
+    flow = Flow(velocity, None, None, 0.0, frames=65)
+    assert flow.longest == 5.0
+    for frame in (0, 1, 2, 3):
+        motion = flow.at(frame)
+        assert motion.right == pytest.approx(np.full((4, 4), 3.0))
+        assert motion.down == pytest.approx(np.full((4, 4), -4.0))

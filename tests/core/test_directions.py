@@ -146,3 +146,35 @@ def test_wrong_input_is_named():
         core.axis_directions(mesh, [0, 0, 0])
     with pytest.raises(core.Cancelled):
         core.principal_directions(mesh, progress=lambda *_: False)
+
+
+def test_turning_faces_over_changes_no_direction():
+    vertices, faces = icosphere(2)
+    rng = np.random.default_rng(0)
+    turned = faces.copy()
+    some = rng.random(len(faces)) < 0.3
+    turned[some] = turned[some][:, ::-1]
+    corners = vertices @ [1.0, 2.0, 3.0]
+    jumps = rng.normal(size=(len(faces), 3))  # each face has a slope of its own
+    wanted = core.gradient_directions(core.TriangleMesh(vertices, faces), corners[faces] + jumps)
+    jumps[some] = jumps[some][:, ::-1]
+    found = core.gradient_directions(core.TriangleMesh(vertices, turned), corners[turned] + jumps)
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+    vertices, faces = bent_sheet()
+    turned = faces.copy()
+    turned[::3] = turned[::3, ::-1]
+    for find in (
+        core.principal_directions,
+        lambda mesh: core.axis_directions(mesh, [1, 2, 3]),
+        lambda mesh: core.axis_directions(mesh, [1, 2, 3], turned=True),
+    ):
+        one, other = (find(core.TriangleMesh(vertices, each)) for each in (faces, turned))
+        np.testing.assert_allclose(other, one, atol=1e-6)
+
+
+def test_where_a_saddle_bends_alike_both_ways_there_is_no_direction():
+    vertices, faces = grid(16, 16)
+    x, y = vertices[:, 0] - 8, vertices[:, 1] - 8
+    vertices[:, 2] = (x * x - y * y) / 40
+    found = np.linalg.norm(core.principal_directions(core.TriangleMesh(vertices, faces)), axis=1)
+    assert found[inner(vertices, off=7)].max() < 0.1

@@ -340,3 +340,27 @@ def test_sharpening_around_a_hub_asks_often_and_stays_in_range():
     assert len(asked) > 100
     assert colors.min() <= out.min() and out.max() <= colors.max()
     assert out.std() > 1.02 * colors.std()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_given_flow_along_edges_goes_on_past_their_vertices(turned):
+    # It flows together on a line of edges up to a vertex, and beyond it exactly along the line.
+    vertices, faces = grid(4, 2)
+    if turned:  # the diagonals, which lie on the other side of each vertex then
+        vertices, faces = vertices * [1, -1, 1] + [0, 2, 0], faces[:, ::-1]
+    mesh = core.TriangleMesh(vertices, faces)
+    x, y, _ = centres(mesh).T
+    toward = np.where(x < 1, 3 * np.sign(1 - y), 0.0)
+    vectors = np.stack([np.ones_like(x), toward, 0 * x], axis=1) / mesh.mean_edge_length
+    end = followed(mesh, vectors, 2.0)[x < 1]
+    assert end == pytest.approx(centres(mesh)[x < 1] * [1, 0, 0] + [2, 1, 0])
+
+
+def test_the_longer_the_time_the_wider_are_features_that_stand_out():
+    mesh = core.TriangleMesh(*grid(40, 40))
+    ridge = (abs(mesh.vertices[:, 0] - 20) <= 4).astype(float)
+    middle = abs(mesh.vertices[:, 0] - 20) <= 1
+    kept = [
+        flow.above_surroundings(mesh, ridge, 1.0, time)[middle].min() for time in (256.0, 65536.0)
+    ]
+    assert kept == pytest.approx([0.0, 1.0])

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from shapes import grid
 from shock_filter import core
+from shock_filter.core.filters.fit import screening
 from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
 from shock_filter.core.host.patch import patch_around, whole_surface
@@ -62,3 +63,29 @@ def test_steps_on_scans_have_no_length():
         assert patch.settings(given).time == pytest.approx(0.8 * patch.lengths**2)
         assert patch.settings(given).beta == pytest.approx(0.9 * patch.lengths)
     assert whole_surface(sheets(1)).settings(settings) == settings
+
+
+def test_the_border_of_a_patch_stays():
+    whole = sheets(0)
+    patch = patch_around(whole, (CELLS + 1) * CELLS // 2, 400)
+    settings = Denoising(core.BeltramiGeometrySettings(), None)
+    moved = patch.whole(filter_shape(patch.surface, NAME, settings, True)).positions
+    changed = (moved != whole.positions).any(axis=1)
+    chosen = np.isin(whole.positions, patch.surface.positions).all(axis=1)
+    outside = ~chosen[whole.triangles].all(axis=1)
+    beside = np.zeros(len(changed), dtype=bool)
+    beside[whole.triangles[outside]] = True
+    assert changed.sum() > 200
+    assert not changed[beside].any()
+
+
+def test_fidelity_holds_as_much_for_each_area_of_a_patch_as_of_the_whole():
+    whole = sheets(0)
+    settings = core.GeometrySettings(fidelity=40.0)
+    patch, _ = first_sheet(whole)
+    held = []
+    for surface, chosen in ((whole, settings), (patch.surface, patch.settings(settings))):
+        mesh = core.TriangleMesh(surface.positions, surface.triangles)
+        held.append(screening(mesh, chosen) / mesh.mean_edge_length**2)
+    # A patch counts as large as its share of the triangles, which are smaller here.
+    assert held[1] == pytest.approx(held[0], rel=0.15)

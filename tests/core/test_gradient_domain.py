@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from atlases import Blocks, sample
+from scipy.ndimage import gaussian_filter
 from shapes import grid
 from shock_filter import core
 from surface_spaces import square
@@ -228,3 +229,18 @@ def test_a_sample_of_the_result_lies_where_the_mesh_shows_it():
     result = core.filter_texture(mesh, blocks.uv, image, settings)
     points = np.random.default_rng(0).uniform(4, 60, size=(500, 2))
     assert np.abs(blocks.read(result, points) - sample(blocks.picture, points / 64)).max() < 0.1
+
+
+@pytest.mark.parametrize("gain", [0.0, 4.0, "painted"])
+def test_the_mean_over_the_surface_stays_exactly(gain):
+    mesh = core.TriangleMesh(*grid(1, 1))
+    uv = mesh.vertices[mesh.faces][..., :2]
+    random = np.random.default_rng(0)
+    image = gaussian_filter(random.random((64, 64)), 3.0)
+    if gain == "painted":
+        gain = 4.0 * (gaussian_filter(random.random((64, 64)), 6.0) > 0.5)
+    result = core.filter_texture(mesh, uv, image, core.FilterSettings(radius=200.0), gain)
+    # Texels along the rim have cells beyond the outermost samples: inside they all count alike.
+    change = result - image
+    assert np.abs(change).max() > 0.01
+    assert abs(change.mean()) < 1e-6

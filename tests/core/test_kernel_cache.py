@@ -57,6 +57,7 @@ def factor():
 def module(tmp_path, monkeypatch):
     """Return a function that imports a module with a kernel anew, as another process would."""
     monkeypatch.setattr("numba.config.CACHE_DIR", "")
+    monkeypatch.setattr(cache_folder, "chosen", None)
     path = tmp_path / "doubling.py"
     path.write_text(SOURCE)
 
@@ -73,6 +74,7 @@ def module(tmp_path, monkeypatch):
 def package(tmp_path, monkeypatch):
     """Return a package's folder, and a function that imports it anew, as another process would."""
     monkeypatch.setattr("numba.config.CACHE_DIR", "")
+    monkeypatch.setattr(cache_folder, "chosen", None)
     monkeypatch.syspath_prepend(tmp_path)
     folder = tmp_path / "scaling"
     for name, text in PACKAGE.items():

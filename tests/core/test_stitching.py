@@ -87,6 +87,33 @@ def test_the_step_between_two_pictures_vanishes(as_labels):
     assert np.abs(np.delete(slope, 15) - 0.4 / 31).max() < 1e-3
 
 
+def test_steps_between_labels_of_one_picture_vanish():
+    mesh, uv = plain()
+    image = np.tile(np.linspace(0.1, 0.5, 32), (32, 1))
+    right = np.tile(np.arange(32) >= 16, (32, 1))
+    settings = core.StitchSettings(radius=1e4)
+    broken = image + 0.4 * right
+    result = core.stitch_textures(mesh, uv, broken, settings, labels=7 * right)
+    slope = np.diff(result, axis=1)
+    assert np.abs(np.delete(slope, 15, axis=1) - 0.4 / 31).max() < 5e-3
+    assert np.abs(slope[:, 15]).max() < 0.5 / 31  # where nothing is known
+    without = core.stitch_textures(mesh, uv, broken, settings)
+    assert np.abs(without - broken).max() < 1e-3
+
+
+def test_labels_that_cross_seams_hide_their_steps():
+    blocks, mesh, image = of_square(64)
+    atlas = inside_of(mesh, blocks)
+    right = atlas.bake(mesh.vertices[mesh.faces])[..., 0] > 30
+    settings = core.StitchSettings(radius=1e5)
+    broken = image + np.float32(0.3) * right[..., None]
+    result = core.stitch_textures(mesh, blocks.uv, broken, settings, labels=right.astype(int))
+    error = (result - image)[atlas.inside]
+    error -= error.mean(axis=0)
+    # Along the step the slope is unknown, and so lost.
+    assert np.sqrt(np.mean(error**2)) < 0.04
+
+
 def test_what_nobody_knows_is_filled_smoothly():
     mesh, uv = plain()
     image = np.tile(np.linspace(0.0, 1.0, 32), (32, 1))
