@@ -83,7 +83,8 @@ def _seen_by_pillow(path: Path) -> npt.NDArray[np.float64] | None:
             warnings.simplefilter("ignore")
             with Image.open(path, formats=("TIFF",)) as image:
                 if image.mode.startswith("I;16"):
-                    bits = image.tag_v2.get(_BITS, (16,))[0]
+                    tags: Any = getattr(image, "tag_v2", {})
+                    bits = tags.get(_BITS, (16,))[0]
                     return _means(np.asarray(image)) / (2.0**bits - 1)
                 if image.mode in ("I", "F"):
                     return None

@@ -172,7 +172,7 @@ def _claimed_sizes(path: Path) -> dict[str, int]:
     with zipfile.ZipFile(path) as archive:
         for member in archive.infolist():
             with archive.open(member) as stream:
-                version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+                version = np.lib.format.read_magic(stream)
                 read = _HEADERS.get(version, np.lib.format.read_array_header_2_0)
                 shape, _, kind = read(stream)
             claimed = math.prod(shape) * kind.itemsize

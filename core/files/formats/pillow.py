@@ -62,7 +62,7 @@ def read_pillow(path: Path) -> ImageFile:
             about[EXIF] = exif
             if had_thumbnail:
                 image_file.notes.append(_OLD_THUMBNAIL)
-        if image.format == "PNG":
+        if png is not None:
             data = png.pixels
             about |= png.about()
             image_file.own, damaged, stale = _lasting_chunks(png.data)

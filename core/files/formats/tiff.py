@@ -82,7 +82,9 @@ def _has_odd_depth(page: Any) -> bool:
 def _scaled(pixels: npt.NDArray[Any], bits: int) -> npt.NDArray[Any]:
     """Scale whole numbers of some bits to the next larger type, white to white."""
     kind = np.dtype(np.uint8 if bits < 8 else np.uint16)
-    steps = np.iinfo(kind).max * np.arange(1 << bits, dtype=np.float64) / ((1 << bits) - 1)
+    steps = (
+        (255 if bits < 8 else 65535) * np.arange(1 << bits, dtype=np.float64) / ((1 << bits) - 1)
+    )
     return np.rint(steps).astype(kind)[pixels.astype(np.uint16)]
 
 
