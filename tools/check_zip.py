@@ -48,10 +48,13 @@ OPTIONAL = {
     "OpenEXR",
     "xarray",
     "netCDF4",
+    "h5py",
     "zarr",
+    "numcodecs",
     "imageio_ffmpeg",
     "dask",
     "distributed",
+    "cryptography",
 }
 
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)

@@ -20,7 +20,7 @@ class Moving:
 
     def __init__(self, mesh, uv, size, vector, settings=STILL):
         self.atlas = core.TextureAtlas(mesh, uv, size, size)
-        field = np.tile(np.asarray(vector, dtype=float), (mesh.face_count, 1))
+        field = np.tile(np.asarray(vector, dtype=float), (mesh.face_count, 3, 1))
         field *= self.atlas.texel_size / mesh.mean_edge_length  # texels to edges
         self.flow = _SurfaceFlow(self.atlas, field, settings.step)
         self.noise = _SurfaceNoise(self.flow, settings)
@@ -51,7 +51,39 @@ class Moving:
             self.frame += 1
 
 
-@pytest.mark.parametrize("vector", [(2, 0), (0, -3), (1, 1), (-4, 2)])
+def on_surface(moving, nodes):
+    """Where nodes of the sheet lie in the plane, and how steps down and across lead from there."""
+    atlas = moving.atlas
+    y, x = np.divmod(nodes, atlas.sheet.nodes.shape[1])
+    faces = atlas.sheet.nodes[y, x]
+    a, b, c = np.moveaxis(atlas.sheet.points[faces], 1, 0)
+    corners = atlas.mesh.vertices[atlas.mesh.faces[faces]][..., :2]
+    sides = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    steps = sides @ np.linalg.inv(np.stack([b - a, c - a], axis=2))
+    return corners[:, 0] + np.einsum("nij,nj->ni", steps, np.stack([y, x], axis=1) - a), steps
+
+
+@pytest.mark.parametrize("angle", [None, 0.4])
+def test_cells_beyond_seams_are_those_that_whole_steps_lead_to(angle):
+    # Of each node whose step leaves its chart, four: one whole step shorter or longer each way.
+    mesh, uv, size = square(64, True, angle)
+    moving = Moving(mesh, uv, size, (2.6, -1.3, 0))
+    flow, beyond = moving.flow, moving.flow.beyond
+    place, steps = on_surface(moving, beyond.nodes)
+    velocity = np.array([2.6, -1.3]) * moving.atlas.texel_size
+    step = np.linalg.solve(steps, np.tile(velocity, (len(steps), 1))[..., None])[..., 0]
+    for k in range(4):
+        whole = np.floor(step) + 1 - [k >> 1, k & 1]
+        wanted = place - np.einsum("nij,nj->ni", steps, whole)
+        known = (beyond.sources[:, k] != NOTHING) & ((wanted > 2) & (wanted < 62)).all(axis=1)
+        found, _ = on_surface(moving, beyond.sources[known, k])
+        off = np.abs(found - wanted[known]).max(axis=1) / moving.atlas.texel_size
+        assert known.mean() > 0.6
+        assert np.quantile(off, 0.98) < (0.01 if angle is None else 0.75)  # the nearest texel
+    assert flow.reach < 4
+
+
+@pytest.mark.parametrize("vector", [(2, 0), (-4, 2)])
 def test_whole_steps_shift_the_noise_over_turned_and_mirrored_charts(vector):
     mesh, uv, size = square(64, True, None)
     moving = Moving(mesh, uv, size, (*vector, 0))

@@ -236,6 +236,25 @@ def test_a_uniform_given_flow_is_straight_across_seams_as_without(angle, way):
         assert (np.quantile(errors, [0.5, 0.9, 1.0]) < [1e-4, 5e-3, 0.5]).all()
 
 
+@pytest.mark.parametrize("angle", [None, 0.3])
+def test_normals_that_cross_seams_point_the_same_way_in_space(angle):
+    # One direction in the plane, as the charts' own frames have it; long walks cross several seams.
+    blocks = Blocks(np.zeros((64, 64, 1)), angle)
+    mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
+    pitch = blocks.width // 4
+    colors = np.array([0.5 + 0.5 * turn @ [0.6, -0.3] for turn in blocks.turns])
+    image = np.kron(colors.reshape(4, 4, 2), np.ones((pitch, pitch, 1))).astype(np.float32)
+    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    values = atlas.gather(image)
+    fill_ghosts(atlas.sheet, atlas.sources, values, -1, 0.5)
+    flow = given_flow(atlas, np.tile([0.7, 0.4, 0.0], (mesh.face_count, 1)))
+    for time in (10.0, 45.0):
+        out = values.copy()
+        advect.advect_texels(atlas, values, BOTH, flow, time, out, normals=True)
+        inside = atlas.sheet.nodes >= 0
+        assert np.abs(out - values)[inside].max() < 1e-4
+
+
 def test_a_given_flow_lies_on_the_surface_and_ends_at_its_border():
     # Up a slope of 3 in 4, lengths on it are 5/4 of those in the plane.
     blocks = Blocks(np.zeros((64, 64, 1)), None)

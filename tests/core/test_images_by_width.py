@@ -9,7 +9,7 @@ from scipy import ndimage
 from scipy.special import erf
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
-from shock_filter.core.filters.dials import counted_width, tell_widths
+from shock_filter.core.filters.dials import counted_width, plan_of, tell_widths
 from shock_filter.core.filters.images_by_width import measured
 from shock_filter.core.grid.channels import channel_groups
 from shock_filter.core.grid.windows import gaussian, least_and_greatest, smooth
@@ -303,3 +303,41 @@ def test_widths_are_told_so_that_they_make_sense(result, sentence):
     with gathering() as found:
         tell_widths("pixels", 9.2, 100, result)
     assert list(map(str, found)) == [sentence]
+
+
+def test_beside_opacity_straight_colors_are_sharpened_as_premultiplied_ones_are_smoothed():
+    # Photos with borders of 2 pixels are not moved, but half of the unsharp part is added.
+    random = np.random.default_rng(20)
+    colors = np.kron(random.random((6, 8, 3)), np.ones((8, 8, 1)))
+    alpha = np.clip(np.linspace(1.6, -0.6, 64), 0, 1)[None, :, None] * np.ones((48, 1, 1))
+    image = np.concatenate([colors, alpha], axis=2)
+    found = by_width(image, what="photo", width=2.0)
+    plan = plan_of("photo", 2.0)
+    assert plan.square == 0
+    weights = gaussian(plan.blur)
+    row = np.concatenate([weights[:0:-1], weights]).astype(np.float64)
+
+    def blurred_by_row(plane):
+        for axis in (0, 1):
+            plane = ndimage.convolve1d(plane, row, axis=axis, mode="reflect")
+        return plane
+
+    visible = alpha[..., 0] > 0
+    spread = blurred_by_row(alpha[..., 0])
+    for c in range(3):
+        smoothed = blurred_by_row(colors[..., c] * alpha[..., 0]) / np.maximum(spread, 1e-30)
+        low = ndimage.minimum_filter(np.where(visible, colors[..., c], np.inf), 3)
+        high = ndimage.maximum_filter(np.where(visible, colors[..., c], -np.inf), 3)
+        added = plan.unsharp * (colors[..., c] - smoothed)
+        sharp = np.clip(colors[..., c] + added, low, high)
+        wanted = colors[..., c] + (1.0 - plan.share) * (sharp - colors[..., c])
+        np.testing.assert_allclose(found[visible, c], wanted[visible], atol=1e-5)
+    np.testing.assert_allclose(found[~visible], image[~visible], atol=1e-7)
+    assert np.abs(found - image)[visible].max() > 0.01
+
+
+@pytest.mark.parametrize("sigma", [0.8, 1.0, 1.2])
+def test_narrow_borders_are_measured_as_wide_as_they_are(sigma):
+    image = np.concatenate([edge(sigma, degrees=degrees)[0] for degrees in (0, 20, 45, 70)], axis=1)
+    found = found_in(image[..., None]).borders.width
+    assert found == pytest.approx(WIDTH_OF_SIGMA * sigma, rel=0.05)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 from shock_filter import core
+from shock_filter.core.atlas.cut import _jumps
 from shock_filter.core.atlas.operators import TextureSpace
 from surface_spaces import in_full, positions, space_of, square
 
@@ -321,3 +322,14 @@ def test_faces_without_area_in_space_are_left_out():
     matrix, _ = in_full(space, 0.1)
     assert np.isfinite(matrix.data).all()
     assert (matrix.diagonal() > 0).all()
+
+
+@pytest.mark.parametrize("stretch", [0.5, 0.9, 2.0, 4.0])
+def test_lengths_jump_by_their_ratio_over_the_longer_texel(stretch):
+    one, other = np.eye(2), stretch * np.eye(2)
+    twins = np.array([[3, -1, -1], [0, -1, -1]], dtype=np.int32)
+    jumps = _jumps(twins, np.stack([one, other])).reshape(2, 3)
+    longer = np.sqrt(2.0) * max(1.0, stretch)
+    expected = np.sqrt(2.0) * abs(stretch - 1.0 / stretch) * longer
+    assert jumps[:, 0] == pytest.approx([expected, expected])
+    assert (jumps[:, 1:] == 0).all()
