@@ -154,8 +154,8 @@ def test_straight_walks_follow_the_unfolded_surface():
         away = start - third + rng.normal(size=2)
         away *= rng.uniform(1, 25) / np.linalg.norm(away)
         end = start + away
-        side = np.cross(cut.points[f, (k + 1) % 3] - cut.points[f, k], third - start)
-        leaves = np.cross(cut.points[f, (k + 1) % 3] - cut.points[f, k], away) * side < 0
+        normal = [-1, 1] * (cut.points[f, (k + 1) % 3] - cut.points[f, k])[::-1]
+        leaves = (normal @ away) * (normal @ (third - start)) < 0
         if (end < 0).any() or (end > 59).any() or not leaves:
             continue
         face, cosine, sine = exponential_map(

@@ -315,11 +315,12 @@ def test_no_dask_is_said(folder, capsys, monkeypatch):
 
 
 def test_local_workers_are_reached_by_this_run_alone(folder):
+    me = psutil.Process()
+    others = set(me.children(recursive=True))  # the scheduler of other tests
     with scheduler.connected("local") as client:
-        me = psutil.Process()
         sockets = [
             socket
-            for process in (me, *me.children(recursive=True))
+            for process in {me, *me.children(recursive=True)} - others
             for socket in process.net_connections("inet")
             if socket.status == psutil.CONN_LISTEN
         ]

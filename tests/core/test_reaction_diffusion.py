@@ -135,8 +135,8 @@ def at_places(mesh, uv, image, places):
     value = np.full(len(x), np.nan)
     for n in range(len(x)):
         p = np.array([x[n], y[n]])
-        det = np.cross(b - a, c - a)
-        second, third = np.cross(p - a, c - a) / det, np.cross(b - a, p - a) / det
+        sides = np.stack([b - a, c - a], axis=2)
+        second, third = np.linalg.solve(sides, (p - a)[..., None])[..., 0].T
         face = int(np.argmax(np.minimum(np.minimum(second, third), 1 - second - third)))
         shares = np.array([1 - second[face] - third[face], second[face], third[face]])
         value[n] = sample(image, (shares @ uv[face])[None, None])[0, 0, 1]

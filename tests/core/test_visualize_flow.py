@@ -183,7 +183,8 @@ def test_targets_are_checked_before_anything_is_read(folder, capsys):
     [
         (np.full((4, 4, 2), np.inf), "infinity or values beyond 1e30"),
         (np.full((4, 4, 2), 2000.0), "give at most 1000"),
-        (np.array([["a"]]), "has the shape"),
+        (np.array([["a"]]), "holds values of type <U1; save real numbers"),
+        (np.zeros((4, 4)), "has the shape"),
     ],
 )
 def test_velocities_that_cannot_be_used_are_named(folder, capsys, velocity, sentence):
