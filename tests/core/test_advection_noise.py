@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Noise that moves with a flow (paper D, section 4)."""
 
+import gc
 import itertools
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
@@ -299,6 +300,7 @@ def test_memory_does_not_grow_and_is_freed():
         many, _ = tracemalloc.get_traced_memory()
         frames.close()
         del frames
+        gc.collect()
         left, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -177,7 +177,8 @@ def test_jpeg_colors_stay_as_they_were():
 )
 def test_other_colors_are_refused_by_name(kind, name):
     shape = {"separated": (16, 16, 4), "cfa": (16, 16)}.get(kind, (16, 16, 3))
-    tifffile.imwrite("in.tif", np.zeros(shape, np.uint8), photometric=kind, metadata=None)
+    planar = {} if len(shape) == 2 else {"planarconfig": "contig"}
+    tifffile.imwrite("in.tif", np.zeros(shape, np.uint8), photometric=kind, metadata=None, **planar)
     with pytest.raises(core.ShockError, match=name.replace("*", r"\*")):
         sharpen_image_file("in.tif", "out.tiff", STILL)
 
