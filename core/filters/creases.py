@@ -70,7 +70,7 @@ _RINGS = 5
 _PASSES = 12
 """Smoothing passes that add up the bending around a vertex: over about four edges."""
 
-_ROUNDING = 1e-9
+_ROUNDING = 1e-12
 """Costs that differ by less are the same, and rounding made the difference."""
 
 _MOST_FAN = 32
@@ -431,7 +431,17 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
             out[f] = own
             continue
         # Between costs that rounding tells apart a direction decides, not the order of faces.
-        best, choice = uneven[f] + pull * (1.0 - dot(own, means[f])), f
+        best = uneven[f] + pull * (1.0 - dot(own, means[f]))
+        for k in range(3):
+            v = faces[f, k]
+            first, last = corner_start[v], corner_start[v + 1]
+            stride = 1 + (last - first - 1) // _MOST_FAN
+            for i in range(first, last, stride):
+                g = corners[i] // 3
+                best = min(best, uneven[g] + pull * (1.0 - dot(own, means[g])))
+        choice, most = f, -2.0
+        if uneven[f] + pull * (1.0 - dot(own, means[f])) <= best + _ROUNDING:
+            most = dot(TIE_BREAKER, means[f])
         for k in range(3):
             v = faces[f, k]
             first, last = corner_start[v], corner_start[v + 1]
@@ -439,11 +449,8 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
             for i in range(first, last, stride):
                 g = corners[i] // 3
                 cost = uneven[g] + pull * (1.0 - dot(own, means[g]))
-                is_alike = abs(cost - best) <= _ROUNDING
-                if cost < best - _ROUNDING or (
-                    is_alike and dot(TIE_BREAKER, means[g]) > dot(TIE_BREAKER, means[choice])
-                ):
-                    best, choice = min(cost, best) if is_alike else cost, g
+                if cost <= best + _ROUNDING and dot(TIE_BREAKER, means[g]) > most:
+                    most, choice = dot(TIE_BREAKER, means[g]), g
         out[f] = means[choice]
         make_unit(out[f])
 
