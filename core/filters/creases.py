@@ -100,6 +100,12 @@ class Regions(NamedTuple):
     radius: float
     too_wide: bool
 
+    def among(self, chosen: npt.NDArray[np.bool_]) -> Regions:
+        """Return the regions of some faces only."""
+        return self._replace(
+            use=self.use[chosen], creased=self.creased[chosen], wide=self.wide[chosen]
+        )
+
     @property
     def closed(self) -> npt.NDArray[np.bool_]:
         """The faces along creases that are closed: (m,)."""

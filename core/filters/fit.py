@@ -27,7 +27,7 @@ from ..mesh.calculus import (
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import BeltramiGeometrySettings, FitSettings, GeometrySettings
-from .slide import LOOSE, further_steps, turns
+from .slide import LOOSE, further_steps, turns, unfold
 
 log = logging.getLogger(__name__)
 
@@ -164,6 +164,7 @@ def displacement(
                 rhs,
                 TOLERANCE if steps == 1 else LOOSE,
                 multigrid=multigrid,
+                precise=steps > 1,  # in which the order of vertices would grow from rounding
                 message="Fitting the surface",
             )
         if steps > 1:
@@ -223,6 +224,7 @@ def refitted(
         moved = step if turn == 0 else moved + step
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)
+            unfold(mesh, moved)
         if turn + 1 < settings.repeat:
             current = mesh.moved_to(mesh.vertices + moved)
     return moved

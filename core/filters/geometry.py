@@ -216,7 +216,10 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
         begin = 0.25
         with phase(0.0, begin, "Finding creases"):
             regions = find_regions(mesh, settings.widest_fillet)
-        tell_creases(regions)
+        if weights is None:
+            tell_creases(regions)
+        elif weights.any():
+            tell_creases(regions.among((weights[mesh.faces] > 0).any(axis=1)))
         if not regions.creased.any():
             steps = 1  # without creases to slide onto, more gain nothing
     with phase(begin, 1.0, "Sharpening"):

@@ -27,7 +27,9 @@ from ..mesh.calculus import cosines, cotangents_of, greatest_to_faces, greatest_
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 LOOSE = 0.05
-"""Residual of the first step's solve where others follow: they make up for it."""
+"""Residual of the first step's solve where others follow. A closer one would bend flat sides near
+creases, as the first step's minimum does, and the others would have to undo it: on remeshed parts
+normals would be off by 2 to 20 % more."""
 
 _TURNING = np.radians(1.0)
 """Faces that are to turn by more move on after the first step."""
@@ -56,20 +58,23 @@ _KEPT_SHAPE = 0.1, 0.5
 _SLIDE = 0.5
 """How much of the way to the mean of its neighbours a vertex slides in a step."""
 
-_HEIGHT = 0.05
-"""Height that turned faces are given, relative to their longest edge."""
+_HEIGHT, _LOWER = 0.05, 0.8
+"""Height of turned faces, relative to their longest edge, and how much less in each next round."""
 
-_SLIDES, _RETREATS = 20, 16
-"""Rounds in which turned faces get a height; in which their vertices go back."""
+_SLIDES, _RETREATS, _RETURNS = 20, 32, 8
+"""Rounds in which turned faces get a height; in which their vertices go back; go back fully."""
 
-_LEAST_COSINE = 0.3
-"""Of the angle to the target, below which a face has turned."""
+_RETREAT = 0.9
+"""What is left of a move in each round in which vertices go back."""
 
 _FOLD = np.cos(np.radians(150.0))
 """Cosine of the angle over an edge, below which its faces are folded onto each other."""
 
 _ALIKE = 1e-9
 """Relative difference of squared lengths that rounding may make."""
+
+_NOWHERE = -1
+"""The number of the face across a border."""
 
 _CHUNK = 8192
 """Rows that one sum runs over, so that its rounding is the same on any number of cores."""
@@ -152,7 +157,7 @@ def _cut_out(
     areas = mesh.areas[chosen]
     halves = cotangents_of(vertices, faces, areas)
     screen = system.screen[index]
-    face_number = np.full(mesh.face_count + 1, -1, dtype=np.int32)
+    face_number = np.full(mesh.face_count + 1, _NOWHERE, dtype=np.int32)
     face_number[chosen] = np.arange(len(chosen), dtype=np.int32)
     twins = mesh.twins[chosen]
     across = face_number[np.where(twins >= 0, twins // 3, mesh.face_count)]
@@ -206,13 +211,13 @@ def _evened(piece: _Piece, moved: Floats, rounds: int) -> Floats:
         sliding = np.flatnonzero(needs)
         moved[vertices[sliding]] += slides[sliding]
         # What lies farther has the shape that it had.
-        faces = _faces_around(piece, vertices[sliding])
+        faces = _faces_around(piece.corners, vertices[sliding])
         vertices = np.unique(piece.faces[faces])
     return moved
 
 
-def _faces_around(piece: _Piece, vertices: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    start, corners = piece.corners
+def _faces_around(mesh_corners: tuple[Ints, Ints], vertices: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    start, corners = mesh_corners
     counts = start[vertices + 1] - start[vertices]
     skipped = start[vertices] - (np.cumsum(counts) - counts)
     return np.unique(corners[np.arange(counts.sum()) + np.repeat(skipped, counts)] // 3)
@@ -231,39 +236,65 @@ def _sum(function: Callable[..., None], *arguments: Any) -> float:
 
 
 def _without_turned(piece: _Piece, moved: Floats) -> Floats:
-    # Vertices around faces that have turned over or folded slide on; those that stay so go back,
-    # half of their way each time and at last all of it.
+    # Vertices around faces that have turned over or folded slide on; those that stay so, and were
+    # not so before, go back, a little each time and at last all of their way.
     fixed, around = piece.system.fixed, np.arange(len(piece.faces))
     units = _unit_normals(piece.vertices[piece.faces])
-    least = np.clip(_row_dots(units, piece.normals), -1.0, _LEAST_COSINE)
-    edges_before = _cosines_across(units, piece.across, around)
-    for attempt in range(_SLIDES + _RETREATS):
+    least = np.minimum(_row_dots(units, piece.normals), 0.0)
+    folded_before = _folded(units, piece.across, around)
+    rounds = _SLIDES + _RETREATS + _RETURNS
+    for attempt in range(rounds + 1):
         x = piece.vertices[piece.faces[around]] + moved[piece.faces[around]]
         units[around] = _unit_normals(x)
-        bent = _cosines_across(units, piece.across, around)
-        folded = (bent < _FOLD) & (edges_before[around] >= _FOLD)
-        turned = _row_dots(units[around], piece.normals[around]) < least[around]
+        folded = _folded(units, piece.across, around) & ~folded_before[around]
+        upright = 0.0 if attempt < _SLIDES else least[around]
+        turned = _row_dots(units[around], piece.normals[around]) < upright
         bad = around[(turned & (piece.shapes[around] > 0)) | folded.any(axis=1)]
         if len(bad) == 0:
             break
-        faces = piece.faces[bad]
+        if attempt == rounds:
+            tell("Faces that stay folded: {count}.", count=len(bad))
+            break
         if attempt < _SLIDES:
-            _give_height(piece, moved, bad)
-        elif attempt < _SLIDES + _RETREATS // 2:
-            moved[faces[~fixed[faces]]] *= 0.5
+            _give_height(piece, moved, bad, _HEIGHT * _LOWER**attempt)
         else:
-            moved[faces[~fixed[faces]]] = 0.0
-        around = _faces_around(piece, np.unique(faces))
-    else:
-        tell("Faces that stay folded: {count}.", count=len(bad))
+            corners = np.unique(piece.faces[bad])
+            left = _RETREAT if attempt < _SLIDES + _RETREATS else 0.0
+            moved[corners[~fixed[corners]]] *= left
+        around = _faces_around(piece.corners, np.unique(piece.faces[bad]))
     return moved
 
 
-def _give_height(piece: _Piece, moved: Floats, chosen: npt.NDArray[Any]) -> None:
+def unfold(mesh: TriangleMesh, moved: Floats) -> None:
+    """Take moves back, in place and bit by bit, where faces were folded onto each other.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    moved : (n, 3) float64
+        The displacement, in the unit of `mesh.vertices`.
+    """
+    across = np.where(mesh.twins >= 0, mesh.twins // 3, _NOWHERE)
+    around = np.arange(mesh.face_count)
+    units = _unit_normals(mesh.vertices[mesh.faces])
+    folded_before = _folded(units, across, around)
+    for attempt in range(_RETREATS + _RETURNS):
+        units[around] = _unit_normals((mesh.vertices + moved)[mesh.faces[around]])
+        folded = _folded(units, across, around) & ~folded_before[around]
+        bad = around[folded.any(axis=1)]
+        if len(bad) == 0:
+            break
+        corners = np.unique(mesh.faces[bad])
+        moved[corners] *= _RETREAT if attempt < _RETREATS else 0.0
+        around = _faces_around(mesh.corners, corners)
+
+
+def _give_height(piece: _Piece, moved: Floats, chosen: npt.NDArray[Any], least: float) -> None:
     """Move the corner opposite the longest edge to the right side of it, in the target's plane.
 
-    A corner of several faces moves by their mean. Of edges of one length the corner decides that
-    lies farthest along a direction, so that the order of corners does not matter.
+    Its height is then `least` of that edge or more. A corner of several faces moves by their mean.
+    Of edges of one length the corner decides that lies farthest along a direction, so that the
+    order of corners does not matter.
     """
     faces, normals = piece.faces[chosen], piece.normals[chosen]
     x = piece.vertices[faces] + moved[faces]
@@ -277,7 +308,7 @@ def _give_height(piece: _Piece, moved: Floats, chosen: npt.NDArray[Any]) -> None
     base = np.roll(x, -1, axis=1)[rows]
     height = _row_dots(x[rows] - base, inward)
     corners = faces[rows]
-    rise = np.maximum(np.where(piece.system.fixed[corners], 0.0, _HEIGHT * length - height), 0.0)
+    rise = np.maximum(np.where(piece.system.fixed[corners], 0.0, least * length - height), 0.0)
     total, count = np.zeros_like(moved), np.zeros(len(moved))
     np.add.at(total, corners, rise[:, None] * inward)
     np.add.at(count, corners, rise > 0)
@@ -294,11 +325,13 @@ def _row_dots(one: Floats, other: Floats) -> Floats:
     return np.einsum("fx,fx->f", one, other)
 
 
-def _cosines_across(units: Floats, across: Ints, chosen: npt.NDArray[Any]) -> Floats:
-    """Return the cosine of the angle over each edge of some faces; 1 where nothing is across."""
+def _folded(
+    units: Floats, across: npt.NDArray[Any], chosen: npt.NDArray[Any]
+) -> npt.NDArray[np.bool_]:
+    # Over which edges some faces are folded onto the faces across: (k, 3).
     others = across[chosen]
     cosines = np.einsum("fx,fkx->fk", units[chosen], units[others])
-    return np.where(others >= 0, cosines, 1.0)
+    return (cosines < _FOLD) & (others != _NOWHERE)
 
 
 @kernel

@@ -23,10 +23,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel
-from ..base.vectors import after, cross, dot, edge
+from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
 from ..mesh.triangle_mesh import Floats, Ints
 
 _MOST_RESTS = 30
+
+_ROUNDING = 1e-9
+"""Relative difference that rounding may make: of where an edge is crossed, and of steepness."""
 
 MOST_AROUND = 1000
 """Faces around a vertex that a walk looks at or crosses; it ends at, or around, one with more."""
@@ -153,22 +156,23 @@ def _edge_away(potential, triangles, rates, f, k):
 
 
 @kernel
-def _leave_vertex(triangles, field, f, k, came):
+def _leave_vertex(triangles, field, f, k, arrival):
     # Where to go from corner k of face f, around its vertex: along the shock flow in the direction
-    # of steepest descent, along a given field in the one closest to straight on. `came` says along
-    # which half-edge of the first face the walk arrived: 0 along the one leaving the corner, 1
-    # along the one that ends there. Returns (face, corner, kind): kind 0 nothing, 1 into the face,
-    # 2 along the half-edge that leaves the corner.
+    # of steepest descent, along a given field in the one closest to straight on. `arrival` is the
+    # angle, from the half-edge that leaves the corner, under which the walk came through the face.
+    # Returns (face, corner, kind): kind 0 nothing, 1 into the face, 2 along the half-edge that
+    # leaves the corner. Of directions that are as steep, TIE_BREAKER decides, not the order of
+    # faces.
     vertices, faces, twins, areas, _, crowded = triangles
     if crowded.size and crowded[faces[f, k]]:
         return -1, -1, 0
     rates = field.rates
     given = field.potential is None
-    arrival = _corner_angle(triangles, f, k) if came == 1 else 0.0
     around = _angle_around(triangles, f, k) if given else 0.0
     total = 0.0
     best = 0.0
     best_angle = 0.0
+    best_side = 0.0
     best_face, best_corner, kind = -1, -1, 0
     g, c = f, k
     for _ in range(MOST_AROUND):  # twins pair up, so the round ends at its begin or at a border
@@ -179,8 +183,9 @@ def _leave_vertex(triangles, field, f, k, came):
         away = _edge_away(field.potential, triangles, rates, g, c)
         if away > 0:
             merit = _straightness(total, arrival, around) if given else away / np.sqrt(uu)
-            if merit > best:
-                best, best_angle = merit, total
+            side = dot(TIE_BREAKER, u) / np.sqrt(uu)
+            if _is_better(merit, side, best, best_side):
+                best, best_angle, best_side = merit, total, side
                 best_face, best_corner, kind = g, c, 2
         r, s = rates[g, after(c)], rates[g, after(after(c))]
         if (r > 0 and s > 0) or (given and r >= 0 and s >= 0 and r + s > 0):
@@ -191,8 +196,11 @@ def _leave_vertex(triangles, field, f, k, came):
                 merit = _straightness(direction, arrival, around)
             else:
                 merit = np.sqrt(r * r * uu + 2 * r * s * uw + s * s * ww)
-            if merit > best:
-                best, best_angle = merit, direction
+            side = (r * dot(TIE_BREAKER, u) + s * dot(TIE_BREAKER, w)) / np.sqrt(
+                r * r * uu + 2 * r * s * uw + s * s * ww
+            )
+            if _is_better(merit, side, best, best_side):
+                best, best_angle, best_side = merit, direction, side
                 best_face, best_corner, kind = g, c, 1
         total += np.arctan2(2 * areas[g], uw)
         t = twins[g, after(after(c))]
@@ -214,6 +222,13 @@ def _leave_vertex(triangles, field, f, k, came):
 
 
 @kernel
+def _is_better(merit, side, best, best_side):
+    if abs(merit - best) <= _ROUNDING * best:
+        return side > best_side
+    return merit > best
+
+
+@kernel
 def _straightness(angle, arrival, around):
     # 1 straight on, above 0 elsewhere.
     return 1.5 - abs(2.0 * abs(angle - arrival) / around - 1.0)
@@ -223,6 +238,14 @@ def _straightness(angle, arrival, around):
 def _corner_angle(triangles, f, k):
     u, w = _sides(triangles.vertices, triangles.faces, f, k)
     return np.arctan2(2 * triangles.areas[f], dot(u, w))
+
+
+@kernel
+def _angle_of_arrival(triangles, rates, f, k):
+    # The angle, from the half-edge that leaves corner k, under which the face's flow comes to it.
+    u, w = _sides(triangles.vertices, triangles.faces, f, k)
+    r, s = max(-rates[f, after(k)], 0.0), max(-rates[f, after(after(k))], 0.0)
+    return np.arctan2(s * 2 * triangles.areas[f], r * dot(u, u) + s * dot(u, w))
 
 
 @kernel
@@ -273,6 +296,7 @@ def walk_exactly(
             last = left
             if rests > _MOST_RESTS and potential is None:
                 break  # around a vertex to which all faces flow
+            corner, arrival = -1, 0.0
             if slide < 0:
                 # Straight on to the edge that is reached first.
                 exit_corner = -1
@@ -300,7 +324,12 @@ def walk_exactly(
                 apex = after(after(h))
                 inward = rates[g, apex]
                 along = b[after(k)] / (b[k] + b[after(k)])
-                if inward > 0:
+                at_vertex = along < _ROUNDING or along > 1.0 - _ROUNDING
+                if potential is not None and at_vertex:
+                    # Not to the side of it that rounding chose.
+                    corner = k if along < 0.5 else after(k)
+                    arrival = _angle_of_arrival(triangles, rates, f, corner)
+                elif inward > 0:
                     if crowded.size:
                         at_hub = crowded[faces[f, k]] or crowded[faces[f, after(k)]]
                         around = around + 1 if at_hub else 0
@@ -314,40 +343,41 @@ def walk_exactly(
                     b[after(h)] = 1.0 - along
                     b[apex] = 0.0
                     continue
-                # Both faces flow into the edge. The inner product of both flows, unfolded, times
-                # the squared length of the edge, tells whether the shock flow turns back.
-                sliding = _sliding(potential, triangles, rates, f, k)
-                across = (rates[f, exit_corner] * areas[f]) * (inward * areas[g])
-                turned = potential is not None and sliding * sliding - 4 * across <= 0
-                if turned or sliding == 0:
-                    b[k] = 1.0 - along
-                    b[after(k)] = along
-                    break
-                # fall through with `along` measured from corner k
+                else:
+                    # Both faces flow into the edge. The inner product of both flows, unfolded,
+                    # times the squared length of the edge, tells whether the shock flow turns back.
+                    sliding = _sliding(potential, triangles, rates, f, k)
+                    across = (rates[f, exit_corner] * areas[f]) * (inward * areas[g])
+                    turned = potential is not None and sliding * sliding - 4 * across <= 0
+                    if turned or sliding == 0:
+                        b[k] = 1.0 - along
+                        b[after(k)] = along
+                        break
+                    # fall through with `along` measured from corner k
             else:
                 f = slide // 3
                 k = slide - 3 * f
                 along = 0.0
                 sliding = _sliding(potential, triangles, rates, f, k)
-            e = edge(vertices, faces[f, k], faces[f, after(k)])
-            rate = sliding / dot(e, e)
-            reached = (1.0 - along) / rate if rate > 0 else -along / rate
-            b[after(after(k))] = 0.0
-            if reached >= left:
-                along += rate * left
-                left = 0.0
-                b[k] = 1.0 - along
-                b[after(k)] = along
-                break
-            left -= reached
-            if rate > 0:
-                corner, came = after(k), 1
-            else:
-                corner, came = k, 0
-            b[k] = 0.0
-            b[after(k)] = 0.0
+            if corner < 0:
+                e = edge(vertices, faces[f, k], faces[f, after(k)])
+                rate = sliding / dot(e, e)
+                reached = (1.0 - along) / rate if rate > 0 else -along / rate
+                b[after(after(k))] = 0.0
+                if reached >= left:
+                    along += rate * left
+                    left = 0.0
+                    b[k] = 1.0 - along
+                    b[after(k)] = along
+                    break
+                left -= reached
+                if rate > 0:
+                    corner, arrival = after(k), _corner_angle(triangles, f, after(k))
+                else:
+                    corner = k
+            b[0] = b[1] = b[2] = 0.0
             b[corner] = 1.0
-            g, c, kind = _leave_vertex(triangles, field, f, corner, came)
+            g, c, kind = _leave_vertex(triangles, field, f, corner, arrival)
             if kind == 0:
                 if crowded.size and crowded[faces[f, corner]]:
                     endings[point] = AROUND_HUB

@@ -56,6 +56,7 @@ def solve(
     tolerance: float,
     *,
     multigrid: bool = False,
+    precise: bool = False,
     message: str = "Solving",
 ) -> tuple[Floats, SolveReport]:
     """Solve ``A x = rhs`` for all columns of the right-hand side at once.
@@ -70,6 +71,8 @@ def solve(
         are to be scaled, or solved apart.
     multigrid : bool
         Use the multilevel preconditioner from the start instead of the diagonal.
+    precise : bool
+        Iterate in double precision, which takes longer: where rounding would grow later on.
     message : str
         What is being solved, for people.
 
@@ -107,7 +110,7 @@ def solve(
     hierarchy = None
     while relative > tolerance and patience > 0:
         with aside(message):
-            matrix = system.double if multigrid else system.single
+            matrix = system.double if multigrid or precise else system.single
         if multigrid:
             with phase(0.0, 0.3, "Coarsening"):
                 hierarchy = system.hierarchy
@@ -144,13 +147,13 @@ def solve(
 
 
 def roughly(system: LinearSystem, rhs: Floats, iterations: int, message: str) -> Floats:
-    """Solve ``A x = rhs`` by some iterations in single precision, however far they come.
+    """Solve ``A x = rhs`` by some iterations, however far they come.
 
     Parameters and result are as in `solve`; a preconditioner for what is near to `system`.
     """
-    right: npt.NDArray[np.floating] = np.empty(rhs.shape, dtype=np.float32)
+    right = np.empty_like(rhs)
     run(_scale, len(rhs), system.inverse_root, rhs, right)
-    step, _, _ = _conjugate_gradients(system.single, right, 0.0, None, iterations, message)
+    step, _, _ = _conjugate_gradients(system.double, right, 0.0, None, iterations, message)
     out = np.empty_like(rhs)
     run(_scale, len(rhs), system.inverse_root, step, out)
     return out
