@@ -142,6 +142,14 @@ def test(session: nox.Session) -> None:
         session.notify("test_blender(4.5)")
 
 
+@nox.session(python="3.13")
+def test_newest(session: nox.Session) -> None:
+    """Test the core with the newest libraries that the wheel allows."""
+    extras = ",".join([*EXTRAS, "test"])
+    install(session, "--upgrade", "--upgrade-strategy=eager", "-e", f".[{extras}]")
+    session.run("pytest", "tests/core", *session.posargs)
+
+
 @nox.session
 @nox.parametrize(
     ("python", "blender"),
