@@ -30,6 +30,7 @@ from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_source, check_target, reading, reading_back
 from .second_look import check_brightness
+from .upright import fit_opacity, make_upright
 
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
@@ -93,6 +94,7 @@ def filter_image_file(
     options: Options = DEFAULTS,
     *,
     times: int = 1,
+    upright: bool = True,
 ) -> Outcome:
     """Filter an image file and write it to another.
 
@@ -110,6 +112,9 @@ def filter_image_file(
         Masks, and whether to replace files.
     times : int
         How many times higher and wider the function's result is.
+    upright : bool
+        Turn pictures as their orientation tags say. Texture coordinates count on pixels as they
+        are stored.
 
     Returns
     -------
@@ -124,8 +129,10 @@ def filter_image_file(
     if is_big(Path(source), Path(target)):
         from .big_images import filter_big_image
 
-        return filter_big_image(function, Path(source), Path(target), options, times=times)
-    words = read_beside(options)
+        return filter_big_image(
+            function, Path(source), Path(target), options, times=times, upright=upright
+        )
+    words = read_beside(options, upright)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     check_source(source, _FORMATS)
@@ -142,7 +149,7 @@ def filter_image_file(
 
     with staged(target, options.overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
-        return _filter(source, path, fill, options.any_size, times)
+        return _filter(source, path, fill, options.any_size, times, upright)
 
 
 def is_big(source: Path, target: Path) -> bool:
@@ -171,19 +178,22 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
         _read_back(path, pixels)
 
 
-def image_size(path: str | Path, any_size: bool = False) -> tuple[int, int]:
+def image_size(path: str | Path, any_size: bool = False, upright: bool = True) -> tuple[int, int]:
     """Return height and width of an image file."""
-    height, width = read_image(Path(path), any_size).pixels.shape[:2]
+    height, width = read_image(Path(path), any_size, upright).pixels.shape[:2]
     return height, width
 
 
-def read_image(path: Path, any_size: bool) -> ImageFile:
-    """Read an image file; its pixels keep their type."""
+def read_image(path: Path, any_size: bool, upright: bool = True) -> ImageFile:
+    """Read an image file; its pixels keep their type. By default they are turned to be shown."""
     check_source(path, _FORMATS)
     with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
+    check_kind(path, image_file.pixels)
+    check_brightness(path, image_file, image_file.pixels)
+    if upright:
+        make_upright(image_file)
     pixels = image_file.pixels
-    check_kind(path, pixels)
     image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
     return image_file
 
@@ -204,11 +214,13 @@ def _filter(
     function: Callable[[Pixels, Pixels], None],
     any_size: bool,
     times: int,
+    upright: bool,
 ) -> Outcome:
-    image_file = read_image(source, any_size)
-    pixels = image_file.pixels
+    image_file = read_image(source, any_size, upright)
     ending = path.suffix.lower()
-    check_format(source, ending, pixels)
+    check_format(source, ending, image_file.pixels)
+    fit_opacity(image_file, ending)
+    pixels = image_file.pixels
     shape = (times * pixels.shape[0], times * pixels.shape[1], *pixels.shape[2:])
     new = _new_array if ending == _ARRAY else _empty
     result = new(path, shape, pixels.dtype)
@@ -220,13 +232,9 @@ def _filter(
         shutil.copyfile(source, path)
     else:
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
-        if image_file.format == "TIFF":
-            check_brightness(source, pixels, image_file.own)
         notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
         _read_back(path, flat)
-        if ending in _TIFFS:
-            is_tiff = image_file.format == "TIFF"
-            check_brightness(path, flat, image_file.own if is_tiff else {})
+        check_brightness(path, image_file, flat)
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
 
 
@@ -280,29 +288,29 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
     return changed
 
 
-def read_beside(options: Options) -> dict[str, Pixels]:
+def read_beside(options: Options, upright: bool = True) -> dict[str, Pixels]:
     """Read what a filter is given by name beside the image: mask, guide and gains, if named."""
     words = {}
     if options.mask is not None:
-        weights = read_grays(Path(options.mask), "mask", options.any_size)
+        weights = read_grays(Path(options.mask), "mask", options.any_size, upright)
         words["mask"] = 1.0 - weights if options.invert_mask else weights
     if options.guide is not None:
-        words["guide"] = read_pixels(options.guide, options.any_size)
+        words["guide"] = read_pixels(options.guide, options.any_size, upright)
     if options.gain_map is not None:
-        grays = read_grays(Path(options.gain_map), "gain map", options.any_size)
+        grays = read_grays(Path(options.gain_map), "gain map", options.any_size, upright)
         words["gain"] = gains_of(grays, options.gain)
     return words
 
 
-def read_pixels(path: str | Path, any_size: bool) -> Pixels:
+def read_pixels(path: str | Path, any_size: bool, upright: bool = True) -> Pixels:
     """Read an image file; float32 in place of float16."""
-    pixels = read_image(Path(path), any_size).pixels
+    pixels = read_image(Path(path), any_size, upright).pixels
     return pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
 
 
-def read_grays(path: Path, what: str, any_size: bool) -> Pixels:
+def read_grays(path: Path, what: str, any_size: bool, upright: bool = True) -> Pixels:
     """Read a gray image file, from 0 to 1; `what` is what it holds, for people."""
-    grays = read_image(path, any_size).pixels
+    grays = read_image(path, any_size, upright).pixels
     if grays.ndim == 3 and grays.shape[2] == 1:
         grays = grays[..., 0]
     if grays.ndim != 2:
