@@ -103,13 +103,18 @@ def _seen_by_libtiff(
     if shown is None:
         return None
     ours = np.concatenate([_listed(pixels[window]) for window in windows])
+    high = len(shown) // len(windows)
+    seen = [
+        _listed(shown[high * number :][: rows.stop - rows.start, : columns.stop - columns.start])
+        for number, (rows, columns) in enumerate(windows)
+    ]
     is_own = image_file.format == "TIFF"
     is_gray = ours.shape[1] < 3 or (is_own and image_file.own["photometric"] is not None)
     colors = 1 if is_gray else 3
     possible = _possible(ours, colors)
     if ours.shape[1] == 4 and not is_gray:  # otherwise libtiff may leave out opacity
         possible = possible[:1] if is_own and is_unstated(image_file) else possible[1:]
-    return possible, _flat(_listed(shown), colors)
+    return possible, _flat(np.concatenate(seen), colors)
 
 
 def _odd_depth(data: bytes) -> npt.NDArray[np.uint16] | None:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Other programs show a picture that was converted as they showed the original."""
 
-import io
 import subprocess
 import sys
 from pathlib import Path
@@ -94,15 +93,13 @@ def test_opacity_that_is_multiplied_in_is_divided_out(kind, colors, target, monk
     )  # fmt: skip
     if tile:
         monkeypatch.setattr(images, "BIG", 0)
-        outcome = sharpen_image_file("in.tif", target, core.ImageSettings(time=1e-9))
-    else:
-        monkeypatch.setattr(images.shutil, "copyfile", None)  # something changes
-        outcome = sharpen_image_file("in.tif", target, core.ImageSettings(time=1))
-    assert "its colors were divided by the opacity that was multiplied into them" in outcome.notes
-    found = (
-        tifffile.imread(target) if "tif" in target else images.read_image(Path(target), 0).pixels
-    )
-    assert abs(found[..., :-1] / times - colors.astype(float)).mean() < 6
+    outcome = convert("in.tif", target)
+    if target != "out.tif":  # which is a copy, as nothing changes
+        assert "its colors were divided by the opacity that was multiplied into them" in (
+            outcome.notes
+        )
+    found = images.read_image(Path(target), False).pixels
+    assert abs(found[..., :-1] / times - colors.astype(float)).max() <= 255 / 51
     np.testing.assert_array_equal(found[..., -1], pixels[..., -1])
 
 
@@ -195,18 +192,21 @@ def upright_stored(name):
 @pytest.mark.parametrize("number", [3, 6])
 def test_large_pictures_and_masks_are_turned(number, monkeypatch):
     tags = [(274, 3, 1, number, True)]
-    tifffile.imwrite("in.tif", RAMP, tile=(16, 16), extratags=tags)
-    mask = np.zeros((12, 16), np.uint8)
-    mask[:6] = 255
+    edge = np.where(np.add.outer(np.arange(40), np.arange(48)) > 40, 200, 40).astype(float)
+    soft = sum(np.roll(edge, shift, axis=1) for shift in range(-3, 4)) / 7
+    soft = soft.astype(np.uint8)
+    tifffile.imwrite("in.tif", soft, tile=(16, 16), extratags=tags)
+    mask = np.zeros_like(soft)
+    mask[:20] = 255
     tifffile.imwrite("mask.tif", mask, extratags=tags)
-    sharpen_image_file("in.tif", "whole.tif", core.ImageSettings(time=4), mask="mask.tif")
+    sharpen_image_file("in.tif", "whole.tif", core.ImageSettings(time=64), mask="mask.tif")
     monkeypatch.setattr(images, "BIG", 0)
-    sharpen_image_file("in.tif", "tiles.tif", core.ImageSettings(time=4), mask="mask.tif")
-    whole = tifffile.imread("whole.tif")
+    sharpen_image_file("in.tif", "tiles.tif", core.ImageSettings(time=64), mask="mask.tif")
+    whole, given = tifffile.imread("whole.tif"), orientation.turned(soft, number)
     np.testing.assert_array_equal(tifffile.imread("tiles.tif"), whole)
     still = orientation.turned(mask, number) == 0
-    np.testing.assert_array_equal(whole[still], orientation.turned(RAMP, number)[still])
-    assert (whole != orientation.turned(RAMP, number)).any()
+    np.testing.assert_array_equal(whole[still], given[still])
+    assert (whole != given).any()
 
 
 def test_xmp_is_told_that_the_picture_was_turned():
@@ -261,8 +261,7 @@ def test_the_third_directory_of_exif_stays():
     ],
 )
 def test_kinds_of_numbers_are_refused_by_name(data, kind, message):
-    extra = {}
-    tifffile.imwrite("in.tif", data, **extra)
+    tifffile.imwrite("in.tif", data)
     if kind is not None:
         with tifffile.TiffFile("in.tif", mode="r+b") as file:
             tags = file.pages[0].tags
@@ -276,7 +275,7 @@ def test_kinds_of_numbers_are_refused_by_name(data, kind, message):
 
 
 def test_values_of_an_undefined_kind_are_noted():
-    tifffile.imwrite("in.tif", RAMP)
+    tifffile.imwrite("in.tif", RAMP.view(np.int8))
     with tifffile.TiffFile("in.tif", mode="r+b") as file:
         file.pages[0].tags[339].overwrite(4)
     outcome = convert("in.tif", "out.png")
@@ -286,7 +285,7 @@ def test_values_of_an_undefined_kind_are_noted():
 
 def test_nothing_but_notes_is_printed():
     tifffile.imwrite("webp.tif", COLORS, photometric="rgb", compression="webp")
-    tifffile.imwrite("tags.tif", RAMP)
+    tifffile.imwrite("tags.tif", RAMP.view(np.int8))
     with tifffile.TiffFile("tags.tif", mode="r+b") as file:
         file.pages[0].tags[339].overwrite(7)
     code = (
@@ -303,9 +302,7 @@ def test_nothing_but_notes_is_printed():
 
 @pytest.mark.parametrize("target", ["out.png", "out.bmp", "out.webp", "out.tif"])
 def test_a_picture_that_others_see_otherwise_replaces_nothing(target, monkeypatch):
-    with Image.fromarray(COLORS) as image:
-        image.save("in.png")
-        image.save(target.replace(".tif", ".png"))
+    np.save("in.npy", COLORS)
     Path(target).write_bytes(b"kept")
     row = images._FORMATS[Path(target).suffix]
 
@@ -315,7 +312,7 @@ def test_a_picture_that_others_see_otherwise_replaces_nothing(target, monkeypatc
     monkeypatch.setitem(images._FORMATS, Path(target).suffix, row._replace(write=write))
     monkeypatch.setattr(images, "_read_back", lambda path, pixels: None)
     with pytest.raises(core.ShockError, match=f"{target}: its mean brightness is"):
-        sharpen_image_file("in.png", target, core.ImageSettings(time=1), overwrite=True)
+        sharpen_image_file("in.npy", target, core.ImageSettings(time=1), overwrite=True)
     assert Path(target).read_bytes() == b"kept"
 
 
@@ -327,20 +324,3 @@ def test_tiles_that_others_see_otherwise_replace_nothing(monkeypatch):
     with pytest.raises(core.ShockError, match=r"in\.tif: its mean brightness is"):
         sharpen_image_file("in.tif", "out.tif", core.ImageSettings(time=1), overwrite=True)
     assert Path("out.tif").read_bytes() == b"kept"
-
-
-def test_chroma_of_odd_sizes_is_in_its_place():
-    size = 7
-    luminance = np.ones((size, size), np.float32)
-    chroma = np.tile(np.arange(4, dtype=np.float32) / 10, (4, 1))
-    channels = {
-        "Y": OpenEXR.Channel(luminance, 1, 1),
-        "RY": OpenEXR.Channel(chroma, 2, 2),
-        "BY": OpenEXR.Channel(np.zeros((4, 4), np.float32), 2, 2),
-    }
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, channels) as file:
-        file.write("in.exr")
-    convert("in.exr", "out.npy")
-    red = np.load("out.npy")[0, :, 0]
-    np.testing.assert_allclose(red, 1 + np.arange(size) / 20, atol=1e-6)

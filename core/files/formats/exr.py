@@ -18,7 +18,6 @@ _PLAIN_HEADER = {
     *("channels", "compression", "dataWindow", "displayWindow", "lineOrder", "pixelAspectRatio"),
     *("screenWindowCenter", "screenWindowWidth", "tiles", "type", "chunkCount", "version"),
 }
-_CHROMA = ("RY", "BY")
 _COLORS = ("RGBA", "RGB", "Y")
 _REC_709 = (0.2126, 0.7152, 0.0722)
 _WINDOWS = ("dataWindow", "displayWindow", "preview")
@@ -38,17 +37,14 @@ def read_exr(path: Path) -> ImageFile:
         with openexr.File(str(path)) as file:
             parts = len(file.parts)
             header = dict(file.header())  # closing the file empties the original
-            channels = file.channels()
-            pixels = {name: channel.pixels for name, channel in channels.items()}
-            steps = {name: (each.ySampling, each.xSampling) for name, each in channels.items()}
+            pixels = {name: channel.pixels for name, channel in file.channels().items()}
     except RuntimeError as error:
         raise ValueError(str(error)) from error
     notes = []
     if parts > 1:
         raise ShockError(f"{path} holds {parts} parts; save them as files of one part each.")
-    if {"Y", *_CHROMA} <= set(pixels):
-        chroma = [_resampled(pixels.pop(each), pixels["Y"].shape, steps[each]) for each in _CHROMA]
-        colors = _of_luminance(pixels.pop("Y"), *chroma, header)
+    if {"Y", "RY", "BY"} <= set(pixels):
+        colors = _of_luminance(pixels.pop("Y"), pixels.pop("RY"), pixels.pop("BY"), header)
         pixels["RGBA" if "A" in pixels else "RGB"] = (
             np.dstack([colors, pixels.pop("A")]) if "A" in pixels else colors
         )
@@ -86,31 +82,27 @@ def _of_luminance(
     blue: npt.NDArray[Any],
     header: dict[str, Any],
 ) -> npt.NDArray[Any]:
-    """Return colors of luminance Y and chroma, (R - Y) / Y and (B - Y) / Y.
+    """Return colors of luminance Y and chroma, (R - Y) / Y and (B - Y) / Y, on a coarser grid.
 
     The weights of luminance are those of the file's primaries, by default of Rec. 709.
     """
     y = luminance.astype(np.float32)
+    chroma = [_resampled(each.astype(np.float32), y.shape) for each in (red, blue)]
     of_red, of_green, of_blue = _luminance_weights(header.get("chromaticities"))
     with np.errstate(invalid="ignore", over="ignore"):  # where the file holds infinity
-        r, b = ((each + 1) * y for each in (red, blue))
+        r, b = ((each + 1) * y for each in chroma)
         g = (y - of_red * r - of_blue * b) / of_green
         return np.dstack([r, g, b]).astype(luminance.dtype)
 
 
-def _resampled(
-    samples: npt.NDArray[Any], shape: tuple[int, ...], steps: tuple[int, int]
-) -> npt.NDArray[np.float32]:
+def _resampled(values: npt.NDArray[Any], shape: tuple[int, ...]) -> npt.NDArray[Any]:
     """Interpolate linearly; the first samples of both grids are in the same place."""
-    values = samples.astype(np.float32)
-    for axis, step in enumerate(steps):
-        places = np.arange(shape[axis]) / step
+    for axis in (0, 1):
+        places = np.arange(shape[axis]) * (values.shape[axis] / shape[axis])
         before = np.minimum(places.astype(np.intp), values.shape[axis] - 1)
         after = np.minimum(before + 1, values.shape[axis] - 1)
-        share = np.expand_dims((places % 1).astype(np.float32), 1 - axis)
-        with np.errstate(invalid="ignore", over="ignore"):  # where the file holds infinity
-            mixed = (1 - share) * values.take(before, axis) + share * values.take(after, axis)
-        values = np.where(share > 0, mixed, values.take(before, axis))
+        share = np.expand_dims((places - before).astype(np.float32), 1 - axis)
+        values = (1 - share) * values.take(before, axis) + share * values.take(after, axis)
     return values
 
 

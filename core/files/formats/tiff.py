@@ -87,7 +87,7 @@ def _invert(values: npt.NDArray[Any]) -> None:
 def _divide(values: npt.NDArray[Any]) -> None:
     white = np.iinfo(values.dtype).max
     opacity = values[..., -1:].astype(np.uint32)
-    colors = values[..., :-1] * np.uint32(white)  # which fits, for 16 bits
+    colors = values[..., :-1].astype(np.uint32) * white  # which fits, for 16 bits
     parts = (colors + opacity // 2) // np.maximum(opacity, 1)
     values[..., :-1] = np.where(opacity, np.minimum(parts, white), values[..., :-1])
 

@@ -33,7 +33,8 @@ class _Part(NamedTuple):
 def sample_tiff(path: Path) -> tuple[bytes, list[Window]] | None:
     """Return a TIFF file of some parts, one below the other, and where these are in the picture.
 
-    None if no part stands for a window of pixels with all their channels.
+    Windows at the borders may be smaller than the parts. None if no part stands for a window of
+    pixels with all their channels.
     """
     with needed("tifffile", path).TiffFile(path) as file:
         page = next(page for page in file.pages if not page.is_reduced)
@@ -52,7 +53,7 @@ def sample_tiff(path: Path) -> tuple[bytes, list[Window]] | None:
 
 
 def _parts(page: Any) -> tuple[tuple[int, int], list[_Part]]:
-    """Return rows and columns of a part, and the parts that are full."""
+    """Return rows and columns of a part, and the parts, without a last strip of fewer rows."""
     height, width = page.imagelength, page.imagewidth
     offsets, sizes = page.dataoffsets, page.databytecounts
     if page.is_tiled:
@@ -68,8 +69,8 @@ def _parts(page: Any) -> tuple[tuple[int, int], list[_Part]]:
     found = []
     for number, (offset, size) in enumerate(zip(offsets, sizes, strict=False)):
         top, left = high * (number // across), wide * (number % across)
-        if top + high <= height and left + wide <= width:
-            window = slice(top, top + high), slice(left, left + wide)
+        if page.is_tiled or top + high <= height:  # tiles are full of something
+            window = slice(top, min(top + high, height)), slice(left, min(left + wide, width))
             found.append(_Part(offset, size, window))
     return (high, wide), found
 
