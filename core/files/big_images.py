@@ -138,10 +138,10 @@ def _open(path: Path, any_size: bool) -> ImageFile:
         check_source(path, _TIFFS)
         with reading(path, any_size):
             tiled = open_tiff_tiles(path)
-        if tiled is not None:
-            check_kind(path, tiled.pixels)
-            check_brightness(path, tiled, tiled.pixels)
-            return tiled
+            if tiled is not None:
+                check_kind(path, tiled.pixels)
+                check_brightness(path, tiled, tiled.pixels)
+                return tiled
     return read_image(path, any_size, upright=False)
 
 

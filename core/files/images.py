@@ -28,7 +28,7 @@ from .formats.tiff import claimed_size, read_tiff, write_tiff
 from .formats.zarr import ENDING as ZARR
 from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
-from .reading import check_source, check_target, reading, reading_back
+from .reading import check_source, check_target, reading, reading_back, writing
 from .second_look import check_brightness
 from .upright import fit_opacity, make_upright
 
@@ -80,6 +80,7 @@ _FORMATS = {
     _ARRAY: _Format(_map_array, _flush_array, _TYPES, range(1, sys.maxsize)),
 }
 _LOSSY = (".jpg", ".jpeg")
+_LONGEST = {**dict.fromkeys(_LOSSY, 65500), ".webp": 16383}  # sides in pixels
 _TIFFS = (".tif", ".tiff")
 BIG = 1 << 28
 """Bytes of pixels from which on TIFF files are filtered chunk by chunk."""
@@ -170,6 +171,7 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     ending = target.suffix.lower()
     if ending != _ARRAY:
         check_format(target, ending, pixels)
+    pixels = _without_plain_opacity(ending, pixels)
     with staged(target, overwrite) as path:
         if ending == _ARRAY:
             np.save(path, pixels)
@@ -189,8 +191,8 @@ def read_image(path: Path, any_size: bool, upright: bool = True) -> ImageFile:
     check_source(path, _FORMATS)
     with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
-    check_kind(path, image_file.pixels)
-    check_brightness(path, image_file, image_file.pixels)
+        check_kind(path, image_file.pixels)
+        check_brightness(path, image_file, image_file.pixels)
     if upright:
         make_upright(image_file)
     pixels = image_file.pixels
@@ -218,7 +220,7 @@ def _filter(
 ) -> Outcome:
     image_file = read_image(source, any_size, upright)
     ending = path.suffix.lower()
-    check_format(source, ending, image_file.pixels)
+    check_format(source, ending, image_file.pixels, times)
     fit_opacity(image_file, ending)
     pixels = image_file.pixels
     shape = (times * pixels.shape[0], times * pixels.shape[1], *pixels.shape[2:])
@@ -232,10 +234,18 @@ def _filter(
         shutil.copyfile(source, path)
     else:
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
-        notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
-        _read_back(path, flat)
+        flat = _without_plain_opacity(ending, flat)
+        with writing(path):
+            notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
+        _read_back(path, result if ending == _ARRAY else flat)
         check_brightness(path, image_file, flat)
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
+
+
+def _without_plain_opacity(ending: str, pixels: Pixels) -> Pixels:
+    """Leave out opacity that is full everywhere, where a format's encoder does so, too."""
+    is_plain = ending == ".webp" and _channels(pixels) == 4 and (pixels[..., 3] == 255).all()
+    return np.ascontiguousarray(pixels[..., :3]) if is_plain else pixels
 
 
 def _read_back(path: Path, pixels: Pixels) -> None:
@@ -268,8 +278,16 @@ def _new_array(path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
     return result
 
 
-def check_format(source: Path, ending: str, pixels: Any) -> None:
-    """Refuse a format that cannot hold pixels as they are; `source` is where they come from."""
+def check_format(source: Path, ending: str, pixels: Any, times: int = 1) -> None:
+    """Refuse a format that cannot hold pixels as they are; `source` is where they come from.
+
+    They are to be written so many times higher and wider.
+    """
+    side = times * max(pixels.shape[:2])
+    if side > _LONGEST.get(ending, side):
+        raise ShockError(
+            f"{source}: {ending} cannot hold {side} pixels side by side; write .png or .tif."
+        )
     if _FORMATS[ending].holds(pixels):
         return
     fitting = [name for name, other in _FORMATS.items() if other.holds(pixels)]

@@ -80,7 +80,8 @@ def check_brightness(path: Path, image_file: ImageFile, pixels: Any) -> None:
         raise ShockError(
             f"{path.name}: its mean brightness is {_told(possible[0])} here and {_told(theirs)} in"
             " other programs (1 is white). Nothing was written; save the picture in another"
-            " format, and report this, since Shock Filter should know this kind of file."
+            " format. If the file is not damaged, report this, since Shock Filter should know this"
+            " kind of file."
         )
 
 
@@ -112,9 +113,13 @@ def _seen_by_libtiff(
     is_gray = ours.shape[1] < 3 or (is_own and image_file.own["photometric"] is not None)
     colors = 1 if is_gray else 3
     possible = _possible(ours, colors)
+    values = np.concatenate(seen)
     if ours.shape[1] == 4 and not is_gray:  # otherwise libtiff may leave out opacity
-        possible = possible[:1] if is_own and is_unstated(image_file) else possible[1:]
-    return possible, _flat(np.concatenate(seen), colors)
+        is_stated = not (is_own and is_unstated(image_file))
+        possible = possible[1:] if is_stated else possible[:1]
+        if is_stated:  # in colors that are multiplied, some may be beyond their opacity
+            values[:, :3] = np.minimum(values[:, :3], values[:, 3:])
+    return possible, _flat(values, colors)
 
 
 def _odd_depth(data: bytes) -> npt.NDArray[np.uint16] | None:

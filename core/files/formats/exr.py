@@ -64,6 +64,9 @@ def read_exr(path: Path) -> ImageFile:
             f"{path} has channels of a lower resolution ({', '.join(coarse)}); save them at the"
             " resolution of the picture."
         )
+    if header.get("compression") not in _lossless(openexr):
+        header["compression"] = openexr.ZIP_COMPRESSION
+        notes.append("its lossy compression became ZIP, so that all values stay")
     tiles = header.get("tiles")
     if tiles is not None and tiles.mode != openexr.ONE_LEVEL:
         tiles.mode = openexr.ONE_LEVEL
@@ -74,6 +77,11 @@ def read_exr(path: Path) -> ImageFile:
         *(pixels[name], "EXR", {}, notes, (header, pixels, name), only_own),
         premultiplied=name == "RGBA",
     )
+
+
+def _lossless(openexr: Any) -> set[Any]:
+    names = ("NO", "RLE", "ZIPS", "ZIP", "PIZ")
+    return {getattr(openexr, f"{name}_COMPRESSION") for name in names}
 
 
 def _of_luminance(

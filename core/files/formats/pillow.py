@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import io
+import logging
 import struct
 import threading
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,8 @@ from ..image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost
 from ..reading import check_claim, needed
 from .orientation import UPRIGHT, exif_orientation, upright_exif, xmp_orientation
 from .thumbnails import without_exif_thumbnail, without_photoshop_thumbnail
+
+logging.getLogger("PIL").addHandler(logging.NullHandler())  # else it prints what it notices
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}
@@ -101,12 +105,13 @@ def opened(path: Path, png: _PngBytes | None = None) -> Any:
     """Read the header of an image of any size.
 
     Pillow refuses large images, since servers open what strangers send; here a person named it.
-    Its limit is one for all threads.
+    Its limit and warnings are those of all threads.
     """
     needed("PIL", path)
     from PIL import Image
 
-    with _LIMIT:
+    with _LIMIT, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about EXIF data
         limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
         try:
             return Image.open(io.BytesIO(png.pixels) if png else path, formats=_READABLE)

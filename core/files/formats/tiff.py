@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import logging
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,6 +34,7 @@ _WHOLE_BITS = (8, 16, 32, 64)
 _MOST_BITS = 16  # beyond that, no kind of value that is written holds all of them
 _NONE, _UNSPECIFIED = 1, 0
 _ASSOCIATED, _STRAIGHT = 1, 2  # opacity that is multiplied into the colors, or not
+_PHOTOMETRIC = 262
 _MIN_IS_WHITE = "miniswhite"
 _UNDEFINED, _FLOAT, _COMPLEX = 4, 3, (5, 6)  # formats of samples
 _FLOAT_BITS = (16, 32, 64)
@@ -53,7 +55,8 @@ _BLOCKS = {34665: "EXIF", 34853: "GPS", 40965: "EXIF interoperability", 37724: "
 _TEXT = 2  # type of tags
 _RESOLUTION_UNITS = {1: None, 2: 1.0, 3: 2.54}
 _XMP = 700
-_NAMES = {_XMP: XMP, 34675: ICC}
+_ICC = 34675
+_NAMES = {_XMP: XMP, _ICC: ICC}
 
 
 class _Meaning(NamedTuple):
@@ -120,7 +123,11 @@ def read_tiff(path: Path) -> ImageFile:
             pixels = _scaled(pixels, page.bitspersample)
             bits = 8 * pixels.itemsize
             image_file.notes.insert(0, f"values of {page.bitspersample} bits became {bits}-bit")
-        image_file.pixels = _meaning(page).plain(pixels)
+        meaning = _meaning(page)
+        image_file.pixels = meaning.plain(pixels)
+        is_whole = meaning.is_divided and pixels.dtype.kind == "u"
+        if is_whole and (pixels[..., :-1] > pixels[..., -1:]).any():
+            image_file.notes.append("colors beyond their opacity were cut")
         return image_file
 
 
@@ -227,6 +234,15 @@ def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
                 )
             (page,) = whole
             _check_page(path, page)
+            if not (_is_listed(page.dataoffsets) and _is_listed(page.databytecounts)):
+                raise ShockError(f"{path} is damaged: its parts are nowhere; copy it again.")
+            count = math.prod(page.chunked)
+            present = min(len(page.dataoffsets), len(page.databytecounts))
+            if present < count:
+                raise ShockError(
+                    f"{path} is damaged: of its {count} parts it has {present}; copy or save it"
+                    " again."
+                )
             if 0 in page.databytecounts:
                 raise ShockError(f"{path} has parts without data; fill them, or save it anew.")
             yield page, len(pages) > 1
@@ -234,8 +250,18 @@ def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
         raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
 
 
+def _is_listed(values: Any) -> bool:
+    return isinstance(values, (tuple, list, np.ndarray)) and len(values) > 0
+
+
 def _check_page(path: Path, page: Any) -> None:
     """Refuse what is no picture of gray values or colors, of one depth."""
+    if 0 in page.shape or page.size == 0:
+        raise ShockError(f"{path} has no pixels; copy or save it again.")
+    if _PHOTOMETRIC not in page.tags:  # where programs guess differently
+        raise ShockError(
+            f"{path} does not say what its values mean, as black or white; save it again."
+        )
     if page.photometric not in _COLORS:
         name = _OTHER_COLORS.get(page.photometric, f"unknown ({page.photometric})")
         raise ShockError(f"{path} has {name} colors; convert it to gray or RGB first.")
@@ -257,6 +283,11 @@ def _check_page(path: Path, page: Any) -> None:
         raise ShockError(
             f"{path} has values of {page.bitspersample} bits; save it with 8 or 16 bits."
         )
+    if all(_meaning(page)):
+        raise ShockError(
+            f"{path} has white that is 0 and opacity that is multiplied in, which programs read in"
+            " different ways; save it with black that is 0."
+        )
     if page.dtype is None:
         raise ShockError(
             f"{path} has values of a kind that is not read; save it with 8 or 16 bits."
@@ -266,13 +297,19 @@ def _check_page(path: Path, page: Any) -> None:
 def _about_page(page: Any, has_previews: bool) -> ImageFile:
     # All but the pixels.
     tags = {tag.code: tag for tag in page.tags.values()}
-    about = {name: tags[code].value for code, name in _NAMES.items() if code in tags}
+    about = {
+        name: tags[code].value
+        for code, name in _NAMES.items()
+        if code in tags and isinstance(tags[code].value, bytes)
+    }
     unit = _RESOLUTION_UNITS.get(tags[296].value if 296 in tags else 2)
     if unit and 282 in tags and 283 in tags:
         about[RESOLUTION] = tuple(
             unit * top / (bottom or 1) for top, bottom in (tags[282].value, tags[283].value)
         )
     notes = []
+    if _ICC in tags and ICC not in about:
+        notes.append("its damaged color profile: left behind")
     if has_previews or _SUB_PAGES in tags:
         notes.append("smaller copies in the file: left behind")
     blocks = [name for code, name in _BLOCKS.items() if code in tags]
@@ -282,7 +319,7 @@ def _about_page(page: Any, has_previews: bool) -> ImageFile:
         notes.append("its values, of a kind that is not stated, were read as whole numbers")
     options = _write_options(page)
     is_premultiplied = _meaning(page).is_divided
-    if is_premultiplied and page.dtype.kind == "u":  # which reading divides
+    if is_premultiplied and page.dtype.kind != "f":  # which reading divides
         options["extrasamples"] = [_STRAIGHT]
         is_premultiplied = False
         notes.append("its colors were divided by the opacity that was multiplied into them")
@@ -304,7 +341,7 @@ def make_tags_upright(image_file: ImageFile) -> None:
     """Let a TIFF file's own tags call a picture upright, which was turned."""
     xmp = image_file.about.get(XMP)
     image_file.own["extratags"] = [
-        (code, kind, count, xmp if code == _XMP else value, once)
+        (code, kind, count, xmp if xmp and code == _XMP else value, once)
         for code, kind, count, value, once in image_file.own["extratags"]
         if code != ORIENTATION
     ]

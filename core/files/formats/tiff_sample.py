@@ -69,6 +69,8 @@ def _parts(page: Any) -> tuple[tuple[int, int], list[_Part]]:
     found = []
     for number, (offset, size) in enumerate(zip(offsets, sizes, strict=False)):
         top, left = high * (number // across), wide * (number % across)
+        if top >= height:
+            break
         if page.is_tiled or top + high <= height:  # tiles are full of something
             window = slice(top, min(top + high, height)), slice(left, min(left + wide, width))
             found.append(_Part(offset, size, window))
