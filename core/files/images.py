@@ -29,7 +29,7 @@ from .formats.zarr import ENDING as ZARR
 from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_source, check_target, reading, reading_back, writing
-from .second_look import check_brightness
+from .second_look import check_brightness, is_read_by_pillow
 from .upright import fit_opacity, make_upright
 
 Pixels = npt.NDArray[Any]
@@ -192,7 +192,8 @@ def read_image(path: Path, any_size: bool, upright: bool = True) -> ImageFile:
     with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
         check_kind(path, image_file.pixels)
-        check_brightness(path, image_file, image_file.pixels)
+        if not is_read_by_pillow(path, image_file.pixels):  # which is who would be asked
+            check_brightness(path, image_file, image_file.pixels)
     if upright:
         make_upright(image_file)
     pixels = image_file.pixels

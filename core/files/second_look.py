@@ -36,6 +36,9 @@ _SLACK, _SHARE = 0.02, 0.1
 _LOSSY_SLACK = 0.1
 _TIFFS, _LOSSY = (".tif", ".tiff"), (".jpg", ".jpeg")
 _OTHERS = (".png", ".bmp", ".webp", *_LOSSY)
+_KNOWN = (1, 5, 7, 8, 32773, 32946, 34925, 50000, 50001)
+"""Compressions of TIFF that libtiff has; at others, it returns black."""
+
 _UNREADABLE = (
     OSError, ValueError, SyntaxError, TypeError, KeyError, IndexError, AttributeError, struct.error,
 )  # fmt: skip
@@ -85,6 +88,11 @@ def check_brightness(path: Path, image_file: ImageFile, pixels: Any) -> None:
         )
 
 
+def is_read_by_pillow(path: Path, pixels: Any) -> bool:
+    """Whether pixels of a file are those of the reader that would be asked about it."""
+    return path.suffix.lower() in _OTHERS and pixels.dtype == np.uint8
+
+
 def _told(means: Means) -> str:
     return ", ".join(f"{mean:.3f}" for mean in means)
 
@@ -93,7 +101,7 @@ def _seen_by_libtiff(
     path: Path, image_file: ImageFile, pixels: Any
 ) -> tuple[list[Means], Means] | None:
     """Return what may be the means of some parts of a file, and those that libtiff finds."""
-    sample = sample_tiff(path)
+    sample = sample_tiff(path, _KNOWN)
     if sample is None:
         return None
     data, windows = sample
@@ -103,10 +111,13 @@ def _seen_by_libtiff(
         shown = _odd_depth(data)
     if shown is None:
         return None
-    ours = np.concatenate([_listed(pixels[window]) for window in windows])
     high = len(shown) // len(windows)
+    step = max(shown.shape[0] * shown.shape[1] // _COMPARED, 1)  # rows
+    ours = np.concatenate([_listed(pixels[window][::step]) for window in windows])
     seen = [
-        _listed(shown[high * number :][: rows.stop - rows.start, : columns.stop - columns.start])
+        _listed(
+            shown[high * number :][: rows.stop - rows.start : step, : columns.stop - columns.start]
+        )
         for number, (rows, columns) in enumerate(windows)
     ]
     is_own = image_file.format == "TIFF"
@@ -146,15 +157,19 @@ def _seen_by_pillow(path: Path, pixels: npt.NDArray[Any]) -> tuple[list[Means], 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with opened(path) as image:
-                shown = np.asarray(image if image.mode == "I;16" else image.convert("RGBA"))
+                # Pillow takes the transparent color of fewer than 8 bits as one of 8.
+                is_gray = image.mode in ("1", "L") and "transparency" in image.info
+                is_plain = image.mode in ("L", "RGB", "RGBA", "I;16")
+                plain = image if is_plain else image.convert("L" if is_gray else "RGBA")
+                shown = np.asarray(plain)
     except _UNREADABLE:
         return None
     step = max(math.isqrt(pixels.shape[0] * pixels.shape[1] // _COMPARED), 1)
     ours, theirs = (_listed(each[::step, ::step]) for each in (pixels, shown))
-    channels = ours.shape[1]
-    colors = 1 if channels < 3 else 3
-    is_clear = theirs.shape[1] == 4
-    return _possible(ours, colors)[-1:], _possible(theirs, 3 if is_clear else 1)[-1][:colors]
+    colors = 1 if ours.shape[1] < 3 else 3
+    if theirs.shape[1] == 1:  # opacity, if there is some, is not known to Pillow
+        return [_flat(ours, colors)], _flat(theirs, 1)
+    return _possible(ours, colors)[-1:], _possible(theirs, 3)[-1][:colors]
 
 
 def _listed(values: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -45,7 +45,10 @@ def fit_opacity(image_file: ImageFile, ending: str) -> None:
     channels = pixels.shape[2] if pixels.ndim == 3 else 1
     if image_file.format != "TIFF" or channels not in (2, 4) or ending in _TIFFS:
         return
-    if is_unstated(image_file):
+    if is_unstated(image_file) and ending != ".npy" and not pixels[..., -1].any():
+        image_file.pixels = np.ascontiguousarray(pixels[..., :-1])  # else nothing is to be seen
+        note = "its last channel, which is empty and whose meaning is not stated: left behind"
+    elif is_unstated(image_file):
         note = "its last channel, whose meaning is not stated, became opacity"
     elif image_file.premultiplied:
         note = "" if ending == ".exr" else "its colors stay multiplied by opacity"

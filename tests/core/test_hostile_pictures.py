@@ -168,6 +168,30 @@ def test_tiff_that_does_not_say_what_is_white_is_refused():
         sharpen_image_file("in.tif", "out.tif")
 
 
+@pytest.mark.parametrize("name", ["group3", "group4", "tiff_ccitt"])
+def test_compressions_of_fax_machines_are_refused_by_name(name):
+    Image.fromarray(GRAY > 99).save("in.tif", compression=name)
+    with pytest.raises(core.ShockError, match=r"a compression that is not read \(CCITT"):
+        sharpen_image_file("in.tif", "out.tif")
+
+
+def test_palettes_with_more_channels_are_refused_by_name():
+    Image.fromarray(COLORS).quantize(16).convert("PA").save("in.tif")
+    with pytest.raises(core.ShockError, match="has a palette and more channels"):
+        sharpen_image_file("in.tif", "out.tif")
+
+
+def test_deep_exr_is_refused_by_name():
+    deep = np.empty(GRAY.shape, object)
+    for place in np.ndindex(GRAY.shape):
+        deep[place] = np.arange(3, dtype=np.float32)
+    header = {"compression": OpenEXR.ZIPS_COMPRESSION, "type": OpenEXR.deepscanline}
+    with OpenEXR.File(header, dict.fromkeys("RGB", deep)) as file:
+        file.write("in.exr")
+    with pytest.raises(core.ShockError, match="holds deep pixels; flatten it first"):
+        sharpen_image_file("in.exr", "out.exr")
+
+
 @pytest.mark.parametrize("name", ["DWAA", "DWAB", "B44", "B44A", "PXR24"])
 def test_exr_of_lossy_compression_is_written_without_loss(name):
     pixels = np.repeat(np.linspace(0, 1, 48, dtype=np.float16)[None], 40, axis=0)

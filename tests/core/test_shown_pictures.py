@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import imagecodecs
@@ -123,6 +124,38 @@ def test_a_channel_of_no_stated_meaning_is_named():
     tifffile.imwrite("in.tif", pixels, photometric="rgb", extrasamples=["unspecified"])
     outcome = convert("in.tif", "out.png")
     assert "its last channel, whose meaning is not stated, became opacity" in outcome.notes
+
+
+def test_an_empty_channel_of_no_stated_meaning_hides_nothing():
+    pixels = np.dstack([COLORS, np.zeros_like(RAMP)])
+    tifffile.imwrite("in.tif", pixels, photometric="rgb", extrasamples=["unspecified"])
+    outcome = convert("in.tif", "out.png")
+    assert any("which is empty" in note for note in outcome.notes)
+    np.testing.assert_array_equal(np.asarray(Image.open("out.png")), COLORS)
+
+
+@pytest.mark.parametrize("bits", [1, 2, 4, 16])
+def test_transparent_gray_of_any_depth(bits):
+    values = (np.arange(12 * 16).reshape(12, 16) % min(2**bits, 7)).astype(">u2")
+    as_bits = (values[..., None] >> np.arange(bits - 1, -1, -1)) & 1
+    rows = np.packbits(as_bits.reshape(12, -1).astype(np.uint8), axis=1)
+    head = pillow.chunk(b"IHDR", b"\0\0\0\x10\0\0\0\x0c" + bytes([bits, 0, 0, 0, 0]))
+    data = zlib.compress(b"".join(b"\0" + row.tobytes() for row in rows))
+    Path("in.png").write_bytes(
+        pillow.SIGNATURE + head + pillow.chunk(b"tRNS", b"\0\1")
+        + pillow.chunk(b"IDAT", data) + pillow.chunk(b"IEND", b"")
+    )  # fmt: skip
+    convert("in.png", "out.npy")
+    white = 65535 if bits == 16 else 255
+    expected = np.dstack([values.astype(int) * white // (2**bits - 1), white * (values != 1)])
+    np.testing.assert_array_equal(np.load("out.npy"), expected)
+
+
+@pytest.mark.parametrize("name", ["jpegxl", "jpeg2000", "webp", "lzma"])
+def test_compressions_that_others_do_not_know_raise_no_alarm(name):
+    tifffile.imwrite("in.tif", COLORS, photometric="rgb", compression=name)
+    convert("in.tif", "out.png")
+    np.testing.assert_array_equal(np.asarray(Image.open("out.png")), tifffile.imread("in.tif"))
 
 
 def test_palettes_of_8_bits_are_as_bright_as_libtiff_shows_them():

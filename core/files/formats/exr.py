@@ -31,6 +31,8 @@ def read_exr(path: Path) -> ImageFile:
             raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
     try:
         with openexr.File(str(path), header_only=True) as file:
+            if file.header().get("type") in (openexr.deepscanline, openexr.deeptile):
+                raise ShockError(f"{path} holds deep pixels; flatten it first.")
             low, high = file.header()["dataWindow"]
             width, height = high - low + 1.0
             check_claim(path, 4 * width * height * len(file.header()["channels"]))

@@ -79,7 +79,9 @@ def read_pillow(path: Path) -> ImageFile:
                 if kinds:
                     image_file.notes.append(f"{what} ({_kinds(kinds)}): left behind")
             image_file.only_own = _only_png(image_file.own)
-            if data[24] == 16:
+            bits, is_gray = data[24], data[25] == 0
+            # Pillow takes the transparent color of fewer than 8 bits as one of 8.
+            if bits == 16 or (bits < 8 and is_gray and "transparency" in image.info):
                 if "transparency" in image.info:
                     image_file.notes.append(_CLEAR_COLOR)
                 image_file.pixels = needed("imagecodecs", path).png_decode(data)

@@ -234,6 +234,7 @@ def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
                 )
             (page,) = whole
             _check_page(path, page)
+            _check_compression(path, page)
             if not (_is_listed(page.dataoffsets) and _is_listed(page.databytecounts)):
                 raise ShockError(f"{path} is damaged: its parts are nowhere; copy it again.")
             count = math.prod(page.chunked)
@@ -248,6 +249,20 @@ def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
             yield page, len(pages) > 1
     except tifffile.TiffFileError as error:
         raise ShockError(f"{path} cannot be read; is it damaged? ({error})") from error
+
+
+def _check_compression(path: Path, page: Any) -> None:
+    """Refuse what tifffile cannot decode, or imagecodecs as it is built."""
+    from tifffile import TIFF
+
+    try:
+        _ = TIFF.DECOMPRESSORS[page.compression]
+    except KeyError:
+        name = getattr(page.compression, "name", page.compression)
+        raise ShockError(
+            f"{path} has a compression that is not read ({name}); save it with another one, as"
+            " LZW, or without."
+        ) from None
 
 
 def _is_listed(values: Any) -> bool:
@@ -265,6 +280,8 @@ def _check_page(path: Path, page: Any) -> None:
     if page.photometric not in _COLORS:
         name = _OTHER_COLORS.get(page.photometric, f"unknown ({page.photometric})")
         raise ShockError(f"{path} has {name} colors; convert it to gray or RGB first.")
+    if page.photometric == _PALETTE and page.samplesperpixel != 1:
+        raise ShockError(f"{path} has a palette and more channels; save it as RGB.")
     if page.imagedepth != 1:
         raise ShockError(f"{path} is a volume; save its slices as files of one page each.")
     depths = page.tags[258].value if 258 in page.tags else 1

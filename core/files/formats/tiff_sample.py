@@ -7,6 +7,7 @@ So another reader can be asked what the values mean, without decoding all of a l
 from __future__ import annotations
 
 import struct
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,15 +31,16 @@ class _Part(NamedTuple):
     window: Window
 
 
-def sample_tiff(path: Path) -> tuple[bytes, list[Window]] | None:
+def sample_tiff(path: Path, compressions: Collection[int]) -> tuple[bytes, list[Window]] | None:
     """Return a TIFF file of some parts, one below the other, and where these are in the picture.
 
     Windows at the borders may be smaller than the parts. None if no part stands for a window of
-    pixels with all their channels.
+    pixels with all their channels, or if the compression is not among these.
     """
     with needed("tifffile", path).TiffFile(path) as file:
         page = next(page for page in file.pages if not page.is_reduced)
-        if page.planarconfig != _CONTIGUOUS and page.samplesperpixel > 1:
+        is_planar = page.planarconfig != _CONTIGUOUS and page.samplesperpixel > 1
+        if is_planar or page.compression not in compressions:
             return None
         (high, wide), parts = _parts(page)
         if not parts or high * wide > _LARGEST:
