@@ -222,6 +222,19 @@ def upright_stored(name):
         return np.asarray(image).astype(int)
 
 
+@pytest.mark.parametrize("source", ["in.tif", "in.png"])
+def test_textures_stay_as_they_are_stored(source):
+    write_turned(source, 6)
+
+    def mirrored(pixels):
+        return pixels[::-1]
+
+    for target in ("out.npy", "out" + source[2:]):
+        images.filter_image_file(mirrored, source, target, upright=False)
+    np.testing.assert_array_equal(np.load("out.npy"), COLORS[::-1])
+    np.testing.assert_array_equal(upright("out" + source[2:]), orientation.turned(COLORS[::-1], 6))
+
+
 @pytest.mark.parametrize("number", [3, 6])
 def test_large_pictures_and_masks_are_turned(number, monkeypatch):
     tags = [(274, 3, 1, number, True)]

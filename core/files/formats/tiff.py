@@ -271,6 +271,9 @@ def _is_listed(values: Any) -> bool:
 
 def _check_page(path: Path, page: Any) -> None:
     """Refuse what is no picture of gray values or colors, of one depth."""
+    numbers = page.imagelength, page.imagewidth, page.samplesperpixel
+    if not all(isinstance(number, int) for number in numbers):
+        raise ShockError(f"{path} has broken tags; copy or save it again.")
     if 0 in page.shape or page.size == 0:
         raise ShockError(f"{path} has no pixels; copy or save it again.")
     if _PHOTOMETRIC not in page.tags:  # where programs guess differently
