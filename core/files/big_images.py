@@ -29,7 +29,9 @@ from .image_file import ImageFile
 from .images import check_format, check_kind, read_image
 from .output import Options, Outcome, staged, staged_folder
 from .reading import check_ending, check_source, needed, reading, reading_back
+from .second_look import check_brightness
 from .staging import temporary_folder, tidy
+from .upright import make_upright
 
 _TIFFS = (".tif", ".tiff")
 _ENDINGS = (ENDING, *_TIFFS)
@@ -46,6 +48,7 @@ def filter_big_image(
     options: Options,
     *,
     times: int = 1,
+    upright: bool = True,
 ) -> Outcome:
     """Do what `filter_image_file` does, to and from Zarr arrays and TIFF files of any size."""
     check_ending(target, _ENDINGS, "pictures of any size are not written to such files")
@@ -56,8 +59,8 @@ def filter_big_image(
     if target.suffix.lower() in _TIFFS:
         check_format(source, target.suffix.lower(), image_file.pixels)
     with reporting(options.progress), counting_reruns() as counts:
-        pixels = _chunks(source, image_file)
-        words = _beside(options)
+        pixels = _chunks(source, image_file, upright)
+        words = _beside(options, upright)
         floats = pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
         result = dask_array.asarray(function(floats, **words)).astype(pixels.dtype)
         wanted = [dask_array.asarray(sum(each.sum() for each in counts))]
@@ -107,6 +110,7 @@ def _write_tiff(
             tiles = _tiles(pixels)
             notes = write_tiff_tiles(stage, image_file, result.shape, result.dtype, tiles)
             _read_back(stage, pixels)
+            check_brightness(stage, image_file, pixels)
     return found, [*image_file.notes, *notes]
 
 
@@ -134,10 +138,11 @@ def _open(path: Path, any_size: bool) -> ImageFile:
         check_source(path, _TIFFS)
         with reading(path, any_size):
             tiled = open_tiff_tiles(path)
-        if tiled is not None:
-            check_kind(path, tiled.pixels)
-            return tiled
-    return read_image(path, any_size)
+            if tiled is not None:
+                check_kind(path, tiled.pixels)
+                check_brightness(path, tiled, tiled.pixels)
+                return tiled
+    return read_image(path, any_size, upright=False)
 
 
 class _Stored:
@@ -153,8 +158,8 @@ class _Stored:
             return np.asarray(self.pixels[window], dtype=self.dtype)
 
 
-def _chunks(path: Path, image_file: ImageFile) -> Dask:
-    # Chunks are whole numbers of those in the file.
+def _chunks(path: Path, image_file: ImageFile, upright: bool) -> Dask:
+    # Chunks are whole numbers of those in the file, and turned with the picture.
     import dask.array
 
     pixels = image_file.pixels
@@ -162,31 +167,34 @@ def _chunks(path: Path, image_file: ImageFile) -> Dask:
     wide *= max(round(_SIDE / wide), 1)
     high *= max(round(_SIDE * _SIDE / wide / high), 1)
     chunks = (high, wide, *[-1] * (pixels.ndim - 2))
-    return dask.array.from_array(_Stored(path, pixels), chunks=chunks)
+    image_file.pixels = dask.array.from_array(_Stored(path, pixels), chunks=chunks)
+    if upright:
+        make_upright(image_file)
+    return image_file.pixels
 
 
 def _chunks_on_disk(pixels: Any) -> tuple[int, ...] | None:
     return getattr(pixels, "shards", None) or getattr(pixels, "chunks", None)
 
 
-def _beside(options: Options) -> dict[str, Dask]:
+def _beside(options: Options, upright: bool) -> dict[str, Dask]:
     # Mask and guide, if named.
     words = {}
     if options.mask is not None:
-        weights = _grays(Path(options.mask), options.any_size)
+        weights = _grays(Path(options.mask), options.any_size, upright)
         words["mask"] = 1.0 - weights if options.invert_mask else weights
     if options.guide is not None:
-        guide = _lazy(Path(options.guide), options.any_size)
+        guide = _lazy(Path(options.guide), options.any_size, upright)
         words["guide"] = guide.astype(np.float32) if guide.dtype == np.float16 else guide
     return words
 
 
-def _lazy(path: Path, any_size: bool) -> Dask:
-    return _chunks(path, _open(path, any_size))
+def _lazy(path: Path, any_size: bool, upright: bool) -> Dask:
+    return _chunks(path, _open(path, any_size), upright)
 
 
-def _grays(path: Path, any_size: bool) -> Dask:
-    grays = _lazy(path, any_size)
+def _grays(path: Path, any_size: bool, upright: bool) -> Dask:
+    grays = _lazy(path, any_size, upright)
     if grays.ndim == 3 and grays.shape[2] == 1:
         grays = grays[..., 0]
     if grays.ndim != 2:

@@ -28,6 +28,10 @@ class ImageFile:
         What only its own format understands.
     only_own : list of str
         Names of that, as far as another format leaves it behind.
+    orientation : int
+        How the pixels are to be turned to be shown, as TIFF and EXIF number it; 1 is upright.
+    premultiplied : bool
+        Whether opacity is multiplied into the colors.
     """
 
     pixels: Any
@@ -36,6 +40,8 @@ class ImageFile:
     notes: list[str] = field(default_factory=list)
     own: Any = None
     only_own: list[str] = field(default_factory=list)
+    orientation: int = 1
+    premultiplied: bool = False
 
 
 def lost(image_file: ImageFile, target: Path, kept: set[str], name: str = "") -> list[str]:

@@ -28,8 +28,9 @@ from .formats.tiff import claimed_size, read_tiff, write_tiff
 from .formats.zarr import ENDING as ZARR
 from .image_file import ImageFile, lost
 from .output import DEFAULTS, Options, Outcome, staged
-from .reading import check_source, check_target, reading, reading_back
-from .second_look import check_brightness
+from .reading import check_source, check_target, reading, reading_back, writing
+from .second_look import check_brightness, is_read_by_pillow
+from .upright import fit_opacity, make_upright
 
 Pixels = npt.NDArray[Any]
 _ARRAY = ".npy"
@@ -79,6 +80,7 @@ _FORMATS = {
     _ARRAY: _Format(_map_array, _flush_array, _TYPES, range(1, sys.maxsize)),
 }
 _LOSSY = (".jpg", ".jpeg")
+_LONGEST = {**dict.fromkeys(_LOSSY, 65500), ".webp": 16383}  # sides in pixels
 _TIFFS = (".tif", ".tiff")
 BIG = 1 << 28
 """Bytes of pixels from which on TIFF files are filtered chunk by chunk."""
@@ -93,6 +95,7 @@ def filter_image_file(
     options: Options = DEFAULTS,
     *,
     times: int = 1,
+    upright: bool = True,
 ) -> Outcome:
     """Filter an image file and write it to another.
 
@@ -110,6 +113,9 @@ def filter_image_file(
         Masks, and whether to replace files.
     times : int
         How many times higher and wider the function's result is.
+    upright : bool
+        Turn pictures as their orientation tags say. Texture coordinates count on pixels as they
+        are stored.
 
     Returns
     -------
@@ -124,8 +130,10 @@ def filter_image_file(
     if is_big(Path(source), Path(target)):
         from .big_images import filter_big_image
 
-        return filter_big_image(function, Path(source), Path(target), options, times=times)
-    words = read_beside(options)
+        return filter_big_image(
+            function, Path(source), Path(target), options, times=times, upright=upright
+        )
+    words = read_beside(options, upright)
     fills = "out" in inspect.signature(function).parameters
     source, target = Path(source), Path(target)
     check_source(source, _FORMATS)
@@ -142,7 +150,7 @@ def filter_image_file(
 
     with staged(target, options.overwrite) as path:
         # Arrays that are mapped from files must be gone before these can be replaced.
-        return _filter(source, path, fill, options.any_size, times)
+        return _filter(source, path, fill, options.any_size, times, upright)
 
 
 def is_big(source: Path, target: Path) -> bool:
@@ -163,6 +171,7 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
     ending = target.suffix.lower()
     if ending != _ARRAY:
         check_format(target, ending, pixels)
+    pixels = _without_plain_opacity(ending, pixels)
     with staged(target, overwrite) as path:
         if ending == _ARRAY:
             np.save(path, pixels)
@@ -171,19 +180,23 @@ def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
         _read_back(path, pixels)
 
 
-def image_size(path: str | Path, any_size: bool = False) -> tuple[int, int]:
+def image_size(path: str | Path, any_size: bool = False, upright: bool = True) -> tuple[int, int]:
     """Return height and width of an image file."""
-    height, width = read_image(Path(path), any_size).pixels.shape[:2]
+    height, width = read_image(Path(path), any_size, upright).pixels.shape[:2]
     return height, width
 
 
-def read_image(path: Path, any_size: bool) -> ImageFile:
-    """Read an image file; its pixels keep their type."""
+def read_image(path: Path, any_size: bool, upright: bool = True) -> ImageFile:
+    """Read an image file; its pixels keep their type. By default they are turned to be shown."""
     check_source(path, _FORMATS)
     with reading(path, any_size):
         image_file = _FORMATS[path.suffix.lower()].read(path)
+        check_kind(path, image_file.pixels)
+        if not is_read_by_pillow(path, image_file.pixels):  # which is who would be asked
+            check_brightness(path, image_file, image_file.pixels)
+    if upright:
+        make_upright(image_file)
     pixels = image_file.pixels
-    check_kind(path, pixels)
     image_file.pixels = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("="))
     return image_file
 
@@ -204,11 +217,13 @@ def _filter(
     function: Callable[[Pixels, Pixels], None],
     any_size: bool,
     times: int,
+    upright: bool,
 ) -> Outcome:
-    image_file = read_image(source, any_size)
-    pixels = image_file.pixels
+    image_file = read_image(source, any_size, upright)
     ending = path.suffix.lower()
-    check_format(source, ending, pixels)
+    check_format(source, ending, image_file.pixels, times)
+    fit_opacity(image_file, ending)
+    pixels = image_file.pixels
     shape = (times * pixels.shape[0], times * pixels.shape[1], *pixels.shape[2:])
     new = _new_array if ending == _ARRAY else _empty
     result = new(path, shape, pixels.dtype)
@@ -220,14 +235,18 @@ def _filter(
         shutil.copyfile(source, path)
     else:
         flat = result[..., 0] if _channels(result) == 1 and result.ndim == 3 else result
-        if image_file.format == "TIFF":
-            check_brightness(source, pixels, image_file.own)
-        notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
-        _read_back(path, flat)
-        if ending in _TIFFS:
-            is_tiff = image_file.format == "TIFF"
-            check_brightness(path, flat, image_file.own if is_tiff else {})
+        flat = _without_plain_opacity(ending, flat)
+        with writing(path):
+            notes = [*image_file.notes, *_FORMATS[ending].write(path, image_file, flat)]
+        _read_back(path, result if ending == _ARRAY else flat)
+        check_brightness(path, image_file, flat)
     return Outcome(total, changed, tuple(notes), "changed {changed} of {total} pixels")
+
+
+def _without_plain_opacity(ending: str, pixels: Pixels) -> Pixels:
+    """Leave out opacity that is full everywhere, where a format's encoder does so, too."""
+    is_plain = ending == ".webp" and _channels(pixels) == 4 and (pixels[..., 3] == 255).all()
+    return np.ascontiguousarray(pixels[..., :3]) if is_plain else pixels
 
 
 def _read_back(path: Path, pixels: Pixels) -> None:
@@ -260,8 +279,16 @@ def _new_array(path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
     return result
 
 
-def check_format(source: Path, ending: str, pixels: Any) -> None:
-    """Refuse a format that cannot hold pixels as they are; `source` is where they come from."""
+def check_format(source: Path, ending: str, pixels: Any, times: int = 1) -> None:
+    """Refuse a format that cannot hold pixels as they are; `source` is where they come from.
+
+    They are to be written so many times higher and wider.
+    """
+    side = times * max(pixels.shape[:2])
+    if side > _LONGEST.get(ending, side):
+        raise ShockError(
+            f"{source}: {ending} cannot hold {side} pixels side by side; write .png or .tif."
+        )
     if _FORMATS[ending].holds(pixels):
         return
     fitting = [name for name, other in _FORMATS.items() if other.holds(pixels)]
@@ -280,29 +307,29 @@ def _count_changed(old: Pixels, new: Pixels) -> int:
     return changed
 
 
-def read_beside(options: Options) -> dict[str, Pixels]:
+def read_beside(options: Options, upright: bool = True) -> dict[str, Pixels]:
     """Read what a filter is given by name beside the image: mask, guide and gains, if named."""
     words = {}
     if options.mask is not None:
-        weights = read_grays(Path(options.mask), "mask", options.any_size)
+        weights = read_grays(Path(options.mask), "mask", options.any_size, upright)
         words["mask"] = 1.0 - weights if options.invert_mask else weights
     if options.guide is not None:
-        words["guide"] = read_pixels(options.guide, options.any_size)
+        words["guide"] = read_pixels(options.guide, options.any_size, upright)
     if options.gain_map is not None:
-        grays = read_grays(Path(options.gain_map), "gain map", options.any_size)
+        grays = read_grays(Path(options.gain_map), "gain map", options.any_size, upright)
         words["gain"] = gains_of(grays, options.gain)
     return words
 
 
-def read_pixels(path: str | Path, any_size: bool) -> Pixels:
+def read_pixels(path: str | Path, any_size: bool, upright: bool = True) -> Pixels:
     """Read an image file; float32 in place of float16."""
-    pixels = read_image(Path(path), any_size).pixels
+    pixels = read_image(Path(path), any_size, upright).pixels
     return pixels.astype(np.float32) if pixels.dtype == np.float16 else pixels
 
 
-def read_grays(path: Path, what: str, any_size: bool) -> Pixels:
+def read_grays(path: Path, what: str, any_size: bool, upright: bool = True) -> Pixels:
     """Read a gray image file, from 0 to 1; `what` is what it holds, for people."""
-    grays = read_image(path, any_size).pixels
+    grays = read_image(path, any_size, upright).pixels
     if grays.ndim == 3 and grays.shape[2] == 1:
         grays = grays[..., 0]
     if grays.ndim != 2:

@@ -7,6 +7,7 @@ Needs no numerics, as :mod:`.output`.
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib
 import logging
 import struct
@@ -165,7 +166,8 @@ def reading(path: Path, any_size: bool = False) -> Iterator[None]:
     except MemoryError as error:
         raise ShockError(f"{path} needs more memory than there is ({error}); free some.") from error
     except Exception as error:
-        if (getattr(error, "errno", None) or -1) > 0:
+        number = getattr(error, "errno", None) or -1
+        if number > 0 and number != errno.EINVAL:  # which is a place that no file can have
             raise  # the system's: no such file, no right to read it; those of NetCDF are negative
         if not isinstance(error, _DAMAGE) and not _is_of_another_reader(error):
             logging.getLogger(__name__).exception("The reader of %s failed.", path)

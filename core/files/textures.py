@@ -71,8 +71,10 @@ def filter_texture_file(
         Counts of pixels, and notes on the texture coordinates and on what did not survive.
     """
     surface = read_textured_mesh(mesh, options.material, options.any_size)
-    words = {word: pixels[::-1] for word, pixels in read_beside(options).items()}
-    others = {str(path): read_pixels(path, options.any_size) for path in options.others}
+    words = {word: pixels[::-1] for word, pixels in read_beside(options, upright=False).items()}
+    others = {
+        str(path): read_pixels(path, options.any_size, upright=False) for path in options.others
+    }
     notes = list(surface.notes)
 
     def on_surface(pixels: Pixels) -> Pixels:
@@ -87,7 +89,7 @@ def filter_texture_file(
             return function(surface.mesh, surface.uv, given, **words, atlas=atlas)[::-1]
 
     alone = replace(options, mask=None, guide=None, gain_map=None, others=())
-    outcome = filter_image_file(on_surface, source, target, alone)
+    outcome = filter_image_file(on_surface, source, target, alone, upright=False)
     return replace(outcome, notes=(*notes, *outcome.notes))
 
 
@@ -128,7 +130,9 @@ def texture_mask_file(
         Height and width in texels, or an image file of the wanted size.
     """
     target = Path(target)
-    height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
+    if not isinstance(size, tuple):
+        size = image_size(size, options.any_size, upright=False)
+    height, width = size
     surface = read_textured_mesh(mesh, options.material, options.any_size)
     with reporting(options.progress):
         atlas = TextureAtlas(surface.mesh, surface.uv, height, width)

@@ -31,6 +31,8 @@ def read_exr(path: Path) -> ImageFile:
             raise ShockError(f"{path} cannot be read; it is not an OpenEXR file.")
     try:
         with openexr.File(str(path), header_only=True) as file:
+            if file.header().get("type") in (openexr.deepscanline, openexr.deeptile):
+                raise ShockError(f"{path} holds deep pixels; flatten it first.")
             low, high = file.header()["dataWindow"]
             width, height = high - low + 1.0
             check_claim(path, 4 * width * height * len(file.header()["channels"]))
@@ -64,6 +66,9 @@ def read_exr(path: Path) -> ImageFile:
             f"{path} has channels of a lower resolution ({', '.join(coarse)}); save them at the"
             " resolution of the picture."
         )
+    if header.get("compression") not in _lossless(openexr):
+        header["compression"] = openexr.ZIP_COMPRESSION
+        notes.append("its lossy compression became ZIP, so that all values stay")
     tiles = header.get("tiles")
     if tiles is not None and tiles.mode != openexr.ONE_LEVEL:
         tiles.mode = openexr.ONE_LEVEL
@@ -71,8 +76,14 @@ def read_exr(path: Path) -> ImageFile:
     only_own = [f"the other channels ({', '.join(others)})"] if others else []
     only_own += set(header) - _PLAIN_HEADER
     return ImageFile(
-        pixels[name], "EXR", notes=notes, own=(header, pixels, name), only_own=only_own
+        *(pixels[name], "EXR", {}, notes, (header, pixels, name), only_own),
+        premultiplied=name == "RGBA",
     )
+
+
+def _lossless(openexr: Any) -> set[Any]:
+    names = ("NO", "RLE", "ZIPS", "ZIP", "PIZ")
+    return {getattr(openexr, f"{name}_COMPRESSION") for name in names}
 
 
 def _of_luminance(

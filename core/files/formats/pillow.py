@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import io
+import logging
 import struct
 import threading
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,10 @@ import numpy.typing as npt
 from ...errors import ShockError
 from ..image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost
 from ..reading import check_claim, needed
+from .orientation import UPRIGHT, exif_orientation, upright_exif, xmp_orientation
 from .thumbnails import without_exif_thumbnail, without_photoshop_thumbnail
+
+logging.getLogger("PIL").addHandler(logging.NullHandler())  # else it prints what it notices
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}
@@ -50,21 +55,22 @@ _CLEAR_COLOR = "its transparent color became a channel of opacity"
 def read_pillow(path: Path) -> ImageFile:
     """Read a PNG, JPEG, BMP or WebP file, whatever its name says."""
     png = _read_png_bytes(path)
-    with _opened(path, png) as image:
+    with opened(path, png) as image:
         if getattr(image, "is_animated", False) and image.format != "MPO":
             raise ShockError(f"{path} is animated; save its frames as files, and name these.")
         width, height = image.size
         check_claim(path, width * height * len(image.getbands()))
         about = {key: image.info[name] for key, name in _INFO.items() if image.info.get(name)}
+        about |= png.about() if png else {}
         image_file = ImageFile(np.empty(0), image.format or "", about)
         if EXIF in about:
             exif, had_thumbnail = without_exif_thumbnail(about[EXIF].removeprefix(_EXIF_MARK))
             about[EXIF] = exif
             if had_thumbnail:
                 image_file.notes.append(_OLD_THUMBNAIL)
+        image_file.orientation = _orientation(about)
         if png is not None:
             data = png.pixels
-            about |= png.about()
             image_file.own, damaged, stale = _lasting_chunks(png.data)
             for what, kinds in (
                 ("damaged parts of the file", damaged),
@@ -73,7 +79,9 @@ def read_pillow(path: Path) -> ImageFile:
                 if kinds:
                     image_file.notes.append(f"{what} ({_kinds(kinds)}): left behind")
             image_file.only_own = _only_png(image_file.own)
-            if data[24] == 16:
+            bits, is_gray = data[24], data[25] == 0
+            # Pillow takes the transparent color of fewer than 8 bits as one of 8.
+            if bits == 16 or (bits < 8 and is_gray and "transparency" in image.info):
                 if "transparency" in image.info:
                     image_file.notes.append(_CLEAR_COLOR)
                 image_file.pixels = needed("imagecodecs", path).png_decode(data)
@@ -95,21 +103,28 @@ def read_pillow(path: Path) -> ImageFile:
     return image_file
 
 
-def _opened(path: Path, png: _PngBytes | None) -> Any:
+def opened(path: Path, png: _PngBytes | None = None) -> Any:
     """Read the header of an image of any size.
 
     Pillow refuses large images, since servers open what strangers send; here a person named it.
-    Its limit is one for all threads.
+    Its limit and warnings are those of all threads.
     """
     needed("PIL", path)
     from PIL import Image
 
-    with _LIMIT:
+    with _LIMIT, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about EXIF data
         limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
         try:
             return Image.open(io.BytesIO(png.pixels) if png else path, formats=_READABLE)
         finally:
             Image.MAX_IMAGE_PIXELS = limit
+
+
+def _orientation(about: dict[str, Any]) -> int:
+    """Return what EXIF says, and where it says nothing, XMP."""
+    stated = exif_orientation(about.get(EXIF, b""))
+    return stated or xmp_orientation(about.get(XMP, b"")) or UPRIGHT
 
 
 def _plain(image: Any, path: Path, notes: list[str]) -> Any:
@@ -142,7 +157,7 @@ class _PngBytes:
 
     def __init__(self, path: Path, data: bytes) -> None:
         self._path, self.data = path, data
-        self._profile = self._xmp = b""
+        self._profile = self._xmp = self._exif = b""
         kept, place = [SIGNATURE], len(SIGNATURE)
         while place + 12 <= len(data):
             length, kind = struct.unpack_from(">I4s", data, place)
@@ -150,6 +165,8 @@ class _PngBytes:
             content = data[place + 8 : end - 4]
             if kind == b"iCCP":
                 self._profile = self._profile or content
+            elif kind == b"eXIf":
+                self._exif = self._exif or content
             elif kind == b"iTXt" and content.startswith(_XMP_KEY + b"\0"):
                 self._xmp = self._xmp or content
             if kind not in _OF_ANY_SIZE:
@@ -160,9 +177,9 @@ class _PngBytes:
         self.pixels = b"".join([*kept, data[place:]])
 
     def about(self) -> dict[str, Any]:
-        """Return profile and XMP, as far as they can be read."""
+        """Return profile, EXIF and XMP, as far as they can be read."""
         _, _, profile = self._profile.partition(b"\0")
-        found = {ICC: self._inflated(profile[1:])}
+        found = {ICC: self._inflated(profile[1:]), EXIF: self._exif}
         rest = self._xmp[len(_XMP_KEY) + 1 :]
         is_packed = rest[:1] == b"\1"
         _, _, text = rest[2:].partition(b"\0")  # after a language
@@ -241,6 +258,21 @@ def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]
             stale.append(kind)
         place += 12 + length
     return found, damaged, stale
+
+
+def make_chunks_upright(image_file: ImageFile, was_transposed: bool) -> None:
+    """Let a PNG's own parts call a picture upright, which was turned."""
+    chunks = []
+    for whole in image_file.own:
+        kind, content = whole[4:8], whole[8:-4]
+        if kind == b"eXIf":
+            content = upright_exif(content)
+        elif kind == b"pHYs" and was_transposed:
+            content = content[4:8] + content[:4] + content[8:]
+        elif kind == b"iTXt" and content.startswith(_XMP_KEY + b"\0") and XMP in image_file.about:
+            content = _XMP_KEY + bytes(5) + image_file.about[XMP]
+        chunks.append(chunk(kind, content))
+    image_file.own = chunks
 
 
 def _kinds(kinds: list[bytes]) -> str:

@@ -8,7 +8,8 @@ import struct
 _ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 _PLACE, _SIZE = 0x0201, 0x0202
 _STRIPS, _STRIP_SIZES = 0x0111, 0x0117
-_ENTRY = 12
+_ENTRY, _IN_PLACE = 12, 4
+_SHORT = 3
 _PHOTOSHOP = b"Photoshop 3.0\0"
 _RESOURCE = b"8BIM"
 _THUMBNAILS = {0x0409, 0x040C}
@@ -16,6 +17,10 @@ _THUMBNAILS = {0x0409, 0x040C}
 
 def without_exif_thumbnail(exif: bytes) -> tuple[bytes, bool]:
     """Return EXIF data whose second directory, the thumbnail's, is gone, and whether there was one.
+
+    The first one leads to the third instead.
+
+    The first one then leads to the third, if there is one.
 
     All else stays in its place, since notes of makers count on that.
     """
@@ -32,15 +37,26 @@ def without_exif_thumbnail(exif: bytes) -> tuple[bytes, bool]:
             return exif, False
         struct.pack_into(f"{order}I", data, link, 0)
         (count,) = struct.unpack_from(f"{order}H", data, second)
+        end = second + 2 + _ENTRY * count
         entries = {}
-        for place in range(second + 2, second + 2 + _ENTRY * count, _ENTRY):
-            code, kind = struct.unpack_from(f"{order}HH", data, place)
-            (entries[code],) = struct.unpack_from(order + "HI"[kind != 3], data, place + 8)
-        for place, size in ((_PLACE, _SIZE), (_STRIPS, _STRIP_SIZES)):
-            if place in entries and size in entries:
-                end = min(entries[place] + entries[size], len(data))
-                data[entries[place] : end] = bytes(max(end - entries[place], 0))
-        data[second : second + 2 + _ENTRY * count] = bytes(2 + _ENTRY * count)
+        for place in range(second + 2, end, _ENTRY):
+            code, kind, number = struct.unpack_from(f"{order}HHI", data, place)
+            letter = "H" if kind == _SHORT else "I"
+            if number * struct.calcsize(letter) > _IN_PLACE:
+                (place,) = struct.unpack_from(f"{order}I", data, place + 8)
+            else:
+                place += 8
+            if code in (_PLACE, _SIZE, _STRIPS, _STRIP_SIZES):
+                entries[code] = struct.unpack_from(f"{order}{number}{letter}", data, place)
+        for starts, sizes in ((_PLACE, _SIZE), (_STRIPS, _STRIP_SIZES)):
+            pairs = zip(entries.get(starts, ()), entries.get(sizes, ()), strict=False)
+            for start, size in pairs:
+                stop = min(start + size, len(data))
+                data[start:stop] = bytes(max(stop - start, 0))
+        third = int.from_bytes(exif[end : end + 4], "little" if order == "<" else "big")
+        if third not in (first, second):  # which would lead in a circle
+            struct.pack_into(f"{order}I", data, link, third)
+        data[second:end] = bytes(end - second)
     except struct.error:  # cut short, so that nobody else reads more of it
         return bytes(data), data != exif
     return bytes(data), True

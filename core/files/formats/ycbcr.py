@@ -46,6 +46,8 @@ def _numbers(page: Any, code: int, default: tuple[float, ...]) -> tuple[float, .
     if code not in page.tags:
         return default
     value = page.tags[code].value
+    if not isinstance(value, tuple):
+        return default
     if len(value) == 2 * len(default):
         value = [top / (bottom or 1) for top, bottom in zip(value[::2], value[1::2], strict=True)]
     return tuple(map(float, value)) if len(value) == len(default) else default
