@@ -95,7 +95,12 @@ class _Piece(NamedTuple):
 
 
 def further_steps(
-    mesh: TriangleMesh, system: LinearSystem, normals: Floats, moved: Floats, steps: int
+    mesh: TriangleMesh,
+    system: LinearSystem,
+    normals: Floats,
+    near: npt.NDArray[np.uint8],
+    moved: Floats,
+    steps: int,
 ) -> Floats:
     """Go on from the first step of a refit, by preconditioned conjugate gradients.
 
@@ -110,7 +115,9 @@ def further_steps(
     system : LinearSystem
         The refit's matrix.
     normals : (m, 3) float64
-        Target normals, of which some turn.
+        Target normals.
+    near : (n,) uint8
+        The vertices that move on, as `near_turns` returns them; some do.
     moved : (n, 3) float64
         The displacement of the first step, in mean edge lengths.
     steps : int
@@ -123,7 +130,6 @@ def further_steps(
     """
     message = "Fitting the surface"
     with phase(0.0, 0.1, message):
-        near = dilation(mesh, greatest_to_vertices(mesh, turns(mesh, normals)), _RINGS)
         index, piece = _cut_out(mesh, system, normals, near)
     with phase(0.1, 1.0, message):
         slid = _descend(piece, moved[index], steps, message)
@@ -131,10 +137,10 @@ def further_steps(
     return moved
 
 
-def turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
-    """Return 1 for faces that are to turn by enough for further steps, 0 for others."""
+def near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
+    """Return 1 at the vertices around faces that turn by enough for further steps: (n,)."""
     turned = (cosines(mesh.normals, normals) < np.cos(_TURNING)) & (mesh.areas > 0)
-    return turned.view(np.uint8)
+    return dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), _RINGS)
 
 
 def _cut_out(

@@ -245,6 +245,27 @@ def test_more_steps_are_as_exact_as_one_where_nothing_turns():
     np.testing.assert_array_equal(many, one)
 
 
+def test_more_steps_elsewhere_leave_no_place_solved_loosely(box):
+    mesh, _ = box
+    ball, faces = icosphere(3)
+    both = core.TriangleMesh(
+        np.concatenate([mesh.vertices, ball + 6.0]),
+        np.concatenate([mesh.faces, faces + mesh.vertex_count]),
+    )
+    on_ball = slice(mesh.vertex_count, None)
+    tilt = 0.008 * np.sin(3.0 * both.vertices[both.faces].mean(axis=1)[:, [1, 2, 0]])
+    normals = both.normals + tilt
+    normals[: mesh.face_count] = core.sharpen_normals(mesh)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    settings = core.FitSettings(screening_radius=50.0)
+    moved, _ = displacement(both, normals, settings, None, 13)
+    alone = np.zeros_like(normals)  # 0 asks for no turn, so that the tolerance is the ball's
+    alone[mesh.face_count :] = normals[mesh.face_count :]
+    expected, _ = displacement(both, alone, settings, None, 1)
+    away = np.linalg.norm((moved - expected)[on_ball])
+    assert away < 0.05 * np.linalg.norm(expected[on_ball])
+
+
 def test_neutral_values_give_the_filter_of_the_paper(box):
     mesh, _ = box
     neutral = core.GeometrySettings(
