@@ -216,6 +216,7 @@ def refitted(
     limit: float = 0.0,
     steps: int = 1,
     freedom: float = 0.0,
+    unfolds: bool = False,
 ) -> Floats:
     """Filter the normals of a mesh and fit its positions to them, `settings.repeat` times.
 
@@ -233,6 +234,8 @@ def refitted(
         The farthest that a vertex may move in all, in mean edge lengths; 0 sets no limit.
     steps, freedom : int, float
         As `fit_steps` and `crease_freedom` in `GeometrySettings`.
+    unfolds : bool
+        Whether moves that fold faces onto each other are taken back; those that are limited are.
 
     Returns
     -------
@@ -252,6 +255,7 @@ def refitted(
         moved = step if turn == 0 else moved + step
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)
+        if limit > 0 or unfolds:
             unfold(mesh, moved)
         if turn + 1 < settings.repeat:
             current = mesh.moved_to(mesh.vertices + moved)

@@ -80,7 +80,8 @@ def folded_edges(mesh, degrees=150.0):
 
 @pytest.mark.parametrize("count", [36, 44, 48])
 @pytest.mark.parametrize(
-    "more", [{}, {"time": 4096.0, "screening_radius": 1000.0}, {"max_displacement": 0.3}]
+    "more",
+    [{}, {"time": 4096.0, "screening_radius": 1000.0}, {"max_displacement": 0.3}, {"amount": 0.5}],
 )
 def test_no_faces_are_folded_onto_each_other(count, more):
     mesh = holed_box(count)
@@ -88,9 +89,20 @@ def test_no_faces_are_folded_onto_each_other(count, more):
     assert folded_edges(sharp) <= folded_edges(mesh)
     if "max_displacement" in more:
         assert abs(sharp.vertices - mesh.vertices).max() <= 0.3 * mesh.mean_edge_length
+    if more.keys() & {"max_displacement", "amount"}:
         return
     targets = core.sharpen_normals(mesh, core.GeometrySettings(**more))
     assert (np.einsum("ij,ij->i", sharp.normals, targets) > 0).all()
+
+
+@pytest.mark.parametrize("count", [36, 48])
+def test_one_step_folds_no_faces_at_creases(count):
+    mesh = holed_box(count)
+    rough = mesh.vertices + np.random.default_rng(5).normal(scale=0.02, size=mesh.vertices.shape)
+    for current in (mesh, mesh.moved_to(rough)):
+        sharp = current.moved_to(core.sharpen_geometry(current, core.GeometrySettings(fit_steps=1)))
+        assert not np.array_equal(sharp.vertices, current.vertices)
+        assert folded_edges(sharp) <= folded_edges(current)
 
 
 def test_no_face_becomes_thinner_than_the_thinnest_before():
