@@ -27,7 +27,7 @@ from ..mesh.calculus import (
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..settings import BeltramiGeometrySettings, FitSettings, GeometrySettings
-from .slide import LOOSE, further_steps, turns, unfold
+from .slide import LOOSE, further_steps, near_turns, unfold
 
 log = logging.getLogger(__name__)
 
@@ -145,8 +145,9 @@ def displacement(
     With further `steps` vertices slide onto creases; with `freedom` they are held less there.
     """
     eps = screening(mesh, settings)
-    if steps > 1 and not turns(mesh, normals).any():
-        steps = 1  # none would follow, and make up for a first one that is solved loosely
+    near = near_turns(mesh, normals) if steps > 1 else None
+    if near is None or not near.any():
+        near, steps = None, 1  # no step would follow
     try:
         with phase(0.0, 0.2, "Preparing the refit"):
             hold = _hold(mesh, normals, freedom)
@@ -167,9 +168,13 @@ def displacement(
                 precise=steps > 1,  # in which the order of vertices would grow from rounding
                 message="Fitting the surface",
             )
-        if steps > 1:
-            with phase(0.3 + 0.7 / steps, 1.0, "Fitting the surface"):
-                moved = further_steps(mesh, system, normals, moved, steps)
+        if near is not None:
+            begin = 0.3 + 0.7 / steps
+            far = np.flatnonzero((near == 0) & ~system.fixed).astype(np.int32)
+            with phase(begin, 0.9, "Fitting the surface"):
+                moved = further_steps(mesh, system, normals, near, moved, steps)
+            with phase(0.9, 1.0, "Fitting the surface"):
+                _solve_exactly(system, rhs, far, moved, multigrid)
     except SolverError as error:
         raise SolverError(f"{error.sentence} {ADVICE}", **error.values) from error
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
@@ -177,6 +182,29 @@ def displacement(
     with aside("Fitting the surface"):
         run(_to_lengths, mesh.vertex_count, mesh.mean_edge_length, moved)
     return moved, report
+
+
+def _solve_exactly(
+    system: LinearSystem,
+    rhs: Floats,
+    rows: npt.NDArray[np.int32],
+    moved: Floats,
+    multigrid: bool,
+) -> None:
+    # Goes on from a loose solve at some vertices, to which no further step comes; after the steps,
+    # since the first step's minimum beside them would bend flat sides.
+    if len(rows) == 0:
+        return
+    missing = system.residual(moved, rhs)[rows]
+    change, _ = solve(
+        system.part(rows),
+        missing,
+        TOLERANCE,
+        multigrid=multigrid,
+        precise=True,
+        message="Fitting the surface",
+    )
+    moved[rows] += change
 
 
 def refitted(
@@ -188,6 +216,7 @@ def refitted(
     limit: float = 0.0,
     steps: int = 1,
     freedom: float = 0.0,
+    unfolds: bool = False,
 ) -> Floats:
     """Filter the normals of a mesh and fit its positions to them, `settings.repeat` times.
 
@@ -205,6 +234,8 @@ def refitted(
         The farthest that a vertex may move in all, in mean edge lengths; 0 sets no limit.
     steps, freedom : int, float
         As `fit_steps` and `crease_freedom` in `GeometrySettings`.
+    unfolds : bool
+        Whether moves that fold faces onto each other are taken back; those that are limited are.
 
     Returns
     -------
@@ -224,6 +255,7 @@ def refitted(
         moved = step if turn == 0 else moved + step
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)
+        if limit > 0 or unfolds:
             unfold(mesh, moved)
         if turn + 1 < settings.repeat:
             current = mesh.moved_to(mesh.vertices + moved)

@@ -33,6 +33,7 @@ from .creases import (
     turned_zone,
 )
 from .fit import moved_vertices, refitted
+from .slide import unfold
 
 
 def sharpen_normals(
@@ -152,6 +153,8 @@ def sharpen_geometry(
         moved = in_good_order(mesh, partial(_displacement, settings), weights)
         if settings.amount < 1:
             moved *= settings.amount
+            if settings.where == "creases":
+                unfold(mesh, moved)  # halfway, faces may be folded that are not at the end
         with phase(1.0, 1.0, "Fitting the surface"):
             return moved_vertices(mesh, moved)
 
@@ -222,9 +225,10 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
             tell_creases(regions.among((weights[mesh.faces] > 0).any(axis=1)))
         if not regions.creased.any():
             steps = 1  # without creases to slide onto, more gain nothing
+    unfolds = settings.where == "creases" or steps > 1
     with phase(begin, 1.0, "Sharpening"):
         return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
-                        steps, settings.crease_freedom)  # fmt: skip
+                        steps, settings.crease_freedom, unfolds)  # fmt: skip
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:

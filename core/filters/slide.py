@@ -61,10 +61,10 @@ _SLIDE = 0.5
 _HEIGHT, _LOWER = 0.05, 0.8
 """Height of turned faces, relative to their longest edge, and how much less in each next round."""
 
-_SLIDES, _RETREATS, _RETURNS = 20, 32, 8
+_SLIDES, _RETREATS, _RETURNS = 20, 80, 8
 """Rounds in which turned faces get a height; in which their vertices go back; go back fully."""
 
-_RETREAT = 0.9
+_RETREAT = 0.97
 """What is left of a move in each round in which vertices go back."""
 
 _FOLD = np.cos(np.radians(150.0))
@@ -84,7 +84,6 @@ class _Piece(NamedTuple):
     # What of a mesh moves on, and the rim around it, which stays; numbered on its own.
     vertices: Floats
     faces: Ints
-    across: Ints
     corners: tuple[Ints, Ints]
     halves: Floats
     areas: Floats
@@ -95,7 +94,12 @@ class _Piece(NamedTuple):
 
 
 def further_steps(
-    mesh: TriangleMesh, system: LinearSystem, normals: Floats, moved: Floats, steps: int
+    mesh: TriangleMesh,
+    system: LinearSystem,
+    normals: Floats,
+    near: npt.NDArray[np.uint8],
+    moved: Floats,
+    steps: int,
 ) -> Floats:
     """Go on from the first step of a refit, by preconditioned conjugate gradients.
 
@@ -110,7 +114,9 @@ def further_steps(
     system : LinearSystem
         The refit's matrix.
     normals : (m, 3) float64
-        Target normals, of which some turn.
+        Target normals.
+    near : (n,) uint8
+        The vertices that move on, as `near_turns` returns them; some do.
     moved : (n, 3) float64
         The displacement of the first step, in mean edge lengths.
     steps : int
@@ -123,7 +129,6 @@ def further_steps(
     """
     message = "Fitting the surface"
     with phase(0.0, 0.1, message):
-        near = dilation(mesh, greatest_to_vertices(mesh, turns(mesh, normals)), _RINGS)
         index, piece = _cut_out(mesh, system, normals, near)
     with phase(0.1, 1.0, message):
         slid = _descend(piece, moved[index], steps, message)
@@ -131,10 +136,10 @@ def further_steps(
     return moved
 
 
-def turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
-    """Return 1 for faces that are to turn by enough for further steps, 0 for others."""
+def near_turns(mesh: TriangleMesh, normals: Floats) -> npt.NDArray[np.uint8]:
+    """Return 1 at the vertices around faces that turn by enough for further steps: (n,)."""
     turned = (cosines(mesh.normals, normals) < np.cos(_TURNING)) & (mesh.areas > 0)
-    return turned.view(np.uint8)
+    return dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), _RINGS)
 
 
 def _cut_out(
@@ -157,13 +162,7 @@ def _cut_out(
     areas = mesh.areas[chosen]
     halves = cotangents_of(vertices, faces, areas)
     screen = system.screen[index]
-    face_number = np.full(mesh.face_count + 1, _NOWHERE, dtype=np.int32)
-    face_number[chosen] = np.arange(len(chosen), dtype=np.int32)
-    twins = mesh.twins[chosen]
-    across = face_number[np.where(twins >= 0, twins // 3, mesh.face_count)]
-    return index, _Piece(
-        vertices, faces, across, corners, halves, areas, targets, shapes, screen, inner
-    )
+    return index, _Piece(vertices, faces, corners, halves, areas, targets, shapes, screen, inner)
 
 
 def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
@@ -236,20 +235,17 @@ def _sum(function: Callable[..., None], *arguments: Any) -> float:
 
 
 def _without_turned(piece: _Piece, moved: Floats) -> Floats:
-    # Vertices around faces that have turned over or folded slide on; those that stay so, and were
-    # not so before, go back, a little each time and at last all of their way.
+    # Vertices around faces that have turned over slide on; those of faces that stay so, and were
+    # not so before, go back, a little each time and at last all of their way. Faces that are
+    # folded but not turned are left to `unfold`: heights would move them too far.
     fixed, around = piece.system.fixed, np.arange(len(piece.faces))
-    units = _unit_normals(piece.vertices[piece.faces])
-    least = np.minimum(_row_dots(units, piece.normals), 0.0)
-    folded_before = _folded(units, piece.across, around)
+    least = np.minimum(_row_dots(_unit_normals(piece.vertices[piece.faces]), piece.normals), 0.0)
     rounds = _SLIDES + _RETREATS + _RETURNS
     for attempt in range(rounds + 1):
         x = piece.vertices[piece.faces[around]] + moved[piece.faces[around]]
-        units[around] = _unit_normals(x)
-        folded = _folded(units, piece.across, around) & ~folded_before[around]
         upright = 0.0 if attempt < _SLIDES else least[around]
-        turned = _row_dots(units[around], piece.normals[around]) < upright
-        bad = around[(turned & (piece.shapes[around] > 0)) | folded.any(axis=1)]
+        turned = _row_dots(_unit_normals(x), piece.normals[around]) < upright
+        bad = around[turned & (piece.shapes[around] > 0)]
         if len(bad) == 0:
             break
         if attempt == rounds:
@@ -274,17 +270,21 @@ def unfold(mesh: TriangleMesh, moved: Floats) -> None:
     moved : (n, 3) float64
         The displacement, in the unit of `mesh.vertices`.
     """
-    across = np.where(mesh.twins >= 0, mesh.twins // 3, _NOWHERE)
-    around = np.arange(mesh.face_count)
-    units = _unit_normals(mesh.vertices[mesh.faces])
-    folded_before = _folded(units, across, around)
-    for attempt in range(_RETREATS + _RETURNS):
-        units[around] = _unit_normals((mesh.vertices + moved)[mesh.faces[around]])
-        folded = _folded(units, across, around) & ~folded_before[around]
-        bad = around[folded.any(axis=1)]
+    around = np.flatnonzero(greatest_to_faces(mesh, moved.any(axis=1).view(np.uint8)))
+    units = mesh.normals.copy()
+    rounds = _RETREATS + _RETURNS
+    for attempt in range(rounds + 1):
+        faces, twins = mesh.faces[around], mesh.twins[around]
+        across = np.where(twins >= 0, twins // 3, _NOWHERE)
+        units[around] = _unit_normals(mesh.vertices[faces] + moved[faces])
+        folded = _folded(units, across, around) & ~_folded(mesh.normals, across, around)
+        bad = faces[folded.any(axis=1)]
         if len(bad) == 0:
             break
-        corners = np.unique(mesh.faces[bad])
+        if attempt == rounds:
+            tell("Faces that stay folded: {count}.", count=len(bad))
+            break
+        corners = np.unique(bad)
         moved[corners] *= _RETREAT if attempt < _RETREATS else 0.0
         around = _faces_around(mesh.corners, corners)
 
@@ -328,10 +328,9 @@ def _row_dots(one: Floats, other: Floats) -> Floats:
 def _folded(
     units: Floats, across: npt.NDArray[Any], chosen: npt.NDArray[Any]
 ) -> npt.NDArray[np.bool_]:
-    # Over which edges some faces are folded onto the faces across: (k, 3).
-    others = across[chosen]
-    cosines = np.einsum("fx,fkx->fk", units[chosen], units[others])
-    return (cosines < _FOLD) & (others != _NOWHERE)
+    # Over which edges some faces are folded onto the faces across, (k, 3) as these.
+    cosines = np.einsum("fx,fkx->fk", units[chosen], units[across])
+    return (cosines < _FOLD) & (across != _NOWHERE)
 
 
 @kernel

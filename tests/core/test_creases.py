@@ -80,7 +80,8 @@ def folded_edges(mesh, degrees=150.0):
 
 @pytest.mark.parametrize("count", [36, 44, 48])
 @pytest.mark.parametrize(
-    "more", [{}, {"time": 4096.0, "screening_radius": 1000.0}, {"max_displacement": 0.3}]
+    "more",
+    [{}, {"time": 4096.0, "screening_radius": 1000.0}, {"max_displacement": 0.3}, {"amount": 0.5}],
 )
 def test_no_faces_are_folded_onto_each_other(count, more):
     mesh = holed_box(count)
@@ -88,9 +89,20 @@ def test_no_faces_are_folded_onto_each_other(count, more):
     assert folded_edges(sharp) <= folded_edges(mesh)
     if "max_displacement" in more:
         assert abs(sharp.vertices - mesh.vertices).max() <= 0.3 * mesh.mean_edge_length
+    if more.keys() & {"max_displacement", "amount"}:
         return
     targets = core.sharpen_normals(mesh, core.GeometrySettings(**more))
     assert (np.einsum("ij,ij->i", sharp.normals, targets) > 0).all()
+
+
+@pytest.mark.parametrize("count", [36, 48])
+def test_one_step_folds_no_faces_at_creases(count):
+    mesh = holed_box(count)
+    rough = mesh.vertices + np.random.default_rng(5).normal(scale=0.02, size=mesh.vertices.shape)
+    for current in (mesh, mesh.moved_to(rough)):
+        sharp = current.moved_to(core.sharpen_geometry(current, core.GeometrySettings(fit_steps=1)))
+        assert not np.array_equal(sharp.vertices, current.vertices)
+        assert folded_edges(sharp) <= folded_edges(current)
 
 
 def test_no_face_becomes_thinner_than_the_thinnest_before():
@@ -243,6 +255,27 @@ def test_more_steps_are_as_exact_as_one_where_nothing_turns():
     one, _ = displacement(mesh, normals, settings, None, 1)
     many, _ = displacement(mesh, normals, settings, None, 13)
     np.testing.assert_array_equal(many, one)
+
+
+def test_more_steps_elsewhere_leave_no_place_solved_loosely(box):
+    mesh, _ = box
+    ball, faces = icosphere(3)
+    both = core.TriangleMesh(
+        np.concatenate([mesh.vertices, ball + 6.0]),
+        np.concatenate([mesh.faces, faces + mesh.vertex_count]),
+    )
+    on_ball = slice(mesh.vertex_count, None)
+    tilt = 0.008 * np.sin(3.0 * both.vertices[both.faces].mean(axis=1)[:, [1, 2, 0]])
+    normals = both.normals + tilt
+    normals[: mesh.face_count] = core.sharpen_normals(mesh)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    settings = core.FitSettings(screening_radius=50.0)
+    moved, _ = displacement(both, normals, settings, None, 13)
+    alone = np.zeros_like(normals)  # 0 asks for no turn, so that the tolerance is the ball's
+    alone[mesh.face_count :] = normals[mesh.face_count :]
+    expected, _ = displacement(both, alone, settings, None, 1)
+    away = np.linalg.norm((moved - expected)[on_ball])
+    assert away < 0.05 * np.linalg.norm(expected[on_ball])
 
 
 def test_neutral_values_give_the_filter_of_the_paper(box):
