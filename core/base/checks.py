@@ -54,7 +54,7 @@ def checked_count(number: object, name: str, least: int = 0, most: int | None = 
     return int(number)
 
 
-def checked_number(number: object, name: str, most: float = np.inf) -> float:
+def checked_number(number: Any, name: str, most: float = np.inf) -> float:
     """Return a number above 0 and up to `most`, or raise `InvalidSettings`."""
     is_number = isinstance(number, (int, float, np.integer, np.floating))
     if not is_number or isinstance(number, bool) or not 0 < number <= min(most, sys.float_info.max):
@@ -74,12 +74,12 @@ MOST_ROWS = 1 << 15
 """Most rows or columns of textures, and of images whose size is given."""
 
 
-def checked_size(size: object) -> tuple[int, int]:
+def checked_size(size: Any) -> tuple[int, int]:
     """Return the rows and columns of an image to make, or raise `InvalidSettings`."""
     is_row = isinstance(size, (tuple, list)) or (isinstance(size, np.ndarray) and size.ndim == 1)
-    if not is_row or len(size) != 2:  # type: ignore[arg-type]
+    if not is_row or len(size) != 2:
         raise InvalidSettings(f"size is {size!r}; give the image's rows and columns.")
-    rows, columns = size  # type: ignore[misc]
+    rows, columns = size
     return (
         checked_count(rows, "The number of rows in size", 1, MOST_ROWS),
         checked_count(columns, "The number of columns in size", 1, MOST_ROWS),

@@ -350,6 +350,15 @@ def test_a_run_can_be_cancelled_at_any_time():
             )  # fmt: skip
 
 
+@pytest.mark.parametrize("smoothing", [1e-310, 1e-30, 1e-9])
+def test_tiny_smoothing_smooths_nothing(smoothing):
+    mesh, uv = plain()
+    settings = core.DistanceSettings(smoothing=smoothing)
+    found = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0], settings=settings)
+    expected = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    np.testing.assert_array_equal(found, expected)
+
+
 @pytest.mark.parametrize("is_enough", [False, True])
 def test_a_distance_that_is_not_final_is_told(monkeypatch, is_enough):
     mesh, uv = plain()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -84,8 +85,7 @@ def advect_dye(
     settings = given_or_default(settings, DyeSettings)
     count = checked_frames(frames, settings.loop)
     flow = Flow(velocity, size, mask, settings.step, settings.periodic, count, settings.loop > 0)
-    is_row = isinstance(sources, Iterable) and not isinstance(sources, np.ndarray)
-    given = list(sources) if is_row else [sources]
+    given = _listed(sources)
     for source in given:
         if not isinstance(source, DyeSource):
             raise InvalidSettings(f"A source is {source!r}; give a DyeSource.")
@@ -102,6 +102,11 @@ def advect_dye(
         below = _as_the_dye(given_or_default(noise, NoiseSettings), settings)
         under = noise_frames(flow, below, Look(flow.longest, below, behind, None))
     return _told(flow, given, settings, count, under, behind, progress)
+
+
+def _listed(sources: Any) -> list[DyeSource]:
+    is_row = isinstance(sources, Iterable) and not isinstance(sources, np.ndarray)
+    return list(sources) if is_row else [sources]
 
 
 def _as_the_dye(noise: NoiseSettings, settings: DyeSettings) -> NoiseSettings:

@@ -85,7 +85,8 @@ class Flow:
         self._steady = len(self._field) == 1
         self._wraps = wraps(periodic)
         self.frames, self._loops = frames, loops
-        self.size = self._field.shape[:2] if size is None else checked_size(size)
+        rows, columns = self._field.shape[:2] if size is None else checked_size(size)
+        self.size = rows, columns
         self._mask: npt.NDArray[np.bool_] | None = None
         self._masks_field: npt.NDArray[np.bool_] | None = None
         if mask is not None:
