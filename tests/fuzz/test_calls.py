@@ -91,3 +91,30 @@ def test_wrong_settings_are_refused_or_do_no_harm(name):
                 assert_sentence(error)
                 continue
             call(name, settings=settings)
+
+
+@pytest.mark.parametrize("name", [name for name, row in CALLS.items() if row.settings])
+def test_extreme_settings_do_no_harm_together(name):
+    row = CALLS[name]
+    random = np.random.default_rng(len(name))
+    for _ in range(400 if LONG else 20):
+        chosen = dict(row.short)
+        for field, (kind, default, about) in describe(row.settings).items():
+            values = list(about.choices) or list(wrong_settings(kind, default))
+            value = values[random.integers(len(values))]
+            if random.random() < 0.5 and is_taken(row.settings, field, value):
+                chosen[field] = value
+        try:
+            settings = row.settings(**chosen)
+        except core.InvalidSettings as error:  # they contradict each other
+            assert_sentence(error)
+            continue
+        call(name, settings=settings)
+
+
+def is_taken(settings, field, value):
+    try:
+        settings(**{field: value})
+    except core.InvalidSettings:
+        return False
+    return True
