@@ -142,6 +142,24 @@ class _Settings:
         return hash((type(self), *vars(self).values()))
 
 
+_Given = TypeVar("_Given", bound=_Settings)
+
+
+def given_or_default(settings: _Given | None, kind: type[_Given]) -> _Given:
+    """Return the settings, or those of a class where none are given.
+
+    Raises
+    ------
+    InvalidSettings
+        If they are no settings, or lack some of that class.
+    """
+    if settings is None:
+        return kind()
+    if not isinstance(settings, _Settings) or describe(kind).keys() - vars(settings).keys():
+        raise InvalidSettings(f"settings is {settings!r}; give {kind.__name__}, or leave it out.")
+    return settings
+
+
 def _word(name: str, value: Any, about: Setting) -> str:
     if not isinstance(value, str) or value not in about.choices:
         words = ", ".join(about.choices)

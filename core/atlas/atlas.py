@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import BAND, SCALES
+from ..base.checks import BAND, MOST_ROWS, SCALES, is_whole
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal, InvalidUV
-from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
+from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh, check_mesh
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
 from .metric import Ways, measure_metric
@@ -173,12 +173,13 @@ class TextureAtlas:
         width: int,
         progress: ProgressCallback | None = None,
     ) -> None:
-        if not (0 < height <= _LARGEST and 0 < width <= _LARGEST):
+        check_mesh(mesh)
+        if not all(is_whole(count) and 0 < int(count) <= MOST_ROWS for count in (height, width)):
             raise InvalidUV(
                 "The image has {width} x {height} texels; give 1 to {most}.",
                 width=width,
                 height=height,
-                most=_LARGEST,
+                most=MOST_ROWS,
             )
         self.mesh = mesh
         self.height, self.width = int(height), int(width)
@@ -290,9 +291,6 @@ class TextureAtlas:
         face = np.where(self.inside, self.sheet.nodes.reshape(-1)[self.owners], NOTHING)
         chart = np.where(self.inside, self.charts.labels[face], NOTHING)
         return TextureMasks(count > 0, boundary, face, chart, count)
-
-
-_LARGEST = 1 << 15
 
 
 @kernel

@@ -26,6 +26,7 @@ import scipy.sparse
 from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
+from ..base.findings import tell
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import aside, ask
 from ..base.vectors import after
@@ -364,6 +365,13 @@ def _cut_faces(
         np.zeros((0, 2)),
     )
     run(_cut, count, *given, sizes, sizes, True, empty.points, empty)
+    left_out = np.count_nonzero(flat & (atlas.metric.shapes[:, 2] != 0) & (sizes[:, 0] == 0))
+    if left_out:
+        tell(
+            "Faces without area in the texture that are left out, as too many texels lie at their"
+            " sides: {count}.",
+            count=int(left_out),
+        )
     first = np.zeros((count + 1, 2), dtype=np.int64)
     np.cumsum(sizes, axis=0, out=first[1:])
     pieces, total = first[-1]

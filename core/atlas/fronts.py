@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import Floats
+from ..base.findings import tell
 from ..base.parallel import kernel
 from ..base.progress import aside, ask
 from ..mesh.triangle_mesh import Ints
@@ -43,7 +44,7 @@ _ROUND = 1 << 15
 """Points visited at once."""
 
 _MOST_VISITS = 100
-"""Visits of a point on the mean; what is left then is far below what shows."""
+"""Visits of a point on the mean; what is left then is told."""
 
 _NEAR = 1e-6
 
@@ -138,7 +139,8 @@ class SurfaceDistance:
             _visit(_ROUND, self._polygons, fronts)
             ask(min(done / total, 1.0))
             if fronts.state[1] == 0:
-                break
+                return
+        tell("Texels whose distance may be too large: {count}.", count=int(fronts.state[1]))
 
     def values(self) -> npt.NDArray[np.float32]:
         """Return the distance as a function on the surface (n, 1), and inf where none comes."""

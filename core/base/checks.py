@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import sys
-from typing import Any, TypeGuard
+from collections.abc import Iterable
+from typing import Any, SupportsInt, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +21,69 @@ LARGEST = 1e30
 
 
 def as_array(values: npt.ArrayLike, what: str) -> npt.NDArray:
-    """Return `values` as an array, or raise `InvalidSignal` if rows differ in length."""
+    """Return `values` as an array; raises `InvalidSignal` if rows differ or values are masked."""
+    if np.ma.is_masked(values):
+        raise InvalidSignal(f"The {what} holds masked values; fill these first.")
     try:
         return np.asarray(values)
     except ValueError as error:
         raise InvalidSignal(f"The {what} is not made of numbers; give floats.") from error
+
+
+def checked_word(word: str, name: str, choices: Iterable[str]) -> str:
+    """Return a word of those that there are, or raise `InvalidSettings`."""
+    if not isinstance(word, str) or word not in choices:
+        raise InvalidSettings(f"{name} is {word!r}; choose one of: {', '.join(choices)}.")
+    return word
+
+
+def is_whole(number: object) -> TypeGuard[SupportsInt]:
+    """Whether something is a whole number of Python or numpy, whatever its type."""
+    if isinstance(number, (bool, np.bool_)):
+        return False
+    if isinstance(number, (float, np.floating)):
+        return bool(number == np.floor(number)) and bool(np.isfinite(number))
+    return isinstance(number, (int, np.integer))
+
+
+def checked_count(number: object, name: str, least: int = 0, most: int | None = None) -> int:
+    """Return a whole number from `least` to `most`, or raise `InvalidSettings`."""
+    if not is_whole(number) or int(number) < least or (most is not None and int(number) > most):
+        bounds = f"from {least}" if most is None else f"from {least} to {most}"
+        raise InvalidSettings(f"{name} is {number!r}; give a whole number {bounds}.")
+    return int(number)
+
+
+def checked_number(number: Any, name: str, most: float = np.inf) -> float:
+    """Return a number above 0 and up to `most`, or raise `InvalidSettings`."""
+    is_number = isinstance(number, (int, float, np.integer, np.floating))
+    if not is_number or isinstance(number, bool) or not 0 < number <= min(most, sys.float_info.max):
+        bounds = "positive number" if most == np.inf else f"value in (0, {most:g}]"
+        raise InvalidSettings(f"{name} is {number!r}; give a {bounds}.")
+    return float(number)
+
+
+def checked_flag(value: object, name: str) -> bool:
+    """Return what is true or false, or raise `InvalidSettings`."""
+    if not isinstance(value, (bool, np.bool_, int)):
+        raise InvalidSettings(f"{name} is {value!r}; give True or False.")
+    return bool(value)
+
+
+MOST_ROWS = 1 << 15
+"""Most rows or columns of textures, and of images whose size is given."""
+
+
+def checked_size(size: Any) -> tuple[int, int]:
+    """Return the rows and columns of an image to make, or raise `InvalidSettings`."""
+    is_row = isinstance(size, (tuple, list)) or (isinstance(size, np.ndarray) and size.ndim == 1)
+    if not is_row or len(size) != 2:
+        raise InvalidSettings(f"size is {size!r}; give the image's rows and columns.")
+    rows, columns = size
+    return (
+        checked_count(rows, "The number of rows in size", 1, MOST_ROWS),
+        checked_count(columns, "The number of columns in size", 1, MOST_ROWS),
+    )
 
 
 def checked_signal(
@@ -134,10 +193,15 @@ def checked_out(out: npt.NDArray | None, given: npt.NDArray, times: int = 1) -> 
     shape = (times * given.shape[0], times * given.shape[1], *given.shape[2:])
     if out is None:
         return np.empty(shape, given.dtype)
-    if out.shape != shape or out.dtype != given.dtype or not out.flags.c_contiguous:
+    if not isinstance(out, np.ndarray):
+        raise InvalidSignal(
+            f"out is of type {type(out).__name__}; give a contiguous {given.dtype} array of shape"
+            f" {shape}."
+        )
+    if out.shape != shape or out.dtype != given.dtype or not out.flags.carray:
         raise InvalidSignal(
             f"out is {out.dtype} of shape {out.shape}; give a contiguous {given.dtype} array of"
-            f" shape {shape}."
+            f" shape {shape} that can be written to."
         )
     if np.may_share_memory(out, given):
         raise InvalidSignal("out shares memory with the image; give another array.")

@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple
 
-from ..errors import Cancelled
+from ..errors import Cancelled, InvalidSettings
 
 ProgressCallback = Callable[[float, str], bool]
 
@@ -43,10 +43,13 @@ def reporting(progress: ProgressCallback | None) -> Iterator[None]:
     ------
     Cancelled
         Out of the block, when the callback asks for it.
+    InvalidSettings
+        If it cannot be called.
     """
     if progress is None:
         yield
         return
+    _check(progress)
     highest = 0.0
 
     def report(fraction: float, message: str) -> None:
@@ -67,6 +70,13 @@ def reporting(progress: ProgressCallback | None) -> Iterator[None]:
         ask(1.0)
     finally:
         _current.reset(token)
+
+
+def _check(progress: object) -> None:
+    if not callable(progress):
+        raise InvalidSettings(
+            f"progress is {progress!r}; give a function of a fraction and a message."
+        )
 
 
 @contextmanager
@@ -112,6 +122,7 @@ def part_of(
     """Return what reports a part of the whole, from one fraction to another."""
     if progress is None:
         return None
+    _check(progress)
     return lambda fraction, message: progress(first + (last - first) * fraction, message)
 
 
@@ -122,6 +133,8 @@ def one_of(
 
     These do not stand in their caller's phase while they wait: each step is reported by itself.
     """
+    if progress is not None:
+        _check(progress)
 
     def report(fraction: float, _: str) -> bool:
         return progress is None or progress((number + fraction) / count, message)

@@ -25,8 +25,13 @@ from ..mesh.calculus import (
     needle_share,
     stiffness_weights,
 )
-from ..mesh.triangle_mesh import Floats, TriangleMesh
-from ..settings import BeltramiGeometrySettings, FitSettings, GeometrySettings
+from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
+from ..settings import (
+    BeltramiGeometrySettings,
+    FitSettings,
+    GeometrySettings,
+    given_or_default,
+)
 from .slide import LOOSE, further_steps, near_turns, unfold
 
 log = logging.getLogger(__name__)
@@ -111,6 +116,8 @@ def fit_to_normals(
     >>> bool((core.fit_to_normals(mesh, mesh.normals) == mesh.vertices).all())
     True
     """
+    check_mesh(mesh)
+    settings = given_or_default(settings, FitSettings)
     with reporting(progress):
         targets = checked_signal(normals, mesh.face_count, "array of normals")
         if targets.shape[1] != 3:
@@ -121,7 +128,7 @@ def fit_to_normals(
         if not ((abs(lengths - 1) < 1e-3) | (lengths == 0)).all():
             raise InvalidSignal("Some normals are not unit vectors; divide them by their lengths.")
         weights = checked_mask(mask, mesh.vertex_count)
-        moved, _ = displacement(mesh, targets, settings or FitSettings(), weights)
+        moved, _ = displacement(mesh, targets, settings, weights)
         return moved_vertices(mesh, moved)
 
 
@@ -201,7 +208,6 @@ def _solve_exactly(
         missing,
         TOLERANCE,
         multigrid=multigrid,
-        precise=True,
         message="Fitting the surface",
     )
     moved[rows] += change

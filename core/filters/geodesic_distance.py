@@ -13,15 +13,18 @@ from ..atlas.fronts import Segments, SurfaceDistance
 from ..atlas.multigrid import SheetSolver
 from ..atlas.operators import TextureSpace
 from ..atlas.surface_values import sheet_values
-from ..base.checks import Floats, as_array
+from ..base.checks import Floats, as_array, checked_size
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
-from ..mesh.triangle_mesh import Ints, TriangleMesh
-from ..settings import DilateSettings, DistanceSettings
-from .texels import Texture, checked_atlas, checked_size, written
+from ..mesh.triangle_mesh import Ints, TriangleMesh, check_mesh
+from ..settings import DilateSettings, DistanceSettings, given_or_default
+from .texels import Texture, checked_atlas, written
 
 _TOLERANCE = 1e-4
 """Residual of the smoothed distance relative to the right-hand side."""
+
+_SHORTEST = 1e-3
+"""Smoothing over less would not be seen in single precision."""
 
 _JUMP = 0.6
 """Where lengths change by more than this over a texel, its mean metric would not do."""
@@ -85,6 +88,8 @@ def geodesic_distance(
         As in `sharpen_texture`.
     InvalidSignal
         If there is no source, or a source is not on the mesh.
+    InvalidSettings
+        If the size cannot be used.
     SolverError
         If no solution is found for smoothed distance.
 
@@ -105,7 +110,7 @@ def geodesic_distance(
     >>> bool(np.isclose(distance[10, 20], np.hypot(10.5, 20.5) / 8, atol=1e-5))
     True
     """
-    settings = settings or DistanceSettings()
+    settings = given_or_default(settings, DistanceSettings)
     rows, columns = checked_size(size)
     sources = _checked_sources(mesh, (rows, columns), vertices, points, edges, image)
     with reporting(progress):
@@ -119,7 +124,7 @@ def geodesic_distance(
         with phase(0.8, 0.9, "Smoothing"):
             reached = np.isfinite(values).astype(np.float32)
             values[reached == 0] = 0.0
-            if settings.smoothing > 0:
+            if settings.smoothing > _SHORTEST:
                 values = _smoothed(space, values, settings.smoothing)
         with phase(0.9, 1.0, "Filling the gutter"):
             sheet = np.zeros((*space.labels.shape, 2), dtype=np.float32)
@@ -161,7 +166,7 @@ def vertex_distance(
 
     Raises
     ------
-    InvalidUV, InvalidSignal, Cancelled
+    InvalidUV, InvalidSignal, InvalidSettings, Cancelled
         As in `geodesic_distance`.
 
     Examples
@@ -173,7 +178,7 @@ def vertex_distance(
     >>> core.vertex_distance(mesh, uv, (32, 32), vertices=[0]).round(3).tolist()
     [0.0, 3.0, 5.0, 4.0]
     """
-    settings = settings or DistanceSettings()
+    settings = given_or_default(settings, DistanceSettings)
     rows, columns = checked_size(size)
     sources = _checked_sources(mesh, (rows, columns), vertices, points, edges, image)
     with reporting(progress):
@@ -248,6 +253,7 @@ def _checked_sources(
     edges: npt.ArrayLike | None,
     image: npt.ArrayLike | None,
 ) -> _Sources:
+    check_mesh(mesh)
     known, parts = [np.zeros(0, dtype=np.int64)], [_along(np.zeros(0, dtype=np.int64))]
     if vertices is not None:
         given = _checked_numbers(vertices, mesh.vertex_count, "vertices", "vertex").reshape(-1)
@@ -272,6 +278,7 @@ def _checked_sources(
             raise InvalidSignal(
                 "The image of sources holds NaN, infinity or no numbers; give 0 to 1."
             )
+        painted = np.clip(painted.astype(np.float64), 0.0, 1.0)
     return _Sources(_joined(parts), np.concatenate(known), painted)
 
 

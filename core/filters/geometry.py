@@ -22,8 +22,8 @@ from ..mesh.calculus import (
     smooth_vertices,
 )
 from ..mesh.order import in_good_order, is_scattered, sorted_along_curve
-from ..mesh.triangle_mesh import Floats, TriangleMesh
-from ..settings import GeometrySettings
+from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
+from ..settings import GeometrySettings, given_or_default
 from .creases import (
     LONGER,
     consistent_normals,
@@ -75,7 +75,8 @@ def sharpen_normals(
     >>> normals.shape, bool(np.allclose(np.linalg.norm(normals, axis=1), 1.0))
     ((12, 3), True)
     """
-    settings = settings or GeometrySettings()
+    check_mesh(mesh)
+    settings = given_or_default(settings, GeometrySettings)
     with reporting(progress):
         if is_scattered(mesh):
             ordered, _, face_order = kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
@@ -145,7 +146,8 @@ def sharpen_geometry(
     >>> bool((still == corners).all())
     True
     """
-    settings = settings or GeometrySettings()
+    check_mesh(mesh)
+    settings = given_or_default(settings, GeometrySettings)
     weights = checked_mask(mask, mesh.vertex_count)
     if settings.is_neutral:
         return mesh.vertices.copy()
@@ -203,9 +205,11 @@ def geometry_flow(
     >>> potential.tolist(), flow.tolist()
     ([0.0, 0.0, 0.0], [[0.0, 0.0, 0.0]])
     """
+    check_mesh(mesh)
+    settings = given_or_default(settings, GeometrySettings)
     with reporting(progress):
         with phase(0.0, 0.9, "Computing the flow"):
-            _, _, potential = _signal_and_potential(mesh, settings or GeometrySettings())
+            _, _, potential = _signal_and_potential(mesh, settings)
         with phase(0.9, 1.0, "Computing the flow"):
             return potential.copy(), flow_from_potential(mesh, potential)
 

@@ -22,7 +22,7 @@ from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import FilterSettings
+from ..settings import FilterSettings, given_or_default
 from .normal_maps import checked_normals
 from .texels import (
     Output,
@@ -111,7 +111,7 @@ def filter_texture(
     [0.4, 0.8]
     """
     given = checked_image(image, LARGEST)
-    settings = settings or FilterSettings()
+    settings = given_or_default(settings, FilterSettings)
     gains = _checked_gain(gain, given)
     weights = checked_weights(mask, given)
     with reporting(progress):
@@ -169,7 +169,7 @@ class TextureSolver:
     ) -> None:
         given = checked_image(image, LARGEST)
         self._image = given
-        self._settings = settings = settings or FilterSettings()
+        self._settings = settings = given_or_default(settings, FilterSettings)
         pixels = given.reshape(*given.shape[:2], -1)
         check_content(pixels, settings)
         corners = checked_normals(mesh, normals)

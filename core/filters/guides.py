@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from ..base.checks import checked_image
+from ..base.checks import LARGEST, checked_image
 from ..errors import InvalidSettings, InvalidSignal
 from ..settings import ImageSettings, TextureSettings
 
@@ -26,7 +26,7 @@ def checked_guide(
     """
     if guide is None:
         return None
-    found = checked_image(guide)
+    found = checked_image(guide, LARGEST)
     check_guide(found, image, settings)
     return found.reshape(*found.shape[:2], -1)
 

@@ -20,6 +20,7 @@ from ..base.checks import (
 )
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..errors import InvalidSettings
 from ..grid.advect import TracedPixels, advect_pixels
 from ..grid.borders import measure_borders
 from ..grid.channels import Channels, channel_groups, opacity_channel
@@ -27,7 +28,7 @@ from ..grid.enlarge import enlarged
 from ..grid.part import Part, keep_inside
 from ..grid.pixels import copied, mix
 from ..grid.potential import flow_reach, image_potential
-from ..settings import ImageSettings
+from ..settings import ImageSettings, given_or_default
 from .guides import checked_guide
 from .images_by_width import Measured, follow_by_width, measured, sharpen_by_width
 from .signals import step_durations
@@ -104,7 +105,9 @@ def sharpen_image(
     >>> sharp.shape, bool(np.abs(np.diff(sharp)).max() > np.abs(np.diff(image)).max())
     ((8, 32), True)
     """
-    settings = settings or ImageSettings()
+    settings = given_or_default(settings, ImageSettings)
+    if not (known is None or isinstance(known, Measured)):
+        raise InvalidSettings(f"known is of type {type(known).__name__}; leave it out.")
     if is_dask(image):
         from .chunked import sharpen_chunks
 
@@ -236,7 +239,7 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     >>> found.what, round(found.width)
     ('drawing', 5)
     """
-    settings = settings or ImageSettings()
+    settings = given_or_default(settings, ImageSettings)
     if is_dask(image):
         from .chunked import measure_chunks
 

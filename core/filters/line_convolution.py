@@ -10,14 +10,14 @@ from ..atlas import TextureAtlas
 from ..atlas.multigrid import SheetSolver
 from ..atlas.operators import TextureSpace
 from ..atlas.surface_values import sheet_values
-from ..base.checks import Floats, as_array
+from ..base.checks import Floats, as_array, checked_size, checked_word
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
-from ..mesh.directions import at_corners, face_tensors, principal_directions
+from ..mesh.directions import PLACES, at_corners, face_tensors, principal_directions
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings, StreakSettings
-from .texels import Texture, checked_atlas, checked_size, written
+from ..settings import DilateSettings, StreakSettings, given_or_default
+from .texels import Texture, checked_atlas, written
 
 _Single = npt.NDArray[np.float32]
 
@@ -78,6 +78,8 @@ def surface_line_convolution(
         As in `sharpen_texture`.
     InvalidSignal
         If the directions do not fit the mesh.
+    InvalidSettings
+        If the size cannot be used, or `at` is another word.
     SolverError
         If no solution is found.
 
@@ -101,7 +103,7 @@ def surface_line_convolution(
     >>> rough[0] > 4 * rough[1]
     True
     """
-    settings = settings or StreakSettings()
+    settings = given_or_default(settings, StreakSettings)
     shape = checked_size(size)
     given = checked_directions(mesh, directions, at)
     with reporting(progress):
@@ -186,6 +188,8 @@ def checked_directions(
 ) -> Floats | None:
     """Return directions as unit vectors at the corners of faces; raises `InvalidSignal`."""
     if directions is None:
+        if at is not None:
+            checked_word(at, "at", PLACES)
         return None
     given = as_array(directions, "directions")
     at_corners(mesh, given, at, "directions have")

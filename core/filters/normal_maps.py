@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..atlas.normal_frames import NormalFrames
-from ..base.checks import Floats, as_array, checked_image
+from ..base.checks import LARGEST, Floats, as_array, checked_image
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
-from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings
+from ..mesh.triangle_mesh import TriangleMesh, check_mesh
+from ..settings import DilateSettings, given_or_default
 from .texels import Texture, check_channels, checked_atlas, gathered, written
 
 
@@ -120,6 +120,7 @@ def tangent_normals(
 
 def checked_normals(mesh: TriangleMesh, normals: npt.ArrayLike | None) -> Floats | None:
     """Return normals at the corners of a mesh's faces as unit vectors; raises `InvalidSignal`."""
+    check_mesh(mesh)
     if normals is None:
         return None
     given = as_array(normals, "normals")
@@ -127,10 +128,12 @@ def checked_normals(mesh: TriangleMesh, normals: npt.ArrayLike | None) -> Floats
         raise InvalidSignal(
             f"The normals have the shape {given.shape}; give ({mesh.face_count}, 3, 3) numbers."
         )
-    length = np.linalg.norm(given.astype(np.float64), axis=2, keepdims=True)
-    if not np.isfinite(length).all() or not length.all():
+    vectors = given.astype(np.float64)
+    largest = np.abs(vectors).max(axis=2, keepdims=True)
+    if not np.isfinite(largest).all() or not largest.all():
         raise InvalidSignal("A normal is NaN, infinite or zero; give unit vectors.")
-    return mesh.own_corners(given / length)
+    vectors /= largest
+    return mesh.own_corners(vectors / np.linalg.norm(vectors, axis=2, keepdims=True))
 
 
 def _converted(
@@ -143,10 +146,10 @@ def _converted(
     progress: ProgressCallback | None,
     atlas: TextureAtlas | None,
 ) -> npt.NDArray:
-    pixels = checked_image(image)
+    pixels = checked_image(image, LARGEST)
     check_channels(pixels)
     given = checked_normals(mesh, normals)
-    settings = settings or DilateSettings()
+    settings = given_or_default(settings, DilateSettings)
     with reporting(progress):
         with phase(0.0, 0.6, "Finding texels"):
             texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)

@@ -6,10 +6,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_image, is_dask, refuse_with_dask
+from ..base.checks import (
+    checked_count,
+    checked_image,
+    checked_number,
+    checked_word,
+    is_dask,
+    refuse_with_dask,
+)
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
+from ..settings import MOST_STEPS
 
 DETECTORS = {"laplacian": 0, "gradient": 1, "flow": 2}
 
@@ -70,15 +78,10 @@ def osher_rudin_image(
     >>> bool(np.diff(sharp).max() > 2 * np.diff(step).max())
     True
     """
-    if edge_detector not in DETECTORS:
-        raise InvalidSettings(
-            f"edge_detector is {edge_detector!r}; choose: {', '.join(DETECTORS)}."
-        )
-    if steps < 0 or not float(steps).is_integer():
-        raise InvalidSettings(f"steps is {steps!r}; give a whole number from 0.")
+    checked_word(edge_detector, "edge_detector", DETECTORS)
+    count = checked_count(steps, "steps", most=MOST_STEPS)
     longest = _LARGEST if edge_detector == "flow" else 0.5
-    if not 0 < time_step <= longest:
-        raise InvalidSettings(f"time_step is {time_step!r}; give a value in (0, {longest:g}].")
+    length = checked_number(time_step, "time_step", longest)
     if is_dask(image):
         from .chunked import evolve_chunks
 
@@ -89,9 +92,9 @@ def osher_rudin_image(
                 " image allows, which no chunk of a dask array knows; choose 'gradient' or"
                 " 'laplacian'."
             )
-        return evolve_chunks(image, int(steps), time_step, DETECTORS[edge_detector])
+        return evolve_chunks(image, count, length, DETECTORS[edge_detector])
     with reporting(progress):
-        return evolved(checked_image(image), int(steps), time_step, DETECTORS[edge_detector])
+        return evolved(checked_image(image), count, length, DETECTORS[edge_detector])
 
 
 def check_kind(array: npt.NDArray) -> None:

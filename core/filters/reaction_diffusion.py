@@ -12,15 +12,15 @@ from ..atlas.ghosts import fill_ghosts
 from ..atlas.multigrid import SheetSolver
 from ..atlas.operators import TextureSpace
 from ..atlas.surface_values import corner_values, sheet_values, surface_values
-from ..base.checks import Floats, as_array
+from ..base.checks import Floats, as_array, checked_size
 from ..base.parallel import run, sum_kernel
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..errors import InvalidSignal
 from ..mesh.directions import face_tensors
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings, ReactionSettings
+from ..settings import DilateSettings, ReactionSettings, given_or_default
 from .line_convolution import checked_directions
-from .texels import Texture, checked_atlas, checked_size, written
+from .texels import Texture, checked_atlas, written
 
 _Single = npt.NDArray[np.float32]
 
@@ -99,6 +99,8 @@ def reaction_diffusion(
         As in `sharpen_texture`.
     InvalidSignal
         If start, rates or directions do not fit.
+    InvalidSettings
+        If the size cannot be used, or `at` is another word.
     SolverError
         If no solution is found.
 
@@ -136,7 +138,7 @@ def reaction_diffusion(
     >>> image.shape, bool(image[..., 1].max() > 0.2)
     ((48, 48, 2), True)
     """
-    settings = settings or ReactionSettings()
+    settings = given_or_default(settings, ReactionSettings)
     shape = checked_size(size)
     given = checked_directions(mesh, directions, at)
     first = _checked_start(start, shape)

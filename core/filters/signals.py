@@ -24,9 +24,9 @@ from ..flow.borders import borders_of, diffused, local_contrast, measured, nearb
 from ..flow.potential import flow_potential
 from ..flow.trace import corner_offsets, trace
 from ..grid.channels import brightness_weights
-from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..mesh.weld import split_at_jumps
-from ..settings import ShockSettings
+from ..settings import ShockSettings, given_or_default
 from .dials import (
     Plan,
     blended,
@@ -100,10 +100,11 @@ def sharpen_vertex_signal(
     True
     """
     with reporting(progress):
+        check_mesh(mesh)
         given = checked_type(signal)
         values = checked_signal(given, mesh.vertex_count)
         weights = checked_mask(mask, mesh.vertex_count)
-        settings = settings or ShockSettings()
+        settings = given_or_default(settings, ShockSettings)
         if settings.is_neutral:
             return given.copy()
         average = partial(average_corners, mesh)
@@ -168,13 +169,14 @@ def sharpen_corner_signal(
     """
     with reporting(progress):
         with aside("Sharpening"):
+            check_mesh(mesh)
             given = checked_type(signal)
             own = to_own_corners(mesh, given)
             ask()
             values = checked_signal(own, 3 * mesh.face_count)
             ask()
             weights = checked_mask(mask, mesh.vertex_count)
-            settings = settings or ShockSettings()
+            settings = given_or_default(settings, ShockSettings)
             if settings.is_neutral:
                 return given.copy()
             cut, cut_values = _cut_at_jumps(mesh, own)

@@ -73,9 +73,6 @@ _FOLD = np.cos(np.radians(150.0))
 _ALIKE = 1e-9
 """Relative difference of squared lengths that rounding may make."""
 
-_NOWHERE = -1
-"""The number of the face across a border."""
-
 _CHUNK = 8192
 """Rows that one sum runs over, so that its rounding is the same on any number of cores."""
 
@@ -270,15 +267,13 @@ def unfold(mesh: TriangleMesh, moved: Floats) -> None:
     moved : (n, 3) float64
         The displacement, in the unit of `mesh.vertices`.
     """
-    around = np.flatnonzero(greatest_to_faces(mesh, moved.any(axis=1).view(np.uint8)))
-    units = mesh.normals.copy()
+    around = np.arange(mesh.face_count, dtype=np.int32)
     rounds = _RETREATS + _RETURNS
     for attempt in range(rounds + 1):
-        faces, twins = mesh.faces[around], mesh.twins[around]
-        across = np.where(twins >= 0, twins // 3, _NOWHERE)
-        units[around] = _unit_normals(mesh.vertices[faces] + moved[faces])
-        folded = _folded(units, across, around) & ~_folded(mesh.normals, across, around)
-        bad = faces[folded.any(axis=1)]
+        folded = np.empty(len(around), dtype=np.bool_)
+        run(_find_folds, len(around), around, mesh.vertices, moved, mesh.faces, mesh.twins,
+            mesh.normals, folded)  # fmt: skip
+        bad = mesh.faces[around[folded]]
         if len(bad) == 0:
             break
         if attempt == rounds:
@@ -323,14 +318,6 @@ def _unit_normals(corners: Floats) -> Floats:
 
 def _row_dots(one: Floats, other: Floats) -> Floats:
     return np.einsum("fx,fx->f", one, other)
-
-
-def _folded(
-    units: Floats, across: npt.NDArray[Any], chosen: npt.NDArray[Any]
-) -> npt.NDArray[np.bool_]:
-    # Over which edges some faces are folded onto the faces across, (k, 3) as these.
-    cosines = np.einsum("fx,fkx->fk", units[chosen], units[across])
-    return (cosines < _FOLD) & (across != _NOWHERE)
 
 
 @kernel
@@ -405,6 +392,30 @@ def _corner(vertices, moved, v):
         vertices[v, 1] + moved[v, 1],
         vertices[v, 2] + moved[v, 2],
     )
+
+
+@kernel
+def _normal(vertices, moved, faces, f):
+    a = _corner(vertices, moved, faces[f, 0])
+    b = _corner(vertices, moved, faces[f, 1])
+    c = _corner(vertices, moved, faces[f, 2])
+    return cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]))
+
+
+@kernel
+def _find_folds(start, stop, chosen, vertices, moved, faces, twins, before, folded):
+    # Which faces are folded onto one across an edge, and were not before.
+    for i in range(start, stop):
+        f = chosen[i]
+        folded[i] = False
+        n = _normal(vertices, moved, faces, f)
+        for k in range(3):
+            if twins[f, k] < 0 or folded[i]:
+                continue
+            g = twins[f, k] // 3
+            m = _normal(vertices, moved, faces, g)
+            size = np.sqrt(dot(n, n) * dot(m, m))
+            folded[i] = dot(n, m) < _FOLD * size and dot(before[f], before[g]) >= _FOLD
 
 
 @kernel

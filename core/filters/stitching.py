@@ -22,7 +22,7 @@ from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import StitchSettings
+from ..settings import StitchSettings, given_or_default
 from .normal_maps import checked_normals
 from .texels import (
     Texture,
@@ -137,7 +137,7 @@ def stitch_textures(
     [0.31, 0.01]
     """
     pictures = _checked_images(images)
-    settings = settings or StitchSettings()
+    settings = given_or_default(settings, StitchSettings)
     given = pictures[0]
     trust = _checked_confidences(confidences, labels, pictures)
     weights = checked_weights(mask, given)
@@ -327,7 +327,8 @@ def _checked_confidences(
         return [(numbers == number).astype(np.float64) for number in range(count)]
     if confidences is None:
         return [None] * count
-    if not isinstance(confidences, np.ndarray | Sequence):
+    is_row = isinstance(confidences, np.ndarray) and confidences.ndim > 0
+    if not is_row and not isinstance(confidences, Sequence):
         raise InvalidSignal("The confidences are no list of arrays; give one for each image.")
     given = [as_array(one, "confidence") for one in confidences]
     if len(given) != count:
@@ -338,4 +339,4 @@ def _checked_confidences(
         if one.dtype.kind not in "bfiu" or not np.isfinite(one).all() or one.min() < 0:
             raise InvalidSignal("A confidence is negative, NaN or no number; give values from 0.")
     largest = max(max(float(one.max()) for one in given), 1e-30)
-    return [one / largest for one in given]
+    return [one.astype(np.float64) / largest for one in given]

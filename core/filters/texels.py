@@ -15,7 +15,7 @@ from ..atlas.normal_frames import NormalFrames
 from ..atlas.seam_fit import SeamFit
 from ..atlas.seams import settle_seams
 from ..atlas.sheet import ROWS
-from ..base.checks import BAND, SCALES, Floats, as_array
+from ..base.checks import BAND, SCALES, Floats
 from ..base.parallel import blocks, run
 from ..base.progress import aside, phase
 from ..errors import InvalidSignal
@@ -205,6 +205,8 @@ def checked_atlas(
     height, width = pixels.shape[:2]
     if atlas is None:
         return TextureAtlas(mesh, uv, height, width)
+    if not isinstance(atlas, TextureAtlas):
+        raise InvalidSignal(f"atlas is {atlas!r}; give a TextureAtlas, or leave it out.")
     if atlas.mesh is not mesh or (atlas.height, atlas.width) != (height, width):
         raise InvalidSignal(
             f"The atlas is for {atlas.width} x {atlas.height} texels of its own mesh, the image"
@@ -223,11 +225,3 @@ def grays_of(values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]) -> 
     last = values[..., -1]
     largest = float(last.max(initial=0.0, where=inside))
     return last / np.float32(largest) if largest > 0 else last
-
-
-def checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return the rows and columns of an image to make."""
-    given = as_array(size, "size")
-    if given.shape != (2,) or given.dtype.kind not in "iu":
-        raise InvalidSignal(f"The size is {size!r}; give the image's rows and columns.")
-    return int(given[0]), int(given[1])

@@ -20,7 +20,7 @@ from ..errors import InvalidSignal
 from ..grid.channels import channel_groups, opacity_channel
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings, TextureSettings
+from ..settings import DilateSettings, TextureSettings, given_or_default
 from .guides import checked_guide
 from .texels import (
     Texture,
@@ -112,7 +112,7 @@ def sharpen_texture(
     [0.1, 0.3]
     """
     given = checked_image(image, LARGEST)
-    settings = settings or TextureSettings()
+    settings = given_or_default(settings, TextureSettings)
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
     alpha, normals = _checked_content(settings, pixels)
@@ -183,7 +183,7 @@ def dilate_texture(
     array([255, 255, 255, 255, 255, 255, 255, 255], dtype=uint8)
     """
     given = checked_image(image, LARGEST)
-    settings = settings or DilateSettings()
+    settings = given_or_default(settings, DilateSettings)
     pixels = given.reshape(*given.shape[:2], -1)
     with reporting(progress):
         with phase(0.0, 0.7, "Finding texels"):

@@ -12,8 +12,8 @@ from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..base.vectors import dot, edge
 from ..mesh.calculus import average_to_vertices, gradient, smooth_vertices
-from ..mesh.triangle_mesh import Floats, TriangleMesh
-from ..settings import ShockSettings
+from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
+from ..settings import ShockSettings, given_or_default
 
 
 def flow_field(
@@ -73,11 +73,12 @@ def flow_field(
     >>> int(vertices[potential.argmax(), 0])
     4
     """
+    check_mesh(mesh)
+    settings = given_or_default(settings, ShockSettings)
     with reporting(progress):
         values = checked_signal(signal, mesh.vertex_count)
-        passes = (settings or ShockSettings()).smoothing_passes
         with phase(0.0, 0.9, "Computing the flow"):
-            potential = flow_potential(mesh, values, passes)
+            potential = flow_potential(mesh, values, settings.smoothing_passes)
         with phase(0.9, 1.0, "Computing the flow"):
             return potential, flow_from_potential(mesh, potential)
 

@@ -9,13 +9,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import Floats, as_array
+from ..base.checks import Floats, as_array, checked_count, checked_flag, checked_word
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
 from .calculus import average_to_vertices, gradient, smooth_vertices
-from .triangle_mesh import TriangleMesh
+from .triangle_mesh import TriangleMesh, check_mesh
 
 _LITTLE = 1e-12
+
+PLACES = ("faces", "vertices")
+"""Where vectors can be."""
+
+_MOST_PASSES = 100_000
 
 
 def principal_directions(
@@ -45,7 +50,7 @@ def principal_directions(
     Raises
     ------
     InvalidSettings
-        If `which` is another word.
+        If `which` is another word, or `passes` no whole number from 0 to 100,000.
     Cancelled
         If `progress` returned False.
 
@@ -61,8 +66,9 @@ def principal_directions(
     >>> bool(abs(directions[40, 1]) > 0.9)
     True
     """
-    if which not in ("least", "most"):
-        raise InvalidSettings(f"which is {which!r}; choose one of: least, most.")
+    check_mesh(mesh)
+    checked_word(which, "which", ("least", "most"))
+    passes = checked_count(passes, "passes", most=_MOST_PASSES)
     with reporting(progress), phase(0.0, 1.0, "Finding directions"):
         normals = average_to_vertices(mesh, mesh.normals)
         normals = _unit(normals)
@@ -112,6 +118,7 @@ def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool 
     >>> core.gradient_directions(mesh, [0, 2, 0]).round(3).tolist()
     [[1.0, 0.0, -0.0]]
     """
+    check_mesh(mesh)
     values = as_array(signal, "signal")
     if values.dtype.kind not in "biuf" or values.shape not in (
         (mesh.vertex_count,),
@@ -129,7 +136,7 @@ def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool 
     places = mesh.scaled_vertices[mesh.faces]
     sides = np.roll(places, 1, axis=1) - np.roll(places, -1, axis=1)
     along = np.einsum("fk,fkx->fx", corners, sides)  # of equal values
-    return _unit(along if turned else np.cross(mesh.normals, along))
+    return _unit(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
 
 
 def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = False) -> Floats:
@@ -159,6 +166,7 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = Fals
     >>> core.axis_directions(mesh, [1, 0, 1], turned=True).tolist()
     [[0.0, 1.0, 0.0]]
     """
+    check_mesh(mesh)
     given = as_array(axis, "axis")
     if given.shape != (3,) or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
         raise InvalidSignal(f"The axis is {axis!r}; give three numbers.")
@@ -166,7 +174,7 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = Fals
         raise InvalidSignal("The axis has no length; give another one.")
     wanted = given / np.abs(given).max()
     around = np.cross(mesh.normals, wanted)
-    return _unit(around if turned else np.cross(around, mesh.normals))
+    return _unit(around if checked_flag(turned, "turned") else np.cross(around, mesh.normals))
 
 
 def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
@@ -215,9 +223,10 @@ def at_corners(mesh: TriangleMesh, vectors: Floats, at: str | None, what: str) -
     InvalidSignal
         If their number does not fit, or fits both and `at` is None.
     """
+    check_mesh(mesh)
     counts = {"faces": mesh.face_count, "vertices": mesh.vertex_count}
-    if at not in (None, *counts):
-        raise InvalidSettings(f"at is {at!r}; choose one of: faces, vertices.")
+    if at is not None:
+        checked_word(at, "at", PLACES)
     fitting = [
         place
         for place, count in counts.items()

@@ -213,6 +213,12 @@ class TriangleMesh:
         return moved
 
 
+def check_mesh(mesh: object) -> None:
+    """Raise `InvalidMesh` unless something is a `TriangleMesh`."""
+    if not isinstance(mesh, TriangleMesh):
+        raise InvalidMesh(f"mesh is of type {type(mesh).__name__}; give a TriangleMesh.")
+
+
 def checked_vertices(vertices: npt.ArrayLike) -> Floats:
     """Return an (n, 3) float64 copy, or raise `InvalidMesh`."""
     try:

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from shapes import grid, icosphere, rotation
 from shock_filter import core
+from shock_filter.core.filters.advection.surface import checked_vectors
+from shock_filter.core.filters.line_convolution import checked_directions
 from shock_filter.core.mesh.directions import at_corners, face_tensors
 
 
@@ -101,42 +103,58 @@ def band(count=16, unused=0):
     return core.TriangleMesh(vertices, faces), 0.05 + 0.9 * uv
 
 
-def draw_streaks(mesh, uv, vectors, **words):
-    return core.surface_line_convolution(mesh, uv, (24, 64), vectors, **words)
+def draw_streaks(mesh, uv, vectors, at=None):
+    return core.surface_line_convolution(mesh, uv, (24, 64), vectors, at=at)
 
 
-def draw_noise(mesh, uv, vectors, **words):
-    return next(iter(core.advect_on_surface(mesh, uv, vectors, (24, 64), frames=1, **words)))
+def draw_noise(mesh, uv, vectors, at=None):
+    return core.advect_on_surface(mesh, uv, vectors, (24, 64), at=at)
 
 
-def draw_pattern(mesh, uv, vectors, **words):
-    settings = core.ReactionSettings(steps=20, scale=6.0, stretch=3.0)
-    return core.reaction_diffusion(mesh, uv, (24, 64), settings, directions=vectors, **words)
+def draw_pattern(mesh, uv, vectors, at=None):
+    return core.reaction_diffusion(mesh, uv, (24, 64), directions=vectors, at=at)
 
 
 @pytest.mark.parametrize("draw", [draw_streaks, draw_noise, draw_pattern])
-def test_vectors_at_faces_and_at_vertices_are_told_apart(draw):
+def test_where_vectors_are_is_asked_for_and_checked(draw):
     mesh, uv = band()
     assert mesh.vertex_count == mesh.face_count
     vectors = np.random.default_rng(0).normal(size=(mesh.face_count, 3))
     with pytest.raises(core.InvalidSignal, match="at='faces' or at='vertices'"):
         draw(mesh, uv, vectors)
+    for at in ("corners", np.array(["faces", "faces"]), np.zeros(0), 3):
+        with pytest.raises(core.InvalidSettings, match="choose one of: faces, vertices"):
+            draw(mesh, uv, vectors, at)
+    more, _ = band(unused=1)
+    with pytest.raises(core.InvalidSignal, match=r"give \(33, 3\)"):
+        draw(more, uv, vectors, "vertices")
+
+
+@pytest.mark.parametrize("draw", [draw_streaks, draw_pattern])
+def test_where_vectors_are_is_checked_without_any(draw):
     with pytest.raises(core.InvalidSettings, match="choose one of: faces, vertices"):
-        draw(mesh, uv, vectors, at="corners")
+        draw(*band(), None, "nonsense")
+
+
+@pytest.mark.parametrize("checked", [checked_directions, checked_vectors])
+def test_vectors_at_faces_and_at_vertices_are_told_apart(checked):
+    mesh, _ = band()
+    vectors = np.random.default_rng(0).normal(size=(mesh.face_count, 3))
     more, _ = band(unused=1)
     at_vertices = np.concatenate([vectors, np.zeros((1, 3))])
-    np.testing.assert_array_equal(
-        draw(mesh, uv, vectors, at="vertices"), draw(more, uv, at_vertices)
-    )
-    np.testing.assert_array_equal(draw(mesh, uv, vectors, at="faces"), draw(more, uv, vectors))
-    with pytest.raises(core.InvalidSignal, match=r"give \(33, 3\)"):
-        draw(more, uv, vectors, at="vertices")
+    found = checked(mesh, vectors, "vertices")
+    np.testing.assert_array_equal(found, checked(more, at_vertices, None))
+    found = checked(mesh, vectors, "faces")
+    np.testing.assert_array_equal(found, checked(more, vectors, None))
 
 
 def test_wrong_input_is_named():
     mesh = core.TriangleMesh(*grid(1, 1))
     with pytest.raises(core.InvalidSettings, match="least, most"):
         core.principal_directions(mesh, "longest")
+    for passes in (2.5, -1, np.nan, "2", None, 10**30):
+        with pytest.raises(core.InvalidSettings, match="whole number from 0 to 100000"):
+            core.principal_directions(mesh, passes=passes)
     with pytest.raises(core.InvalidSignal, match="give \\(4,\\) or \\(2, 3\\)"):
         core.gradient_directions(mesh, np.zeros(3))
     for axis in ([0, 1], [0, 0, np.nan], ["a", "b", "c"]):

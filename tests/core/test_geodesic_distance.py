@@ -6,6 +6,8 @@ import pytest
 from atlases import Blocks, apart
 from shapes import grid, icosphere
 from shock_filter import core
+from shock_filter.core.atlas import fronts
+from shock_filter.core.base.findings import gathering
 from surface_spaces import square
 from test_texture_space import LAYOUTS
 
@@ -313,10 +315,12 @@ def test_wrong_sources_are_named(given, message):
 
 def test_other_wrong_input_is_named():
     mesh, uv = plain()
-    with pytest.raises(core.InvalidSignal, match="rows and columns"):
+    with pytest.raises(core.InvalidSettings, match="rows and columns"):
         core.geodesic_distance(mesh, uv, 8, vertices=[0])
-    with pytest.raises(core.InvalidUV):
-        core.geodesic_distance(mesh, uv, (0, 8), vertices=[0])
+    for size in ((0, 8), (-1, 4), (2.5, 4), (8, 1 << 30), (8, 10**30), (True, 8), ("8", "8")):
+        for measure in (core.geodesic_distance, core.vertex_distance):
+            with pytest.raises(core.InvalidSettings, match="whole number from 1 to 32768"):
+                measure(mesh, uv, size, vertices=[0])
     with pytest.raises(core.InvalidSignal, match="make an atlas"):
         atlas = core.TextureAtlas(mesh, uv, 9, 8)
         core.geodesic_distance(mesh, uv, (8, 8), vertices=[0], atlas=atlas)
@@ -344,3 +348,26 @@ def test_a_run_can_be_cancelled_at_any_time():
                 mesh, uv, (size, size), vertices=[0],
                 progress=lambda *_, left=left: next(left, None) is not None,
             )  # fmt: skip
+
+
+@pytest.mark.parametrize("smoothing", [1e-310, 1e-30, 1e-9])
+def test_tiny_smoothing_smooths_nothing(smoothing):
+    mesh, uv = plain()
+    settings = core.DistanceSettings(smoothing=smoothing)
+    found = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0], settings=settings)
+    expected = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("is_enough", [False, True])
+def test_a_distance_that_is_not_final_is_told(monkeypatch, is_enough):
+    mesh, uv = plain()
+    monkeypatch.setattr(fronts, "_ROUND", 50)
+    monkeypatch.setattr(fronts, "_MOST_VISITS", 100 if is_enough else 0)
+    with gathering() as findings:
+        core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    said = [str(finding) for finding in findings]
+    assert len(said) == (not is_enough)
+    if not is_enough:
+        assert said[0].startswith("Texels whose distance may be too large: ")
+        assert int(said[0].split(": ")[1].rstrip(".")) > 0

@@ -313,6 +313,9 @@ def test_images_mapped_from_disk(tmp_path):
     ("image", "arguments", "words"),
     [
         (np.zeros((3, 3), np.int32), {}, "uint8"),
+        (np.zeros((3, 3)), {"out": []}, "out is of type list"),
+        (np.zeros((3, 3)), {"out": np.broadcast_to(0.0, (3, 3))}, "contiguous"),
+        (np.zeros((3, 3)), {"mask": np.ma.masked_all((3, 3))}, "masked values"),
         (np.zeros((3, 3), bool), {}, "uint8"),
         (np.zeros((3, 3), complex), {}, "uint8"),
         (np.zeros((0, 3)), {}, "shape"),

@@ -191,8 +191,11 @@ def test_wrong_input_is_named():
         core.surface_line_convolution(mesh, uv, (8, 8), np.zeros((3, 3)))
     with pytest.raises(core.InvalidSignal, match="NaN"):
         core.surface_line_convolution(mesh, uv, (8, 8), np.full((2, 3), np.nan))
-    with pytest.raises(core.InvalidSignal, match="rows and columns"):
+    with pytest.raises(core.InvalidSettings, match="rows and columns"):
         core.surface_line_convolution(mesh, uv, 8)
+    for size in ((-1, 4), (2.5, 4), (10**9, 10**9)):
+        with pytest.raises(core.InvalidSettings, match="whole number from 1 to 32768"):
+            core.surface_line_convolution(mesh, uv, size)
     with pytest.raises(core.InvalidSettings):
         core.StreakSettings(length=0)
 

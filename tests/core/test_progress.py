@@ -24,6 +24,12 @@ def told():
     return Told()
 
 
+def test_what_cannot_be_called_is_no_progress():
+    for wrong in ("progress", 0, []):
+        with pytest.raises(core.InvalidSettings, match="give a function"), reporting(wrong):
+            pass
+
+
 def test_phases_nest(told):
     with reporting(told.tell), phase(0.5, 1.0, "Second half"):
         ask(0.2)

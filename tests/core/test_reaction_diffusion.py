@@ -257,6 +257,14 @@ def test_what_does_not_fit_is_named(given, words):
         core.reaction_diffusion(mesh, uv, (8, 8), core.ReactionSettings(steps=1), **given)
 
 
+@pytest.mark.parametrize("size", [(-1, 4), (2.5, 4), (0, 4), (10**9, 10**9), 8, "88", None])
+def test_sizes_that_no_image_has_are_named(size):
+    with pytest.raises(core.InvalidSettings, match="rows"):
+        core.reaction_diffusion(*plain(8), size)
+    with pytest.raises(core.InvalidSettings, match="rows"):
+        core.advect_on_surface(*plain(8), np.ones((2, 3)), size)
+
+
 def test_cancelled_runs_raise():
     mesh, uv = plain(32)
     for most in (0, 3, 30, 100):

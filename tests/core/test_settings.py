@@ -130,3 +130,12 @@ def test_settings_load_without_numerics():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert run.stdout.strip() == "[]", run.stderr
+
+
+def test_what_is_no_settings_is_refused_by_name():
+    image = np.zeros((3, 3))
+    for wrong in ("strong", {}, 0, core.DilateSettings()):
+        with pytest.raises(core.InvalidSettings, match="give ImageSettings, or leave it out"):
+            core.sharpen_image(image, wrong)
+    with pytest.raises(core.InvalidMesh, match="give a TriangleMesh"):
+        core.sharpen_vertex_signal(None, image)

@@ -7,6 +7,7 @@ import scipy.sparse.linalg
 from shock_filter import core
 from shock_filter.core.atlas.cut import _jumps
 from shock_filter.core.atlas.operators import TextureSpace
+from shock_filter.core.base.findings import gathering
 from surface_spaces import in_full, positions, space_of, square
 
 
@@ -322,6 +323,18 @@ def test_faces_without_area_in_space_are_left_out():
     matrix, _ = in_full(space, 0.1)
     assert np.isfinite(matrix.data).all()
     assert (matrix.diagonal() > 0).all()
+
+
+@pytest.mark.parametrize("size", [100, 300])
+def test_faces_without_area_in_the_texture_with_too_many_corners_are_told(size):
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    mesh = core.TriangleMesh(vertices, [[0, 1, 2], [1, 0, 3]])
+    uv = np.array([[[0, 0], [1, 0], [0, 1]], [[1, 0], [0, 0], [0.5, 0]]], dtype=np.float64)
+    with gathering() as findings:
+        TextureSpace(core.TextureAtlas(mesh, uv, size, size))
+    said = [str(finding) for finding in findings]
+    assert [text.split(": ")[1] for text in said] == (["1."] if size == 300 else [])
+    assert all(text.startswith("Faces without area in the texture") for text in said)
 
 
 @pytest.mark.parametrize("stretch", [0.5, 0.9, 2.0, 4.0])

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...base.checks import as_array
+from ...base.checks import as_array, checked_size
 from ...base.parallel import kernel, run
 from ...base.progress import ProgressCallback, phase, reporting
 from ...errors import InvalidSignal
-from ...settings import ConvolutionSettings
+from ...settings import ConvolutionSettings, given_or_default
 from .opacity import DEVIATION
 from .randomness import FIRST, random_bits, row_key, stream
 from .velocity import ROWS, Flow, Motion, wraps
@@ -73,8 +73,9 @@ def line_integral_convolution(
     >>> rough[0] > 4 * rough[1]
     True
     """
-    settings = settings or ConvolutionSettings()
+    settings = given_or_default(settings, ConvolutionSettings)
     with reporting(progress), phase(0.0, 1.0, "Drawing streaks"):
+        size = None if size is None else checked_size(size)
         given = None if noise is None else _checked_noise(noise, size)
         if given is not None:
             size = given.shape  # type: ignore[assignment]

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from ...base.parallel import kernel, run
 from ...base.progress import ProgressCallback, one_of
 from ...errors import InvalidSettings
-from ...settings import DyeSettings, NoiseSettings
+from ...settings import DyeSettings, NoiseSettings, given_or_default
 from .loops import Frames, repeating
 from .noise import noise_frames
 from .opacity import Look, checked_background
@@ -81,10 +82,10 @@ def advect_dye(
     >>> frame.shape, round(float(middle), 1)
     ((32, 64, 4), 30.5)
     """
-    settings = settings or DyeSettings()
+    settings = given_or_default(settings, DyeSettings)
     count = checked_frames(frames, settings.loop)
     flow = Flow(velocity, size, mask, settings.step, settings.periodic, count, settings.loop > 0)
-    given = [sources] if isinstance(sources, DyeSource) else list(sources)
+    given = _listed(sources)
     for source in given:
         if not isinstance(source, DyeSource):
             raise InvalidSettings(f"A source is {source!r}; give a DyeSource.")
@@ -98,9 +99,14 @@ def advect_dye(
     behind = checked_background(background, flow.size)
     under = None
     if noise is not None:
-        below = _as_the_dye(noise, settings)
+        below = _as_the_dye(given_or_default(noise, NoiseSettings), settings)
         under = noise_frames(flow, below, Look(flow.longest, below, behind, None))
     return _told(flow, given, settings, count, under, behind, progress)
+
+
+def _listed(sources: Any) -> list[DyeSource]:
+    is_row = isinstance(sources, Iterable) and not isinstance(sources, np.ndarray)
+    return list(sources) if is_row else [sources]
 
 
 def _as_the_dye(noise: NoiseSettings, settings: DyeSettings) -> NoiseSettings:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...base.checks import as_array
+from ...base.checks import as_array, checked_word
 from ...errors import InvalidSignal
 
 _CHANNELS = (2, 3, 4)
@@ -33,6 +33,8 @@ def flow_map_velocity(image: npt.ArrayLike, y_axis: str = "up") -> npt.NDArray[n
     ------
     InvalidSignal
         If the image has too few channels, or floats that leave 0 to 1.
+    InvalidSettings
+        If `y_axis` is another word.
 
     Examples
     --------
@@ -67,6 +69,6 @@ def flow_map_velocity(image: npt.ArrayLike, y_axis: str = "up") -> npt.NDArray[n
 
 def turned(velocity: npt.NDArray, y_axis: str) -> npt.NDArray:
     """Return velocities with the second component up."""
-    if y_axis == "up":
+    if checked_word(y_axis, "y_axis", ("up", "down")) == "up":
         return velocity
     return velocity * np.array([1, -1], dtype=velocity.dtype)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ...base.parallel import kernel, run
 from ...base.progress import ProgressCallback, one_of
-from ...settings import NoiseSettings
+from ...settings import NoiseSettings, given_or_default
 from .convolution import short_convolution
 from .loops import Frames, repeating
 from .opacity import Look, checked_background, checked_colors
@@ -102,7 +102,7 @@ def advect_noise(
     (32, 32) float32 0.5
     (32, 32) float32 0.5
     """
-    settings = settings or NoiseSettings()
+    settings = given_or_default(settings, NoiseSettings)
     count = checked_frames(frames, settings.loop)
     flow = Flow(velocity, size, mask, settings.step, settings.periodic, count, settings.loop > 0)
     behind = checked_background(background, flow.size)

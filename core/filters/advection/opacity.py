@@ -22,6 +22,10 @@ DEVIATION = 0.18
 _ENTRIES = 1 << 12  # of the table of opacities
 
 
+_SLOWEST = 1e-30
+"""Shorter steps are none in single precision."""
+
+
 class Look:
     """What becomes of blended noise on its way to a frame.
 
@@ -63,7 +67,7 @@ class Look:
         """Return a frame: (h, w), or (h, w, 3) where there are colors."""
         if self._known is not motion:
             speeds = np.hypot(motion.right, motion.down)
-            speeds *= np.float32(1.0 / self._longest if self._longest > 0 else 0.0)
+            speeds *= np.float32(1.0 / self._longest if self._longest > _SLOWEST else 0.0)
             np.minimum(speeds, np.float32(1.0), out=speeds)
             shares = _power_mask(speeds, self._exponent)
             shares[~motion.defined] = 0.0

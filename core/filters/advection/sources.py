@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from ...base.checks import as_array
+from ...base.checks import as_array, checked_count
 from ...errors import InvalidSettings, InvalidSignal
 
 _Singles = npt.NDArray[np.float32]
@@ -73,10 +73,8 @@ class DyeSource:
         if table.dtype.kind not in "fiu" or not ((table >= 0) & (table <= 1)).all():
             raise InvalidSignal("The colors leave the range 0 to 1; scale them.")
         self.colors = tuple(tuple(map(float, color)) for color in table)
-        for name, value, least in (("every", every, 0), ("lasting", lasting, 1)):
-            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
-                raise InvalidSettings(f"{name} is {value!r}; give a whole number from {least}.")
-        self.every, self.lasting = int(every), int(lasting)
+        self.every = checked_count(every, "every")
+        self.lasting = checked_count(lasting, "lasting", 1)
 
     @property
     def period(self) -> int:

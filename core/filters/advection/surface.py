@@ -16,14 +16,14 @@ from ...atlas.gutter import nodes_of_texels
 from ...atlas.sheet import NOTHING, shares_of_corners
 from ...atlas.steps import steps_beyond
 from ...atlas.walk import face_axes, given_flow
-from ...base.checks import Floats, as_array
+from ...base.checks import Floats, as_array, checked_size
 from ...base.parallel import kernel, run
 from ...base.progress import ProgressCallback, part_of, phase, reporting
 from ...errors import InvalidSettings, InvalidSignal
 from ...mesh.directions import at_corners
 from ...mesh.triangle_mesh import TriangleMesh
-from ...settings import DilateSettings, NoiseSettings
-from ..texels import checked_atlas, checked_size
+from ...settings import DilateSettings, NoiseSettings, given_or_default
+from ..texels import checked_atlas
 from .loops import Frames, repeating
 from .noise import Noise, grays, mixed, told
 from .opacity import Look, checked_background, checked_colors
@@ -103,12 +103,12 @@ def advect_on_surface(
     >>> frames[0].shape, bool(np.abs(frames[1][:, 2:] - frames[0][:, :-2]).mean() < 0.1)
     ((32, 32), True)
     """
-    settings = settings or NoiseSettings()
+    settings = given_or_default(settings, NoiseSettings)
     if settings.periodic != "none":
         raise InvalidSettings("A surface has no sides that could be joined; leave periodic out.")
     count = checked_frames(frames, settings.loop)
     shape = checked_size(size)
-    given = _checked_vectors(mesh, field, at)
+    given = checked_vectors(mesh, field, at)
     behind = checked_background(background, shape)
     palette = checked_colors(colors)
     with reporting(part_of(progress, 0.0, _ANALYSIS)):
@@ -137,8 +137,8 @@ def _shown(
         yield look.shown(texture.drawn(gray), seen)
 
 
-def _checked_vectors(mesh: TriangleMesh, field: npt.ArrayLike, at: str | None) -> Floats:
-    # At the corners of faces; NaN where they are undefined, in all of a vector.
+def checked_vectors(mesh: TriangleMesh, field: npt.ArrayLike, at: str | None) -> Floats:
+    """Return velocities at the corners of faces; NaN where undefined, in all of a vector."""
     given = as_array(field, "field")
     at_corners(mesh, given, at, "field has")
     if given.dtype.kind not in "iuf":

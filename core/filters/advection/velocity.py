@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ...base.checks import as_array
+from ...base.checks import as_array, checked_count, checked_number, checked_size
 from ...base.parallel import kernel, run
 from ...errors import InvalidSettings, InvalidSignal
 
@@ -85,7 +85,8 @@ class Flow:
         self._steady = len(self._field) == 1
         self._wraps = wraps(periodic)
         self.frames, self._loops = frames, loops
-        self.size = checked_size(self._field.shape[:2] if size is None else size)
+        rows, columns = self._field.shape[:2] if size is None else checked_size(size)
+        self.size = rows, columns
         self._mask: npt.NDArray[np.bool_] | None = None
         self._masks_field: npt.NDArray[np.bool_] | None = None
         if mask is not None:
@@ -208,8 +209,7 @@ def flow_frames(
     for name, value in {
         "columns": columns, "width": width, "duration": duration, "step": step,
     }.items():  # fmt: skip
-        if not (isinstance(value, (int, float, np.number)) and 0 < value < math.inf):
-            raise InvalidSettings(f"{name} is {value!r}; give a positive number.")
+        checked_number(value, name)
     flow = Flow(velocity, None, mask, step)
     fastest = flow.longest / flow._scale if flow._scale > 0 else 0.0
     frames = fastest * duration * columns / (width * step)
@@ -221,28 +221,16 @@ def wraps(periodic: str) -> tuple[bool, bool]:
     return periodic in ("x", "both"), periodic in ("y", "both")
 
 
-def checked_size(size: object) -> tuple[int, int]:
-    """Return (rows, columns), or raise `InvalidSettings`."""
-    try:
-        rows, columns = (int(number) for number in size)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
-        raise InvalidSettings(f"size is {size!r}; give (rows, columns).") from None
-    if rows < 1 or columns < 1:
-        raise InvalidSettings(f"size is {size!r}; give at least one row and one column.")
-    return rows, columns
-
-
 def checked_frames(frames: object, fade: int) -> int:
     """Return how many frames are wanted, or raise `InvalidSettings`."""
-    if isinstance(frames, bool) or not isinstance(frames, (int, np.integer)) or frames < 1:
-        raise InvalidSettings(f"frames is {frames!r}; give a whole number from 1.")
-    if fade > frames:
+    count = checked_count(frames, "frames", 1)
+    if fade > count:
         raise InvalidSettings(
             "loop is {fade}, but there are only {frames} frames; give at most as many.",
             fade=fade,
-            frames=int(frames),
+            frames=count,
         )
-    return int(frames)
+    return count
 
 
 class _KeyFrames:

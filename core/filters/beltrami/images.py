@@ -12,6 +12,7 @@ from ...base.checks import (
     as_array,
     checked_image,
     checked_weights,
+    checked_word,
     is_dask,
     refuse_with_dask,
 )
@@ -20,7 +21,7 @@ from ...base.progress import ProgressCallback, aside, ask, phase, reporting
 from ...errors import InvalidSettings, InvalidSignal
 from ...grid.channels import opacity_channel
 from ...grid.pixels import copied, mix
-from ...settings import BeltramiSettings
+from ...settings import BeltramiSettings, given_or_default
 from .grid_smoothing import smooth_grid, surface_areas
 
 _FARTHEST = 1e15  # its square is far from the ends of float32
@@ -82,7 +83,7 @@ def beltrami_image(
     >>> bool(abs(smooth - step).mean() < 0.4 * abs(noisy - step).mean())
     True
     """
-    settings = settings or BeltramiSettings()
+    settings = given_or_default(settings, BeltramiSettings)
     if is_dask(image):
         from ..chunked import smooth_chunks
 
@@ -150,9 +151,8 @@ def beltrami_manifold(
     given = checked_image(image)
     places = _checked_embedding(embedding, given)
     weights = checked_weights(mask, given)
-    settings = settings or BeltramiSettings()
-    if smooth not in _SMOOTHED:
-        raise InvalidSettings(f"smooth is {smooth!r}; choose one of: {', '.join(_SMOOTHED)}.")
+    settings = given_or_default(settings, BeltramiSettings)
+    checked_word(smooth, "smooth", _SMOOTHED)
     if settings.distance == "euclidean" and settings.window == 0:
         raise InvalidSettings(
             "On manifolds Euclidean distances do not bound how many pixels are near; give a window."

@@ -23,9 +23,9 @@ from ...base.progress import ProgressCallback, aside, phase, reporting
 from ...mesh.calculus import group_means, lumped_mass
 from ...mesh.geodesics import stencils
 from ...mesh.order import in_good_order
-from ...mesh.triangle_mesh import Floats, TriangleMesh
+from ...mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ...mesh.weld import split_at_jumps
-from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings
+from ...settings import BeltramiGeometrySettings, BeltramiMeshSettings, given_or_default
 from ..fit import moved_vertices, refitted
 from ..signals import from_own_corners, like, to_own_corners
 from .mesh_smoothing import smooth_graph
@@ -80,10 +80,11 @@ def beltrami_vertex_signal(
     >>> core.beltrami_vertex_signal(mesh, np.array([0.5, 0.51, 0.5, 0.49])).round(2).tolist()
     [0.5, 0.5, 0.5, 0.5]
     """
+    check_mesh(mesh)
     given = checked_type(signal)
     values = checked_signal(given, mesh.vertex_count)
     weights = checked_mask(mask, mesh.vertex_count)
-    settings = settings or BeltramiMeshSettings()
+    settings = given_or_default(settings, BeltramiMeshSettings)
     if settings.time == 0:
         return given.copy()
     with reporting(progress):
@@ -138,11 +139,12 @@ def beltrami_corner_signal(
     >>> core.beltrami_corner_signal(mesh, corners).tolist()
     [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]
     """
+    check_mesh(mesh)
     given = checked_type(signal)
     own = to_own_corners(mesh, given)
     values = checked_signal(own, 3 * mesh.face_count)
     weights = checked_mask(mask, mesh.vertex_count)
-    settings = settings or BeltramiMeshSettings()
+    settings = given_or_default(settings, BeltramiMeshSettings)
     if settings.time == 0:
         return given.copy()
     with reporting(progress):
@@ -192,10 +194,11 @@ def beltrami_joint(
     >>> positions.shape, colors.round(6).max().item()
     ((4, 3), 0.5)
     """
+    check_mesh(mesh)
     given = checked_type(signal)
     values = checked_signal(given, mesh.vertex_count)
     weights = checked_mask(mask, mesh.vertex_count)
-    settings = settings or BeltramiMeshSettings()
+    settings = given_or_default(settings, BeltramiMeshSettings)
     if settings.time == 0:
         return mesh.vertices.copy(), given.copy()
     with reporting(progress):
@@ -233,6 +236,7 @@ def beltrami_joint_corners(
     InvalidSignal, Cancelled
         As in `beltrami_corner_signal`.
     """
+    check_mesh(mesh)
     given = checked_type(signal)
     values = checked_signal(to_own_corners(mesh, given), 3 * mesh.face_count)
     weights = checked_mask(mask, mesh.vertex_count)
@@ -313,7 +317,8 @@ def denoise_geometry(
     >>> bool(abs(smooth[:, 2]).mean() < 0.5 * abs(rough).mean())
     True
     """
-    settings = settings or BeltramiGeometrySettings()
+    check_mesh(mesh)
+    settings = given_or_default(settings, BeltramiGeometrySettings)
     weights = checked_mask(mask, mesh.vertex_count)
     if settings.time == 0:
         return mesh.vertices.copy()

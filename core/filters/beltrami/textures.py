@@ -13,7 +13,7 @@ from ...errors import InvalidSignal
 from ...grid.channels import opacity_channel
 from ...grid.pixels import copied
 from ...mesh.triangle_mesh import TriangleMesh
-from ...settings import BeltramiTextureSettings
+from ...settings import BeltramiTextureSettings, given_or_default
 from ..texels import Texture, checked_atlas, gathered, mix_texels, read_ghosts, written
 from .texel_smoothing import smooth_texels_once
 
@@ -93,7 +93,7 @@ def beltrami_texture(
     True
     """
     given = checked_image(image, LARGEST)
-    settings = settings or BeltramiTextureSettings()
+    settings = given_or_default(settings, BeltramiTextureSettings)
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
     alpha, normals = _checked_content(settings, pixels.shape[2])
