@@ -199,14 +199,16 @@ def _solve_exactly(
     multigrid: bool,
 ) -> None:
     # Goes on from a loose solve at some vertices, to which no further step comes; after the steps,
-    # since the first step's minimum beside them would bend flat sides.
+    # since the first step's minimum beside them would bend flat sides. What only follows the
+    # places beside it is solved loosely still.
     if len(rows) == 0:
         return
     missing = system.residual(moved, rhs)[rows]
+    own = min(np.linalg.norm(rhs[rows]) / max(np.linalg.norm(missing), 1e-300), 1.0)
     change, _ = solve(
         system.part(rows),
         missing,
-        TOLERANCE,
+        own * TOLERANCE + (1.0 - own) * LOOSE,
         multigrid=multigrid,
         message="Fitting the surface",
     )
