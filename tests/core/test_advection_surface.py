@@ -83,6 +83,22 @@ def test_cells_beyond_seams_are_those_that_whole_steps_lead_to(angle):
     assert flow.reach < 4
 
 
+def test_steps_over_seams_are_as_long_as_those_inside_charts_at_most():
+    # One chart, 16 texels wide, in which all steps begin in another one.
+    mesh, uv, size = square(64, True, 0.4)
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    places = mesh.vertices[mesh.faces].mean(axis=1)[:, :2]
+    fast = ((places > 16) & (places < 32)).all(axis=1)
+    field = np.where(fast[:, None, None], [[[24.0, 0.0, 0.0]]], [[[0.4, 0.0, 0.0]]])
+    flow = _SurfaceFlow(atlas, field * atlas.texel_size / mesh.mean_edge_length, 0.0)
+    steps = np.hypot(flow.motion.right, flow.motion.down).reshape(-1)
+    inside = (atlas.sheet.nodes >= 0).reshape(-1)
+    inside[flow.beyond.nodes] = False
+    assert flow.reach == pytest.approx(steps[inside].max(), rel=1e-6)
+    assert flow.reach < 1
+    assert steps[flow.beyond.nodes].max() <= flow.reach * (1 + 1e-6)
+
+
 @pytest.mark.parametrize("vector", [(2, 0), (-4, 2)])
 def test_whole_steps_shift_the_noise_over_turned_and_mirrored_charts(vector):
     mesh, uv, size = square(64, True, None)

@@ -13,6 +13,7 @@ from shock_filter import core
 from shock_filter.core.filters import chunked
 from shock_filter.core.filters.chunked import counting_reruns
 from shock_filter.core.filters.images import measure_image
+from shock_filter.core.grid.part import LeftPart, Part
 
 SHAPE = (210, 190)
 PAPER = core.ImageSettings(time=64.0)
@@ -173,3 +174,11 @@ core.sharpen_image(np.ones((4, 4)), core.ImageSettings(time=0))
 sys.exit("dask" in sys.modules)
 """
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_parts_give_way_up_to_what_is_wanted_and_no_farther():
+    part = Part((20, 30), slice(5, 15), slice(6, 24), (True, True, True, True))
+    assert part.halo == 5
+    assert part.without(5).rows == slice(5, 15)
+    with pytest.raises(LeftPart):
+        part.without(6)

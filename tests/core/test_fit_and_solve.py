@@ -139,7 +139,7 @@ def test_multigrid_needs_few_iterations_where_the_diagonal_needs_many():
     rhs -= rhs.mean(axis=0)
     _, slow = solve(equations, rhs, 1e-6, multigrid=False)
     _, fast = solve(equations, rhs, 1e-6, multigrid=True)
-    assert fast.iterations < 40
+    assert fast.iterations < 17
     assert fast.iterations < slow.iterations / 4
 
 
@@ -337,6 +337,31 @@ def test_what_leaves_constants_alone_is_solved_up_to_them(multigrid):
     assert np.allclose(x, expected, atol=1e-6)
     with pytest.raises(core.SolverError, match="stopped at"):
         solve(equations, 1.0 + stiffness @ expected, 1e-9, multigrid=multigrid)
+
+
+def test_rounding_of_row_sums_is_no_screen():
+    # A screen of 1e-16 would hold constants, and blow a right-hand side up that has a mean.
+    random = np.random.default_rng(3)
+    weights = scipy.sparse.random(40, 40, 0.2, random_state=random)
+    weights = weights + weights.T
+    weights.setdiag(0)
+    sums = np.asarray(weights.sum(axis=1)).reshape(-1)
+    assert (sums[weights.getnnz(axis=1) == 0] == 0).all()
+    sums[sums == 0] = 1.0
+    laplacian = scipy.sparse.diags(sums) - weights
+    screen = LinearSystem.from_csr(laplacian).screen
+    joined = weights.getnnz(axis=1) > 0
+    assert joined.sum() > 20
+    assert (screen[joined] == 0).all()
+
+
+def test_mask_weights_next_to_0_hold_as_0_does(softened):
+    mesh, _ = softened
+    mask = np.where(mesh.vertices[:, 0] > 0, 1.0, 1e-7)
+    targets = np.roll(mesh.normals, 1, axis=1)
+    found = core.fit_to_normals(mesh, targets, core.FitSettings(screening_radius=5.0), mask)
+    np.testing.assert_array_equal(found[mask < 1], mesh.vertices[mask < 1])
+    assert (found[mask == 1] != mesh.vertices[mask == 1]).any()
 
 
 def test_a_matrix_that_cannot_be_solved_is_refused():

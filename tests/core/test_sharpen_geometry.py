@@ -185,6 +185,39 @@ def test_scattered_meshes_take_the_sorted_way_to_the_same_result(monkeypatch):
     assert np.allclose(core.sharpen_normals(mesh), normals, atol=1e-9)
 
 
+def test_normals_of_a_scattered_moebius_strip_are_those_of_its_faces_as_given(monkeypatch):
+    # Without two sides, which faces are turned for consistency depends on their order.
+    n = 60
+    angle = np.arange(n) * 2 * np.pi / n
+    across = np.stack([np.cos(angle / 2) * np.cos(angle), np.cos(angle / 2) * np.sin(angle),
+                       np.sin(angle / 2)], axis=1)  # fmt: skip
+    middle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    vertices = np.concatenate([middle - 0.3 * across, middle + 0.3 * across])
+    a, b = np.arange(n), (np.arange(n) + 1) % n
+    low, high = np.where(b == 0, n, b), np.where(b == 0, 0, b + n)  # joined the other way round
+    faces = np.concatenate([np.stack([a, low, a + n], 1), np.stack([a + n, low, high], 1)])
+    faces = np.random.default_rng(0).permutation(faces)
+    for module in (shock, order):
+        monkeypatch.setattr(module, "is_scattered", lambda mesh: True)
+    still = core.GeometrySettings(time=0.0, align_passes=0, where="everywhere")
+    found = core.sharpen_normals(core.TriangleMesh(vertices, faces), still)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    wound = np.cross(b - a, c - a)
+    assert (np.einsum("ij,ij->i", found, wound) > 0).all()
+
+
+def test_normals_take_sides_only_where_they_may(soft_cube):
+    settings = core.GeometrySettings(where="everywhere", align_passes=3)
+    advected = shock._advected(soft_cube, settings)
+    free = shock._aligned(soft_cube, settings, None)
+    chosen = soft_cube.vertices[soft_cube.faces].mean(axis=1)[:, 0] > soft_cube.vertices.mean()
+    found = shock._aligned(soft_cube, settings, chosen)
+    moved = abs(free - advected).max(axis=1) > 1e-3
+    assert moved[chosen].any() and moved[~chosen].any()
+    np.testing.assert_array_equal(found[~chosen], advected[~chosen])
+    assert abs(found[chosen] - advected[chosen]).max() > 1e-3
+
+
 def test_flipped_faces_change_nothing_but_their_normals():
     vertices, faces = bumpy()
     expected = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
