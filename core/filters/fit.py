@@ -204,7 +204,8 @@ def _solve_exactly(
     if len(rows) == 0:
         return
     missing = system.residual(moved, rhs)[rows]
-    own = min(np.linalg.norm(rhs[rows]) / max(np.linalg.norm(missing), 1e-300), 1.0)
+    given, left = float(np.linalg.norm(rhs[rows])), float(np.linalg.norm(missing))
+    own = min(given / max(left, 1e-300), 1.0)
     change, _ = solve(
         system.part(rows),
         missing,

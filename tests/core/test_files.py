@@ -1190,3 +1190,17 @@ def test_texture_coordinates_of_one_number_are_refused(tmp_path):
     with pytest.raises(core.ShockError, match=r"in\.obj cannot be read; is it damaged\? \(texture"):
         sharpen_file(tmp_path / "in.obj", tmp_path / "out.glb", STRONG)
     assert not (tmp_path / "out.glb").exists()
+
+
+def test_obj_normals_that_count_backwards_mean_the_same(tmp_path):
+    vertices, faces = rounded_box()
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    rows = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in vertices]
+    rows += ["vn {:.6f} {:.6f} {:.6f}".format(*n) for n in mesh.face_normals]
+    for name, first in (("a", 1), ("b", -len(faces))):
+        corners = [[f"{v + 1}//{n + first}" for v in face] for n, face in enumerate(faces)]
+        lines = rows + ["f " + " ".join(each) for each in corners]
+        (tmp_path / f"{name}.obj").write_text("\n".join(lines))
+        sharpen_file(tmp_path / f"{name}.obj", tmp_path / f"{name}2.obj", STRONG)
+    found = [normals_at_corners(tmp_path / f"{name}2.obj") for name in "ab"]
+    np.testing.assert_array_equal(*found)

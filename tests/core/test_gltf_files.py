@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from on_files import sharpen_file
 from shock_filter import core
-from shock_filter.core.files.formats.gltf import GltfFile
+from shock_filter.core.files.formats.gltf import GltfFile, _gltf_matrices
 from shock_filter.core.files.meshes import filter_colors_file, filter_mesh_file
 from shock_filter.core.files.output import Options
 from shock_filter.core.files.textures import read_textured_mesh
@@ -377,3 +377,10 @@ def test_changed_descriptions_are_read_or_refused_in_a_sentence(caplog):
             refused += 1
     assert 50 < refused < 220
     assert not caplog.records
+
+
+def test_a_mesh_that_stands_in_a_scene_twice_counts_where_it_stands_first():
+    nodes = [{"mesh": 0, "translation": [1, 0, 0]}, {"mesh": 0, "translation": [2, 0, 0]}]
+    parent = {"children": [0], "scale": [3, 3, 3]}
+    assert _gltf_matrices({"nodes": nodes})[0][0, 3] == 1
+    assert _gltf_matrices({"nodes": [*nodes, parent]})[0][0, 3] == 2  # of roots, then of children

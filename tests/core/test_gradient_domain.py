@@ -7,6 +7,7 @@ from atlases import Blocks, sample
 from scipy.ndimage import gaussian_filter
 from shapes import grid
 from shock_filter import core
+from shock_filter.core.filters.painted_gain import gains_of
 from surface_spaces import square
 
 
@@ -244,3 +245,22 @@ def test_the_mean_over_the_surface_stays_exactly(gain):
     change = result - image
     assert np.abs(change).max() > 0.01
     assert abs(change.mean()) < 1e-6
+
+
+@pytest.mark.parametrize("gray", [127, 128])
+def test_grays_beside_the_middle_gain_exactly_1_however_they_were_rounded(gray):
+    near = np.float32(gray) / np.float32(255)
+    values = [near, np.nextafter(near, np.float32(0)), np.nextafter(near, np.float32(1))]
+    assert (gains_of(values, 1e4) == 1).all()
+
+
+def test_nothing_is_added_on_the_whole_where_the_screen_hardly_holds_it():
+    mesh, uv, size = square(64, True, 0.4)
+    random = np.random.default_rng(2)
+    image = random.random((size, size, 1))
+    image = 8.0 * gaussian_filter(image, (9, 9, 0)) + 0.1 * image
+    solver = core.TextureSolver(mesh, uv, image, core.FilterSettings(radius=2000.0))
+    change = solver._of_unit
+    masses = solver._masses.reshape(len(change), -1)[:, :1].astype(np.float64)
+    assert np.abs(change).max() > 0.1
+    assert abs((masses * change).sum() / masses.sum()) < 1e-7

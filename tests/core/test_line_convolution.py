@@ -7,7 +7,9 @@ from atlases import sample
 from scipy.ndimage import gaussian_filter
 from shapes import grid
 from shock_filter import core
-from surface_spaces import square
+from shock_filter.core.atlas.operators import TextureSpace
+from shock_filter.core.filters import line_convolution
+from surface_spaces import positions, square
 from test_geodesic_distance import plain, tube
 from test_texture_space import LAYOUTS
 
@@ -230,3 +232,38 @@ def test_contrast_is_even_where_streaks_run_together():
     rings = [(far > low) & (far < low + 16) for low in (16, 40, 80, 120)]
     found = np.array([image[ring].std() for ring in rings])
     assert found.min() > 0.7 * found.max()
+
+
+def test_streaks_fade_where_the_surface_hardly_bends(monkeypatch):
+    # Directions are as long as they are clear: those that are found fade, those given do not.
+    mesh = core.TriangleMesh(*grid(4, 4))
+    settings = core.StreakSettings()
+
+    def stretch(length, given):
+        field = np.tile([length, 0.0, 0.0], (mesh.vertex_count, 1))
+        monkeypatch.setattr(line_convolution, "principal_directions", lambda mesh: field)
+        found = line_convolution._tensors(mesh, field[mesh.faces] if given else None, settings)
+        a, b, c = np.moveaxis(found, 1, 0)
+        mean, half = (a + c) / 2, np.hypot((a - c) / 2, b)
+        return np.log((mean + half) / (mean - half)).mean()
+
+    full = stretch(1.0, False)
+    assert stretch(0.05, False) == pytest.approx(0.1 * full, rel=0.01)
+    assert stretch(0.05, True) == pytest.approx(full, rel=0.01)
+
+
+def test_drifts_of_brightness_are_no_contrast():
+    mesh, uv, size = square(96, False, 0.0)
+    space = TextureSpace(core.TextureAtlas(mesh, uv, size, size))
+    settings = core.StreakSettings(width=1.0)
+    drift = positions(space)[:, :1]
+    known = np.isfinite(drift)
+    drift = np.nan_to_num((drift - np.nanmean(drift)) / np.nanstd(drift))
+    noise = np.random.default_rng(4).normal(size=drift.shape) * known
+
+    def slope(strength):
+        values = (strength * drift + noise).astype(np.float32)
+        line_convolution._even_out(space, settings, values)
+        return abs(np.corrcoef(values[known], drift[known])[0, 1])
+
+    assert slope(3.0) < 0.4  # 0.95 before

@@ -362,3 +362,20 @@ def test_normals_want_three_channels(name, settings):
         other = replace(other, gain=0.0)
     with pytest.raises(core.InvalidSignal, match="give \\(2, 3, 3\\)"):
         getattr(core, name)(mesh, uv, flat_map(8), other, normals=np.zeros((1, 3)))
+
+
+def test_normals_of_faces_wound_backwards_are_given_in_their_own_order():
+    mesh, blocks = curved(angle=0.4)
+    size = blocks.width
+    normals = smooth_normals(mesh) + 0.1 * np.random.default_rng(2).normal(size=(3, 3))
+    expected = core.object_normals(mesh, blocks.uv, flat_map(size), normals=normals)
+    back = np.arange(mesh.face_count) % 3 == 0
+    faces, uv, given = (
+        np.where(back.reshape(-1, *[1] * (each.ndim - 1)), each[:, ::-1], each)
+        for each in (mesh.faces, blocks.uv, normals)
+    )
+    mixed = core.TriangleMesh(mesh.vertices, faces)
+    assert mixed.flipped.any()
+    found = core.object_normals(mixed, uv, flat_map(size), normals=given)
+    away = np.abs(found - expected).max(axis=-1)
+    assert (away < 1e-5).mean() > 0.98  # some texels beside seams are those of another face

@@ -126,3 +126,19 @@ def test_a_forked_process_makes_threads_of_its_own():
     expected = fractions_of_a_run(None)
     with multiprocessing.get_context("fork").Pool(1) as pool:
         assert pool.map_async(fractions_of_a_run, [0]).get(timeout=60) == [expected]
+
+
+def test_no_chunk_begins_after_an_error(monkeypatch):
+    monkeypatch.setattr(parallel, "thread_count", lambda: 2)
+    monkeypatch.setattr(parallel, "_pool", cache(lambda: ThreadPoolExecutor(1)))
+    begun = []
+
+    def work(start, stop):
+        begun.append(start)
+        if start == 3:
+            raise ZeroDivisionError
+        time.sleep(0.002)
+
+    with pytest.raises(ZeroDivisionError):
+        parallel.run(work, 300, chunk=1)
+    assert len(begun) < 50
