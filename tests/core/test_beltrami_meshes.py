@@ -8,7 +8,7 @@ from shock_filter import core
 from shock_filter.core.filters.beltrami import mesh_smoothing
 from shock_filter.core.filters.beltrami import meshes as meshes_module
 from shock_filter.core.filters.beltrami import normals as normals_module
-from shock_filter.core.filters.beltrami.normals import noise_of_normals
+from shock_filter.core.filters.beltrami.normals import Noise, noise_of_normals, repeats
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass, smooth_vertices
 from shock_filter.core.mesh.geodesics import (
     ALL,
@@ -740,3 +740,26 @@ def test_bad_input_is_refused_with_a_name():
                 {"filtered": "faces"}, {"distance": "far"}):  # fmt: skip
         with pytest.raises(core.InvalidSettings, match=next(iter(bad))):
             core.BeltramiGeometrySettings(**bad)
+
+
+def test_scans_of_relief_are_filtered_a_third_as_often():
+    settings = core.BeltramiGeometrySettings(repeat=6)
+    assert repeats(settings, Noise(0.1)) == 6
+    assert repeats(settings, Noise(0.1, True, 1.0)) == 6
+    assert repeats(settings, Noise(0.1, True, 0.6)) == 4
+    assert repeats(settings, Noise(0.1, True, 0.0)) == 2
+    assert repeats(core.BeltramiGeometrySettings(repeat=1), Noise(0.1, True, 0.0)) == 1
+
+
+def test_a_spike_on_relief_is_leveled():
+    vertices, faces = grid(16, 16)
+    vertices = vertices.astype(float)
+    middle = int(np.argmin(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))
+    vertices[middle, 2] += 1.5
+    mesh = core.TriangleMesh(vertices, faces)
+    settings = core.BeltramiGeometrySettings(time=0.5, iterations=1)
+    found = normals_module._smoothed_relief(mesh, settings, 0.2)
+    around = (mesh.faces == middle).any(axis=1)
+    up = np.abs(found[:, 2])
+    assert np.abs(mesh.normals[around, 2]).max() < 0.8
+    assert up[around].min() > 0.95

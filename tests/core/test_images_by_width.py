@@ -11,6 +11,7 @@ from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.filters.dials import counted_width, plan_of, tell_widths
 from shock_filter.core.filters.images_by_width import measured
+from shock_filter.core.grid import borders
 from shock_filter.core.grid.channels import channel_groups
 from shock_filter.core.grid.windows import gaussian, least_and_greatest, smooth
 from shock_filter.core.settings import WIDTH_OF_SIGMA
@@ -341,3 +342,12 @@ def test_narrow_borders_are_measured_as_wide_as_they_are(sigma):
     image = np.concatenate([edge(sigma, degrees=degrees)[0] for degrees in (0, 20, 45, 70)], axis=1)
     found = found_in(image[..., None]).borders.width
     assert found == pytest.approx(WIDTH_OF_SIGMA * sigma, rel=0.05)
+
+
+def test_profiles_that_lead_to_what_is_not_seen_do_not_count():
+    plane = np.tile(erf(np.arange(-20, 20) / 4.0), (9, 1)).astype(np.float32)[None]
+    ridge = np.array([[4.0, 20.0, 0.0, 1.0, 0.28]], dtype=np.float32)
+    seen = np.ones(plane.shape[1:], dtype=np.bool_)
+    assert borders._profiles(plane, seen, ridge, 1.0)[0, 1] > 1.5
+    seen[:, 24:] = False
+    assert borders._profiles(plane, seen, ridge, 1.0)[0, 1] == 0
