@@ -276,3 +276,11 @@ def test_other_channels_of_exr_files_are_left_behind(tmp_path, monkeypatch, caps
     with OpenEXR.File("out.exr") as file:
         assert list(file.channels()) == ["RGB"]
         np.testing.assert_array_equal(file.channels()["RGB"].pixels, enlarged(image))
+
+
+def test_colors_do_not_depend_on_how_opaque_all_pixels_are():
+    image = noise(9, 14, 4)
+    image[..., 3] = 1.0
+    thin = image.copy()
+    thin[..., 3] = 0.25
+    np.testing.assert_allclose(cubic(thin)[..., :3], cubic(image)[..., :3], atol=1e-6)

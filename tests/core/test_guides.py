@@ -215,3 +215,10 @@ def test_textures_on_the_command_line_take_a_guide(tmp_path, monkeypatch):
     with Image.open("out.png") as file:
         found = np.array(file)[::-1]
     np.testing.assert_array_equal(found, on_square(image, lead, width=5.0))
+
+
+def test_noise_of_a_map_is_not_amplified_where_the_guide_has_none():
+    lead = blotches()
+    even = np.random.default_rng(0).normal(0.5, 0.02, lead.shape).astype(np.float32)
+    result = sharpened(even, lead, what="drawing")
+    assert result.std() < 1.02 * even.std()

@@ -340,3 +340,17 @@ def test_progress_rises_to_one_and_cancels(striped):
         assert calls[-1] == 1
         with pytest.raises(core.Cancelled):
             core.sharpen_vertex_signal(mesh, soft, settings, progress=lambda f, m: f < 0.5)
+
+
+def test_noise_counts_the_same_where_the_width_is_given(striped):
+    mesh, _, soft = striped
+    noisy = soft + np.random.default_rng(0).normal(0, 0.03, soft.shape)
+    width = borders.borders_of(mesh, noisy).width
+    np.testing.assert_array_equal(sharpened(mesh, noisy, width=width), sharpened(mesh, noisy))
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2])
+def test_noise_has_no_borders(striped, noise):
+    mesh = striped[0]
+    values = np.random.default_rng(0).normal(0.5, noise, (mesh.vertex_count, 1))
+    assert borders.measured(mesh, values).seen == 0
