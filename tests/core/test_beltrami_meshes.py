@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import numpy as np
 import pytest
+from remeshed import turned_box
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from shapes import Counting, angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
@@ -763,3 +764,14 @@ def test_a_spike_on_relief_is_leveled():
     up = np.abs(found[:, 2])
     assert np.abs(mesh.normals[around, 2]).max() < 0.8
     assert up[around].min() > 0.95
+
+
+def test_scans_of_parts_with_creases_are_calm_however_many_bumps_are_left():
+    mesh = core.TriangleMesh(*turned_box(40)[:2])
+    bumps = np.random.default_rng(1).normal(size=(mesh.vertex_count, 1))
+    bumps = smooth_vertices(mesh, bumps, 2)
+    out = average_to_vertices(mesh, mesh.normals)
+    moves = 0.1 * mesh.mean_edge_length * bumps / bumps.std() * out
+    noise = noise_of_normals(core.TriangleMesh(mesh.vertices + moves, mesh.faces))
+    assert noise.of_scan
+    assert noise.calm > 0.9
