@@ -59,6 +59,7 @@ class _Target(NamedTuple):
     values: _Single  # (n, c)
     unbalance: _Single  # (n, c): how far the gradients of these are from those that are wanted
     confidence: CellWeights
+    known: npt.NDArray[np.bool_]  # (n,)
 
 
 def stitch_textures(
@@ -217,7 +218,9 @@ def _target_of(
     own = CellWeights(np.zeros_like(total.cells), flat.astype(np.float64))
     wanted += space.apply_stiffness(values, own) - space.apply_stiffness(values)
     total.pieces[flat] = 1.0
-    return _Target(values, wanted, total)
+    known = np.ones(space.size, dtype=np.bool_)
+    known[:nodes] = believed.reshape(-1) > 0
+    return _Target(values, wanted, total, known)
 
 
 def _source(
@@ -274,14 +277,14 @@ def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _
     held = CellWeights(cells, np.maximum(target.confidence.pieces / largest, _UNKNOWN))
     screen = settings.radius**-2.0
     if settings.where == "seams":
-        held.cells[:] = np.float32(_HELD / screen)
+        held.cells[target.confidence.cells > 0] = np.float32(_HELD / screen)
     matrix = space.weighted(held, only_mass=True).matrix(screen)
     change = np.zeros_like(target.values)
     SheetSolver(matrix).solve(target.unbalance, change, _TOLERANCE, message="Stitching")
     # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
     space.without_means(change, matrix.screen, change)
     if settings.where == "seams":
-        free = np.zeros(len(change), dtype=np.bool_)
+        free = ~target.known
         free[space.cut_cells.unknowns] = True
         change[~free] = 0.0
     return change

@@ -167,6 +167,20 @@ def test_at_seams_alone_the_rest_stays():
     assert np.abs(blocks.read(result - broken, middle.reshape(-1, 2))).max() < 1e-6
 
 
+@pytest.mark.parametrize("angle", [None, 0.4])
+@pytest.mark.parametrize("where", ["everywhere", "seams"])
+def test_what_nobody_knows_takes_the_color_around_it(angle, where):
+    # Also at corners of charts, where points on seams are unknown, too.
+    blocks, mesh, image = of_square(48, angle)
+    known = np.ones(image.shape[:2])
+    known[10:30, 10:40] = known[-20:, -20:] = 0.0
+    given = np.where(known[..., None] > 0, np.float32(0.7), np.float32(9.0)) + 0 * image
+    settings = core.StitchSettings(where=where)
+    found = core.stitch_textures(mesh, blocks.uv, given, settings, confidences=[known])
+    inside = inside_of(mesh, blocks).inside
+    assert np.abs(found - 0.7)[inside].max() < 2e-3
+
+
 def test_a_mask_keeps_the_first_picture():
     mesh, uv = plain()
     image = picture(32)
