@@ -3,6 +3,7 @@
 
 import io
 import logging
+import re
 import struct
 import zlib
 from pathlib import Path
@@ -169,10 +170,14 @@ def test_tiff_that_does_not_say_what_is_white_is_refused():
 
 
 @pytest.mark.parametrize("name", ["group3", "group4", "tiff_ccitt"])
-def test_compressions_of_fax_machines_are_refused_by_name(name):
+def test_compressions_of_fax_machines_are_read_or_refused_by_name(name):
     Image.fromarray(GRAY > 99).save("in.tif", compression=name)
-    with pytest.raises(core.ShockError, match=r"a compression that is not read \(CCITT"):
-        sharpen_image_file("in.tif", "out.tif")
+    try:
+        sharpen_image_file("in.tif", "out.png", core.ImageSettings(time=0.0))
+    except core.ShockError as error:  # older imagecodecs
+        assert re.search(r"a compression that is not read \(CCITT", str(error))
+    else:
+        np.testing.assert_array_equal(np.asarray(Image.open("out.png")) > 0, GRAY > 99)
 
 
 def test_palettes_with_more_channels_are_refused_by_name():
