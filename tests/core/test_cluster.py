@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Command lines on a real scheduler with real workers, which die and come back."""
 
+import asyncio
 import os
 import re
 import signal
@@ -19,6 +20,7 @@ import psutil
 import pytest
 import zarr
 from distributed import Client, Security
+from distributed.comm import connect
 from PIL import Image
 from shock_filter import __version__, core
 from shock_filter.core import cli
@@ -314,6 +316,12 @@ def test_no_dask_is_said(folder, capsys, monkeypatch):
     ]
 
 
+async def connected_with(address, security):
+    """Connect as a client does; not by one, which may block when it is collected."""
+    comm = await connect(address, timeout=1, **security.get_connection_args("client"))
+    await comm.close()
+
+
 def test_local_workers_are_reached_by_this_run_alone(folder):
     me = psutil.Process()
     others = set(me.children(recursive=True))  # the scheduler of other tests
@@ -329,10 +337,11 @@ def test_local_workers_are_reached_by_this_run_alone(folder):
         where = client.scheduler.address
         assert where.startswith("tls://127.0.0.1:")
         assert all(worker.startswith("tls://") for worker in client.scheduler_info()["workers"])
+        asyncio.run(connected_with(where, client.security))
         for address in (where, where.replace("tls:", "tcp:")):
-            for security in (None, Security.temporary()):
+            for security in (Security(), Security.temporary()):
                 with pytest.raises((OSError, TypeError, RuntimeError)):
-                    Client(address, security=security, timeout=1)
+                    asyncio.run(connected_with(address, security))
         for port in {socket.laddr.port for socket in sockets}:
             for page in ("/health", "/metrics", "/info/main/workers.html", "/json/identity.json"):
                 try:
