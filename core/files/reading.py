@@ -125,6 +125,8 @@ def reading_back(path: Path) -> Iterator[None]:
 def writing(path: Path) -> Iterator[None]:
     """Say of whatever another package raises while it writes a file that it cannot.
 
+    Where it is rather a mistake in Shock Filter's own code, the traceback is logged.
+
     Raises
     ------
     ShockError
@@ -134,7 +136,8 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except (ShockError, OSError):
         raise
-    except Exception as error:
+    except Exception as error:  # packages raise errors of their own, of no common kind
+        _log_own_mistake(error, f"The writer of {path}")
         reason = str(error) or type(error).__name__
         raise ShockError(
             f"{path.name} was not written: what is in the input cannot be put into it ({reason})."
@@ -169,10 +172,14 @@ def reading(path: Path, any_size: bool = False) -> Iterator[None]:
         number = getattr(error, "errno", None) or -1
         if number > 0 and number != errno.EINVAL:  # which is a place that no file can have
             raise  # the system's: no such file, no right to read it; those of NetCDF are negative
-        if not isinstance(error, _DAMAGE) and not _is_of_another_reader(error):
-            logging.getLogger(__name__).exception("The reader of %s failed.", path)
+        _log_own_mistake(error, f"The reader of {path}")
         reason = str(error) or type(error).__name__
         raise ShockError(f"{path} cannot be read; is it damaged? ({reason})") from error
+
+
+def _log_own_mistake(error: Exception, what: str) -> None:
+    if not isinstance(error, _DAMAGE) and not _is_of_another_reader(error):
+        logging.getLogger(__name__).error("%s failed.", what, exc_info=error)
 
 
 def _is_of_another_reader(error: Exception) -> bool:

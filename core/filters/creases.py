@@ -430,23 +430,28 @@ def _patches(start, stop, faces, corner_start, corners, around, normals, areas, 
 
 
 @kernel
+def _cost(own, means, uneven, pull, f):
+    # Of taking the mean normal of the patch around face f.
+    return uneven[f] + pull * (1.0 - dot(own, means[f]))
+
+
+@kernel
 def _choose(start, stop, faces, corner_start, corners, zone, normals, means, uneven, pull, out):
     for f in range(start, stop):
         own = normals[f]
         if not zone[f] or (own[0] == 0 and own[1] == 0 and own[2] == 0):
             out[f] = own
             continue
-        # Between costs that rounding tells apart a direction decides, not the order of faces.
-        best = uneven[f] + pull * (1.0 - dot(own, means[f]))
+        # Of costs that only rounding tells apart a direction decides, not the order of faces.
+        cost = least = _cost(own, means, uneven, pull, f)
         for k in range(3):
             v = faces[f, k]
             first, last = corner_start[v], corner_start[v + 1]
             stride = 1 + (last - first - 1) // _MOST_FAN
             for i in range(first, last, stride):
-                g = corners[i] // 3
-                best = min(best, uneven[g] + pull * (1.0 - dot(own, means[g])))
+                least = min(least, _cost(own, means, uneven, pull, corners[i] // 3))
         choice, most = f, -2.0
-        if uneven[f] + pull * (1.0 - dot(own, means[f])) <= best + _ROUNDING:
+        if cost <= least + _ROUNDING:
             most = dot(TIE_BREAKER, means[f])
         for k in range(3):
             v = faces[f, k]
@@ -454,9 +459,10 @@ def _choose(start, stop, faces, corner_start, corners, zone, normals, means, une
             stride = 1 + (last - first - 1) // _MOST_FAN
             for i in range(first, last, stride):
                 g = corners[i] // 3
-                cost = uneven[g] + pull * (1.0 - dot(own, means[g]))
-                if cost <= best + _ROUNDING and dot(TIE_BREAKER, means[g]) > most:
-                    most, choice = dot(TIE_BREAKER, means[g]), g
+                if _cost(own, means, uneven, pull, g) <= least + _ROUNDING:
+                    side = dot(TIE_BREAKER, means[g])
+                    if side > most:
+                        most, choice = side, g
         out[f] = means[choice]
         make_unit(out[f])
 

@@ -181,7 +181,7 @@ def displacement(
             with phase(begin, 0.9, "Fitting the surface"):
                 moved = further_steps(mesh, system, normals, near, moved, steps)
             with phase(0.9, 1.0, "Fitting the surface"):
-                _solve_exactly(system, rhs, far, moved, multigrid)
+                _solve_far(system, rhs, far, moved, multigrid)
     except SolverError as error:
         raise SolverError(f"{error.sentence} {ADVICE}", **error.values) from error
     log.info("Refit: %d iterations%s, relative residual %.1e", report.iterations,
@@ -191,7 +191,7 @@ def displacement(
     return moved, report
 
 
-def _solve_exactly(
+def _solve_far(
     system: LinearSystem,
     rhs: Floats,
     rows: npt.NDArray[np.int32],

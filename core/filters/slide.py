@@ -28,8 +28,7 @@ from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 LOOSE = 0.05
 """Residual of the first step's solve where others follow. A closer one would bend flat sides near
-creases, as the first step's minimum does, and the others would have to undo it: on remeshed parts
-normals would be off by 2 to 20 % more."""
+creases, as the first step's minimum does, and the others would have to undo it."""
 
 _TURNING = np.radians(1.0)
 """Faces that are to turn by more move on after the first step."""
@@ -246,7 +245,7 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
         if len(bad) == 0:
             break
         if attempt == rounds:
-            tell("Faces that stay folded: {count}.", count=len(bad))
+            tell("Faces that stay turned over: {count}.", count=len(bad))
             break
         if attempt < _SLIDES:
             _give_height(piece, moved, bad, _HEIGHT * _LOWER**attempt)

@@ -172,13 +172,18 @@ def test_roundings_wider_than_asked_for_stay(radius, widest, moves):
     assert share > 0.1 if moves else share < 0.01
 
 
-def test_each_part_counts_by_itself(box):
-    mesh, _ = box
+def with_a_ball(mesh):
+    """The mesh, and a smooth ball some way off as another part."""
     ball, faces = icosphere(4)
-    both = core.TriangleMesh(
+    return core.TriangleMesh(
         np.concatenate([mesh.vertices, ball + 5.0]),
         np.concatenate([mesh.faces, faces + mesh.vertex_count]),
     )
+
+
+def test_each_part_counts_by_itself(box):
+    mesh, _ = box
+    both = with_a_ball(mesh)
     moved = core.sharpen_geometry(both) - both.vertices
     assert abs(moved[: mesh.vertex_count]).max() > 0.1 * mesh.mean_edge_length
     assert not moved[mesh.vertex_count :].any()
@@ -229,11 +234,7 @@ def test_a_masked_run_says_what_it_found_of_creases(box):
 
 def test_parts_that_the_mask_leaves_out_are_not_spoken_of(box):
     mesh, _ = box
-    ball, faces = icosphere(4)
-    both = core.TriangleMesh(
-        np.concatenate([mesh.vertices, ball + 5.0]),
-        np.concatenate([mesh.faces, faces + mesh.vertex_count]),
-    )
+    both = with_a_ball(mesh)
     on_ball = np.arange(both.vertex_count) >= mesh.vertex_count
     said = []
     for mask in (on_ball, ~on_ball, 0 * on_ball):
@@ -259,11 +260,7 @@ def test_more_steps_are_as_exact_as_one_where_nothing_turns():
 
 def test_more_steps_elsewhere_leave_no_place_solved_loosely(box):
     mesh, _ = box
-    ball, faces = icosphere(3)
-    both = core.TriangleMesh(
-        np.concatenate([mesh.vertices, ball + 6.0]),
-        np.concatenate([mesh.faces, faces + mesh.vertex_count]),
-    )
+    both = with_a_ball(mesh)
     on_ball = slice(mesh.vertex_count, None)
     tilt = 0.008 * np.sin(3.0 * both.vertices[both.faces].mean(axis=1)[:, [1, 2, 0]])
     normals = both.normals + tilt
