@@ -18,8 +18,8 @@ from advection_literal import LiteralNoise
 from PIL import Image
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.filters.advection.noise import Noise
-from shock_filter.core.filters.advection.velocity import Flow
+from shock_filter.core.advection.noise import Noise
+from shock_filter.core.advection.velocity import Flow
 from texture_models import BALL, read_model, save_model
 
 LARGE = 1024

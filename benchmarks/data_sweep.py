@@ -19,13 +19,13 @@ import numpy as np
 from report import table
 from shock_filter import core
 from shock_filter.core.atlas import TextureAtlas
-from shock_filter.core.files.formats.pillow import read_pillow
-from shock_filter.core.files.formats.trimesh import ENDINGS, SceneFile
+from shock_filter.core.files.formats.image.pillow import read_pillow
+from shock_filter.core.files.formats.mesh.trimesh import ENDINGS, SceneFile
 from shock_filter.core.files.meshes import IN_PLACE, read_document
 from shock_filter.core.files.textures import read_textured_mesh
-from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
 from shock_filter.core.registry import find
+from shock_filter.core.shape.denoising import beltrami_joint_corners
+from shock_filter.core.then_sharpen import sharpen_both, then_sharpen
 
 MESHES = tuple(ENDINGS)
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")

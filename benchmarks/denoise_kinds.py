@@ -11,7 +11,7 @@ import common
 import numpy as np
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.filters.beltrami.mesh_smoothing import smooth_faces, smooth_graph
+from shock_filter.core.beltrami.mesh_smoothing import smooth_faces, smooth_graph
 from shock_filter.core.mesh.calculus import average_to_faces
 from shock_filter.core.mesh.geodesics import face_stencils
 from virtual_scans import Scan, range_image, with_white_noise

@@ -21,7 +21,7 @@ from report import Page, table
 from scipy import ndimage
 from scipy.special import erf
 from shock_filter import core
-from shock_filter.core.filters.images import measure_image
+from shock_filter.core.color.image_sharpening import measure_image
 
 Bytes = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]

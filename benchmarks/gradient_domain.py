@@ -17,7 +17,7 @@ import peers
 from PIL import Image
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.atlas.operators import TextureSpace
+from shock_filter.core.elements.matrices import TextureSpace
 from texture_layouts import cut, plane
 from texture_models import BALL, Model, ball, find_seams, names, read_model, save_model
 

@@ -1,9 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # Written by tools/write_stub.py from core/registry.py.
 
+from .advection.convolution import (
+    line_integral_convolution,
+)
+from .advection.dye import (
+    advect_dye,
+)
+from .advection.flow_maps import (
+    flow_map_velocity,
+)
+from .advection.noise import (
+    advect_noise,
+)
+from .advection.sources import (
+    DyeSource,
+)
+from .advection.surface import (
+    advect_on_surface,
+)
+from .advection.velocity import (
+    flow_frames,
+)
 from .atlas import (
     TextureAtlas,
     UVReport,
+)
+from .color.image_denoising import (
+    beltrami_image,
+    beltrami_manifold,
+)
+from .color.image_sharpening import (
+    sharpen_image,
+)
+from .color.osher_rudin import (
+    osher_rudin_image,
+)
+from .color.signals import (
+    sharpen_corner_signal,
+    sharpen_vertex_signal,
 )
 from .errors import (
     Cancelled,
@@ -13,84 +48,6 @@ from .errors import (
     InvalidUV,
     ShockError,
     SolverError,
-)
-from .filters.advection.convolution import (
-    line_integral_convolution,
-)
-from .filters.advection.dye import (
-    advect_dye,
-)
-from .filters.advection.flow_maps import (
-    flow_map_velocity,
-)
-from .filters.advection.noise import (
-    advect_noise,
-)
-from .filters.advection.sources import (
-    DyeSource,
-)
-from .filters.advection.surface import (
-    advect_on_surface,
-)
-from .filters.advection.velocity import (
-    flow_frames,
-)
-from .filters.beltrami.images import (
-    beltrami_image,
-    beltrami_manifold,
-)
-from .filters.beltrami.meshes import (
-    beltrami_corner_signal,
-    beltrami_joint,
-    beltrami_mesh,
-    beltrami_vertex_signal,
-    denoise_geometry,
-)
-from .filters.beltrami.textures import (
-    beltrami_texture,
-)
-from .filters.fit import (
-    fit_to_normals,
-)
-from .filters.geodesic_distance import (
-    geodesic_distance,
-    vertex_distance,
-)
-from .filters.geometry import (
-    geometry_flow,
-    sharpen_geometry,
-    sharpen_normals,
-)
-from .filters.gradient_domain import (
-    TextureSolver,
-    filter_texture,
-)
-from .filters.images import (
-    sharpen_image,
-)
-from .filters.line_convolution import (
-    surface_line_convolution,
-)
-from .filters.normal_maps import (
-    object_normals,
-    tangent_normals,
-)
-from .filters.pde import (
-    osher_rudin_image,
-)
-from .filters.reaction_diffusion import (
-    reaction_diffusion,
-)
-from .filters.signals import (
-    sharpen_corner_signal,
-    sharpen_vertex_signal,
-)
-from .filters.stitching import (
-    stitch_textures,
-)
-from .filters.textures import (
-    dilate_texture,
-    sharpen_texture,
 )
 from .flow.potential import (
     flow_field,
@@ -126,6 +83,49 @@ from .settings import (
     StitchSettings,
     StreakSettings,
     TextureSettings,
+)
+from .shape.denoising import (
+    beltrami_corner_signal,
+    beltrami_joint,
+    beltrami_mesh,
+    beltrami_vertex_signal,
+    denoise_geometry,
+)
+from .shape.fit import (
+    fit_to_normals,
+)
+from .shape.sharpening import (
+    geometry_flow,
+    sharpen_geometry,
+    sharpen_normals,
+)
+from .texture.denoising import (
+    beltrami_texture,
+)
+from .texture.distance import (
+    geodesic_distance,
+    vertex_distance,
+)
+from .texture.gradient_domain import (
+    TextureSolver,
+    filter_texture,
+)
+from .texture.normal_maps import (
+    object_normals,
+    tangent_normals,
+)
+from .texture.patterns import (
+    reaction_diffusion,
+)
+from .texture.sharpening import (
+    dilate_texture,
+    sharpen_texture,
+)
+from .texture.stitching import (
+    stitch_textures,
+)
+from .texture.streaks import (
+    surface_line_convolution,
 )
 
 __all__ = [

@@ -3,7 +3,7 @@
 
 From the rows come the public names of `core`, the commands of ``shock-filter`` and of Blender's
 command line, and the list of modules with kernels. A new filter of a kind that is here already
-costs a settings class, a module in `core.filters` and a row. Needs neither numpy nor numba.
+costs a settings class, a module in the room of its data and a row. Needs neither numpy nor numba.
 Annotations are not postponed here, since evaluating them later takes longer.
 """
 
@@ -189,7 +189,7 @@ class Filter(Row):
         if then_time is None:
             return function
         sharpen = find(self.then).function(corners=corners)
-        then_sharpen = _load("filters.denoising", "then_sharpen")
+        then_sharpen = _load("then_sharpen", "then_sharpen")
         return then_sharpen(function, sharpen, self.sharpening(then_time))
 
     def sharpening(self, time: float | None) -> Any:
@@ -205,7 +205,7 @@ class Filter(Row):
 FILTERS: tuple[Filter, ...] = (
     Filter(
         "denoise_geometry",
-        "filters.beltrami.meshes",
+        "shape.denoising",
         _settings.BeltramiGeometrySettings,
         GEOMETRY,
         "denoise-geometry",
@@ -218,7 +218,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "beltrami_vertex_signal",
-        "filters.beltrami.meshes",
+        "shape.denoising",
         _settings.BeltramiMeshSettings,
         COLORS,
         "denoise-colors",
@@ -228,7 +228,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "beltrami_image",
-        "filters.beltrami.images",
+        "color.image_denoising",
         _settings.BeltramiSettings,
         IMAGE,
         "denoise-image",
@@ -238,7 +238,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "beltrami_texture",
-        "filters.beltrami.textures",
+        "texture.denoising",
         _settings.BeltramiTextureSettings,
         TEXTURE,
         "denoise-texture",
@@ -248,7 +248,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "sharpen_geometry",
-        "filters.geometry",
+        "shape.sharpening",
         _settings.GeometrySettings,
         GEOMETRY,
         "sharpen-geometry",
@@ -256,7 +256,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "sharpen_vertex_signal",
-        "filters.signals",
+        "color.signals",
         _settings.ShockSettings,
         COLORS,
         "sharpen-colors",
@@ -265,7 +265,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "sharpen_image",
-        "filters.images",
+        "color.image_sharpening",
         _settings.ImageSettings,
         IMAGE,
         "sharpen-image",
@@ -274,7 +274,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "sharpen_texture",
-        "filters.textures",
+        "texture.sharpening",
         _settings.TextureSettings,
         TEXTURE,
         "sharpen-texture",
@@ -283,7 +283,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "filter_texture",
-        "filters.gradient_domain",
+        "texture.gradient_domain",
         _settings.FilterSettings,
         TEXTURE,
         "filter-texture",
@@ -293,7 +293,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "stitch_textures",
-        "filters.stitching",
+        "texture.stitching",
         _settings.StitchSettings,
         TEXTURE,
         "stitch-textures",
@@ -303,7 +303,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "geodesic_distance",
-        "filters.geodesic_distance",
+        "texture.distance",
         _settings.DistanceSettings,
         FIELD,
         "geodesic-distance",
@@ -314,7 +314,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "surface_line_convolution",
-        "filters.line_convolution",
+        "texture.streaks",
         _settings.StreakSettings,
         FIELD,
         "surface-streaks",
@@ -324,7 +324,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "reaction_diffusion",
-        "filters.reaction_diffusion",
+        "texture.patterns",
         _settings.ReactionSettings,
         FIELD,
         "surface-pattern",
@@ -335,7 +335,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "advect_noise",
-        "filters.advection.noise",
+        "advection.noise",
         _settings.NoiseSettings,
         FLOW,
         "visualize-flow",
@@ -344,7 +344,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "dilate_texture",
-        "filters.textures",
+        "texture.sharpening",
         _settings.DilateSettings,
         TEXTURE,
         "dilate-texture",
@@ -370,19 +370,19 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "mesh.weld": ("weld", "weld_borders"),
     "atlas": ("TextureAtlas", "UVReport"),
     "flow.potential": ("flow_field",),
-    "filters.advection.convolution": ("line_integral_convolution",),
-    "filters.advection.dye": ("advect_dye",),
-    "filters.advection.flow_maps": ("flow_map_velocity",),
-    "filters.advection.sources": ("DyeSource",),
-    "filters.advection.surface": ("advect_on_surface",),
-    "filters.advection.velocity": ("flow_frames",),
-    "filters.beltrami.images": ("beltrami_manifold",),
-    "filters.beltrami.meshes": ("beltrami_joint", "beltrami_mesh"),
-    "filters.fit": ("fit_to_normals",),
-    "filters.geometry": ("geometry_flow", "sharpen_normals"),
-    "filters.gradient_domain": ("TextureSolver",),
-    "filters.normal_maps": ("object_normals", "tangent_normals"),
-    "filters.pde": ("osher_rudin_image",),
+    "advection.convolution": ("line_integral_convolution",),
+    "advection.dye": ("advect_dye",),
+    "advection.flow_maps": ("flow_map_velocity",),
+    "advection.sources": ("DyeSource",),
+    "advection.surface": ("advect_on_surface",),
+    "advection.velocity": ("flow_frames",),
+    "color.image_denoising": ("beltrami_manifold",),
+    "shape.denoising": ("beltrami_joint", "beltrami_mesh"),
+    "shape.fit": ("fit_to_normals",),
+    "shape.sharpening": ("geometry_flow", "sharpen_normals"),
+    "texture.gradient_domain": ("TextureSolver",),
+    "texture.normal_maps": ("object_normals", "tangent_normals"),
+    "color.osher_rudin": ("osher_rudin_image",),
 }
 """The public names that no row gives, by their modules."""
 

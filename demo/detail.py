@@ -24,7 +24,7 @@ from run import run
 from shock_filter import core
 from shock_filter.core.host.inputs import TexturedFaces
 from shock_filter.core.host.textures import analyse
-from shock_filter.shock_addon.data import textures
+from shock_filter.shock_addon.data.image import textures
 
 OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "detail"
 TEXELS, PIXELS, COLORS = 1024, 420, 224

@@ -18,7 +18,7 @@ from picture import PAINT, View, render
 from PIL import Image
 from run import FACE, GEAR, copied, run
 from shock_filter import core
-from shock_filter.core.host.arrows import potential_colors
+from shock_filter.core.preview.arrows import potential_colors
 from shock_filter.shock_addon.modes import find
 
 OUT = Path(__file__).resolve().parent.parent / "docs" / "images" / "guide"

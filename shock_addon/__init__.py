@@ -13,11 +13,12 @@ from ..core.host import forgetting
 from .commands import registration as command
 from .data import shown
 from .flow import operator as flow_operator
-from .flow import overlay as flow_overlay
+from .flow import showing as flow_shown
 from .operators import base as operators
-from .operators import comparing, filtering, jobs, kernels, preparing, properties
+from .operators import comparing, filtering, properties
 from .preview import operator as preview_operator
 from .preview import painting
+from .running import jobs, kernels, preparing
 from .ui import manual, menus, panels, presets, translations
 
 _CLASSES = (
@@ -105,7 +106,7 @@ def unregister() -> None:
     painting.unregister()
     preview_operator.unregister()
     jobs.stop_all()
-    flow_overlay.hide()
+    flow_shown.hide()
     for handlers, function in _handlers():
         if function in handlers:  # other add-ons may clear such lists
             handlers.remove(function)

@@ -49,7 +49,7 @@ class Data(Row):
         ``function(surface, name, settings, progress)`` for images: filters what was read by the
         filter of that name in the registry, on any thread.
     read, write : str
-        "module:function"; see `data.meshes.read_targets`. Empty for images.
+        "module:function"; see `data.mesh.meshes.read_targets`. Empty for images.
     flow : str
         "module:function" that computes where shock filters pull, for Show Flow; or empty.
     object_modes : tuple of str
@@ -83,26 +83,26 @@ DATA = {
         _MESH,
         (*_WHERE, "output", "weld", *_SHADING),
         "..core.host.geometry:filter_shape",
-        ".data.geometry:read_geometry",
-        ".data.geometry:write_geometry",
-        "..core.host.flow:flow_of_shape",
+        ".data.mesh.geometry:read_geometry",
+        ".data.mesh.geometry:write_geometry",
+        "..core.preview.flow:flow_of_shape",
         object_modes=("OBJECT", "EDIT_MESH", "SCULPT"),
     ),
     "colors": Data(
         _MESH,
         ("attribute", *_WHERE, "weld"),
         "..core.host.colors:filter_colors",
-        ".data.colors:read_colors",
-        ".data.colors:write_colors",
-        "..core.host.flow:flow_of_colors",
+        ".data.mesh.colors:read_colors",
+        ".data.mesh.colors:write_colors",
+        "..core.preview.flow:flow_of_colors",
         object_modes=("OBJECT", "PAINT_VERTEX"),
     ),
     "both": Data(
         _MESH,
         ("attribute", *_WHERE, "output", "weld", *_SHADING),
         "..core.host.denoising:filter_both",
-        ".data.painted:read_painted",
-        ".data.painted:write_painted",
+        ".data.mesh.painted:read_painted",
+        ".data.mesh.painted:write_painted",
         object_modes=("OBJECT",),
     ),
     "image": Data(

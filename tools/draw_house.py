@@ -22,20 +22,28 @@ PLACES = {
     "shock_addon.commands": (720, 0, "Blender's command line"),
     "shock_addon.preview": (150, 1, "while the mouse moves"),
     "shock_addon.flow": (400, 1, "Show Flow"),
-    "shock_addon.operators": (300, 2, "what buttons run: jobs, Esc, redo"),
-    "shock_addon.data": (300, 3, "Blender's data in and out"),
-    "shock_addon.modes": (650, 2, "one row per button"),
+    "shock_addon.operators": (300, 2, "what buttons run: read, filter, write, tell"),
+    "shock_addon.running": (160, 3, "jobs on a thread, Esc, compiling"),
+    "shock_addon.data": (430, 3, "Blender's data in and out"),
+    "shock_addon.modes": (680, 3, "one row per button"),
     "core.cli": (720, 4, "shock-filter"),
+    "core.rehearsal": (130, 4, "compiles kernels before"),
+    "core.preview": (400, 4, "patches, crops, arrows"),
     "core.host": (300, 5, "what a host program keeps, as arrays"),
-    "core.files": (720, 5, "PLY, OBJ, glTF, PNG, TIFF, EXR"),
-    "core.registry": (510, 5, "one row per filter"),
-    "core.filters": (510, 6, "sharpen, denoise, refit"),
-    "core.flow": (300, 7, "flow-lines on meshes"),
-    "core.atlas": (720, 7, "textures on their surface"),
-    "core.linear": (200, 8, "CG, multigrid"),
-    "core.mesh": (450, 8, "the mesh, calculus, geodesics"),
-    "core.grid": (720, 8, "images: walk, sample"),
-    "core.base": (460, 9, "kernels, threads, progress, checks; settings, errors: all use these"),
+    "core.files": (760, 5, "PLY, OBJ, glTF, PNG, TIFF, EXR"),
+    "core.registry": (540, 5, "one row per filter"),
+    "core.advection": (760, 6, "flows as moving textures"),
+    "core.texture": (620, 7, "sharpen, stitch, generate"),
+    "core.shape": (240, 7, "geometry: sharpen, denoise, refit"),
+    "core.color": (380, 8, "images, signals on meshes"),
+    "core.beltrami": (380, 9, "the short-time kernel"),
+    "core.elements": (720, 9, "finite elements on texels"),
+    "core.flow": (200, 10, "flow-lines on meshes"),
+    "core.atlas": (660, 10, "textures on their surface"),
+    "core.linear": (140, 11, "CG, multigrid"),
+    "core.mesh": (420, 11, "the mesh, calculus, geodesics"),
+    "core.grid": (720, 11, "images: walk, sample"),
+    "core.base": (460, 12, "kernels, threads, progress, checks; settings, errors: all use these"),
 }
 TABLES = {"shock_addon.modes", "core.registry"}
 STEP, HEIGHT, TOP = 92, 46, 50
@@ -66,7 +74,7 @@ def drawing(counts: Counter[tuple[str, str]]) -> str:
     ]
     boxes = [_box(room, *place) for room, place in PLACES.items()]
     line = TOP + BORDER * STEP - (STEP - HEIGHT) / 2
-    height = TOP + 10 * STEP - STEP + HEIGHT + 20
+    height = TOP + 13 * STEP - STEP + HEIGHT + 20
     return "\n".join([
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 900 {height}"'
         ' font-family="DejaVu Sans, Verdana, sans-serif" text-anchor="middle">',

@@ -20,18 +20,18 @@ import numpy.typing as npt
 
 from ..base.parallel import thread_count
 from ..base.progress import ask, phase, reporting
+from ..color.chunked import Dask, counting_reruns
 from ..errors import ShockError
-from ..filters.chunked import Dask, counting_reruns
-from .formats.tiff import TILE, open_tiff_tiles, write_tiff_tiles
-from .formats.zarr import ENDING, create_zarr, create_zarr_like, open_zarr
-from .formats.zarr_metadata import is_zarr
-from .image_file import ImageFile
-from .images import check_format, check_kind, read_image
+from .formats.array.zarr import ENDING, create_zarr, create_zarr_like, open_zarr
+from .formats.array.zarr_metadata import is_zarr
+from .formats.image.image_file import ImageFile
+from .formats.image.second_look import check_brightness
+from .formats.image.tiff import TILE, open_tiff_tiles, write_tiff_tiles
+from .formats.image.upright import make_upright
+from .image_formats import check_format, check_kind, read_image
 from .output import Options, Outcome, staged, staged_folder
 from .reading import check_ending, check_source, needed, reading, reading_back
-from .second_look import check_brightness
 from .staging import temporary_folder, tidy
-from .upright import make_upright
 
 _TIFFS = (".tif", ".tiff")
 _ENDINGS = (ENDING, *_TIFFS)

@@ -12,9 +12,10 @@ import numpy as np
 from ..atlas import TextureAtlas
 from ..base.progress import phase, reporting
 from ..errors import ShockError
-from ..filters.texels import grays_of
 from ..mesh.directions import named_directions
-from .images import Pixels, image_size, read_grays, write_image_file
+from ..texture.texels import grays_of
+from .image_formats import Pixels, image_size, read_grays
+from .images import write_image_file
 from .output import DEFAULTS, Options, Outcome
 from .textures import RAW, read_textured_mesh
 

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..advection.pictures import DYES, pictures_of_plane, pictures_of_surface, still
+from ..advection.sources import DyeSource
 from ..errors import ShockError
-from ..filters.advection.pictures import DYES, pictures_of_plane, pictures_of_surface, still
-from ..filters.advection.sources import DyeSource
 from ..settings import NoiseSettings
 from .frames import as_numbers, check_frames_target, is_folder, write_frames
-from .images import Pixels, read_pixels, write_image_file
+from .image_formats import Pixels, read_pixels
+from .images import write_image_file
 from .output import DEFAULTS, Options, Outcome
 from .velocities import PlaneFlow, SurfaceFlow
 

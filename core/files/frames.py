@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import Cancelled, InvalidSettings, ShockError
-from .formats.animations import encoded_png, write_apng, write_webp_frames
-from .formats.video import write_mp4
+from .formats.image.animations import encoded_png, write_apng, write_webp_frames
+from .formats.image.video import write_mp4
 from .output import Unfinished, room, staged, taking
 from .staging import is_at_work, temporary_folder
 

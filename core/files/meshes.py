@@ -19,10 +19,10 @@ from ..errors import InvalidMesh, InvalidSignal, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld
 from .document import Document, Floats, InPlaceDocument, Ints
-from .formats.gltf import GltfFile
-from .formats.obj import ObjFile
-from .formats.ply import PlyFile, PlyVertices
-from .formats.trimesh import ENDINGS, SceneFile
+from .formats.mesh.gltf import GltfFile
+from .formats.mesh.obj import ObjFile
+from .formats.mesh.ply import PlyFile, PlyVertices
+from .formats.mesh.trimesh import ENDINGS, SceneFile
 from .output import DEFAULTS, Options, Outcome, staged
 from .reading import check_ending, check_source, check_target, reading, reading_back
 from .staging import tidy

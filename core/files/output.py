@@ -38,7 +38,7 @@ class Options:
         An image file of the same size whose flow moves the values of images and textures.
     gain_map : str, optional
         A gray image file of the same size that says where detail is raised and where it is
-        smoothed; see `filters.painted_gain.gains_of`.
+        smoothed; see `texture.painted_gain.gains_of`.
     gain : float
         What white stands for there.
     others : sequence of str

@@ -15,14 +15,8 @@ from ..errors import InvalidUV, ShockError
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from .document import Floats
-from .images import (
-    Pixels,
-    filter_image_file,
-    image_size,
-    read_beside,
-    read_pixels,
-    write_image_file,
-)
+from .image_formats import Pixels, image_size, read_beside, read_pixels
+from .images import filter_image_file, write_image_file
 from .meshes import IN_PLACE, read_document
 from .output import DEFAULTS, Options, Outcome
 from .reading import check_ending, reading

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..advection.flow_maps import flow_map_velocity, turned
 from ..errors import ShockError
-from ..filters.advection.flow_maps import flow_map_velocity, turned
 from ..mesh.triangle_mesh import TriangleMesh
-from .formats.grids import GRIDS, read_grid
-from .formats.ply import PlyVertices
-from .images import read_pixels
+from .formats.array.grids import GRIDS, read_grid
+from .formats.mesh.ply import PlyVertices
+from .image_formats import read_pixels
 from .reading import check_claim, check_ending, check_source, reading
 from .textures import read_textured_mesh
 

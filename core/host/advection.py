@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..advection.pictures import pictures_of_plane, pictures_of_surface
 from ..base.progress import ProgressCallback, part_of, phase, reporting
-from ..filters.advection.pictures import pictures_of_plane, pictures_of_surface
-from ..filters.geometry import geometry_flow
-from ..filters.signals import luminance, to_own_corners
+from ..color.signals import luminance, to_own_corners
 from ..flow.potential import flow_field
 from ..mesh.directions import gradient_directions
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import split_at_jumps
 from ..settings import NoiseSettings
+from ..shape.sharpening import geometry_flow
 from .inputs import TexturedFaces
 from .textures import analyse
 

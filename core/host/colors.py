@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from ..base.checks import LARGEST
 from ..base.progress import ProgressCallback, aside, reporting
+from ..color.signals import width_to_close
 from ..errors import InvalidSignal
-from ..filters.signals import width_to_close
 from ..mesh.calculus import group_means
 from .applying import applied
 from .inputs import ColoredSurface

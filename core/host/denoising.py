@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..base.progress import ProgressCallback, reporting
-from ..filters.beltrami.meshes import beltrami_joint_corners
-from ..filters.denoising import sharpen_both, then_sharpen
 from ..registry import find
+from ..shape.denoising import beltrami_joint_corners
+from ..then_sharpen import sharpen_both, then_sharpen
 from .colors import check_colors, repainted_corners
 from .geometry import Reshaped, placed
 from .inputs import Denoising, PaintedSurface

@@ -13,11 +13,11 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
-from ..filters.texels import grays_of
 from ..grid.resize import resized
 from ..mesh.directions import gradient_directions, named_directions
 from ..registry import find
 from ..settings import describe
+from ..texture.texels import grays_of
 from .inputs import TexturedFaces
 from .textures import analyse
 

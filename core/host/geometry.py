@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
-from ..filters.beltrami.normals import noise_of_normals
-from ..filters.creases import vertices_at_creases
 from ..settings import GeometrySettings
+from ..shape.creases import vertices_at_creases
+from ..shape.noise import noise_of_normals
 from .applying import applied
 from .inputs import MirroredSurface, Surface
 from .symmetry import mirror_pairs, symmetrise

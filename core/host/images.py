@@ -13,8 +13,8 @@ import numpy.typing as npt
 from ..base.memo import kept
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
-from ..filters.images import measure_image
-from ..filters.images_by_width import Measured
+from ..color.image_sharpening import measure_image
+from ..color.images_by_width import Measured
 from ..grid.enlarge import enlarged
 from ..settings import BY_WIDTH
 from .applying import applied

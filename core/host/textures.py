@@ -16,13 +16,13 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
-from ..filters.gradient_domain import TextureSolver
-from ..filters.painted_gain import gains_of
 from ..grid.resize import resized
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
 from ..registry import find
 from ..settings import FilterSettings
+from ..texture.gradient_domain import TextureSolver
+from ..texture.painted_gain import gains_of
 from .applying import applied
 from .images import divided, filter_channels, filter_pixels
 from .inputs import Denoising, Floats, HostImage, Pixels, TexturedFaces, TexturedSurface

@@ -106,8 +106,8 @@ def save_scene(target: Path, overwrite: bool) -> None:
 
 def _read_back(path: Path) -> None:
     """Make sure that a scene that was just written is there: its header and sizes."""
-    from ...core.files.formats.gltf_tree import read_tree
-    from ...core.files.formats.ply import PlyVertices
+    from ...core.files.formats.mesh.gltf_tree import read_tree
+    from ...core.files.formats.mesh.ply import PlyVertices
 
     readers = {".glb": read_tree, ".gltf": read_tree, ".ply": PlyVertices}
     with reading_back(path):

@@ -23,7 +23,7 @@ from .. import data
 from ..data.skipped import Skipped
 from ..modes import PICTURES
 from ..operators import base as operators
-from ..operators import kernels
+from ..running import kernels
 from . import blender_files as files
 from . import flags
 
@@ -219,7 +219,7 @@ def _draw_field(
     for flag, name in FILES.items():
         if flag in given:
             with files.loaded_image(given.pop(flag)) as image:
-                given[name] = data.textures.grays_of(data.arrays.read_pixels(image))
+                given[name] = data.image.textures.grays_of(data.arrays.read_pixels(image))
     surface = FieldSurface(faces, size, given)
     made = generate(surface, options.command.name, settings, progress)
     pixels = field_pixels(made.values, made.shown, target, np.uint8)
@@ -254,7 +254,7 @@ def _visualize(
         flow = read_velocity(source, How(**flows.how_to_read(options)))
     else:
         with files.loaded_image(source) as image:
-            flow = PlaneFlow(data.flows.read_map(image, options.y_axis).surface.velocity)
+            flow = PlaneFlow(data.image.flows.read_map(image, options.y_axis).surface.velocity)
     return write_flow(flow, target, look, Options(overwrite=options.overwrite, progress=progress))
 
 
@@ -268,7 +268,7 @@ def _visualize_meshes(
     faces, size, notes = _to_draw_on(source, options)
     objects, _ = _chosen(source, options)
     try:
-        ((of, given),) = data.fields.read_directions(objects, options.attribute).items()
+        ((of, given),) = data.image.fields.read_directions(objects, options.attribute).items()
     except Skipped as reason:
         raise ShockError(f"{source}: {reason}.") from reason
     surface = FlowSurface(faces, size, of, given)
@@ -288,7 +288,7 @@ def _to_draw_on(source: str, options: argparse.Namespace) -> tuple[Any, tuple[in
     kernels.choose_folder()
     kernels.load()
     try:
-        faces, _, skipped = data.textures.read_faces(bpy.context, objects, None, None)
+        faces, _, skipped = data.image.textures.read_faces(bpy.context, objects, None, None)
     except Skipped as reason:
         raise InvalidUV(f"{source}: {reason}.") from reason
     return faces, size, (*notes, *skipped)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's data in and out: the only folder that reads or writes it.
+"""Blender's data in and out: the only room that reads or writes it. May use `core.host`.
 
 Modules are imported when first used, as ``data.NAME``, so that enabling the extension does not
 import numpy.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -12,36 +13,27 @@ if TYPE_CHECKING:
     from . import (  # noqa: F401
         arrays,
         chosen,
-        colors,
-        fields,
-        flow,
-        flows,
-        geometry,
-        images,
-        maps,
-        masks,
+        image,
         materials,
-        meshes,
-        original,
-        painted,
+        mesh,
         replaced,
-        sequences,
-        shading,
-        shape_keys,
         shown,
         skipped,
-        stand_in,
-        textures,
-        tiles,
-        vertex_groups,
-        visible,
     )
 
 
-def __getattr__(name: str) -> Any:
-    try:
-        return import_module(f".{name}", __name__)
-    except ModuleNotFoundError as error:
-        if error.name != f"{__name__}.{name}":
-            raise
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+def importing(package: str) -> Callable[[str], Any]:
+    """Make the ``__getattr__`` of a package that imports its modules when first used."""
+
+    def load(name: str) -> Any:
+        try:
+            return import_module(f".{name}", package)
+        except ModuleNotFoundError as error:
+            if error.name != f"{package}.{name}":
+                raise
+            raise AttributeError(f"module {package!r} has no attribute {name!r}") from None
+
+    return load
+
+
+__getattr__ = importing(__name__)

@@ -14,12 +14,15 @@ import numpy.typing as npt
 
 from ...core.base.memo import equal
 from ...core.host import forgetting
-from . import arrays, images, shape_keys, shown, textures
+from . import arrays, shown
 from .chosen import subjects
-from .meshes import Target, check_leaving, find, object_mode
-from .original import color_attribute
+from .image import images, textures
+from .image.tiles import Tiles
+from .mesh import shape_keys
+from .mesh.meshes import check_leaving, object_mode
+from .mesh.original import color_attribute
+from .mesh.targets import MeshTarget, find
 from .skipped import Refused, Skipped
-from .tiles import Tiles
 
 BEFORE, AFTER = "before", "after"
 
@@ -48,11 +51,11 @@ class MeshSwap:
 
     Parameters
     ----------
-    target : Target
+    target : MeshTarget
         In Object Mode.
     """
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: MeshTarget) -> None:
         obj = find(target)
         self.name, self.uids = obj.name, {target.object_uid}
         self._mesh = target.mesh_uid
@@ -218,7 +221,7 @@ _swaps = 0
 """How often they were swapped since the run, but for what was undone; -1 if the run itself was."""
 
 
-def of_meshes(targets: Sequence[Target]) -> list[MeshSwap]:
+def of_meshes(targets: Sequence[MeshTarget]) -> list[MeshSwap]:
     """Read what a run may replace, in Object Mode."""
     found = []
     for target in targets:

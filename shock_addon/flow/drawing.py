@@ -12,7 +12,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from gpu_extras.batch import batch_for_shader
 from mathutils import Vector
 
-from ...core.host.arrows import DARK, LIGHT, arrows, bar, potential_colors
+from ...core.preview.arrows import DARK, LIGHT, arrows, bar, potential_colors
 from .. import data
 from ..operators import views
 from .overlay import Overlay, is_readable
@@ -84,18 +84,18 @@ def _distance(
     return 2.0 ** (round(_STEPS * math.log2(wanted)) / _STEPS)
 
 
-def _surface(mesh: bpy.types.Mesh, found: data.flow.FlowOfMesh) -> gpu.types.GPUBatch:
+def _surface(mesh: bpy.types.Mesh, found: data.mesh.flow.FlowOfMesh) -> gpu.types.GPUBatch:
     colored = {
-        "pos": data.meshes.read_positions(mesh),
+        "pos": data.mesh.meshes.read_positions(mesh),
         "color": potential_colors(found.potential),
     }
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    return batch_for_shader(shader, "TRIS", colored, indices=data.meshes.read_triangles(mesh))
+    return batch_for_shader(shader, "TRIS", colored, indices=data.mesh.meshes.read_triangles(mesh))
 
 
-def _arrows(mesh: bpy.types.Mesh, found: data.flow.FlowOfMesh, distance: float) -> list[tuple]:
+def _arrows(mesh: bpy.types.Mesh, found: data.mesh.flow.FlowOfMesh, distance: float) -> list[tuple]:
     """Make the batches of arrows, their rims first, with their colors."""
-    rims, shapes = arrows(*data.flow.read_faces(mesh), found.flow, distance)
+    rims, shapes = arrows(*data.mesh.flow.read_faces(mesh), found.flow, distance)
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     return [
         (batch_for_shader(shader, "TRIS", {"pos": corners}), color)

@@ -12,7 +12,7 @@ from ..operators import poll as obstacles
 from ..operators.base import Done, Filter, Written, write_results
 from ..operators.meshes import MeshOperator
 from ..operators.properties import settings_of
-from . import overlay as flow_overlay
+from . import showing as flow_shown
 
 
 class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
@@ -55,7 +55,7 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return data.meshes.read_active(context, self.reader(), self._parameters())
+        return data.mesh.meshes.read_active(context, self.reader(), self._parameters())
 
     def filter(self, settings: Any) -> Filter:
         """Compute one object's flow."""
@@ -64,14 +64,14 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Draw the flow from now on, and write it if asked to."""
-        with data.meshes.object_mode(context):
+        with data.mesh.meshes.object_mode(context):
             return write_results(self.targets, results, self._show)
 
     def _show(self, target: Any, result: Any) -> bpy.types.Object:
-        obj, found = data.flow.flow_of(target, result)
+        obj, found = data.mesh.flow.flow_of(target, result)
         if self.attributes:
-            data.flow.write_flow(obj.data, found)
-        flow_overlay.show(obj, found)
+            data.mesh.flow.write_flow(obj.data, found)
+        flow_shown.show(obj, found)
         return obj
 
     def summary(self, written: list[Written], seconds: float) -> str:
@@ -83,7 +83,10 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
             else "Computed the flow of {name}, {seconds:.1f} s."
         )
         return text.format(
-            potential=data.flow.POTENTIAL, flow=data.flow.FLOW, name=obj.name, seconds=seconds
+            potential=data.mesh.flow.POTENTIAL,
+            flow=data.mesh.flow.FLOW,
+            name=obj.name,
+            seconds=seconds,
         )
 
     def notes(self, written: list[Written]) -> str:
@@ -103,11 +106,11 @@ class SHOCK_FILTER_OT_hide_flow(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Want a flow that is shown, on whatever object."""
-        return flow_overlay.shown_object() is not None
+        return flow_shown.shown_object() is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Draw it no more."""
-        flow_overlay.hide()
+        flow_shown.hide()
         return {"FINISHED"}
 
 

@@ -15,8 +15,8 @@ from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, Sho
 from .. import data
 from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
 from ..modes import Mode, load
-from . import kernels
-from .jobs import ModalJob, Work, current, is_scene_read
+from ..running import kernels
+from ..running.jobs import ModalJob, Work, current, is_scene_read
 from .properties import settings_of
 
 Progress = Callable[[float, str], bool]
@@ -162,7 +162,7 @@ class FilterOperator(ModalJob):
         self._began = time.perf_counter()
         self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
-            data.stand_in.put_away()
+            data.image.stand_in.put_away()
             _subjects[self.key] = data.chosen.subjects(context)
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)

@@ -27,10 +27,10 @@ class GenerateOperator(FilterOperator):
             text = "There is no image named {name!r}; name one, or leave the field empty."
             raise Refused(text, name=self.image)
         if image is not None and self.result == image.name and not self.options.is_repeat_last:
-            data.images.restore(image)  # redo undoes the run before
+            data.image.images.restore(image)  # redo undoes the run before
         try:
             places = self.row.target(self).places
-            target, skipped = data.fields.read_field(context, image, self, places)
+            target, skipped = data.image.fields.read_field(context, image, self, places)
         except Skipped as reason:
             name = data.chosen.mesh_objects(context)[0].name
             return [], sentences([(name, str(reason))])
@@ -38,7 +38,7 @@ class GenerateOperator(FilterOperator):
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the image, and put it into materials; or write the attribute."""
-        data.images.forget_overwritten()
+        data.image.images.forget_overwritten()
         written, skipped = write_results(self.targets, results, self._write_one)
         self._notes: list[str] = []
         for target, image, _ in written:
@@ -46,25 +46,27 @@ class GenerateOperator(FilterOperator):
                 continue
             self.result = image.name
             if self.add_node:
-                self._notes += data.fields.add_nodes(target.objects, image)
-            data.images.keep(image)
+                self._notes += data.image.fields.add_nodes(target.objects, image)
+            data.image.images.keep(image)
         return written, skipped
 
     def _write_one(self, target: Any, result: Any) -> bpy.types.Image:
         if target.surface.at_vertices:
             data.replaced.hold([])
-            return data.fields.write_attribute(target.objects, result.values)
-        pixels = data.fields.pixels_of(result.values)
+            return data.image.fields.write_attribute(target.objects, result.values)
+        pixels = data.image.fields.pixels_of(result.values)
         if target.image_uid:
-            image = data.images.find_image(target)
-            digest = data.images.overwrite(image, target.parts, {data.images.UNTILED: pixels})
+            image = data.image.images.find_image(target)
+            digest = data.image.images.overwrite(
+                image, target.parts, {data.image.images.UNTILED: pixels}
+            )
             swap = data.replaced.PixelsSwap(image, target.parts, digest)
             data.replaced.hold([swap])
             return image
         kind = pgettext_rpt(self.row.target(self).label)
         name = f"{target.name} {kind}"
         is_float = self.row.target(self).data_kind == "distance"
-        return data.fields.add_or_reuse(name, self.result, pixels, is_float)
+        return data.image.fields.add_or_reuse(name, self.result, pixels, is_float)
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count the texels that were made."""
@@ -81,7 +83,10 @@ class GenerateOperator(FilterOperator):
         )
         name, size = made.name, "{1} x {0} pixels".format(*target.surface.shape)
         if target.surface.at_vertices:
-            name, size = data.fields.ATTRIBUTE, counted(len(inside), "1 vertex", "{:,} vertices")
+            name, size = (
+                data.image.fields.ATTRIBUTE,
+                counted(len(inside), "1 vertex", "{:,} vertices"),
+            )
         return text.format(
             name=name,
             objects=counted(len(target.objects), "1 object", "{:,} objects"),

@@ -38,11 +38,11 @@ class OneImageOperator(FilterOperator):
     def restored(self, image: bpy.types.Image) -> bpy.types.Image:
         """Bring back what this run has replaced before: F9 undoes the run, Shift R adds one."""
         if image.name in self.result.split("\n") and not self.options.is_repeat_last:
-            data.images.restore(image)
+            data.image.images.restore(image)
         return image
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
-        """Return the new colors of each part of the image; see `data.images.read_parts`."""
+        """Return the new colors of each part of the image; see `data.image.images.read_parts`."""
         raise NotImplementedError
 
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
@@ -68,14 +68,14 @@ class OneImageOperator(FilterOperator):
         swaps: list[data.replaced.Swap] = []
         used = dict(zip([t.image_uid for t in self.targets], self.result.split("\n"), strict=False))
         if self.output == "REPLACE":
-            data.images.forget_overwritten()
+            data.image.images.forget_overwritten()
 
         def write_one(target: Any, result: Any) -> bpy.types.Image:
             return self._write_one(target, result, used.get(target.image_uid, ""))
 
         written, skipped = write_results(self.targets, results, write_one)
         for target, image, _ in written:
-            source = image if self.output == "REPLACE" else data.images.find_image(target)
+            source = image if self.output == "REPLACE" else data.image.images.find_image(target)
             space = context.space_data if target is self.targets[0] else None
             data.shown.show(space, source, image, again=bool(self.result))
             used[target.image_uid] = image.name
@@ -85,18 +85,18 @@ class OneImageOperator(FilterOperator):
         return written, skipped
 
     def _write_one(self, target: Any, result: Any, used: str) -> bpy.types.Image:
-        source = data.images.find_image(target)
+        source = data.image.images.find_image(target)
         parts = self.parts(target, result)
         self._parts.append(parts)
         new = {number: part.colors for number, part in parts.items()}
         if self.output == "NEW":
-            image = data.images.add_or_reuse(source, self.row.done.lower(), used, new)
+            image = data.image.images.add_or_reuse(source, self.row.done.lower(), used, new)
             self.show(target, source, image)
             for each in (source, image):
-                data.images.keep(each)
+                data.image.images.keep(each)
             return image
         if any(part.changed for part in parts.values()):
-            digest = data.images.overwrite(source, target.parts, new)
+            digest = data.image.images.overwrite(source, target.parts, new)
             self._digests[target.image_uid] = digest
         return source
 
@@ -153,11 +153,11 @@ class ImageOperator(OneImageOperator):
 
     def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
         """Read the image."""
-        return data.images.read_image(image), []
+        return data.image.images.read_image(image), []
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
         """Take all of it."""
-        return {data.images.UNTILED: result}
+        return {data.image.images.UNTILED: result}
 
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count pixels."""

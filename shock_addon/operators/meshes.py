@@ -27,7 +27,7 @@ class MeshOperator(FilterOperator):
     obstacle = staticmethod(obstacles.of_meshes)
 
     def reader(self) -> Callable:
-        """Return ``read(obj, object_mode, parameters)``; see `data.meshes.read_targets`."""
+        """Return ``read(obj, object_mode, parameters)``; see `data.mesh.meshes.read_targets`."""
         return load(self.row.target(self).data.read)
 
     def writer(self) -> Callable:
@@ -39,16 +39,16 @@ class MeshOperator(FilterOperator):
         write = partial(write, key_name=self.row.done)
         if not self.row.makes_objects(self):
             return write
-        return partial(data.visible.write_new, write=write, suffix=self.row.done.lower())
+        return partial(data.mesh.visible.write_new, write=write, suffix=self.row.done.lower())
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current object mode."""
         visible = self.row.makes_objects(self)
-        return data.meshes.read_targets(context, self.reader(), self, visible=visible)
+        return data.mesh.meshes.read_targets(context, self.reader(), self, visible=visible)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write them, and return to the current object mode."""
-        with data.meshes.object_mode(context):
+        with data.mesh.meshes.object_mode(context):
             swaps = data.replaced.of_meshes(self.targets)
             done = write_results(self.targets, results, self.writer())
             for swap in swaps:
@@ -159,7 +159,7 @@ def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
 def _hidden_marks(mesh: bpy.types.Mesh) -> int:
     # How many edges are marked as sharp, if it is shaded flat.
     smooth = data.arrays.read(mesh.polygons, "use_smooth", dtype=bool).any()
-    return 0 if smooth else data.shading.count_marks(mesh)
+    return 0 if smooth else data.mesh.shading.count_marks(mesh)
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:

@@ -32,7 +32,7 @@ class TextureOperator(OneImageOperator):
     def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
         """Read the image, and the faces of all objects that show it."""
         row = self.row.targets[0].row
-        return data.textures.read_texture(context, image, self, row.takes_normals)
+        return data.image.textures.read_texture(context, image, self, row.takes_normals)
 
     def read_all(
         self, context: bpy.types.Context, image: bpy.types.Image
@@ -41,14 +41,14 @@ class TextureOperator(OneImageOperator):
         self._notes: list[str] = []
         if getattr(self, "maps", "ONE") == "ONE":
             return super().read_all(context, image)
-        maps = data.maps.maps_of(context, image)
+        maps = data.image.maps.maps_of(context, image)
         lead, skipped = self.read_one(context, self.restored(maps.lead))
         if not maps.followers:  # it may hold normals, as the settings say
             return [lead], [*skipped, *maps.left]
-        targets, left = [data.textures.holding(lead, "values")], []
+        targets, left = [data.image.textures.holding(lead, "values")], []
         about = self.row.targets[0].fields.get("content")
         for follower, kind in maps.followers.items():
-            content = data.maps.as_held(kind, self.content, about) if about else kind
+            content = data.image.maps.as_held(kind, self.content, about) if about else kind
             if content != "values" and about is None:
                 reason = pgettext_rpt("it holds normals, whose length this filter does not keep")
                 left.append((follower.name, reason))
@@ -58,7 +58,7 @@ class TextureOperator(OneImageOperator):
             except Skipped as reason:
                 left.append((follower.name, str(reason)))
             else:
-                targets.append(data.textures.holding(target, content, lead))
+                targets.append(data.image.textures.holding(target, content, lead))
         return targets, [*skipped, *maps.left, *sentences(left)]
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
@@ -67,7 +67,7 @@ class TextureOperator(OneImageOperator):
 
         self._notes += [*target.notes, *result.notes]
         if target.mosaic is None:
-            return {data.images.UNTILED: result.recolored}
+            return {data.image.images.UNTILED: result.recolored}
         levels = target.surface.picture.levels
         shown = {} if result.shown is None else target.mosaic.cut(result.shown)
         return {
@@ -79,8 +79,8 @@ class TextureOperator(OneImageOperator):
         """Show it in the materials, if asked to."""
         if self.assign:
             # Texture Paint Mode looks for the materials' images when it is entered.
-            with data.meshes.object_mode(bpy.context):
-                self._notes += data.textures.assign(target.objects, source, image)
+            with data.mesh.meshes.object_mode(bpy.context):
+                self._notes += data.image.textures.assign(target.objects, source, image)
 
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and count objects and pixels."""

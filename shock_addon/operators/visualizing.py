@@ -30,7 +30,7 @@ class FlowOperator(FilterOperator):
         image = self._flow_map(context) if self.target == "map" else None
         try:
             if image is not None:
-                target, skipped = data.flows.read_map(image, self.y_axis.lower()), []
+                target, skipped = data.image.flows.read_map(image, self.y_axis.lower()), []
                 self.image = image.name  # redo must not take the result, which is shown by then
             else:
                 target, skipped = self._read_surface(context)
@@ -38,7 +38,7 @@ class FlowOperator(FilterOperator):
             name = image.name if image else data.chosen.mesh_objects(context)[0].name
             return [], sentences([(name, str(reason))])
         used = "" if self.options.is_repeat_last else self.result
-        self._folder = data.sequences.find_folder(self.folder, target.name, used)
+        self._folder = data.image.sequences.find_folder(self.folder, target.name, used)
         return [target], skipped
 
     def _flow_map(self, context: bpy.types.Context) -> bpy.types.Image:
@@ -60,12 +60,12 @@ class FlowOperator(FilterOperator):
             parameters = getattr(context.scene.shock_filter, key)
             settings = settings_of(find(key), parameters)
             colors = getattr(parameters, "attribute", "")
-        return data.flows.read_surface(context, self.target, self, settings, colors)
+        return data.image.flows.read_surface(context, self.target, self, settings, colors)
 
     def filter(self, settings: Any) -> Filter:
         """Draw frames, and write them beside their place."""
         frames, in_colors, parent = self.frames, self.in_colors, self._folder.parent
-        stage = data.sequences.stage
+        stage = data.image.sequences.stage
 
         def run(surface: Any, progress: Progress) -> Any:
             from ...core.host.advection import frames_of
@@ -82,16 +82,16 @@ class FlowOperator(FilterOperator):
 
     def _write_one(self, context: bpy.types.Context, target: Any, staged: Any) -> bpy.types.Image:
         folder: Path = self._folder
-        data.sequences.move(staged, folder)
+        data.image.sequences.move(staged, folder)
         self.result = str(folder)
         label = pgettext_rpt("Flow")
-        image = data.sequences.load(folder, f"{target.name} {label}", staged.count)
+        image = data.image.sequences.load(folder, f"{target.name} {label}", staged.count)
         repeats = self.loop > 0
         if target.objects and self.add_node:
-            self._notes += data.fields.add_nodes(target.objects, image)
-            data.sequences.play_in_materials(target.objects, image, staged.count, repeats)
+            self._notes += data.image.fields.add_nodes(target.objects, image)
+            data.image.sequences.play_in_materials(target.objects, image, staged.count, repeats)
         self._show(context, target, image, staged.count, repeats)
-        data.images.keep(image)
+        data.image.images.keep(image)
         return image
 
     def _show(
@@ -103,7 +103,7 @@ class FlowOperator(FilterOperator):
         if source is None or not data.chosen.in_image_editor(context) or space.image != source:
             return
         data.shown.show(space, source, image, again=False)
-        data.sequences.play(space.image_user, *how)
+        data.image.sequences.play(space.image_user, *how)
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count frames."""

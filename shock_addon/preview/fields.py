@@ -36,7 +36,7 @@ class FieldStage:
         Those of the filter.
     """
 
-    def __init__(self, target: data.fields.FieldTarget, settings: Any) -> None:
+    def __init__(self, target: data.image.fields.FieldTarget, settings: Any) -> None:
         self.chosen, self.note = {}, ""
         self._shape, self._surface = target.surface.shape, reduced(target.surface, settings)
         self._uids = [bpy.data.objects[name].session_uid for name in target.objects]
@@ -84,7 +84,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
     image = bpy.data.images.get(parameters.image) if parameters.image else None
     target = mode.target(parameters)
     try:
-        found, _ = data.fields.read_field(context, image, parameters, target.places)
+        found, _ = data.image.fields.read_field(context, image, parameters, target.places)
     except Skipped as reason:
         raise Refused("There is nothing to preview: {reason}.", reason=reason) from None
     return Preview(mode, parameters, FieldStage(found, target.row.settings))

@@ -30,7 +30,7 @@ class _Stage:
     def __init__(self, image: bpy.types.Image, gain_map: bpy.types.Image, surface: Any) -> None:
         self._map = gain_map.session_uid
         self._surface = replace(surface, is_tried=True)
-        self._stand_in = data.stand_in.StandIn(image)
+        self._stand_in = data.image.stand_in.StandIn(image)
         self._stand_in.show(surface.picture.pixels)
         self._painted = data.arrays.read_pixels(gain_map)
 
@@ -50,7 +50,7 @@ class _Stage:
 
     def part(self, settings: Any) -> tuple[Any, Callable[[Any], Any]]:
         """Take what is painted now."""
-        surface = replace(self._surface, grays=data.textures.grays_of(self._painted))
+        surface = replace(self._surface, grays=data.image.textures.grays_of(self._painted))
         return surface, lambda result: result.recolored.colors
 
     def show(self, pixels: Any) -> None:
@@ -76,7 +76,7 @@ class Painting:
         gain_map = bpy.data.images.get(settings.gain_map) or _new_map(image)
         parameters = parameters_of(context.scene, mode)
         parameters.gain_map = gain_map.name
-        target, _ = data.textures.read_texture(context, image, parameters, True)
+        target, _ = data.image.textures.read_texture(context, image, parameters, True)
         # What is painted on would count as the texture, and what is shown would be the stand-in.
         settings.image, settings.gain_map = image.name, gain_map.name
         _paint_on(context, gain_map)

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from bpy.app.translations import pgettext_iface as iface_
 
-from ...core.host.crop import Crop, crop_around, filtered_at_once
 from ...core.host.inputs import HostImage
-from ...core.host.screen_colors import is_transparent, screen_colors
+from ...core.preview.crop import Crop, crop_around, filtered_at_once
+from ...core.preview.screen_colors import is_transparent, screen_colors
 from .. import data
 from ..data.skipped import Refused, Skipped
 from ..modes import Mode
@@ -56,7 +56,7 @@ class ImageStage:
         self.chosen = {"image": image.name}
         self._uid, self._size = image.session_uid, tuple(image.size)
         self._overlay = Overlay(image)
-        self._on_model = data.stand_in.StandIn(image) if on_model else None
+        self._on_model = data.image.stand_in.StandIn(image) if on_model else None
 
     def settings(self, settings: Any) -> Any:
         """Leave them: pixels are as large in a patch."""
@@ -115,7 +115,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
 
 def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -> ImageStage:
     image = data.chosen.shown_image(context)
-    whole = data.images.read_image(image).surface
+    whole = data.image.images.read_image(image).surface
     place = _place(context, event)
     crop = crop_around(whole, place, size)
     colors = _colors_of(image)
@@ -132,11 +132,11 @@ def _read_image(context: bpy.types.Context, event: bpy.types.Event, size: int) -
 def _read_texture(context: bpy.types.Context, mode: Mode, parameters: Any) -> ImageStage:
     image = data.chosen.chosen_image(context, parameters.image)
     takes_normals = mode.targets[0].row.takes_normals
-    target, _ = data.textures.read_texture(context, image, parameters, takes_normals)
+    target, _ = data.image.textures.read_texture(context, image, parameters, takes_normals)
     surface = replace(target.surface, is_tried=True)
     colors = _colors_of(image)
     obj = context.object
-    on_model = obj is not None and data.stand_in.is_shown(obj, image)
+    on_model = obj is not None and data.image.stand_in.is_shown(obj, image)
     in_editors = any(editors_of(image.session_uid))
 
     def seen(result: Any) -> Seen:

@@ -12,9 +12,9 @@ import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.host.inputs import PaintedSurface
-from ...core.host.patch import Patch, patch_around, seen_vertex, whole_surface
+from ...core.preview.patch import Patch, patch_around, seen_vertex, whole_surface
 from .. import data
-from ..data.original import Original, color_attribute, show
+from ..data.mesh.original import Original, color_attribute, show
 from ..data.skipped import Refused, Skipped
 from ..modes import Mode, load
 from .outline import Outline
@@ -41,7 +41,7 @@ class MeshStage:
         Say which patch it is, with a field for its size.
     """
 
-    def __init__(self, target: data.meshes.Target, patch: Patch, words: str) -> None:
+    def __init__(self, target: data.mesh.targets.MeshTarget, patch: Patch, words: str) -> None:
         self.settings = patch.settings
         self.chosen, self.note = {}, ""
         if patch.share < 1.0:
@@ -50,7 +50,7 @@ class MeshStage:
         obj, self._left = bpy.context.object, None
         if obj.mode not in _IN_PLACE:
             self._pinned = obj.show_only_shape_key
-            self._left = data.meshes.leave_mode(bpy.context)
+            self._left = data.mesh.meshes.leave_mode(bpy.context)
             obj.show_only_shape_key = True  # as Edit Mode shows the active key
         self._mode = obj.mode
         self._original = Original(obj.data, color_attribute(target))
@@ -72,7 +72,7 @@ class MeshStage:
     def lost(self) -> str:
         """Ask for the object, in the same mode."""
         try:
-            is_same = data.meshes.find(self._target).mode == self._mode
+            is_same = data.mesh.targets.find(self._target).mode == self._mode
         except Skipped:
             is_same = False
         return "" if is_same else "the object was removed, or its mode was changed"
@@ -80,7 +80,7 @@ class MeshStage:
     def end(self) -> None:
         """Bring the mesh and the mode back, and draw no outline any more."""
         self._outline.end()
-        with data.meshes.object_mode(bpy.context) if self.lost() else nullcontext():
+        with data.mesh.meshes.object_mode(bpy.context) if self.lost() else nullcontext():
             self._original.restore()
         obj = bpy.context.object
         if self._left is None or obj is None or obj.session_uid != self._target.object_uid:
@@ -106,7 +106,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
             )
         parameters.output = "MESH"
     read = load(mode.target(parameters).data.read)
-    targets, skipped = data.meshes.read_active(context, read, parameters)
+    targets, skipped = data.mesh.meshes.read_active(context, read, parameters)
     if not targets:
         raise Refused(" ".join(skipped))
     patch = _patch(context, event, targets[0], _SLOW if mode.is_slow else _QUICK)
@@ -117,13 +117,16 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
 
 
 def _patch(
-    context: bpy.types.Context, event: bpy.types.Event, target: data.meshes.Target, size: int
+    context: bpy.types.Context,
+    event: bpy.types.Event,
+    target: data.mesh.targets.MeshTarget,
+    size: int,
 ) -> Patch:
     surface = target.surface
     if surface.size <= 3 * size:
         return whole_surface(surface)
     shape = surface.shape if isinstance(surface, PaintedSurface) else surface
-    vertex = _pointed_at(context, event, data.meshes.find(target), shape.positions)
+    vertex = _pointed_at(context, event, data.mesh.targets.find(target), shape.positions)
     return patch_around(surface, vertex, size)
 
 

@@ -17,10 +17,10 @@ from ...core.errors import ShockError
 from .. import data
 from ..data.skipped import Refused, Skipped, explain
 from ..modes import STEADY_STATE, Mode, find, load
-from ..operators import jobs
 from ..operators import poll as obstacles
 from ..operators.base import can_run
-from ..operators.status import StatusText
+from ..running import jobs
+from ..running.status import StatusText
 from .pointing import editors_of, is_over_view, views_with_textures
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def _of_meshes(context: bpy.types.Context) -> str:
         image = data.chosen.chosen_image(context, settings.image)
     except Skipped:
         return "Add an Image Texture node with an image to the material."
-    on_model = data.stand_in.is_shown(context.object, image) and any(views_with_textures())
+    on_model = data.image.stand_in.is_shown(context.object, image) and any(views_with_textures())
     if on_model or any(editors_of(image.session_uid)):
         return ""
     return "Open the texture in an Image Editor, or choose Material Preview: they show the preview."

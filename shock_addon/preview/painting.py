@@ -15,15 +15,15 @@ from ...core.errors import ShockError
 from .. import data
 from ..data.skipped import Refused, Skipped, explain
 from ..modes import Mode, choices
-from ..operators import jobs
 from ..operators import poll as obstacles
 from ..operators.base import can_run
+from ..running import jobs
 
 if TYPE_CHECKING:
     from .gain import Painting
 
 _INTERVAL = 0.05
-_STAND_IN = ".shock_filter preview"  # as in data.stand_in, which needs numpy
+_STAND_IN = ".shock_filter preview"  # as in data.image.stand_in, which needs numpy
 
 _running: list[Painting] = []
 
@@ -83,8 +83,8 @@ def put_away(*_: object) -> None:
     if not any(image.name.startswith(_STAND_IN) for image in bpy.data.images):
         return
     if not _running:
-        data.stand_in.put_away()
-    data.stand_in.remove_left()
+        data.image.stand_in.put_away()
+    data.image.stand_in.remove_left()
 
 
 def _tick() -> float | None:
@@ -118,7 +118,7 @@ def _obstacle(context: bpy.types.Context) -> str:
     if obstacle:
         return obstacle
     image = data.chosen.chosen_image(context, settings.image)
-    if not data.stand_in.is_shown(obj, image):
+    if not data.image.stand_in.is_shown(obj, image):
         return "Choose a texture of the active object's material that has no UDIM tiles."
     return ""
 

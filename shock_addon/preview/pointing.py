@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..operators.jobs import holds
+from ..running.jobs import holds
 
 
 def pointed_at(

@@ -12,14 +12,14 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ...core.errors import Cancelled, ShockError
-from ...core.host.dials import LogarithmicDial, turned
+from ...core.preview.dials import LogarithmicDial, turned
 from ...core.settings import describe
 from ..data.skipped import explain
 from ..modes import STEADY_STATE, Mode
-from ..operators import kernels
 from ..operators.base import Progress, filter_of, filter_targets
-from ..operators.jobs import Job
 from ..operators.properties import label, settings_of
+from ..running import kernels
+from ..running.jobs import Job
 
 _WIDTHS = 5
 """How often the mouse can halve the useful range of widths."""

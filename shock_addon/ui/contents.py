@@ -10,17 +10,18 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from .. import data
 from ..data.skipped import Skipped
-from ..flow import overlay as flow_overlay
+from ..flow import showing as flow_shown
 from ..modes import Mode, below
 from ..operators import base as operators
-from ..operators import comparing, drawing, jobs, kernels, preparing, statistics
+from ..operators import comparing, drawing, statistics
 from ..operators import poll as obstacles
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
 from ..preview import painting
+from ..running import jobs, kernels, preparing
 
 if TYPE_CHECKING:
-    from .panels import Panel
+    from .panel import Panel
 
 
 def draw_main(panel: Panel, context: bpy.types.Context) -> None:
@@ -169,7 +170,7 @@ def _draw_buttons(
         preview.operator("shock_filter.preview")
     if "gain_map" in mode.names and context.space_data.type == "VIEW_3D":
         row.operator("shock_filter.paint_gain", depress=painting.is_running())
-    shown = flow_overlay.shown_object()
+    shown = flow_shown.shown_object()
     is_active = context.object is not None and context.object.name == shown
     if mode.flow and not is_active:
         flow = row.row(align=True)

@@ -10,24 +10,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..modes import Mode, find
-
-
-class Panel:
-    """A panel of the mode that is chosen in the 3D view."""
-
-    choice = "mode"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Shock Filter"
-
-    @classmethod
-    def mode(cls, context: bpy.types.Context) -> Mode:
-        return find(getattr(context.scene.shock_filter, cls.choice).lower())
-
-    @classmethod
-    def settings(cls, context: bpy.types.Context) -> bpy.types.PropertyGroup:
-        return getattr(context.scene.shock_filter, cls.mode(context).key)
+from .panel import Panel
 
 
 class _ImagePanel(Panel):

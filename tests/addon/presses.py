@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import bpy
 import numpy as np
 import shock_filter
-from shock_filter.core.host.rehearsal import imported_kernels, rehearse
+from shock_filter.core.rehearsal.rehearse import imported_kernels, rehearse
 from shock_filter.shock_addon.modes import MODES
 
 SIDE = 32

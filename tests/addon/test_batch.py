@@ -20,8 +20,8 @@ from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.formats.exr import read_exr, write_exr
-from shock_filter.core.files.image_file import ImageFile
+from shock_filter.core.files.formats.image.exr import read_exr, write_exr
+from shock_filter.core.files.formats.image.image_file import ImageFile
 from shock_filter.core.files.textures import texture_mask_file
 from shock_filter.core.settings import OF_PAPER
 

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon.data import replaced
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 from shock_filter.shock_addon.operators import comparing
 
 swap = bpy.ops.shock_filter.before_after

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon.data.meshes import read_corner_vertices, read_positions
+from shock_filter.shock_addon.data.mesh.meshes import read_corner_vertices, read_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_colors
 

@@ -10,8 +10,8 @@ import pytest
 from shock_filter.core.host.denoising import filter_both
 from shock_filter.core.host.inputs import Denoising
 from shock_filter.core.settings import OF_PAPER
-from shock_filter.shock_addon.data import geometry, painted
-from shock_filter.shock_addon.data.meshes import (
+from shock_filter.shock_addon.data.mesh import geometry, painted
+from shock_filter.shock_addon.data.mesh.meshes import (
     read_corner_vertices,
     read_positions,
     read_targets,

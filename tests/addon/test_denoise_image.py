@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.ui import panels
 

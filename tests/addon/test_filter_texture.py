@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter import core
-from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.data import tiles
+from shock_filter.shock_addon.data.image import images as image_data
+from shock_filter.shock_addon.data.image import tiles
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.preview import images as preview_images

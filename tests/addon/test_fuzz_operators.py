@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from shock_filter.shock_addon.data.tiles import new_tiled_like
+from shock_filter.shock_addon.data.image.tiles import new_tiled_like
 from shock_filter.shock_addon.operators import base as operators
 from strategies import examples, triangles
 

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 

@@ -12,12 +12,12 @@ import pytest
 from shock_filter.core import Cancelled, GeometrySettings
 from shock_filter.core.host.geometry import filter_shape
 from shock_filter.shock_addon import data
-from shock_filter.shock_addon.data.geometry import read_geometry, write_geometry
-from shock_filter.shock_addon.data.meshes import read_positions, read_targets, write_positions
+from shock_filter.shock_addon.data.mesh.geometry import read_geometry, write_geometry
+from shock_filter.shock_addon.data.mesh.meshes import read_positions, read_targets, write_positions
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import jobs
-from shock_filter.shock_addon.operators import status as status_text
+from shock_filter.shock_addon.running import jobs
+from shock_filter.shock_addon.running import status as status_text
 
 ESC = SimpleNamespace(type="ESC", value="PRESS", mouse_x=0, mouse_y=0)
 TIMER = SimpleNamespace(type="TIMER", value="NOTHING", mouse_x=0, mouse_y=0)
@@ -405,7 +405,7 @@ def test_an_unexpected_error_ends_the_run_with_a_sentence(
     def broken(*arguments, **settings):
         raise kind(*words)
 
-    monkeypatch.setattr("shock_filter.core.filters.geometry.sharpen_geometry", broken)
+    monkeypatch.setattr("shock_filter.core.shape.sharpening.sharpen_geometry", broken)
     with pytest.raises(RuntimeError, match=f"Sharpen Geometry failed: {reason}; the console has"):
         bpy.ops.shock_filter.sharpen_geometry()
     np.testing.assert_array_equal(read_positions(box.data), before)
@@ -420,7 +420,7 @@ def test_an_unexpected_error_while_reading_changes_nothing(rounded_box, monkeypa
     def broken(*arguments, **settings):
         raise MemoryError
 
-    monkeypatch.setattr(data.geometry, "read_geometry", broken)
+    monkeypatch.setattr(data.mesh.geometry, "read_geometry", broken)
     with pytest.raises(RuntimeError, match="Sharpen Geometry failed: MemoryError; the console"):
         bpy.ops.shock_filter.sharpen_geometry()
     np.testing.assert_array_equal(read_positions(box.data), before)
@@ -444,7 +444,7 @@ def test_an_unexpected_error_while_writing_can_be_undone(rounded_box, select, mo
     select(*(bpy.data.objects[name] for name in names))
     bpy.ops.ed.undo_push(message="Start")
     before = positions()
-    monkeypatch.setattr(data.geometry, "write_geometry", broken)
+    monkeypatch.setattr(data.mesh.geometry, "write_geometry", broken)
     with pytest.raises(RuntimeError, match="failed while writing: MemoryError; undo it, and see"):
         bpy.ops.shock_filter.sharpen_geometry("EXEC_DEFAULT", True)
     assert changed() == [True, False]

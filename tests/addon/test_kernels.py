@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import shock_filter
-from shock_filter.shock_addon.operators import kernels
+from shock_filter.shock_addon.running import kernels
 
 ROOT = Path(shock_filter.__file__).parent
 MODULE = "bl_ext.user_default.shock_filter"
@@ -23,14 +23,14 @@ addon_utils.extensions_refresh(ensure_wheels=False)
 assert addon_utils.enable(NAME, default_set=True) is not None
 bpy.ops.wm.read_homefile(use_empty=True)
 import importlib
-kernels = importlib.import_module(NAME + ".shock_addon.operators.kernels")
+kernels = importlib.import_module(NAME + ".shock_addon.running.kernels")
 cache = importlib.import_module(NAME + ".core.base.cache_folder")
 result = []
 if sys.argv[1:] == ["load only"]:
     kernels.choose_folder()
     kernels.load()
 elif sys.argv[1:] == ["console"]:
-    pde = importlib.import_module(NAME + ".core.filters.pde")
+    pde = importlib.import_module(NAME + ".core.color.pde")
     import numpy as np
     pde.osher_rudin_image(np.eye(8), 1)
 else:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 from shock_filter.core.grid.resize import resized
-from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.data.maps import maps_of
+from shock_filter.shock_addon.data.image import images as image_data
+from shock_filter.shock_addon.data.image.maps import maps_of
 from shock_filter.shock_addon.operators import base as operators
 
 sharpen = bpy.ops.shock_filter.sharpen_texture

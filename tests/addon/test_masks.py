@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core.settings import OF_PAPER
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

@@ -9,11 +9,11 @@ from memory import assert_flat
 from shock_filter.core.host.geometry import Reshaped
 from shock_filter.core.host.recolored import Recolored
 from shock_filter.core.host.textures import Retextured
-from shock_filter.shock_addon.data.images import ImageTarget
-from shock_filter.shock_addon.data.meshes import Target
-from shock_filter.shock_addon.data.textures import TextureTarget
+from shock_filter.shock_addon.data.image.images import ImageTarget
+from shock_filter.shock_addon.data.image.textures import TextureTarget
+from shock_filter.shock_addon.data.mesh.targets import MeshTarget
 
-OF_A_RUN = Target, ImageTarget, TextureTarget, Reshaped, Recolored, Retextured
+OF_A_RUN = MeshTarget, ImageTarget, TextureTarget, Reshaped, Recolored, Retextured
 
 
 @pytest.mark.parametrize("undo", [False, True])

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon.data.meshes import read_positions
+from shock_filter.shock_addon.data.mesh.meshes import read_positions
 from shock_filter.shock_addon.data.skipped import Refused
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators

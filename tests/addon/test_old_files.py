@@ -14,7 +14,7 @@ import pytest
 from shock_filter.core import ShockSettings
 from shock_filter.core.settings import BY_WIDTH
 from shock_filter.shock_addon.data import arrays
-from shock_filter.shock_addon.data.meshes import read_positions
+from shock_filter.shock_addon.data.mesh.meshes import read_positions
 from shock_filter.shock_addon.modes import find
 
 OLD = Path(__file__).with_name("old")

@@ -7,10 +7,11 @@ import bpy
 import pytest
 from shock_filter.core import GeometrySettings, ImageSettings, ShockSettings, TextureSettings
 from shock_filter.core.settings import describe
-from shock_filter.shock_addon.flow import overlay as flow_overlay
+from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.modes import choices, find
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.operators import jobs, kernels, preparing, statistics
+from shock_filter.shock_addon.operators import statistics
+from shock_filter.shock_addon.running import jobs, kernels, preparing
 from shock_filter.shock_addon.ui import menus, panels
 
 ABOUT = describe(GeometrySettings)
@@ -423,7 +424,7 @@ def test_the_panel_shows_how_far_kernels_are_compiled_and_has_its_buttons(monkey
 
 def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):
     box = rounded_box()
-    monkeypatch.setattr(flow_overlay, "shown_object", lambda: box.name)
+    monkeypatch.setattr(flow_shown, "shown_object", lambda: box.name)
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
     assert shown[-1] == ("shock_filter.hide_flow",)
     assert ("shock_filter.show_flow",) not in shown
@@ -437,7 +438,7 @@ def test_the_flow_can_be_hidden_in_each_mode_whatever_is_selected(monkeypatch, r
     box = rounded_box()
     box.select_set(False)
     box.data.clear_geometry()
-    monkeypatch.setattr(flow_overlay, "shown_object", lambda: box.name)
+    monkeypatch.setattr(flow_shown, "shown_object", lambda: box.name)
     bpy.context.scene.shock_filter.mode = mode
     layout = Layout()
     shown = words(draw(panels.SHOCK_FILTER_PT_main, layout=layout), "operator")

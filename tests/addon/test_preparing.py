@@ -11,7 +11,7 @@ import bpy
 import pytest
 from shock_filter.core import registry
 from shock_filter.core.base import cache_folder
-from shock_filter.shock_addon.operators import compiling, kernels, preparing
+from shock_filter.shock_addon.running import compiling, kernels, preparing
 
 
 @pytest.fixture(autouse=True)

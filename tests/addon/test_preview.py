@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import GeometrySettings, InvalidMesh
-from shock_filter.core.host.dials import LogarithmicDial, turned
 from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
-from shock_filter.core.host.patch import Patch, patch_around, seen_vertex, whole_surface
+from shock_filter.core.preview.dials import LogarithmicDial, turned
+from shock_filter.core.preview.patch import Patch, patch_around, seen_vertex, whole_surface
 from shock_filter.core.settings import (
     OF_PAPER,
     BeltramiGeometrySettings,
@@ -22,8 +22,8 @@ from shock_filter.core.settings import (
     _Settings,
     describe,
 )
-from shock_filter.shock_addon.data.geometry import read_geometry
-from shock_filter.shock_addon.data.meshes import read_active, read_positions, write_positions
+from shock_filter.shock_addon.data.mesh.geometry import read_geometry
+from shock_filter.shock_addon.data.mesh.meshes import read_active, read_positions, write_positions
 from shock_filter.shock_addon.data.skipped import Skipped
 from shock_filter.shock_addon.modes import find, load
 from shock_filter.shock_addon.preview import meshes as preview_meshes

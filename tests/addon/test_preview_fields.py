@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shock_filter.core.host.fields import reduced_settings
 from shock_filter.core.settings import ReactionSettings, StreakSettings
-from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.data.skipped import Refused
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import coat, fields

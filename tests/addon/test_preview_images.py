@@ -9,11 +9,11 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import BeltramiSettings, ImageSettings
-from shock_filter.core.host.crop import crop_around, filtered_at_once
 from shock_filter.core.host.inputs import Denoising, HostImage
-from shock_filter.core.host.screen_colors import decoded, screen_colors
-from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.data import stand_in
+from shock_filter.core.preview.crop import crop_around, filtered_at_once
+from shock_filter.core.preview.screen_colors import decoded, screen_colors
+from shock_filter.shock_addon.data.image import images as image_data
+from shock_filter.shock_addon.data.image import stand_in
 from shock_filter.shock_addon.data.skipped import Refused
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import images as preview_images

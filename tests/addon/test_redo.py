@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shock_filter.core.host import welding
 from shock_filter.core.host.inputs import Surface
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

@@ -4,8 +4,8 @@
 import bpy
 import numpy as np
 import pytest
-from shock_filter.shock_addon.data import shape_keys
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.mesh import shape_keys
+from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter import core
-from shock_filter.shock_addon.data.meshes import (
+from shock_filter.shock_addon.data.mesh.meshes import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,

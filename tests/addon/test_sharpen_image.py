@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.shock_addon.data import chosen
-from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import images as image_operator
 

@@ -10,9 +10,10 @@ import pytest
 from shock_filter.core import Cancelled, TextureSettings
 from shock_filter.core.host.mosaic import Mosaic
 from shock_filter.core.host.textures import filter_texture
-from shock_filter.shock_addon.data import chosen, tiles
-from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.data import textures as texture_data
+from shock_filter.shock_addon.data import chosen
+from shock_filter.shock_addon.data.image import images as image_data
+from shock_filter.shock_addon.data.image import textures as texture_data
+from shock_filter.shock_addon.data.image import tiles
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import textures as texture_operator
 

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter import core
-from shock_filter.core.host.arrows import arrows, potential_colors
-from shock_filter.core.host.flow import flow_of_colors
 from shock_filter.core.host.inputs import ColoredSurface
+from shock_filter.core.preview.arrows import arrows, potential_colors
+from shock_filter.core.preview.flow import flow_of_colors
 from shock_filter.shock_addon.data.arrays import read_attribute
-from shock_filter.shock_addon.data.flow import FLOW, POTENTIAL
-from shock_filter.shock_addon.data.meshes import (
+from shock_filter.shock_addon.data.mesh.flow import FLOW, POTENTIAL
+from shock_filter.shock_addon.data.mesh.meshes import (
     read_corner_vertices,
     read_positions,
     read_triangle_corners,
 )
 from shock_filter.shock_addon.flow import drawing as flow_drawing
-from shock_filter.shock_addon.flow import overlay as flow_overlay
+from shock_filter.shock_addon.flow import showing as flow_shown
 from shock_filter.shock_addon.operators import base as operators
 
 
@@ -146,7 +146,7 @@ def test_an_attribute_of_another_kind_gives_way(rounded_box):
 def test_without_a_window_nothing_is_drawn(rounded_box):
     rounded_box()
     show_flow()
-    assert flow_overlay.shown_object() is None
+    assert flow_shown.shown_object() is None
 
 
 class _Shown:
@@ -159,7 +159,7 @@ class _Shown:
         types = type("Types", (), {"SpaceView3D": self})
         fake = type("Bpy", (), {"app": app, "types": types, "data": bpy.data})
         fake.context = bpy.context
-        monkeypatch.setattr(flow_overlay, "bpy", fake)
+        monkeypatch.setattr(flow_shown, "bpy", fake)
 
     def draw_handler_add(self, function, arguments, region, event):
         self.handlers.append(event)
@@ -173,7 +173,7 @@ class _Shown:
 def window(monkeypatch):
     shown = _Shown(monkeypatch)
     yield shown
-    flow_overlay.hide()
+    flow_shown.hide()
 
 
 def registered():
@@ -182,7 +182,7 @@ def registered():
         function
         for group in (handlers.depsgraph_update_post, handlers.undo_post, handlers.load_pre)
         for function in group
-        if function.__module__ == flow_overlay.__name__
+        if function.__module__ == flow_shown.__name__
     ]
 
 
@@ -192,7 +192,7 @@ def test_what_is_drawn_fits_the_mesh(rounded_box, window, monkeypatch):
     shader = SimpleNamespace(from_builtin=lambda name: name)
     monkeypatch.setattr(flow_drawing, "gpu", SimpleNamespace(shader=shader))
     monkeypatch.setattr(flow_drawing, "batch_for_shader", lambda *args, **more: (*args, more))
-    found = flow_overlay._shown.found
+    found = flow_shown._shown.found
     surface = flow_drawing._surface(box.data, found)
     assert len(surface[2]["color"]) == len(box.data.vertices)
     (rims, _), (shapes, _) = flow_drawing._arrows(box.data, found, 0.2)
@@ -235,14 +235,14 @@ def test_arrows_are_as_dense_on_screen_however_close_the_view_is(
 def test_hiding_the_flow_draws_nothing_more(rounded_box, window):
     box = rounded_box()
     assert show_flow() == {"FINISHED"}
-    assert flow_overlay.shown_object() == box.name
+    assert flow_shown.shown_object() == box.name
     assert window.handlers == ["POST_VIEW", "POST_PIXEL"]
     assert len(registered()) == 3
     box.select_set(False)
     bpy.context.view_layer.objects.active = None
     assert hide_flow() == {"FINISHED"}
     assert not hide_flow.poll()
-    assert flow_overlay.shown_object() is None
+    assert flow_shown.shown_object() is None
     assert window.handlers == []
     assert registered() == []
     assert read_flow(box.data) is not None  # as they were asked for
@@ -254,7 +254,7 @@ def test_another_object_takes_over(rounded_box, select, window):
     show_flow()
     select(second)
     assert show_flow() == {"FINISHED"}
-    assert flow_overlay.shown_object() == second.name
+    assert flow_shown.shown_object() == second.name
     assert len(window.handlers) == 2
     assert show_flow() == {"FINISHED"}
     assert len(window.handlers) == 2
@@ -274,11 +274,11 @@ def test_the_overlay_follows_a_new_name_and_ends_with_the_object(rounded_box, wi
     show_flow()
     box.name = "Renamed"
     bpy.context.view_layer.update()
-    assert flow_overlay._shown.object() == box
-    assert flow_overlay.shown_object() == "Renamed"
+    assert flow_shown._shown.object() == box
+    assert flow_shown.shown_object() == "Renamed"
     bpy.data.objects.remove(box)
     bpy.context.view_layer.update()
-    assert flow_overlay.shown_object() is None
+    assert flow_shown.shown_object() is None
     assert window.handlers == []
 
 
@@ -288,11 +288,11 @@ def test_the_overlay_ends_when_the_mesh_is_another_one_or_the_file_goes(rounded_
     box.data.vertices.add(1)
     box.data.update()
     bpy.context.view_layer.update()
-    assert flow_overlay.shown_object() is None
+    assert flow_shown.shown_object() is None
     show_flow()
-    assert flow_overlay.shown_object() == box.name
+    assert flow_shown.shown_object() == box.name
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert flow_overlay.shown_object() is None
+    assert flow_shown.shown_object() is None
     assert window.handlers == []
     assert registered() == []
 
@@ -310,13 +310,13 @@ def test_editing_the_mesh_by_another_object_draws_nothing_meanwhile(rounded_box,
     select(twin)
     bpy.ops.object.mode_set(mode="EDIT")
     assert box.mode == "OBJECT"
-    flow_overlay._refresh()
+    flow_shown._refresh()
     assert not flow_drawing._is_seen(seen, view)
     bmesh.from_edit_mesh(twin.data).verts.ensure_lookup_table()
     bmesh.from_edit_mesh(twin.data).verts[0].co.x += 1.0
-    flow_overlay._shown.surface = "drawn"
+    flow_shown._shown.surface = "drawn"
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert flow_overlay._shown.surface is None
+    assert flow_shown._shown.surface is None
     assert flow_drawing._is_seen(seen, view)
 
 
@@ -341,14 +341,14 @@ def test_neither_surface_nor_legend_is_drawn_when_it_is_not_seen(
 def test_edits_are_drawn_anew(rounded_box, window):
     box = rounded_box()
     show_flow()
-    flow_overlay._shown.surface = "drawn"
+    flow_shown._shown.surface = "drawn"
     box.location.x += 1
     bpy.context.view_layer.update()
-    assert flow_overlay._shown.surface == "drawn"
+    assert flow_shown._shown.surface == "drawn"
     box.data.vertices[0].co.x += 1
     box.data.update()
     bpy.context.view_layer.update()
-    assert flow_overlay._shown.surface is None
+    assert flow_shown._shown.surface is None
 
 
 def test_colors_rise_with_the_potential():

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 from shock_filter.core.host.inputs import MirrorPlane
-from shock_filter.shock_addon.data import shape_keys
-from shock_filter.shock_addon.data.meshes import (
+from shock_filter.shock_addon.data.mesh import shape_keys
+from shock_filter.shock_addon.data.mesh.meshes import (
     read_corner_vertices,
     read_positions,
     write_positions,

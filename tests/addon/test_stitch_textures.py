@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter import core
-from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.preview import images as preview_images
@@ -320,7 +320,7 @@ def test_a_preview_shows_what_a_run_makes(photos):
 
 
 def test_one_picture_is_what_the_core_makes(charts):
-    from shock_filter.shock_addon.data.textures import read_faces
+    from shock_filter.shock_addon.data.image.textures import read_faces
 
     faces, _, _ = read_faces(bpy.context, [charts], None, None)
     mesh = core.TriangleMesh(faces.positions, faces.triangles)

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 from shock_filter.core.host.symmetry import mirror_pairs, symmetrise
-from shock_filter.shock_addon.data.meshes import read_positions, write_positions
+from shock_filter.shock_addon.data.mesh.meshes import read_positions, write_positions
 
 sharpen = bpy.ops.shock_filter.sharpen_geometry
 

@@ -4,8 +4,8 @@
 import bpy
 import numpy as np
 import pytest
+from shock_filter.shock_addon.data.mesh.vertex_groups import group_weights
 from shock_filter.shock_addon.data.skipped import Skipped
-from shock_filter.shock_addon.data.vertex_groups import group_weights
 
 KINDS = ("objects", "meshes", "scenes", "node_groups", "shape_keys", "actions")
 

@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter import core
-from shock_filter.core.files.images import read_pixels
-from shock_filter.shock_addon.data import images as image_data
-from shock_filter.shock_addon.data import sequences
+from shock_filter.core.files.image_formats import read_pixels
+from shock_filter.shock_addon.data.image import images as image_data
+from shock_filter.shock_addon.data.image import sequences
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import poll as obstacles

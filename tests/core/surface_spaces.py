@@ -6,7 +6,7 @@ import scipy.sparse
 from atlases import Blocks
 from shapes import grid
 from shock_filter import core
-from shock_filter.core.atlas.operators import TextureSpace
+from shock_filter.core.elements.matrices import TextureSpace
 
 
 def square(n, charts=True, angle=0.4, change=lambda uv: uv):

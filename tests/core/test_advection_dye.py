@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from flows import rotation, uniform
 from shock_filter import core
+from shock_filter.core.advection.sharpening import sharpen_dye
 from shock_filter.core.base import parallel
-from shock_filter.core.filters.advection.sharpening import sharpen_dye
 
 SIZE = (80, 96)
 PLAIN = {"sharpness": 0.0}

@@ -19,9 +19,9 @@ from flows import (
     uniform,
 )
 from shock_filter import core
+from shock_filter.core.advection.noise import SHARES, Noise
+from shock_filter.core.advection.velocity import Flow
 from shock_filter.core.base import parallel
-from shock_filter.core.filters.advection.noise import SHARES, Noise
-from shock_filter.core.filters.advection.velocity import Flow
 
 SIZE = (96, 128)
 BARE = {"step": 0.0, "injection": 0.0, "divergence": 0.0}

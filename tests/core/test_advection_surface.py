@@ -6,8 +6,8 @@ import pytest
 from scipy.ndimage import binary_erosion
 from shapes import grid
 from shock_filter import core
+from shock_filter.core.advection.surface import _SurfaceFlow, _SurfaceNoise
 from shock_filter.core.atlas.sheet import NOTHING
-from shock_filter.core.filters.advection.surface import _SurfaceFlow, _SurfaceNoise
 from surface_spaces import square
 from test_line_convolution import flow_angles, wrapped
 from test_texture_space import LAYOUTS

@@ -11,12 +11,12 @@ from shapes import grid, soft_cube
 from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.base.progress import reporting
-from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
 from shock_filter.core.linear import multigrid
 from shock_filter.core.mesh.order import sorted_along_curve
 from shock_filter.core.mesh.weld import weld_borders
 from shock_filter.core.registry import find
+from shock_filter.core.shape.denoising import beltrami_joint_corners
+from shock_filter.core.then_sharpen import sharpen_both, then_sharpen
 
 CHUNK = 64
 MOST = 4 * CHUNK

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from shock_filter import core
-from shock_filter.core.filters.beltrami import grid_smoothing
-from shock_filter.core.filters.beltrami.grid_smoothing import smooth_grid
+from shock_filter.core.beltrami import grid_smoothing
+from shock_filter.core.beltrami.grid_smoothing import smooth_grid
 from shock_filter.core.grid.geodesics import march, open_band
 
 

@@ -6,10 +6,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from shapes import Counting, angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
-from shock_filter.core.filters.beltrami import mesh_smoothing
-from shock_filter.core.filters.beltrami import meshes as meshes_module
-from shock_filter.core.filters.beltrami import normals as normals_module
-from shock_filter.core.filters.beltrami.normals import Noise, noise_of_normals, repeats
+from shock_filter.core.beltrami import mesh_smoothing
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass, smooth_vertices
 from shock_filter.core.mesh.geodesics import (
     ALL,
@@ -21,6 +18,9 @@ from shock_filter.core.mesh.geodesics import (
     search,
     stencils,
 )
+from shock_filter.core.shape import denoising as meshes_module
+from shock_filter.core.shape import noise as normals_module
+from shock_filter.core.shape.noise import Noise, noise_of_normals, repeats
 
 
 def noisy(vertices, faces, amount, seed=0, passes=0):

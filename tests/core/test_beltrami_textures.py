@@ -7,7 +7,7 @@ from atlases import Blocks, apart, sample
 from scipy.ndimage import gaussian_filter
 from shapes import grid, icosphere, rotation
 from shock_filter import core
-from shock_filter.core.filters.beltrami import texel_smoothing
+from shock_filter.core.beltrami import texel_smoothing
 
 
 def photo(height=96, width=96, seed=0, noise=0.08):

@@ -13,8 +13,8 @@ import pytest
 from on_files import sharpen_image_file
 from PIL import Image, ImageCms
 from shock_filter import core
-from shock_filter.core.files.formats.pillow import SIGNATURE, chunk
-from shock_filter.core.files.images import read_image
+from shock_filter.core.files.formats.image.pillow import SIGNATURE, chunk
+from shock_filter.core.files.image_formats import read_image
 
 STRONG = core.ImageSettings(time=64)
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()

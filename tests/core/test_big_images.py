@@ -201,7 +201,7 @@ def test_denoise_then_sharpen():
 
 
 def test_chunks_that_run_again_are_told(monkeypatch, capsys):
-    from shock_filter.core.filters import chunked
+    from shock_filter.core.color import chunked
 
     monkeypatch.setattr(chunked, "_LONG_WALK", 1)
     monkeypatch.setattr(chunked, "_WALK", 1)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 from shock_filter import core
-from shock_filter.core.filters import chunked
-from shock_filter.core.filters.chunked import counting_reruns
-from shock_filter.core.filters.images import measure_image
+from shock_filter.core.color import chunked
+from shock_filter.core.color.chunked import counting_reruns
+from shock_filter.core.color.image_sharpening import measure_image
 from shock_filter.core.grid.part import LeftPart, Part
 
 SHAPE = (210, 190)

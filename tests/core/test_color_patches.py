@@ -8,7 +8,7 @@ from shapes import grid
 from shock_filter import core
 from shock_filter.core.host.colors import filter_colors, width_of_borders
 from shock_filter.core.host.inputs import ColoredSurface
-from shock_filter.core.host.patch import patch_around, whole_surface
+from shock_filter.core.preview.patch import patch_around, whole_surface
 
 NAME = "sharpen_vertex_signal"
 

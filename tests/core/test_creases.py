@@ -7,9 +7,9 @@ from remeshed import surface_net, turned_box
 from shapes import cube, fan, icosphere
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
-from shock_filter.core.filters.creases import consistent_normals, find_regions, mixed_normals
-from shock_filter.core.filters.fit import displacement
 from shock_filter.core.mesh.calculus import gradient, smooth_vertices
+from shock_filter.core.shape.creases import consistent_normals, find_regions, mixed_normals
+from shock_filter.core.shape.fit import displacement
 
 PAPER = core.GeometrySettings.of_paper()
 PULL = 0.3

@@ -9,9 +9,9 @@ from shapes import cube, grid
 from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files.output import Outcome
-from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
 from shock_filter.core.registry import find
+from shock_filter.core.shape.denoising import beltrami_joint_corners
+from shock_filter.core.then_sharpen import sharpen_both, then_sharpen
 
 GEOMETRY = core.BeltramiGeometrySettings(repeat=1)
 SIGNAL = core.BeltramiMeshSettings()

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from shock_filter.core.filters.dials import (
+from shock_filter.core.color.dials import (
     WIDEST,
     contrast,
     counted_width,

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from shapes import grid, icosphere, rotation
 from shock_filter import core
-from shock_filter.core.filters.advection.surface import checked_vectors
-from shock_filter.core.filters.line_convolution import checked_directions
+from shock_filter.core.advection.surface import checked_vectors
 from shock_filter.core.mesh.directions import at_corners, face_tensors
+from shock_filter.core.texture.streaks import checked_directions
 
 
 def bent_sheet(n=16, radius=10.0, saddle=False):

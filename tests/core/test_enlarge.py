@@ -10,7 +10,7 @@ from PIL import Image
 from scipy import ndimage
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.filters.images import measure_image
+from shock_filter.core.color.image_sharpening import measure_image
 
 TYPES = ["uint8", "uint16", "float32", "float64"]
 SIZE = 128

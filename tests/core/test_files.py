@@ -18,7 +18,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 from shock_filter import core
 from shock_filter.core.files import staging
-from shock_filter.core.files.formats import obj
+from shock_filter.core.files.formats.mesh import obj
 from shock_filter.core.files.meshes import (
     filter_mesh_file,
 )

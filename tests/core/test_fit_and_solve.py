@@ -5,11 +5,11 @@ import scipy.sparse.linalg
 from shapes import angles, cube, fan, grid, icosphere
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
-from shock_filter.core.filters import fit
 from shock_filter.core.linear import cg
 from shock_filter.core.linear.cg import solve
 from shock_filter.core.linear.system import LinearSystem
 from shock_filter.core.mesh import calculus
+from shock_filter.core.shape import fit
 
 
 @pytest.fixture(scope="module")

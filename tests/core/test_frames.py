@@ -13,7 +13,7 @@ from PIL import Image
 from shock_filter import core
 from shock_filter.core.files import frames as files
 from shock_filter.core.files.frames import write_frames
-from shock_filter.core.files.images import read_pixels
+from shock_filter.core.files.image_formats import read_pixels
 from shock_filter.core.files.output import Unfinished
 
 

@@ -6,8 +6,8 @@ import pytest
 from atlases import Blocks, apart
 from shapes import grid, icosphere
 from shock_filter import core
-from shock_filter.core.atlas import fronts
 from shock_filter.core.base.findings import gathering
+from shock_filter.core.elements import fronts
 from surface_spaces import square
 from test_texture_space import LAYOUTS
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from shapes import grid
 from shock_filter import core
-from shock_filter.core.filters.fit import screening
 from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
-from shock_filter.core.host.patch import patch_around, whole_surface
 from shock_filter.core.mesh.calculus import smooth_vertices
+from shock_filter.core.preview.patch import patch_around, whole_surface
+from shock_filter.core.shape.fit import screening
 
 NAME, CELLS = "denoise_geometry", 40
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from on_files import sharpen_file
 from shock_filter import core
-from shock_filter.core.files.formats.gltf import GltfFile, _gltf_matrices
+from shock_filter.core.files.formats.mesh.gltf import GltfFile, _gltf_matrices
 from shock_filter.core.files.meshes import filter_colors_file, filter_mesh_file
 from shock_filter.core.files.output import Options
 from shock_filter.core.files.textures import read_textured_mesh

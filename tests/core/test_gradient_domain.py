@@ -7,7 +7,7 @@ from atlases import Blocks, sample
 from scipy.ndimage import gaussian_filter
 from shapes import grid
 from shock_filter import core
-from shock_filter.core.filters.painted_gain import gains_of
+from shock_filter.core.texture.painted_gain import gains_of
 from surface_spaces import square
 
 

@@ -16,7 +16,7 @@ import xarray
 import zarr
 from on_files import sharpen_image_file
 from shock_filter import core
-from shock_filter.core.files.formats.zarr_metadata import CODECS, check_zarr
+from shock_filter.core.files.formats.array.zarr_metadata import CODECS, check_zarr
 from shock_filter.core.files.velocities import How, read_velocity
 
 STRONG = core.ImageSettings(time=64)

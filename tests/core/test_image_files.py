@@ -17,7 +17,7 @@ from on_files import sharpen_image_file
 from PIL import Image, ImageCms, PngImagePlugin
 from shock_filter import core
 from shock_filter.core import cli
-from shock_filter.core.files.formats.pillow import read_pillow
+from shock_filter.core.files.formats.image.pillow import read_pillow
 
 STILL = core.ImageSettings(time=0)
 STRONG = core.ImageSettings(time=64)

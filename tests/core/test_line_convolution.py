@@ -7,8 +7,8 @@ from atlases import sample
 from scipy.ndimage import gaussian_filter
 from shapes import grid
 from shock_filter import core
-from shock_filter.core.atlas.operators import TextureSpace
-from shock_filter.core.filters import line_convolution
+from shock_filter.core.elements.matrices import TextureSpace
+from shock_filter.core.texture import streaks as line_convolution
 from surface_spaces import positions, square
 from test_geodesic_distance import plain, tube
 from test_texture_space import LAYOUTS

@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from scipy.special import j0
 from shapes import icosphere
 from shock_filter import core
-from shock_filter.core.atlas.operators import TextureSpace
 from shock_filter.core.base import parallel
-from shock_filter.core.filters import reaction_diffusion as rd
+from shock_filter.core.elements.matrices import TextureSpace
+from shock_filter.core.texture import patterns as rd
 from surface_spaces import in_full, square
 from test_geodesic_distance import plain
 from test_texture_space import LAYOUTS

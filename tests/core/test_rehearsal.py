@@ -11,10 +11,10 @@ from zlib import crc32
 
 import pytest
 import shock_filter
-from shock_filter.core.host import rehearsal
+from shock_filter.core.rehearsal import rehearse as rehearsal
 
 ROOT = Path(shock_filter.__file__).parent
-SCRIPT = ROOT / "core" / "host" / "rehearse_alone.py"
+SCRIPT = ROOT / "core" / "rehearsal" / "alone.py"
 PACKAGE = "bl_ext.a_repository.shock_filter"
 LIMIT = 120.0
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from shapes import angles, cube, grid, icosphere, rotation, shuffled
 from shock_filter import core
-from shock_filter.core.filters import fit
-from shock_filter.core.filters import geometry as shock
 from shock_filter.core.mesh import calculus, order
 from shock_filter.core.settings import OF_PAPER
+from shock_filter.core.shape import fit
+from shock_filter.core.shape import sharpening as shock
 
 
 def softened(vertices, faces, passes=3):

@@ -6,12 +6,12 @@ import pytest
 import scipy.sparse
 import scipy.sparse.linalg
 from shock_filter.core import SolverError
-from shock_filter.core.atlas import multigrid, seam_block
-from shock_filter.core.atlas.coarsening import coarsened
-from shock_filter.core.atlas.multigrid import SheetSolver
-from shock_filter.core.atlas.sheet_matrix import SheetMatrix, block_rows, kinds_of
 from shock_filter.core.base import parallel
 from shock_filter.core.base.progress import reporting
+from shock_filter.core.elements import multigrid, seam_block
+from shock_filter.core.elements.coarsening import coarsened
+from shock_filter.core.elements.multigrid import SheetSolver
+from shock_filter.core.elements.sheet_matrix import SheetMatrix, block_rows, kinds_of
 from shock_filter.core.errors import Cancelled
 
 CORNERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])

@@ -15,8 +15,8 @@ from on_files import sharpen_image_file
 from PIL import Image, ImageOps
 from shock_filter import core
 from shock_filter.core.files import images
-from shock_filter.core.files.formats import orientation, pillow, tiff
-from shock_filter.core.files.formats.thumbnails import without_exif_thumbnail
+from shock_filter.core.files.formats.image import orientation, pillow, tiff
+from shock_filter.core.files.formats.image.thumbnails import without_exif_thumbnail
 
 STILL = core.ImageSettings(time=0)
 RAMP = np.linspace(10, 200, 12 * 16).reshape(12, 16).astype(np.uint8)

@@ -16,7 +16,7 @@ from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files import frames, images, meshes, output, staging
-from shock_filter.core.files.formats.trimesh import ENDINGS
+from shock_filter.core.files.formats.mesh.trimesh import ENDINGS
 from shock_filter.core.files.images import filter_image_file, write_image_file
 from shock_filter.core.files.meshes import filter_mesh_file
 from shock_filter.core.files.output import Options, staged, staged_folder

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 from shock_filter import core
-from shock_filter.core.atlas.cut import _jumps
-from shock_filter.core.atlas.operators import TextureSpace
 from shock_filter.core.base.findings import gathering
+from shock_filter.core.elements.cut import _jumps
+from shock_filter.core.elements.matrices import TextureSpace
 from surface_spaces import in_full, positions, space_of, square
 
 

@@ -11,7 +11,7 @@ from on_files import sharpen_image_file
 from PIL import Image
 from shock_filter import core
 from shock_filter.core.files import images
-from shock_filter.core.files.formats import tiff
+from shock_filter.core.files.formats.image import tiff
 
 STILL = core.ImageSettings(time=0)
 STRONG = core.ImageSettings(time=64)

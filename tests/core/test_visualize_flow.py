@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
+from shock_filter.core.advection import pictures
 from shock_filter.core.files import flows
-from shock_filter.core.files.images import read_pixels
-from shock_filter.core.filters.advection import pictures
+from shock_filter.core.files.image_formats import read_pixels
 from test_velocities import square
 
 H, W = 24, 36

@@ -17,10 +17,10 @@ from PIL import Image
 from shock_filter import core
 from shock_filter.core import cli
 from shock_filter.core.files import images, reading
-from shock_filter.core.files.formats.gltf import GltfFile
-from shock_filter.core.files.formats.obj import ObjFile
-from shock_filter.core.files.formats.ply import PlyFile
-from shock_filter.core.files.formats.trimesh import SceneFile, load_scene
+from shock_filter.core.files.formats.mesh.gltf import GltfFile
+from shock_filter.core.files.formats.mesh.obj import ObjFile
+from shock_filter.core.files.formats.mesh.ply import PlyFile
+from shock_filter.core.files.formats.mesh.trimesh import SceneFile, load_scene
 from shock_filter.core.files.images import filter_image_file
 from shock_filter.core.files.meshes import filter_mesh_file
 from shock_filter.core.files.output import Options

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import zarr
 from shock_filter.core.errors import ShockError
-from shock_filter.core.files.formats.zarr import open_zarr
+from shock_filter.core.files.formats.array.zarr import open_zarr
 from shock_filter.core.files.velocities import read_velocity
 
 SIDE = 4

@@ -52,7 +52,7 @@ if arguments.install:
     )
 else:
     addon_utils.enable(MODULE, default_set=True)
-    kernels = importlib.import_module(f"{MODULE}.shock_addon.operators.kernels")
+    kernels = importlib.import_module(f"{MODULE}.shock_addon.running.kernels")
     if arguments.before:
         sys.path.insert(0, arguments.before)
     report = sharpen()

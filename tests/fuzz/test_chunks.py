@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 from shock_filter import core
-from shock_filter.core.filters import chunked
+from shock_filter.core.color import chunked
 from strategies import examples, images, masks, settings_of
 
 pytestmark = pytest.mark.timeout(1800, method="thread")  # a thread can end compiled code, too

@@ -18,7 +18,7 @@ from on_files import sharpen_colors_file, sharpen_file, sharpen_image_file, shar
 from PIL import Image
 from shapes import cube
 from shock_filter import core
-from shock_filter.core.files.formats.trimesh import SceneFile
+from shock_filter.core.files.formats.mesh.trimesh import SceneFile
 from shock_filter.core.files.images import write_image_file
 from shock_filter.core.files.meshes import read_document
 from strategies import examples

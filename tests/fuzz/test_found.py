@@ -6,10 +6,10 @@ import pytest
 from checks import Watch
 from shapes import grid
 from shock_filter import core
-from shock_filter.core.filters.beltrami import meshes
-from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
 from shock_filter.core.registry import find
+from shock_filter.core.shape import denoising as meshes
+from shock_filter.core.shape.denoising import beltrami_joint_corners
+from shock_filter.core.then_sharpen import sharpen_both, then_sharpen
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from checks import assert_alike, assert_same_bits, assert_sentence, assert_withi
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from shock_filter import core
-from shock_filter.core.filters.beltrami.meshes import beltrami_joint_corners
-from shock_filter.core.filters.denoising import sharpen_both, then_sharpen
 from shock_filter.core.registry import find
+from shock_filter.core.shape.denoising import beltrami_joint_corners
+from shock_filter.core.then_sharpen import sharpen_both, then_sharpen
 from strategies import broken, examples, masks, meshes, settings_of, signals, triangles
 
 pytestmark = pytest.mark.timeout(1800, method="thread")  # a thread can end compiled code, too

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One module for each file format, or for the package that knows it."""
+"""Formats of files, in a room for each kind of data. May use what all of `core.files` stands on."""

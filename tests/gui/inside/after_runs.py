@@ -63,10 +63,10 @@ def hiding_the_flow() -> Steps:
     monkey.select_set(False)
     yield DRAWN
     places = yield from buttons()
-    seen = report["flow"] = {"shown": addon("flow.overlay").shown_object()}
+    seen = report["flow"] = {"shown": addon("flow.showing").shown_object()}
     yield from click(places[-1])
     yield DRAWN
-    seen["hidden"] = addon("flow.overlay").shown_object()
+    seen["hidden"] = addon("flow.showing").shown_object()
     monkey.select_set(True)
 
 

@@ -36,7 +36,7 @@ def scenario() -> Steps:
 
 def break_run() -> Steps:
     """Raise when the progress is shown; the run is made to wait as if for a render."""
-    jobs = addon("operators.jobs")
+    jobs = addon("running.jobs")
     operators, show, is_scene_read = [], jobs._Wait.show, jobs.is_scene_read
 
     def broken(wait: object, context: object) -> None:
@@ -53,11 +53,11 @@ def break_run() -> Steps:
         "raised": len(operators),
         "freed": [jobs.is_freed(operator) for operator in operators],
         "waits": len(jobs._waits),
-        "shown": [addon("flow.overlay").shown_object()],
+        "shown": [addon("flow.showing").shown_object()],
     }
     seen["again"] = run("show_flow", mode="geometry")
     yield from finished()
-    seen["shown"].append(addon("flow.overlay").shown_object())
+    seen["shown"].append(addon("flow.showing").shown_object())
     run("hide_flow")
     yield DRAWN
 
@@ -84,7 +84,7 @@ def break_preview() -> Steps:
     yield DRAWN
     preview._Session.show_text = show_text
     seen["running"] = preview.is_running(), len(preview._running)
-    seen["freed"] = addon("operators.jobs").is_freed(session.operator)
+    seen["freed"] = addon("running.jobs").is_freed(session.operator)
     seen["kept"] = positions("Monkey")
     seen["again"] = run("preview")
     yield DRAWN

@@ -104,7 +104,7 @@ def open_tab(kind: str = "VIEW_3D") -> Steps:
 def running() -> bool:
     """Tell whether a run is under way, or its thread has not ended yet."""
     threads = [thread.name for thread in threading.enumerate()]
-    return addon("operators.jobs").current() is not None or any(
+    return addon("running.jobs").current() is not None or any(
         "shock-filter-job" in n for n in threads
     )
 

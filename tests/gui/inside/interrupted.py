@@ -61,7 +61,7 @@ def start(operator: str = "sharpen_geometry", kind: str = "VIEW_3D", **settings)
     """Start a run that waits; bumps are no creases, so geometry is sharpened everywhere."""
     if operator == "sharpen_geometry":
         settings["where"] = "everywhere"
-    job = addon("operators.jobs").Job
+    job = addon("running.jobs").Job
     if not hasattr(job, "asks"):
         job.asks = job._progress
         job._progress = ask_when_let_go
@@ -248,7 +248,7 @@ def second_window_closed() -> Steps:
     with bpy.context.temp_override(window=other):
         bpy.ops.wm.window_close()
     yield SHORT
-    cancelled = addon("operators.jobs").current() is None
+    cancelled = addon("running.jobs").current() is None
     yield from let_go()
     return {"cancelled": cancelled, "unchanged": positions("Grid") == before}
 
@@ -256,7 +256,7 @@ def second_window_closed() -> Steps:
 def filter_fails() -> Steps:
     """Have the filter fail as a bug would make it."""
     before = positions("Grid")
-    filters = import_module(f"{MODULE}.core.filters.geometry")
+    filters = import_module(f"{MODULE}.core.shape.sharpening")
     good = filters.sharpen_geometry
 
     def broken(*_: object, **__: object) -> None:

@@ -61,7 +61,7 @@ def whole_run() -> Steps:
     gaps = []
     yield TICK
     last = time.perf_counter()
-    while addon("operators.jobs").current() is not None:
+    while addon("running.jobs").current() is not None:
         yield TICK
         now = time.perf_counter()
         gaps.append(now - last)
@@ -93,7 +93,7 @@ def cancelled_run(wait: float, how: str) -> Steps:
     else:
         begun = time.perf_counter()
         press_key("Escape")
-    while addon("operators.jobs").current() is not None:
+    while addon("running.jobs").current() is not None:
         yield TICK
     seen["seconds"] = time.perf_counter() - begun
     while running():

@@ -11,6 +11,6 @@ def scenario() -> Steps:
     scene.clear()
     add_texture(scene.add_monkey("Monkey", 2))
     yield from open_tab()
-    report["fraction"] = addon("operators.preparing").fraction()
+    report["fraction"] = addon("running.preparing").fraction()
     yield from finished()
     yield from presses()

@@ -25,7 +25,7 @@ def scenario() -> Steps:
     yield from open_tab()
     picture("preparing", area("VIEW_3D"))
     fractions = report["fractions"] = []
-    while (fraction := addon("operators.preparing").fraction()) is not None:
+    while (fraction := addon("running.preparing").fraction()) is not None:
         if time.monotonic() - began > LIMIT:
             raise TimeoutError(f"{fraction:.0%} were compiled.")
         fractions.append(fraction)
@@ -60,7 +60,7 @@ def presses() -> Steps:
 
 def compiled() -> int:
     """Count what was compiled in this session because it was not on disk."""
-    rehearsal = sys.modules.get(f"{MODULE}.core.host.rehearsal")
+    rehearsal = sys.modules.get(f"{MODULE}.core.rehearsal.rehearse")
     kernels = rehearsal.imported_kernels() if rehearsal else ()
     return sum(sum(kernel.stats.cache_misses.values()) for kernel in kernels)
 

@@ -11,7 +11,7 @@ from harness import MODULE, Steps, addon, report
 def scenario() -> Steps:
     """Press and disable while it runs; Blender quits when the scenario ends."""
     report["began_by_itself"] = yield from begun()
-    processes = list(addon("operators.preparing")._processes)
+    processes = list(addon("running.preparing")._processes)
     bpy.context.preferences.view.show_splash = False
     scene.clear()
     scene.add_image("Photo")
@@ -26,7 +26,7 @@ def scenario() -> Steps:
 def begun() -> Steps:
     """Wait for the process; the generator returns whether it came."""
     end = time.monotonic() + 30.0
-    while addon("operators.preparing").fraction() is None:
+    while addon("running.preparing").fraction() is None:
         if time.monotonic() > end:
             return False
         yield 0.1

@@ -69,7 +69,7 @@ def flow(mode: str, seen: dict) -> Steps:
         yield from finished()
         yield from park()
         names = bpy.data.objects["Monkey"].data.attributes.keys()
-        seen.setdefault("shown", []).append(addon("flow.overlay").shown_object())
+        seen.setdefault("shown", []).append(addon("flow.showing").shown_object())
         seen["attributes"] = sorted(name for name in names if "shock_" in name)
         seen.setdefault("pixels", []).append(different(before, object_seen()))
     picture(f"flow-{mode}", area("VIEW_3D"))
@@ -195,7 +195,7 @@ def new_file_during_both() -> Steps:
     bpy.ops.wm.read_homefile(app_template="")
     yield DRAWN
     report["new_file"] = {
-        "shown": addon("flow.overlay").shown_object(),
+        "shown": addon("flow.showing").shown_object(),
         "objects": sorted(bpy.data.objects.keys()),
     }
 

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weighted means over images and grids of points: the short-time kernel and the bilateral one."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..grid.geodesics import FARTHEST_SPLIT, MOST_SPLITS, chord, march, open_band
+from ..settings import BeltramiSettings
+
+log = logging.getLogger(__name__)
+
+_ROWS = 16  # most rows that are smoothed at once
+
+REACHED = 2_000_000
+"""About how many pixels the kernels of those smoothed at once reach: tenths of a second."""
+
+FASTEST = 1e38
+"""Near the end of float32."""
+
+Coordinates = npt.NDArray[np.float32]
+
+
+def smooth_grid(
+    signal: npt.NDArray,
+    guide: Coordinates,
+    flat: bool,
+    areas: npt.NDArray[np.float32],
+    settings: BeltramiSettings,
+) -> npt.NDArray:
+    """Apply the kernel once.
+
+    Parameters
+    ----------
+    signal : (h, w, k) float32 or float64
+        What is averaged.
+    guide : (h, w, g) float32
+        The coordinates of the points of the surface on which distances are measured.
+    flat : bool
+        Whether the pixel's own x and y are further coordinates.
+    areas : (h, w) float32
+        How much each pixel counts.
+    settings : BeltramiSettings
+        `time` greater than 0.
+
+    Returns
+    -------
+    array like `signal`
+    """
+    out = np.empty_like(signal)
+    limit = _limit(settings)
+    rows = _reachable_rows(guide, flat, math.sqrt(limit), settings.window)
+    smooth = smooth_rows if settings.distance == "geodesic" else bilateral_rows
+    rate = np.float32(min(0.25 / settings.time, FASTEST))
+    half_window = settings.window // 2 if settings.window else -1
+    around = math.pi * limit + 1.0
+    if settings.window:
+        around = min(around, settings.window**2)
+    chunk = max(min(int(REACHED / (around * signal.shape[1])), _ROWS), 1)
+    unsplit = np.zeros(len(signal), dtype=np.int64)  # in the bands that begin there
+    wanted = np.zeros((0, 0), dtype=np.bool_)
+    run(smooth, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
+        half_window, rows, unsplit, wanted, out, chunk=chunk)  # fmt: skip
+    if unsplit.any():
+        log.info("Some obtuse triangles of pixels are split into %d parts, and not to the end:"
+                 " distances through them are too long.", MOST_SPLITS)  # fmt: skip
+    return out
+
+
+def _limit(settings: BeltramiSettings) -> float:
+    # Squared distance beyond which nothing counts.
+    return -4.0 * settings.time * math.log(settings.threshold)
+
+
+def reach_of(settings: BeltramiSettings) -> int:
+    """How far around a pixel of a flat image others count when the kernel is applied once."""
+    reach = math.ceil(math.sqrt(_limit(settings)))
+    if settings.window:
+        reach = min(reach, settings.window // 2)
+    return reach + FARTHEST_SPLIT + 1  # one more for areas
+
+
+def surface_areas(guide: Coordinates, flat: bool) -> npt.NDArray[np.float32]:
+    """Compute the area element, sqrt(det g), from central differences; parameters as above."""
+    areas = np.empty(guide.shape[:2], dtype=np.float32)
+    run(area_rows, len(guide), guide, np.float32(flat), areas, chunk=_ROWS)
+    return areas
+
+
+@kernel
+def area_rows(start, stop, guide, spacing, areas):
+    """Compute `surface_areas` in rows ``start <= y < stop``; differences leave NaN out."""
+    height, width = areas.shape
+    for y in range(start, stop):
+        for x in range(width):
+            up, down = max(y - 1, 0), min(y + 1, height - 1)
+            left, right = max(x - 1, 0), min(x + 1, width - 1)
+            up = y if np.isnan(guide[up, x, 0]) else up
+            down = y if np.isnan(guide[down, x, 0]) else down
+            left = x if np.isnan(guide[y, left, 0]) else left
+            right = x if np.isnan(guide[y, right, 0]) else right
+            rows = np.float32(max(down - up, 1))
+            columns = np.float32(max(right - left, 1))
+            g_yy = max(np.float64(spacing), 0.0)  # squares of squares leave float32
+            g_xx = g_yy
+            g_xy = 0.0
+            count = guide.shape[2]
+            if spacing < 0:
+                count -= 1
+            for c in range(count):
+                slope_y = (guide[down, x, c] - guide[up, x, c]) / rows
+                slope_x = (guide[y, right, c] - guide[y, left, c]) / columns
+                if spacing < 0 and c >= count - 3:
+                    slope_y *= guide[y, x, count]
+                    slope_x *= guide[y, x, count]
+                g_yy += slope_y * slope_y
+                g_xx += slope_x * slope_x
+                g_xy += slope_x * slope_y
+            areas[y, x] = np.sqrt(max(g_yy * g_xx - g_xy * g_xy, 0.0))
+
+
+def _reachable_rows(
+    guide: Coordinates, flat: bool, radius: float, window: int
+) -> npt.NDArray[np.int64]:
+    # For each row, the first one within the radius, and the end of these rows.
+    height = len(guide)
+    number = np.arange(height)
+    if flat:
+        reach = min(math.ceil(radius), height)
+        first, last = np.maximum(number - reach, 0), np.minimum(number + reach + 1, height)
+    else:
+        depth = np.concatenate([[0.0], np.cumsum(_row_gaps(guide))])
+        first = np.searchsorted(depth, depth - radius, "left")
+        last = np.searchsorted(depth, depth + radius, "right")
+    if window:
+        first = np.maximum(first, number - window // 2)
+        last = np.minimum(last, number + window // 2 + 1)
+    return np.stack([first, last], axis=1)
+
+
+def _row_gaps(guide: Coordinates) -> npt.NDArray[np.float64]:
+    # The least heights of the triangles between two rows: no way across is shorter.
+    if guide.shape[1] == 1:
+        return np.linalg.norm((guide[1:] - guide[:-1])[:, 0].astype(np.float64), axis=1)
+    gaps = np.full(len(guide) - 1, np.inf)
+    for base, apex in ((guide[:-1], guide[1:]), (guide[1:], guide[:-1])):
+        side = (base[:, 1:] - base[:, :-1]).astype(np.float64)
+        side /= np.maximum(np.linalg.norm(side, axis=2, keepdims=True), 1e-30)
+        for corner in (apex[:, :-1], apex[:, 1:]):
+            leg = (corner - base[:, :-1]).astype(np.float64)
+            along = (leg * side).sum(axis=2, keepdims=True)
+            gaps = np.minimum(gaps, np.linalg.norm(leg - along * side, axis=2).min(axis=1))
+    return gaps
+
+
+@kernel
+def smooth_rows(
+    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, wanted, out
+):
+    """Average in rows ``start <= y < stop``, with weights of distances along the surface.
+
+    Parameters
+    ----------
+    signal, guide, areas
+        As in `smooth_grid`. The guide is NaN where there is nothing.
+    spacing : float32
+        See `chord`.
+    limit, rate : float32
+        Squared distance beyond which weights are 0, and the one by which they fall: exp(-rate d^2).
+    half_window : int
+        How many pixels the kernel reaches each way; -1: as far as the limit.
+    rows : (h, 2) int64
+        For each row the first one that its pixels reach, and the end of these rows.
+    unsplit : (h,) int64
+        Where it is counted, at `start`, which triangles were not split to the end.
+    wanted : (h, w) bool
+        Pixels that are averaged; empty: all.
+    out : array like `signal`
+        Set for these.
+    """
+    first, last = rows[start, 0], rows[stop - 1, 1]
+    columns = guide.shape[1]
+    width = columns + 2
+    band, front = open_band(guide, spacing, limit, first, last)
+    unsplit[start] = band.unsplit
+    final, tentative, _, reached = front
+    values = np.zeros((final.size, signal.shape[2]), signal.dtype)
+    shares = np.empty(final.size, np.float32)
+    for y in range(first, last):
+        for x in range(columns):
+            cell = (y - first + 1) * width + x + 1
+            shares[cell] = areas[y, x]
+            for c in range(signal.shape[2]):
+                values[cell, c] = signal[y, x, c]
+    total = np.empty(signal.shape[2])
+    for y in range(start, stop):
+        if half_window >= 0:  # only the window is open; it slides along the row
+            tentative[:] = -1.0
+            above, below = max(y - half_window, first), min(y + half_window + 1, last)
+            window = tentative.reshape(-1, width)[above - first + 1 : below - first + 1, 1:-1]
+            window[:, :half_window] = np.inf
+        for x in range(columns):
+            source = (y - first + 1) * width + x + 1
+            if half_window >= 0:
+                window[:, x + half_window : x + half_window + 1] = np.inf
+                if x > half_window:
+                    window[:, x - half_window - 1] = -1.0
+            if wanted.size > 0 and not wanted[y, x]:
+                continue
+            count = march(source, limit, band, front)
+            total[:] = 0.0
+            weight = 0.0
+            for i in range(count):
+                cell = reached[i]
+                share = shares[cell] * np.exp(-rate * final[cell])
+                weight += share
+                for c in range(total.size):
+                    total[c] += np.float64(share) * values[cell, c]  # float32 could overflow
+                final[cell] = np.inf
+                tentative[cell] = np.inf
+            for c in range(total.size):
+                out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]
+
+
+@kernel
+def bilateral_rows(
+    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, wanted, out
+):
+    """Average as `smooth_rows` does, with weights of distances straight through space."""
+    reach = half_window if half_window >= 0 else int(np.sqrt(limit))
+    total = np.empty(signal.shape[2])
+    for y in range(start, stop):
+        for x in range(guide.shape[1]):
+            if wanted.size > 0 and not wanted[y, x]:
+                continue
+            total[:] = 0.0
+            weight = 0.0
+            for down in range(rows[y, 0], rows[y, 1]):
+                for right in range(max(x - reach, 0), min(x + reach + 1, guide.shape[1])):
+                    square = chord(guide, spacing, y, x, down, right)
+                    if not square <= limit:  # nor NaN
+                        continue
+                    share = areas[down, right] * np.exp(-rate * square)
+                    weight += share
+                    for c in range(total.size):
+                        total[c] += np.float64(share) * signal[down, right, c]
+            for c in range(total.size):
+                out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]

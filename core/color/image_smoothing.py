@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steps of smoothing an image by the Beltrami kernel, whose arguments were checked (paper C)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import (
+    BAND,
+    SCALES,
+)
+from ..base.parallel import blocks
+from ..base.progress import aside, ask, phase
+from ..beltrami.grid_smoothing import smooth_grid, surface_areas
+from ..grid.channels import opacity_channel
+from ..grid.pixels import copied, mix
+from ..settings import BeltramiSettings
+
+_FARTHEST = 1e15  # its square is far from the ends of float32
+
+
+def smoothed_image(
+    given: npt.NDArray, settings: BeltramiSettings, weights: npt.NDArray | None
+) -> npt.NDArray:
+    """Do what `beltrami_image` does to an image, and weights, that were checked."""
+    if settings.time == 0:
+        return given.copy()
+    flat = np.empty((*given.shape[:2], 0), dtype=np.float32)
+    return smoothed(given, flat, settings, weights, "image")[0]
+
+
+def smoothed(
+    given: npt.NDArray,
+    points: npt.NDArray,
+    settings: BeltramiSettings,
+    mask: npt.NDArray | None,
+    smooth: str,
+) -> tuple[npt.NDArray, npt.NDArray]:
+    """Smooth an image, its points in space, or both.
+
+    Parameters
+    ----------
+    given : (h, w) or (h, w, c) array
+    points : (h, w, 3) or (h, w, 0) array
+        Places of the pixels in mean distances between neighbours; the latter for a flat image.
+    settings : BeltramiSettings
+    mask : (h, w) array of float, optional
+    smooth : {"image", "embedding", "both"}
+
+    Returns
+    -------
+    image, points : array
+    """
+    pixels = given.reshape(*given.shape[:2], -1)
+    scale = SCALES[given.dtype.name]
+    floats = np.float64 if given.dtype == np.float64 else np.float32
+    alpha = opacity_channel(pixels.shape[2], settings.alpha)
+    count = pixels.shape[2] if alpha < 0 else alpha
+    colors = np.empty((*pixels.shape[:2], count), dtype=floats)
+    opacity = np.empty((*pixels.shape[:2], pixels.shape[2] - count), dtype=floats)  # of 0 or 1
+    with aside("Smoothing"):
+        for band in blocks(len(pixels), BAND):
+            np.multiply(pixels[band, :, :count], scale, out=colors[band], dtype=floats)
+            np.multiply(pixels[band, :, count:], scale, out=opacity[band], dtype=floats)
+            np.clip(opacity[band], 0.0, 1.0, out=opacity[band])
+    for i in range(settings.iterations):
+        with phase(i / settings.iterations, (i + 1) / settings.iterations, "Smoothing"):
+            new_colors, new_points = _step(colors, opacity, points, settings)
+        colors = colors if smooth == "embedding" else new_colors
+        points = points if smooth == "image" else new_points
+    with phase(1.0, 1.0, "Smoothing"):
+        result = copied(pixels)
+        if smooth != "embedding":
+            for band in blocks(len(pixels), BAND):
+                values = np.divide(colors[band], scale)
+                result[band, :, :count] = np.rint(values) if scale != 1.0 else values
+            if mask is not None:
+                mix(pixels, mask, result)
+    return result.reshape(given.shape), points
+
+
+def _step(
+    colors: npt.NDArray,
+    opacity: npt.NDArray,
+    points: npt.NDArray,
+    settings: BeltramiSettings,
+) -> tuple[npt.NDArray, npt.NDArray]:
+    # Colors count as much as they are opaque, for distances and for means.
+    (height, width, count), transparent = colors.shape, opacity.shape[2] > 0
+    beside = count + opacity.shape[2]
+    kind = np.result_type(colors, points)
+    signal = np.empty((height, width, beside + points.shape[2]), dtype=kind)
+    guide = np.empty((height, width, count + points.shape[2]), dtype=np.float32)
+    with aside("Smoothing"):
+        for band in blocks(height, BAND):
+            covered = colors[band] * opacity[band] if transparent else colors[band]
+            signal[band, :, :count] = covered
+            signal[band, :, count:beside] = opacity[band]
+            signal[band, :, beside:] = points[band]
+            with np.errstate(over="ignore"):  # too bright for float32: an edge nothing crosses
+                guide[band, :, :count] = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
+            guide[band, :, count:] = points[band]
+        areas = _areas(guide, points, settings)
+        ask()
+    means = smooth_grid(signal, guide, points.shape[2] == 0, areas, settings)
+    if not transparent:
+        return means[..., :count], means[..., beside:]
+    new_colors = np.empty_like(colors, dtype=means.dtype)
+    with phase(1.0, 1.0, "Smoothing"):
+        for band in blocks(height, BAND):
+            share = means[band, :, count:beside]
+            shown = means[band, :, :count] / np.where(share > 0, share, 1)
+            new_colors[band] = np.where(share > 0, shown, colors[band])
+    return new_colors, means[..., beside:]
+
+
+def _areas(guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings) -> npt.NDArray:
+    flat = points.shape[2] == 0
+    if settings.measure == "surface":
+        return surface_areas(guide, flat)
+    if flat:
+        return np.ones(guide.shape[:2], dtype=np.float32)
+    return surface_areas(points.astype(np.float32), flat)

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steps of sharpening an image, or a part of one, from checked arguments (paper A, section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import (
+    BAND,
+    SCALES,
+)
+from ..base.parallel import blocks
+from ..base.progress import aside, phase
+from ..grid.advect import TracedPixels, advect_pixels
+from ..grid.borders import measure_borders
+from ..grid.channels import Channels, channel_groups, opacity_channel
+from ..grid.enlarge import enlarged
+from ..grid.part import Part, keep_inside
+from ..grid.pixels import copied, mix
+from ..grid.potential import flow_reach, image_potential
+from ..settings import ImageSettings
+from .images_by_width import Measured, follow_by_width, measured, sharpen_by_width
+from .signals import step_durations
+
+LARGEST = 1e15
+"""Beyond, squares of what borders are measured by leave the range of float32."""
+
+
+def sharpen_checked(
+    given: npt.NDArray,
+    result: npt.NDArray,
+    settings: ImageSettings,
+    weights: npt.NDArray | None,
+    lead: npt.NDArray | None,
+    known: Measured | Sequence[Measured] | None,
+    part: Part | None = None,
+) -> None:
+    """Do what `sharpen_image` does to what was checked.
+
+    Parameters
+    ----------
+    given, result : (h, w) or (h, w, c) array
+    settings : ImageSettings
+    weights : (h, w) float64, optional
+    lead : (h, w, c) array, optional
+        The guide.
+    known : Measured or sequence of them, optional
+        Of all, or as `measured_each` returns them.
+    part : Part, optional
+        What is wanted, if the image is a part of another one; in pixels of the result.
+
+    Raises
+    ------
+    LeftPart
+        If the part is too small for the pixels that are wanted.
+    """
+    pixels = given.reshape(*given.shape[:2], -1)
+    target = result.reshape(*result.shape[:2], -1)
+    if settings.enlarge == 1:
+        _filter_into(target, pixels, settings, weights, lead, known, part)
+        return
+    with phase(0.0, 0.1, "Enlarging"):
+        large = large_pixels(pixels, settings)
+        lead = None if lead is None else large_pixels(lead, replace(settings, alpha="auto"))
+    if weights is not None:
+        with aside("Enlarging"):
+            weights = enlarged(weights[..., None], settings.enlarge)[..., 0]
+    floats = np.empty_like(large)
+    with phase(0.1, 1.0, "Sharpening"):
+        _filter_into(floats, large, settings, weights, lead, known, part)
+    with aside("Sharpening"):
+        scale = SCALES[given.dtype.name]
+        for band in blocks(len(floats), BAND):
+            target[band] = np.rint(floats[band] / scale) if scale != 1.0 else floats[band]
+
+
+def large_pixels(pixels: npt.NDArray, settings: ImageSettings) -> npt.NDArray:
+    """Enlarge to floats in the range of colors, so that soft slopes do not become stairs."""
+    alpha = opacity_channel(pixels.shape[2], settings.alpha)
+    weighing = opacity_in_range(pixels, alpha)
+    scale = SCALES[pixels.dtype.name]
+    large = enlarged(weighing, settings.enlarge, scale, alpha)
+    if weighing is not pixels:  # it stays as it is
+        own = np.ascontiguousarray(pixels[..., alpha, None])
+        large[..., alpha] = enlarged(own, settings.enlarge, scale, 0)[..., 0]
+    return large
+
+
+def _filter_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    settings: ImageSettings,
+    weights: npt.NDArray | None,
+    lead: npt.NDArray | None,
+    known: Measured | Sequence[Measured] | None,
+    part: Part | None,
+) -> None:
+    with aside("Sharpening"):
+        for band in blocks(len(pixels), BAND):
+            target[band] = pixels[band]
+    if settings.is_neutral:
+        return
+    _sharpen_into(target, pixels, settings, lead, known, part)
+    if weights is not None or settings.amount < 1.0:
+        with phase(1.0, 1.0, "Sharpening"):
+            mix(pixels, _times_amount(weights, settings.amount, pixels), target)
+
+
+def _times_amount(weights: npt.NDArray | None, amount: float, pixels: npt.NDArray) -> npt.NDArray:
+    if weights is None:
+        return np.broadcast_to(np.float64(amount), pixels.shape[:2])
+    return weights if amount == 1.0 else weights * amount
+
+
+def measured_each(
+    pixels: npt.NDArray,
+    lead: npt.NDArray | None,
+    settings: ImageSettings,
+    known: Measured | None = None,
+) -> tuple[Measured, ...]:
+    """Measure each group of channels; or the guide, and the image's borders beside it.
+
+    What is `known` is not measured, but for the latter.
+    """
+    scale = SCALES[pixels.dtype.name]
+    if lead is None:
+        groups = channel_groups(pixels.shape[2], settings)
+        return tuple(known or measured(pixels, channels, settings) for channels in groups)
+    channels, guides = _leading(pixels, lead, settings)
+    found = known or measured(lead, guides, settings)
+    return found, found._replace(borders=measure_borders(pixels, scale, channels))
+
+
+def _leading(
+    pixels: npt.NDArray, lead: npt.NDArray, settings: ImageSettings
+) -> tuple[Channels, Channels]:
+    # The channels that are filtered, and those of the guide that count.
+    (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
+    (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
+    return channels, guides
+
+
+def _sharpen_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    settings: ImageSettings,
+    lead: npt.NDArray | None,
+    known: Measured | Sequence[Measured] | None,
+    part: Part | None,
+) -> None:
+    # `target` holds a copy of the pixels.
+    thin = min(pixels.shape[:2]) < 2
+    if thin:  # a line of pixels is widened to have cells
+        pixels = _widened(pixels)
+        lead = None if lead is None else _widened(lead)
+        part = None  # lines are filtered as a whole
+    widened = pixels.copy() if thin else target
+    groups = channel_groups(pixels.shape[2], settings)
+    pixels = opacity_in_range(pixels, groups[0].alpha)
+    if lead is not None:
+        lead = opacity_in_range(lead, opacity_channel(lead.shape[2], "auto"))
+    found: Sequence[Measured] = ()
+    if settings.by_width:
+        with aside("Measuring borders"):
+            if known is None or isinstance(known, Measured):
+                found = measured_each(pixels, lead, settings, known)
+            else:
+                found = known
+    if lead is not None:
+        _follow_into(widened, pixels, lead, settings, found, part)
+        groups = []
+    for number, channels in enumerate(groups):
+        with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
+            if settings.by_width:
+                sharpen_by_width(pixels, channels, settings, widened, found[number], part)
+            else:
+                _flow_channels(pixels, channels, settings, widened, part)
+    if thin:
+        target[...] = widened[: target.shape[0], : target.shape[1]]
+
+
+def _widened(pixels: npt.NDArray) -> npt.NDArray:
+    twice = [max(2 // n, 1) for n in pixels.shape[:2]]
+    return np.repeat(np.repeat(pixels, twice[0], axis=0), twice[1], axis=1)
+
+
+def _follow_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    lead: npt.NDArray,
+    settings: ImageSettings,
+    found: Sequence[Measured],
+    part: Part | None,
+) -> None:
+    channels, guides = _leading(pixels, lead, settings)
+    if settings.by_width:
+        follow_by_width(lead, guides, pixels, channels, settings, target, found, part)
+        return
+    nearest = settings.sampling == "nearest"
+    with phase(0.0, 0.2, "Computing the flow"):
+        scale = SCALES[lead.dtype.name]
+        potential = image_potential(lead, scale, guides, settings.smoothing_passes)
+    with phase(0.2, 1.0, "Tracing flow-lines"):
+        keep_inside(
+            advect_pixels(
+                pixels, channels, potential, settings.time, target, nearest=nearest, part=part
+            )
+        )
+
+
+def opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
+    """Clip opacity, channel `alpha`: floats may leave [0, 1], but a weight must not."""
+    if alpha < 0 or pixels.dtype.kind == "u":
+        return pixels
+    opacity = pixels[..., alpha]
+    if opacity.min() >= 0 and opacity.max() <= 1:
+        return pixels
+    pixels = pixels.copy()
+    np.clip(opacity, 0.0, 1.0, out=pixels[..., alpha])
+    return pixels
+
+
+def _flow_channels(
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings,
+    target: npt.NDArray,
+    part: Part | None,
+) -> None:
+    scale = SCALES[pixels.dtype.name]
+    nearest = settings.sampling == "nearest"
+    passes = settings.smoothing_passes
+    durations = step_durations(settings)
+    if settings.scheme == "fixed":
+        with phase(0.0, 0.2, "Computing the flow"):
+            potential = image_potential(pixels, scale, channels, passes)
+        with phase(0.2, 1.0, "Tracing flow-lines"):
+            keep_inside(
+                advect_pixels(
+                    pixels, channels, potential, durations[0], target, nearest=nearest, part=part
+                )
+            )
+        return
+    # Whole numbers are not rounded between steps.
+    current = pixels.astype(np.float64 if pixels.dtype == np.float64 else np.float32)
+    with aside("Tracing flow-lines"):
+        spare = copied(current)
+        composed = settings.scheme == "composed"
+        traced = TracedPixels(*pixels.shape[:2]) if composed else None
+    margin = 0  # what a part lacks grows inwards with each step
+    for number, duration in enumerate(durations):
+        with phase(number / len(durations), (number + 1) / len(durations), "Sharpening"):
+            with phase(0.0, 0.4, "Computing the flow"):
+                potential = image_potential(current, scale, channels, passes)
+            margin += flow_reach(passes)
+            inner = part and part.without(margin)
+            if traced is not None:
+                with phase(0.4, 0.9, "Tracing flow-lines"):
+                    depths = traced.trace(potential, duration, inner)
+                with phase(0.9, 1.0, "Tracing flow-lines"):
+                    traced.read(pixels, channels, current, nearest=nearest)
+            else:
+                with phase(0.4, 1.0, "Tracing flow-lines"):
+                    depths = advect_pixels(
+                        current, channels, potential, duration, spare, nearest=nearest, part=inner
+                    )
+                current, spare = spare, current
+            margin += int(depths.max())
+    if part is not None:
+        part.without(margin)
+    for c in range(channels.start, channels.stop):
+        target[..., c] = np.rint(current[..., c]) if scale != 1.0 else current[..., c]

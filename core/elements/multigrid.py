@@ -1,0 +1,587 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Geometric multigrid on a sheet, with an exact solve along the seams (paper B, section 6).
+
+Every second node in both directions is a node of the next level. One sweep of Gauss-Seidel on the
+regular nodes, even rows, then odd ones (rows of one parity do not touch, so they run on all
+cores), and the exact solve of the block smooth the error; on the way up they come in reverse, so
+that the cycle is symmetric and conjugate gradients may use it. After an exact solve the block has
+no residual, and its values are about to be replaced by the next: only regular nodes take part in
+what goes between levels.
+
+Inside, vectors are (channels, n): rows become vector instructions, which takes half of the time.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, wait
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..atlas.sheet import ROWS
+from ..base.checks import Floats
+from ..base.parallel import begin, kernel, run, sum_kernel
+from ..base.progress import aside, phase
+from ..errors import SolverError
+from ..linear.cg import SolveReport
+from ..mesh.triangle_mesh import Ints
+from .coarsening import coarsened, prolong, restrict
+from .seam_block import SeamBlock
+from .sheet_matrix import (
+    BlockRows,
+    Runs,
+    SheetMatrix,
+    Singles,
+    block_rows,
+    inverse_diagonal,
+    kinds_of,
+    multiply_block,
+    multiply_rows,
+    runs_of,
+)
+
+DIRECT = 1500
+"""Most unknowns of a level that is solved directly as a whole."""
+
+LIMIT = 200
+"""Most iterations of conjugate gradients."""
+
+_ROUNDING = float(np.finfo(np.float32).eps)
+"""Residuals below this share of the solution come from its rounding: no solution is better."""
+
+_BLOCK = 1 << 12
+"""Numbers of unknowns that vectors are cut into; what is summed up is so block by block."""
+
+_GAP = 32
+"""Numbers of no unknown, between two of unknowns, that cost less than a gap."""
+
+NODES = 1 << 16
+"""Nodes that a thread gets at once: waking it takes as long as thousands of them."""
+
+
+class _Level(NamedTuple):
+    matrix: SheetMatrix
+    rows: BlockRows
+    block: SeamBlock
+    runs: Runs
+    inverse: Singles  # of the diagonal, 0 where there is no unknown
+
+    @property
+    def coarsest(self) -> bool:
+        return len(self.runs.columns) == 0
+
+
+class _Spans(NamedTuple):
+    # Runs of numbers that hold all unknowns, in blocks of `_BLOCK`: block k has those from start[k]
+    # on. And sums of the blocks, to be overwritten.
+    start: Ints
+    ranges: Ints
+    sums: Floats
+
+
+class _Vectors(NamedTuple):
+    x: Singles
+    b: Singles
+
+
+class SheetSolver:
+    """A matrix on a sheet with all that solving needs, for any number of right-hand sides.
+
+    Parameters
+    ----------
+    matrix : SheetMatrix
+    coarsen : bool
+        Without coarser levels there is smoothing alone: that is enough where the diagonal rules.
+
+    Raises
+    ------
+    SolverError
+        If the matrix is not positive definite.
+    """
+
+    def __init__(self, matrix: SheetMatrix, coarsen: bool = True) -> None:
+        self._kept: dict[int, list[_Vectors]] = {}
+        self._vectors: list[Singles] | None = None
+        parts: list[tuple[SheetMatrix, BlockRows, Runs, Singles]] = []
+        blocks: list[Future[SeamBlock]] = []
+        try:
+            while True:
+                done = min(0.2 * len(blocks), 0.9)
+                with phase(done, done, "Coarsening"):
+                    whole = int((matrix.labels >= 0).sum()) <= DIRECT
+                    kinds = kinds_of(matrix, whole)
+                    rows, number = block_rows(matrix, kinds)
+                    inverse = inverse_diagonal(matrix, kinds, rows)
+                    # Factoring takes one core, and nothing else of the set-up needs it.
+                    blocks.append(begin(SeamBlock, rows, number))
+                    parts.append((matrix, rows, runs_of(kinds), inverse))
+                    if len(parts[-1][2].columns) == 0 or not coarsen:
+                        break
+                    matrix = coarsened(matrix, kinds, rows, number)
+        finally:
+            wait(blocks)
+        self._levels = [
+            _Level(matrix, rows, block.result(), runs, inverse)
+            for (matrix, rows, runs, inverse), block in zip(parts, blocks, strict=True)
+        ]
+        self._spans = _spans_of(self._levels[0].inverse)
+
+    def apply(self, x: Singles, out: Singles) -> None:
+        """Put ``A x`` (n, c) into `out`; where there is no unknown, that stays as it is."""
+        flat, product = np.zeros(x.shape[::-1], np.float32), np.zeros(x.shape[::-1], np.float32)
+        self._run(_turn, x, flat)
+        self._multiply(flat, product)
+        self._run(_turn_back, self._levels[0].inverse, product, out)
+
+    def solve(
+        self,
+        rhs: Singles,
+        x: Singles,
+        tolerance: float = 1e-3,
+        limit: int = LIMIT,
+        message: str = "Solving",
+    ) -> SolveReport:
+        """Solve ``A x = rhs`` by conjugate gradients, all channels as one vector.
+
+        Parameters
+        ----------
+        rhs : (n, c) float32
+        x : (n, c) float32
+            Where to start, 0 where there is no unknown. The solution takes its place; where
+            there is no unknown, it stays. Whatever is raised, what is there can be started from.
+        tolerance : float
+            Wanted residual relative to the right-hand side, where each equation counts divided
+            by the root of its diagonal entry.
+        limit : int
+            Most iterations.
+        message : str
+            What is being solved, for people.
+
+        Returns
+        -------
+        report : SolveReport
+
+        Raises
+        ------
+        SolverError
+            If the matrix is not positive definite, the right-hand side is not finite, or the
+            tolerance is not reached within `limit` iterations, though single precision could.
+        """
+        with aside(message):
+            if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
+                self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(3)]
+            vectors = self._vectors
+            self._run(_turn, rhs, vectors[0])
+            scale = self._norm(vectors[0])
+            if not np.isfinite(scale):
+                raise SolverError("The right-hand side of the linear system is not finite.")
+            if scale == 0:
+                x[:] = 0.0
+                return SolveReport(0, 0.0, True)
+            relative, reachable = self._residual(rhs, x, vectors, scale)
+        iterations = 0
+        while relative > max(tolerance, reachable) and iterations < limit:
+            wanted = max(0.9 * tolerance / relative, 1e-7)
+            with phase(0.0, 1.0, message):
+                count, sound = self._conjugate_gradients(
+                    x, vectors, wanted, limit - iterations, message
+                )
+            iterations += count
+            with aside(message):
+                before = relative
+                relative, reachable = self._residual(rhs, x, vectors, scale)
+            if not sound or not relative <= 0.5 * before:
+                break
+        if not relative <= max(tolerance, reachable):
+            if not np.isfinite(relative):
+                x[:] = 0.0
+            raise SolverError(
+                "The linear solve stopped at a relative residual of {relative:.1e} after"
+                " {iterations} iterations ({tolerance:.1e} is needed).",
+                relative=relative,
+                iterations=iterations,
+                tolerance=tolerance,
+            )
+        return SolveReport(iterations, relative, True)
+
+    def cycle(self, b: Singles, x: Singles) -> None:
+        """Solve ``A x = b`` approximately by one V-cycle from zero: (c, n)."""
+        self._cycle(0, b, x, self._buffers(len(x)))
+
+    def relax(self, b: Singles, x: Singles) -> None:
+        """Bring `x` nearer to the solution of ``A x = b``, by one sweep over all: (c, n)."""
+        if len(self._levels[0].runs.columns):
+            self._sweep(0, b, x)
+        self._levels[0].block.solve(b, x)
+
+    def residual(self, b: Singles, x: Singles) -> float:
+        """Return the residual relative to `b`, as `solve` measures both: (c, n)."""
+        r = np.zeros_like(x)
+        self._multiply(x, r)
+        self._run(_subtract_from, self._levels[0].inverse, b.T, r)
+        return self._norm(r) / max(self._norm(b), 1e-30)
+
+    def _residual(
+        self, rhs: Singles, x: Singles, vectors: list[Singles], scale: float
+    ) -> tuple[float, float]:
+        # Puts it into the first vector, which holds the right-hand side as long as x is 0. Returns
+        # its size, and that which the rounding of x alone has.
+        r, flat, _ = vectors
+        self._run(_turn, x, flat)
+        size = self._norm(flat, solution=True)
+        if size > 0:
+            self._multiply(flat, r)
+            self._run(_subtract_from, self._levels[0].inverse, rhs, r)
+        return self._norm(r) / scale, _ROUNDING * size / scale
+
+    def _conjugate_gradients(
+        self, x: Singles, vectors: list[Singles], tolerance: float, limit: int, message: str
+    ) -> tuple[int, bool]:
+        # Returns the number of iterations, and whether the matrix behaved as a positive one.
+        r, z, p = vectors
+        inverse, sums = self._levels[0].inverse, self._spans.sums
+        first = self._norm(r)
+        before, done = 1.0, 0.0
+        for iteration in range(limit):
+            with phase(done, done, message):
+                self.cycle(r, z)
+                product = self._dot(r, z)
+                beta = np.float32(product / before if iteration else 0.0)
+                self._run(_direct, beta, z, p)
+                change = z  # whose values are not needed any more
+                self._multiply(p, change)
+                curvature = self._dot(p, change)
+                if not (curvature > 0 and product > 0):
+                    return iteration, False
+                alpha = np.float32(product / curvature)
+                self._run(_step, alpha, inverse, p, change, x, r, sums)
+                norm = float(np.sqrt(sums.sum()))
+                if not np.isfinite(norm):
+                    return iteration + 1, False
+            before = product
+            if norm <= tolerance * first:
+                break
+            # The residual falls roughly geometrically: progress is its logarithm.
+            fallen = float(np.log(norm / first) / np.log(tolerance))
+            done = min(max(done, (iteration + 1) / limit, fallen), 1.0)
+        return iteration + 1, True
+
+    def _cycle(self, depth: int, b: Singles, x: Singles, vectors: list[_Vectors]) -> None:
+        matrix, _, block, runs, inverse = self._levels[depth]
+        if self._levels[depth].coarsest:
+            block.solve(b, x)
+            return
+        height, width = matrix.labels.shape
+        pairs = (height + 1) // 2
+        chunk = max(NODES // (2 * width), 1)
+        chunks = -(-pairs // chunk)
+        smoother = runs, matrix.stencil, inverse, b, x
+        x[:, height * width :] = 0.0
+        run(_sweep_down, pairs, *smoother, chunk=chunk)
+        run(_sweep_between, chunks, chunk, False, *smoother)
+        block.solve(b, x)
+        if depth + 1 < len(self._levels):
+            coarse = vectors[depth]
+            run(restrict, height // 2 + 1, matrix.stencil, matrix.screen, runs, b, x, coarse.b,
+                chunk=chunk)  # fmt: skip
+            self._cycle(depth + 1, coarse.b, coarse.x, vectors)
+            run(prolong, height, runs, coarse.x, x, width, chunk=2 * chunk)
+            block.solve(b, x)
+        self._sweep(depth, b, x)
+
+    def _sweep(self, depth: int, b: Singles, x: Singles) -> None:
+        # Of the regular nodes, odd rows first.
+        matrix, _, _, runs, inverse = self._levels[depth]
+        height, width = matrix.labels.shape
+        pairs = (height + 1) // 2
+        chunk = max(NODES // (2 * width), 1)
+        smoother = runs, matrix.stencil, inverse, b, x
+        run(_sweep_up, pairs, *smoother, chunk=chunk)
+        run(_sweep_between, -(-pairs // chunk), chunk, True, *smoother)
+
+    def _multiply(self, x: Singles, out: Singles) -> None:
+        # A x at the unknowns: (c, n)
+        matrix, rows, _, runs, _ = self._levels[0]
+        run(multiply_rows, len(matrix.labels), matrix.stencil, matrix.screen, runs, x, out,
+            chunk=ROWS)  # fmt: skip
+        run(multiply_block, len(rows.unknowns), rows, x, out)
+
+    def _norm(self, values: Singles, solution: bool = False) -> float:
+        # Of a residual, or of a solution, in the unknowns in which the diagonal is 1.
+        sums = self._spans.sums
+        self._run(_add_squares, solution, self._levels[0].inverse, values, sums)
+        return float(np.sqrt(sums.sum()))
+
+    def _dot(self, u: Singles, v: Singles) -> float:
+        self._run(_add_products, u, v, self._spans.sums)
+        return float(self._spans.sums.sum())
+
+    def _run(self, function: Any, *arguments: Any) -> None:
+        # Over the blocks of vectors.
+        blocks = len(self._spans.sums)
+        run(function, blocks, self._spans, *arguments, chunk=max(blocks // 16, 1))
+
+    def _buffers(self, channels: int) -> list[_Vectors]:
+        # What the coarse levels need for some number of channels, kept.
+        if channels not in self._kept:
+            self._kept[channels] = [
+                _Vectors(
+                    *(np.zeros((channels, level.matrix.labels.size), np.float32) for _ in "xb")
+                )
+                for level in self._levels[1:]
+            ]
+        return self._kept[channels]
+
+
+def _spans_of(inverse: Singles) -> _Spans:
+    blocks = -(-len(inverse) // _BLOCK)
+    start = np.zeros(blocks + 1, dtype=np.int32)
+    run(_count_spans, blocks, inverse, start[1:], chunk=16)
+    np.cumsum(start, out=start)
+    ranges = np.zeros((start[-1], 2), dtype=np.int32)
+    run(_find_spans, blocks, inverse, start, ranges, chunk=16)
+    return _Spans(start, ranges, np.zeros(blocks))
+
+
+@sum_kernel
+def _sweep_down(start, stop, runs, stencil, inverse, b, x):
+    # Gauss-Seidel from zero: the even row of each pair, and then the odd one before, as long as
+    # both are near at hand; the last odd one is left to `_sweep_between`.
+    columns = stencil.shape[2]
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
+    for pair in range(start, stop):
+        y = 2 * pair
+        x[:, y * columns : min(y + 2, stencil.shape[1]) * columns] = 0
+        for k in range(runs.start[y], runs.start[y + 1]):
+            # Only the node before has a value.
+            first, last = runs.columns[k]
+            i = y * columns + first
+            n = last - first
+            behind = stencil[0, y, first - 1 : last - 1]
+            scale = inverse[i : i + n]
+            for u in range(n):
+                pull[u] = scale[u] * behind[u]
+            for j in range(x.shape[0]):
+                rhs = b[j, i : i + n]
+                row = rest[j]
+                for u in range(n):
+                    row[u] = scale[u] * rhs[u]
+            _recur(rest, pull[:n], x, i, False)
+        if pair > start:
+            _relax_row(y - 1, False, runs, stencil, inverse, b, x, rest, pull)
+
+
+@sum_kernel
+def _sweep_up(start, stop, runs, stencil, inverse, b, x):
+    # The reverse: the odd row of each pair, then the even one; the first of these is left.
+    columns = stencil.shape[2]
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
+    for pair in range(start, stop):
+        if 2 * pair + 1 < stencil.shape[1]:
+            _relax_row(2 * pair + 1, True, runs, stencil, inverse, b, x, rest, pull)
+        if pair > start:
+            _relax_row(2 * pair, True, runs, stencil, inverse, b, x, rest, pull)
+
+
+@sum_kernel
+def _sweep_between(start, stop, chunk, backward, runs, stencil, inverse, b, x):
+    # The rows that the sweeps over chunks of pairs left out.
+    columns = stencil.shape[2]
+    rest = np.empty((x.shape[0], columns), dtype=np.float32)
+    pull = np.empty(columns, dtype=np.float32)
+    for part in range(start, stop):
+        y = 2 * chunk * part
+        if not backward:
+            y = min(y + 2 * chunk, stencil.shape[1] + stencil.shape[1] % 2) - 1
+        if y < stencil.shape[1]:
+            _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull)
+
+
+@sum_kernel
+def _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull):
+    # First all but the node before, then that, one by one; `rest` and `pull` are scratch.
+    columns = stencil.shape[2]
+    side = 0 if backward else 1
+    for k in range(runs.start[y], runs.start[y + 1]):
+        first, last = runs.columns[k]
+        i = y * columns + first
+        n = last - first
+        ahead = stencil[0, y, first - 1 + side : last - 1 + side]
+        behind = stencil[0, y, first - side : last - side]
+        q = stencil[3, y - 1, first - 1 : last - 1]
+        c = stencil[2, y - 1, first:last]
+        d = stencil[1, y - 1, first + 1 : last + 1]
+        e = stencil[1, y, first:last]
+        f = stencil[2, y, first:last]
+        g = stencil[3, y, first:last]
+        scale = inverse[i : i + n]
+        for u in range(n):
+            pull[u] = scale[u] * behind[u]
+        for j in range(x.shape[0]):
+            beside = x[j, i - 1 + 2 * side : i - 1 + 2 * side + n]
+            upper = x[j, i - columns - 1 : i - columns + n + 1]
+            lower = x[j, i + columns - 1 : i + columns + n + 1]
+            rhs = b[j, i : i + n]
+            row = rest[j]
+            for u in range(n):
+                total = rhs[u] - ahead[u] * beside[u]
+                total -= q[u] * upper[u] + c[u] * upper[u + 1] + d[u] * upper[u + 2]
+                total -= e[u] * lower[u] + f[u] * lower[u + 1] + g[u] * lower[u + 2]
+                row[u] = scale[u] * total
+        _recur(rest, pull[:n], x, i, backward)
+
+
+@sum_kernel
+def _recur(rest, pull, x, i, backward):
+    # Nodes of a run from number i on, one by one, each from the one before. Each waits for the
+    # last: three channels side by side take no longer than one.
+    n = len(pull)
+    before = i + n if backward else i - 1
+    j = 0
+    while j < x.shape[0]:
+        if j + 2 < x.shape[0]:
+            one, two, three = x[j, before], x[j + 1, before], x[j + 2, before]
+            here_one, here_two = x[j, i : i + n], x[j + 1, i : i + n]
+            here_three = x[j + 2, i : i + n]
+            rest_one, rest_two, rest_three = rest[j], rest[j + 1], rest[j + 2]
+            if backward:
+                for u in range(n - 1, -1, -1):
+                    one = rest_one[u] - pull[u] * one
+                    two = rest_two[u] - pull[u] * two
+                    three = rest_three[u] - pull[u] * three
+                    here_one[u], here_two[u], here_three[u] = one, two, three
+            else:
+                for u in range(n):
+                    one = rest_one[u] - pull[u] * one
+                    two = rest_two[u] - pull[u] * two
+                    three = rest_three[u] - pull[u] * three
+                    here_one[u], here_two[u], here_three[u] = one, two, three
+            j += 3
+        else:
+            one = x[j, before]
+            here, row = x[j, i : i + n], rest[j]
+            if backward:
+                for u in range(n - 1, -1, -1):
+                    one = row[u] - pull[u] * one
+                    here[u] = one
+            else:
+                for u in range(n):
+                    one = row[u] - pull[u] * one
+                    here[u] = one
+            j += 1
+
+
+@kernel
+def _count_spans(start, stop, inverse, counts):
+    for block in range(start, stop):
+        last = -1
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(inverse))):
+            if inverse[i] > 0:
+                counts[block] += last < 0 or i > last + _GAP
+                last = i
+
+
+@kernel
+def _find_spans(start, stop, inverse, starts, ranges):
+    for block in range(start, stop):
+        k = starts[block] - 1
+        for i in range(block * _BLOCK, min((block + 1) * _BLOCK, len(inverse))):
+            if inverse[i] > 0:
+                if k < starts[block] or i >= ranges[k, 1] + _GAP:
+                    k += 1
+                    ranges[k, 0] = i
+                ranges[k, 1] = i + 1
+
+
+@kernel
+def _turn(start, stop, spans, values, out):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(values.shape[1]):
+            row = out[j, first:last]
+            part = values[first:last, j]
+            for i in range(len(row)):
+                row[i] = part[i]
+
+
+@kernel
+def _turn_back(start, stop, spans, inverse, values, out):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(out.shape[1]):
+            row = values[j, first:last]
+            part = out[first:last, j]
+            for i in range(len(row)):
+                if inverse[first + i] > 0:
+                    part[i] = row[i]
+
+
+@kernel
+def _subtract_from(start, stop, spans, inverse, rhs, product):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(rhs.shape[1]):
+            row = product[j, first:last]
+            part = rhs[first:last, j]
+            for i in range(len(row)):
+                row[i] = part[i] - row[i] if inverse[first + i] > 0 else np.float32(0)
+
+
+@sum_kernel
+def _add_squares(start, stop, spans, solution, inverse, values, sums):
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            scale = inverse[first:last]
+            for j in range(values.shape[0]):
+                row = values[j, first:last]
+                for i in range(len(row)):
+                    square = np.float64(row[i]) * row[i]
+                    if not solution:
+                        total += square * scale[i]
+                    elif scale[i] > 0:
+                        total += square / scale[i]
+        sums[block] = total
+
+
+@sum_kernel
+def _add_products(start, stop, spans, u, v, sums):
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            for j in range(len(u)):
+                one = u[j, first:last]
+                other = v[j, first:last]
+                for i in range(len(one)):
+                    total += np.float64(one[i]) * other[i]
+        sums[block] = total
+
+
+@sum_kernel
+def _direct(start, stop, spans, beta, z, p):
+    for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
+        for j in range(len(p)):
+            one = z[j, first:last]
+            row = p[j, first:last]
+            if beta == 0:
+                row[:] = one
+                continue
+            for i in range(len(row)):
+                row[i] = one[i] + beta * row[i]
+
+
+@sum_kernel
+def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
+    # Along the direction p; sums up the squares of the new residual.
+    for block in range(start, stop):
+        total = 0.0
+        for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
+            scale = inverse[first:last]
+            for j in range(len(p)):
+                way, change = p[j, first:last], q[j, first:last]
+                solution, residual = x[first:last, j], r[j, first:last]
+                for i in range(len(way)):
+                    solution[i] += alpha * way[i]
+                    value = residual[i] - alpha * change[i]
+                    residual[i] = value
+                    total += np.float64(value) * value * scale[i]
+        sums[block] = total

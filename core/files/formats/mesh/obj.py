@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""OBJ files, rewritten line by line."""
+
+from __future__ import annotations
+
+import re
+from codecs import BOM_UTF8
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+
+from ....errors import InvalidMesh
+from ...document import (
+    NEW_NORMALS,
+    Bools,
+    Floats,
+    InPlaceDocument,
+    Ints,
+    Names,
+    decimal,
+    renewed_normals,
+)
+from ...side_files import are_beside, copy_beside, find, is_absolute, located
+
+_LARGEST_LIBRARY = 1 << 26  # bytes of a file of materials, which holds no images
+_LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
+_IMAGES = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(\S.*)", re.IGNORECASE)
+
+
+class ObjFile(InPlaceDocument):
+    """An OBJ file as lines; only `v` lines of changed vertices and the normals are rewritten."""
+
+    def __init__(self, path: Path) -> None:
+        data = path.read_bytes()
+        self._mark = BOM_UTF8 if data.startswith(BOM_UTF8) else b""
+        text = re.sub(rb"\\\r?\n", b" ", data.removeprefix(BOM_UTF8))
+        self.path = path
+        self._is_beside = True
+        self.lines = text.splitlines(keepends=True)
+        self._vertex_lines: list[int] = []
+        self._normal_lines: list[int] = []
+        self._face_lines: list[int] = []
+        corners: list[tuple[int, int]] = []  # vertex and normal of each corner, -1 for none
+        sizes, parts, part = [], [], 0
+        for number, line in enumerate(self.lines):
+            word, rest = [*line.split(None, 1), b"", b""][:2]
+            if word == b"v":
+                self._vertex_lines.append(number)
+            elif word == b"vn":
+                self._normal_lines.append(number)
+            elif word == b"o":
+                part += 1
+            elif word == b"f":
+                tokens = rest.partition(b"#")[0].split()
+                self._face_lines.append(number)
+                corners += map(self._corner, tokens)
+                sizes.append(len(tokens))
+                parts.append(part)
+        self.vertices = self._numbers(self._vertex_lines)
+        self._normal_values = self._numbers(self._normal_lines)
+        self._corners = np.array(corners, dtype=np.int64).reshape(-1, 2)
+        self._triangles, self._owners = _fans(np.array(sizes, dtype=np.int64))
+        self.faces = self._corners[self._triangles, 0]
+        self.parts = np.array(parts, dtype=np.int64)[self._owners]
+        normals = self._corners[:, 1]
+        if normals.min(initial=-1) < -1 or normals.max(initial=-1) >= len(self._normal_values):
+            raise InvalidMesh(f"{path}: a face names a normal that is not there; repair the file.")
+
+    def _corner(self, token: bytes) -> tuple[int, int]:
+        fields = token.split(b"/")
+        vertex = int(fields[0])
+        vertex += len(self._vertex_lines) if vertex < 0 else -1
+        normal = int(fields[2]) if len(fields) == 3 and fields[2] else 0
+        normal += len(self._normal_lines) if normal < 0 else -1
+        return vertex, normal
+
+    def _numbers(self, lines: list[int]) -> Floats:
+        rows = [[float(word) for word in self.lines[n].split()[1:4]] for n in lines]
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+    def own_files(self, target: Path) -> Collection[str]:
+        self._is_beside = are_beside(self.path, target)
+        return ()
+
+    def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        lines = self._with_words(slice(1, 4), positions, np.flatnonzero(moved))
+        fresh = bool(moved.any() and (self._corners[:, 1] >= 0).any())
+        if fresh:
+            self._renew_normals(lines, positions)
+        return [*self._write(path, lines), *[NEW_NORMALS] * fresh]
+
+    def _write(self, path: Path, lines: list[bytes]) -> list[str]:
+        if not self._is_beside:
+            lines = _with_relative_names(self.path.parent, lines, _LIBRARIES)
+        path.write_bytes(self._mark + b"".join(lines))
+        return _copy_materials(self.path, self.lines, path, self._is_beside)
+
+    def read_back(self, path: Path) -> Floats:
+        count, vertices = look_through(path)
+        if count != len(self._face_lines):
+            raise ValueError("fewer faces")
+        return vertices
+
+    def _with_words(self, place: slice, values: Floats, vertices: Ints) -> list[bytes]:
+        """The lines, with values in place of some words in those of these vertices."""
+        lines = list(self.lines)
+        for vertex in vertices:
+            number = self._vertex_lines[vertex]
+            words, end = lines[number].split(), lines[number][len(lines[number].rstrip(b"\r\n")) :]
+            words[place] = [decimal(values[vertex])]
+            lines[number] = b" ".join(words) + end
+        return lines
+
+    def read_colors(self) -> Floats:
+        """The numbers after the position, of vertices that have three or more there."""
+        colors = np.full_like(self.vertices, np.nan)
+        for vertex, line in enumerate(self._vertex_lines):
+            words = self.lines[line].partition(b"#")[0].split()[4:7]
+            if len(words) == 3:
+                colors[vertex] = [float(word) for word in words]
+        return colors
+
+    def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
+        old = self.read_colors()
+        changed = np.flatnonzero(((colors != old) & np.isfinite(old)).any(axis=1))
+        lines = self._with_words(slice(4, 7), colors, changed)
+        return len(changed), self._write(path, lines)
+
+    def read_uvs(self) -> tuple[Floats, Names]:
+        values = [[np.nan, np.nan]]  # what corners without one point to
+        corners: list[int] = []
+        materials, material = [], ""
+        for line in self.lines:
+            words = line.partition(b"#")[0].split()
+            if words[:1] == [b"vt"]:
+                values.append([float(word) for word in [*words[1:3], b"0"][:2]])
+            elif words[:1] == [b"usemtl"]:
+                material = b" ".join(words[1:]).decode("utf-8", "replace")
+            elif words[:1] == [b"f"]:
+                fields = [word.split(b"/") for word in words[1:]]
+                numbers = [int(field[1]) if len(field) > 1 and field[1] else 0 for field in fields]
+                corners += [n + len(values) if n < 0 else n for n in numbers]
+                materials.append(material)
+        if min(corners) < 0 or max(corners) >= len(values):
+            raise InvalidMesh(
+                f"{self.path}: a face names a texture coordinate that is not there; repair the"
+                " file."
+            )
+        uv = np.array(values)[np.array(corners)[self._triangles]]
+        return uv, np.array(materials)[self._owners]
+
+    def _renew_normals(self, lines: list[bytes], positions: Floats) -> None:
+        # Corners that shared a vertex and a normal share it again: hard edges stay hard.
+        pairs, keys = np.unique(self._corners, axis=0, return_inverse=True)
+        keys = keys.reshape(-1)
+        old = np.where(pairs[:, 1:] >= 0, self._normal_values[pairs[:, 1]], 0.0)
+        values = renewed_normals(positions, self.faces, keys[self._triangles], old)
+        given = pairs[:, 1] >= 0
+        number = np.cumsum(given)
+        for line in self._normal_lines:
+            lines[line] = b""
+        key = iter(keys)
+        for line in self._face_lines:
+            body, mark, comment = lines[line].partition(b"#")
+            tokens = body.split()[1:]
+            end = b" " + mark + comment if mark else body[len(body.rstrip()) :]
+            for k, token in enumerate(tokens):
+                corner = next(key)
+                if given[corner]:
+                    tokens[k] = b"%b/%d" % (token.rpartition(b"/")[0], number[corner])
+            lines[line] = b" ".join([b"f", *tokens]) + end
+        first = self._face_lines[0]
+        block = b"".join(b"vn " + decimal(value) + b"\n" for value in values[given])
+        lines[first] = block + lines[first]
+
+
+def _fans(sizes: Ints) -> tuple[Ints, Ints]:
+    """Cut polygons into fans: corner numbers (t, 3), and the polygon of each triangle."""
+    counts = np.maximum(sizes - 2, 0)
+    owner = np.repeat(np.arange(len(sizes)), counts)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = (np.cumsum(sizes) - sizes)[owner]
+    return np.column_stack([first, first + step + 1, first + step + 2]), owner
+
+
+def look_through(path: Path) -> tuple[int, Floats]:
+    """Count faces and read positions: reading what the faces are takes longer than all else."""
+    data = path.read_bytes().removeprefix(BOM_UTF8)
+    lines = [line.lstrip() for line in data.splitlines()]
+    vertices = [line for line in lines if line[:2] in (b"v ", b"v\t")]
+    count = sum(line[:2] in (b"f ", b"f\t") for line in lines)
+    return count, np.loadtxt(vertices, usecols=(1, 2, 3), ndmin=2)
+
+
+def material_files(folder: Path, lines: list[bytes]) -> list[str]:
+    """Names of the files of materials that the lines of an OBJ file name."""
+    return _named_files(folder, lines, _LIBRARIES)
+
+
+def _copy_materials(source: Path, lines: list[bytes], stage: Path, is_beside: bool) -> list[str]:
+    """Copy the material files that an OBJ names, and their textures, beside its copy.
+
+    Where that is in another folder, absolute names in them become relative.
+    """
+    libraries = material_files(source.parent, lines)
+    images: list[str] = []
+    for library in libraries:
+        path = find(source.parent, library)
+        if path is not None and path.stat().st_size < _LARGEST_LIBRARY:
+            words = path.read_bytes().splitlines()
+            images += _named_files(source.parent, words, _IMAGES)
+    copies, notes = copy_beside(source, libraries + images, stage)
+    for library in libraries if not is_beside else ():
+        copy = stage.parent / (located(source.parent, library) or "")
+        if copy in copies and copy.stat().st_size < _LARGEST_LIBRARY:
+            old = copy.read_bytes().splitlines(keepends=True)
+            copy.write_bytes(b"".join(_with_relative_names(source.parent, old, _IMAGES)))
+    return notes
+
+
+def _named_files(folder: Path, lines: list[bytes], keyword: re.Pattern[bytes]) -> list[str]:
+    named = (_named_file(folder, line, keyword) for line in lines)
+    return sorted({name[0].decode("utf-8", "replace") for name in named if name})
+
+
+def _named_file(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> tuple[bytes, int] | None:
+    """The name of a file in a line, and where it begins.
+
+    A name may hold spaces, and options may stand before it: the whole rest if there is such a
+    file, else the last word.
+    """
+    match = keyword.match(line)
+    if match is None:
+        return None
+    name = match[1].rstrip()
+    if find(folder, name.decode("utf-8", "replace")) is None:
+        name = name.split()[-1]
+    return name, match.start(1) + match[1].rindex(name)
+
+
+def _with_relative_names(
+    folder: Path, lines: list[bytes], keyword: re.Pattern[bytes]
+) -> list[bytes]:
+    """Lines in which files below a folder are named as seen from it."""
+    result = []
+    for line in lines:
+        named = _named_file(folder, line, keyword)
+        if named and is_absolute(named[0].decode("utf-8", "replace")):
+            name, start = named
+            place = located(folder, name.decode("utf-8", "replace"))
+            if place is not None:
+                line = line[:start] + str(place).encode() + line[start + len(name) :]
+        result.append(line)
+    return result

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""PLY files, rewritten in place: text and binary."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....errors import ShockError
+from ...document import (
+    NEW_NORMALS,
+    NO_FACES,
+    Bools,
+    Floats,
+    InPlaceDocument,
+    Names,
+    decimal,
+    from_unit,
+    renewed_vertex_normals,
+    stored,
+    to_unit,
+)
+from .trimesh import load_scene
+
+_PLY_TYPES = {
+    **dict.fromkeys(("char", "int8"), "i1"),
+    **dict.fromkeys(("uchar", "uint8"), "u1"),
+    **dict.fromkeys(("short", "int16"), "i2"),
+    **dict.fromkeys(("ushort", "uint16"), "u2"),
+    **dict.fromkeys(("int", "int32"), "i4"),
+    **dict.fromkeys(("uint", "uint32"), "u4"),
+    **dict.fromkeys(("float", "float32"), "f4"),
+    **dict.fromkeys(("double", "float64"), "f8"),
+}
+_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
+_COLORS = (
+    ("red", "green", "blue"),
+    ("diffuse_red", "diffuse_green", "diffuse_blue"),
+    ("r", "g", "b"),
+)
+_UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+
+
+class PlyFile(InPlaceDocument):
+    """A PLY file as bytes; only positions and normals of its vertices, or colors, are rewritten."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._table = PlyVertices(path)
+        meshes = list(load_scene(path)[0].geometry.values())
+        self.vertices = self._table.columns("x", "y", "z")
+        self.faces = np.vstack([NO_FACES, *(getattr(mesh, "faces", NO_FACES) for mesh in meshes)])
+        self.parts = np.zeros(len(self.faces), dtype=np.int64)
+
+    def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        for axis, column in zip("xyz", positions.T, strict=True):
+            stored(column, self._table.kind(axis))
+        changes = {"x": positions[:, 0], "y": positions[:, 1], "z": positions[:, 2]}
+        normals = ("nx", "ny", "nz")
+        fresh = bool(moved.any() and set(normals) <= set(self._table.names))
+        if fresh:
+            old = self._table.columns(*normals)
+            new = renewed_vertex_normals(self.vertices, positions, self.faces, old)
+            changes |= dict(zip(normals, new.T, strict=True))
+        path.write_bytes(self._table.rewritten(changes))
+        return [NEW_NORMALS] * fresh
+
+    def read_back(self, path: Path) -> Floats:
+        table = PlyVertices(path)
+        if table.rest() != self._table.rest():
+            raise ValueError("other faces")
+        return table.columns("x", "y", "z")
+
+    def _color_names(self) -> tuple[str, ...]:
+        named = (names for names in _COLORS if set(names) <= set(self._table.names))
+        return next(named, ())
+
+    def read_colors(self) -> Floats:
+        names = self._color_names()
+        if not names:
+            return np.full_like(self.vertices, np.nan)
+        return np.column_stack([self._table.weights(name) for name in names])
+
+    def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
+        names = self._color_names()
+        old = self._table.columns(*names)
+        kinds = [self._table.kind(name) for name in names]
+        new = [from_unit(column, kind) for column, kind in zip(colors.T, kinds, strict=True)]
+        path.write_bytes(self._table.rewritten(dict(zip(names, new, strict=True))))
+        differs = (np.column_stack(new) != old) & np.isfinite(colors)
+        return int(differs.any(axis=1).sum()), []
+
+    def read_uvs(self) -> tuple[Floats, Names]:
+        materials = np.full(len(self.faces), "")
+        for names in _UVS:
+            if set(names) <= set(self._table.names):
+                return self._table.columns(*names)[self.faces], materials
+        # Those of faces: trimesh splits the vertices for them, but keeps the faces' order.
+        blocks = [np.empty((0, 3, 2))]
+        for mesh in load_scene(self._path, fix_texture=True)[0].geometry.values():
+            uv = getattr(mesh.visual, "uv", None)
+            none = np.full((len(mesh.faces), 3, 2), np.nan)
+            blocks.append(none if uv is None else np.asarray(uv)[mesh.faces])
+        return np.concatenate(blocks), materials
+
+
+class PlyVertices:
+    """The vertex table of a PLY file, binary or text."""
+
+    def __init__(self, path: Path) -> None:
+        self._data = path.read_bytes()
+        head = re.match(rb"ply\s.*?^end_header[ \t\r]*\n", self._data, re.DOTALL | re.MULTILINE)
+        if not head:
+            raise ShockError(f"{path} is not a PLY file; its header is missing or damaged.")
+        lines = [line.split() for line in head[0].decode("latin-1").splitlines()]
+        try:
+            encoding = next(words[1] for words in lines if words[:1] == ["format"])
+            elements = _ply_elements(lines)
+        except (IndexError, StopIteration) as error:
+            raise ValueError("a line of the header is missing or too short") from error
+        if encoding not in _ORDERS:
+            raise ValueError(f"its format is {encoding}")
+        self._is_text = encoding == "ascii"
+        order = _ORDERS[encoding]
+        self._start = head.end()  # of the vertices, in bytes
+        self._row = 0  # of the first vertex, in lines of text after the header
+        self._least = sum(count for _, count, _ in elements)  # lines of text
+        for element, count, properties in elements:
+            if not self._is_text and any(kind == "list" for _, kind in properties):
+                raise ShockError(f"{path}: lists before or in the vertices are not handled.")
+            fields = [(name, order + _PLY_TYPES.get(kind, "V")) for name, kind in properties]
+            self._dtype, self._count = np.dtype(fields), count
+            if element == "vertex":
+                break
+            self._row += count
+            self._start += 0 if self._is_text else count * self._dtype.itemsize
+        else:
+            raise ShockError(f"{path} has no vertices; save it as a mesh.")
+        self.names = self._dtype.names or ()
+        self._values = self._read()
+
+    def _read(self) -> Any:
+        if not self._is_text:
+            return np.frombuffer(self._data, self._dtype, self._count, self._start)
+        self._lines = self._data[self._start :].splitlines(keepends=True)
+        if len(self._lines) < self._least:
+            raise ValueError("fewer lines than its header says")
+        rows = [line.split() for line in self._lines[self._row : self._row + self._count]]
+        return dict(zip(self.names, np.array(rows).T, strict=True))
+
+    def rest(self) -> bytes:
+        """What stands behind the vertices."""
+        if not self._is_text:
+            return self._data[self._start + self._values.nbytes :]
+        return b"".join(self._lines[self._row + self._count :])
+
+    def columns(self, *names: str) -> Floats:
+        """The named properties as columns."""
+        return np.column_stack([self._values[name].astype(np.float64) for name in names])
+
+    def weights(self, name: str) -> Floats:
+        """A property as numbers from 0 to 1, whole numbers as parts of their type's maximum."""
+        return to_unit(self.columns(name)[:, 0], self.kind(name))
+
+    def kind(self, name: str) -> np.dtype[Any]:
+        """The type of a property."""
+        return self._dtype[name]
+
+    def rewritten(self, changes: dict[str, Floats]) -> bytes:
+        """The whole file with other values in some columns; equal values keep their bytes."""
+        if not self._is_text:
+            table = self._values.copy()
+            for name, values in changes.items():
+                table[name] = values
+            return b"".join([self._data[: self._start], table.tobytes(), self.rest()])
+        lines = list(self._lines)
+        new = np.column_stack(list(changes.values()))
+        places = [self.names.index(name) for name in changes]
+        for row in np.flatnonzero((new != self.columns(*changes)).any(axis=1)):
+            line = lines[self._row + row]
+            words = line.split()
+            for place, value in zip(places, new[row], strict=True):
+                words[place] = decimal([value])
+            lines[self._row + row] = b" ".join(words) + line[len(line.rstrip()) :]
+        return self._data[: self._start] + b"".join(lines)
+
+
+def _ply_elements(header: list[list[str]]) -> list[tuple[str, int, list[tuple[str, str]]]]:
+    """Elements as (name, count, [(property, type)]); the type of a list is "list"."""
+    elements: list[tuple[str, int, list[tuple[str, str]]]] = []
+    for words in header:
+        if words[:1] == ["element"]:
+            elements.append((words[1], int(words[2]), []))
+        elif words[:1] == ["property"]:
+            elements[-1][2].append((words[-1], words[1]))
+    return elements

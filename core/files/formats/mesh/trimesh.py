@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files read by trimesh, to be written in another format."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import os
+import re
+from codecs import BOM_UTF8
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....errors import ShockError
+from ....mesh.weld import weld
+from ...document import Bools, Document, Floats, Ints, is_invertible, joined, stored, transformed
+from ...reading import needed, writing
+from ...side_files import Resolver
+from ...staging import within
+from .contents import REPLACED, contents, polygon_count
+from .gltf_tree import densified, read_tree
+from .obj import look_through
+
+ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
+
+_DOUBLE = (".obj", ".off")  # all others hold 32 bits
+_LONGEST = 100  # letters of a material's name in that of a file
+
+
+def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
+    """Read a file, and what is to be said of others that it names.
+
+    `fix_texture` has PLY files split vertices that have several coordinates.
+    """
+    trimesh = needed("trimesh", path)
+    options: dict[str, Any] = {}
+    if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
+        options = {"fix_texture": fix_texture, "skip_materials": True}
+    known: dict[str, bytes] = {}
+    data = _readable(path)
+    file: Any = path if data is None else io.BytesIO(data)
+    ending = path.suffix[1:].lower()
+    if path.suffix.lower() in (".glb", ".gltf"):
+        tree, buffers = read_tree(path)
+        uris = [buffer.get("uri") for buffer in tree.get("buffers", [])]
+        known = {uri: bytes(data) for uri, data in zip(uris, buffers, strict=True) if uri}
+        dense = densified(tree, buffers)
+        if dense is not None:
+            ending, file = "gltf", io.BytesIO(dense)
+    resolver = Resolver(path, known)
+    options |= {"resolver": resolver, "file_type": ending}
+    scene = trimesh.load_scene(file, process=False, **options)
+    for mesh in scene.geometry.values():
+        uv = getattr(getattr(mesh, "visual", None), "uv", None)
+        if uv is not None and np.shape(uv)[1] < 2:
+            raise ValueError("texture coordinates of one number")
+    return scene, resolver.notes()
+
+
+def _readable(path: Path) -> bytes | None:
+    """A file's contents in UTF-8, which trimesh wants; None if they are so already."""
+    ending, data = path.suffix.lower(), path.read_bytes()
+    if ending == ".ply":  # letters stand in comments of the header
+        end = data.find(b"end_header") + 1
+        return None if data[:end].isascii() else _to_ascii(data[:end]) + data[end:]
+    if ending == ".stl":
+        count = int.from_bytes(data[80:84], "little")
+        if len(data) == 84 + 50 * count:
+            return None  # binary
+        if b"facet" not in data.lower():
+            raise ValueError("neither text nor as long as its header says")
+    elif ending not in (".obj", ".off"):
+        return None
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1").encode()
+    return data.removeprefix(BOM_UTF8) if data.startswith(BOM_UTF8) else None
+
+
+def _to_ascii(data: bytes) -> bytes:
+    return data.decode("latin-1").encode("ascii", "replace")
+
+
+class SceneFile(Document):
+    """Any file that trimesh reads, to be written in another format; triangles only."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._scene, self._notes = load_scene(path)
+        self._meshes: list[tuple[Any, Floats, slice]] = []
+        blocks: list[Floats] = []
+        faces: list[Ints] = []
+        first = 0
+        for name, mesh in list(self._scene.geometry.items()):
+            if not len(getattr(mesh, "vertices", ())):
+                self._scene.delete_geometry(name)  # some formats would get a line of nothing
+            if not len(getattr(mesh, "faces", ())):
+                continue
+            if path.suffix.lower() == ".stl":  # it repeats a vertex in each of its triangles
+                representatives, index = weld(np.asarray(mesh.vertices))
+                mesh.faces, mesh.vertices = index[mesh.faces], mesh.vertices[representatives]
+            matrix = self._matrix(name)
+            blocks.append(transformed(np.asarray(mesh.vertices), matrix))
+            faces.append(mesh.faces + first)
+            self._meshes.append((mesh, matrix, slice(first, first + len(blocks[-1]))))
+            first += len(blocks[-1])
+        self.vertices, self.faces, self.parts = joined(blocks, faces, list(range(len(faces))))
+
+    def _matrix(self, name: str) -> Floats:
+        """From a mesh's own space to that of the scene, where the mesh first stands and is seen."""
+        nodes = self._scene.graph.geometry_nodes[name]
+        matrices = [self._scene.graph[node][0] for node in nodes] or [np.eye(4)]
+        found = next(filter(is_invertible, matrices), None)
+        if found is None:
+            raise ShockError(
+                f"{self._path}: {name} is scaled to 0, so that nothing of it is seen; set its"
+                " scale, or remove it."
+            )
+        return found
+
+    def read_back(self, path: Path) -> None:
+        if path.suffix.lower() == ".obj":
+            count, vertices = look_through(path)
+        else:
+            written = SceneFile(path)
+            count, vertices = len(written.faces), written.vertices
+        if count < len(self.faces) or not np.isfinite(vertices).all():
+            raise ValueError("fewer faces")
+
+    def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
+        if path.suffix.lower() not in _DOUBLE:
+            stored(positions, np.dtype(np.float32))
+        for mesh, matrix, rows in self._meshes:
+            vertices = np.array(mesh.vertices)
+            back = transformed(positions[rows][moved[rows]], np.linalg.inv(matrix))
+            vertices[moved[rows]] = back
+            mesh.vertices = vertices  # trimesh forgets stale normals by this
+        with writing(path):
+            _export(self._scene, path)
+            return self._losses(path)
+
+    def _losses(self, written: Path) -> list[str]:
+        notes = list(self._notes)
+        polygons = polygon_count(self._path)
+        if polygons is not None and polygons < len(self.faces):
+            notes.append("polygons were cut into triangles")
+        elif polygons is not None and polygons > len(self.faces):
+            notes.append(f"of {polygons} polygons, {len(self.faces)} could be read")
+        lost = sorted(contents(self._path) - (contents(written) - REPLACED))
+        if lost:
+            notes.append(f"{written.suffix} files written here lack {', '.join(lost)}")
+        return notes
+
+
+def _export(scene: Any, path: Path) -> None:
+    ending = path.suffix.lower()
+    if ending in (".glb", ".gltf"):
+        scene.export(path, **({"embed_buffers": True} if ending == ".gltf" else {}))
+    elif ending == ".obj":
+        _export_obj(scene, path)
+    elif ending == ".off":
+        scene.to_mesh().export(path, digits=17)
+    else:
+        scene.to_mesh().export(path)
+
+
+def _export_obj(scene: Any, path: Path) -> None:
+    """Write an OBJ file, its materials and images, all named after it, so that they meet no others.
+
+    The names of the images come with the file, as those of its materials.
+    """
+    library = f"{path.name}.mtl"
+    options = {"digits": 12, "mtl_name": library, "return_texture": True}
+    text, files = scene.export(file_type="obj", **options)
+    path.write_bytes(text.encode())
+    names: dict[str, str] = {}
+    for name in files:
+        names[name] = library if name == library else _own_name(path, name, names.values())
+    for name, data in files.items():
+        if name == library:
+            data = _with_names(data, names)
+        within(path.parent, names[name]).write_bytes(data)
+
+
+def _own_name(path: Path, name: str, taken: Collection[str]) -> str:
+    """A name for an image, without what leads to other folders or is long."""
+    stem, ending = os.path.splitext(re.sub(r"[^\w.\- ]", "_", name).strip())
+    tries = (f"{path.name}.{stem[-_LONGEST:]}{n or ''}{ending}" for n in itertools.count())
+    return next(own for own in tries if own not in taken)
+
+
+def _with_names(data: bytes, names: dict[str, str]) -> bytes:
+    lines = data.decode("utf-8").split("\n")
+    for number, line in enumerate(lines):
+        word, _, name = line.partition(" ")
+        if word == "map_Kd" and name in names:
+            lines[number] = f"{word} {names[name]}"
+    return "\n".join(lines).encode()

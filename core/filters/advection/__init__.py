@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
-"""Flows as moving textures: Lagrangian-Eulerian advection of noise and dye (paper D)."""

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A patch of a large image, to preview on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy.typing as npt
+
+from ..host.inputs import Denoising, HostImage
+
+_MARGIN = 16
+"""Most pixels around a patch that are filtered with it and not shown: they lack neighbors."""
+
+_REACHED = 6_000_000
+"""Pixels that kernels reach in about a quarter of a second."""
+
+_MADE = 500_000
+"""Pixels that are enlarged and sharpened in that time."""
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of an image, or all of it.
+
+    Attributes
+    ----------
+    image : HostImage
+        What is filtered.
+    rows, columns : slice
+        What of it is shown.
+    corner : tuple of int
+        The column and the row of the whole image that are the part's first.
+    whole : tuple of int
+        Width and height of the whole image.
+    """
+
+    image: HostImage
+    rows: slice
+    columns: slice
+    corner: tuple[int, int]
+    whole: tuple[int, int]
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, bottom, right and top of what is shown, in parts of the whole image."""
+        (left, bottom), (width, height) = self.corner, self.whole
+        return (
+            (left + self.columns.start) / width,
+            (bottom + self.rows.start) / height,
+            (left + self.columns.stop) / width,
+            (bottom + self.rows.stop) / height,
+        )
+
+    @property
+    def is_all(self) -> bool:
+        """Whether nothing was cut off."""
+        return self.box == (0.0, 0.0, 1.0, 1.0)
+
+    def shown(self, pixels: npt.NDArray) -> npt.NDArray:
+        """Return what is shown of the filtered pixels, which may be enlarged."""
+        times = len(pixels) // len(self.image.pixels)
+        rows, columns = (
+            slice(times * each.start, times * each.stop) for each in (self.rows, self.columns)
+        )
+        return pixels[rows, columns]
+
+    def shrunk(self, place: tuple[float, float], size: float) -> Crop:
+        """Cut out less around the same place of the whole image, if `size` is less."""
+        if self.image.size <= size:
+            return self
+        height, width = self.image.pixels.shape[:2]
+        inside = (
+            (place[0] * self.whole[0] - self.corner[0]) / width,
+            (place[1] * self.whole[1] - self.corner[1]) / height,
+        )
+        part = crop_around(self.image, inside, int(size))
+        corner = self.corner[0] + part.corner[0], self.corner[1] + part.corner[1]
+        return replace(part, corner=corner, whole=self.whole)
+
+
+def crop_around(image: HostImage, place: tuple[float, float], size: int) -> Crop:
+    """Cut out the part of an image around a place.
+
+    Parameters
+    ----------
+    image : HostImage
+        If it has no more pixels than `size`, all of it is taken.
+    place : tuple of float
+        From the left and from the bottom, in parts of the image.
+    size : int
+        About how many pixels are filtered; around those that are shown there is a margin.
+    """
+    height, width = image.pixels.shape[:2]
+    side = max(height, width) if image.size <= size else math.isqrt(size)
+    margin = 0 if image.size <= size else min(side // 4, _MARGIN)
+    left, right = _range(place[0], width, side - 2 * margin)
+    bottom, top = _range(place[1], height, side - 2 * margin)
+    first_row, first_column = max(bottom - margin, 0), max(left - margin, 0)
+    pixels = image.pixels[first_row : top + margin, first_column : right + margin]
+    return Crop(
+        replace(image, pixels=pixels.copy()),
+        slice(bottom - first_row, top - first_row),
+        slice(left - first_column, right - first_column),
+        (first_column, first_row),
+        (width, height),
+    )
+
+
+def filtered_at_once(settings: Any) -> float:
+    """Return how many pixels are filtered in about a quarter of a second, as far as that is known.
+
+    Parameters
+    ----------
+    settings : object
+        Of the filter. If each pixel costs more the farther the filter looks, they have `reach`, the
+        number of pixels that are read for each one, and `iterations` if that is done several times;
+        `enlarge` if the result is larger.
+    """
+    settings = settings.kernel if isinstance(settings, Denoising) else settings
+    times = getattr(settings, "enlarge", 1)
+    if times > 1:
+        return _MADE // times**2
+    if not hasattr(settings, "reach"):
+        return math.inf
+    work = _REACHED / getattr(settings, "iterations", 1)
+    return max(int(work / settings.reach), math.isqrt(int(work)))  # none reaches beyond the patch
+
+
+def _range(place: float, length: int, side: int) -> tuple[int, int]:
+    side = min(side, length)
+    first = min(max(round(place * length - side / 2), 0), length - side)
+    return first, first + side

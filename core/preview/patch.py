@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A patch of a large surface, to preview on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InvalidMesh
+from ..host.inputs import ColoredSurface, Denoising, MirroredSurface, PaintedSurface, Surface
+from ..settings import BeltramiGeometrySettings, ShockSettings, describe
+
+_REACH = 12.0
+_SAMPLE = 200_000
+
+
+def _no_borders(what: str) -> float:
+    return 0.0
+
+
+def _no_scan() -> bool:
+    return False
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A part of a surface, or all of it.
+
+    Attributes
+    ----------
+    surface : Surface or PaintedSurface
+        The part. Vertices at its border are masked: they stay.
+    whole : callable
+        Makes the whole surface's result of the part's.
+    lengths : float
+        Mean edge length of the whole surface in those of the part.
+    share : float
+        Part of the triangles.
+    outline : (n, 2, 3) array of float
+        Ends of the edges at the border of the part, in the object's space; none if it is all.
+    width : callable
+        Measures the borders between colors on the whole surface; see `colors.width_of_borders`.
+    is_scan : callable
+        Tells whether denoising takes the part for one of a scan; see `geometry.is_scan`.
+    """
+
+    surface: Any
+    whole: Callable[[Any], Any]
+    lengths: float
+    share: float
+    outline: npt.NDArray[np.float32]
+    width: Callable[[str], float] = _no_borders
+    is_scan: Callable[[], bool] = _no_scan
+
+    def settings(self, settings: Any) -> Any:
+        """Turn settings that are meant for the whole surface into the part's units of length."""
+        if self.share == 1.0:
+            return settings
+        if isinstance(settings, Denoising):
+            time = settings.sharpen_time
+            if time is not None:
+                time *= self.lengths ** describe(ShockSettings)["time"][2].length_power
+            return Denoising(self._scaled(settings.kernel), time)
+        return self._scaled(settings)
+
+    def _scaled(self, settings: Any) -> Any:
+        if isinstance(settings, ShockSettings) and settings.by_width and settings.width == 0:
+            width = self.width(settings.what)
+            nothing = replace(settings, amount=0.0)
+            settings = replace(settings, width=width) if width > 0 else nothing
+        steps = ("time", "beta") if self._counts_steps(settings) else ()
+        new = {
+            name: min(getattr(settings, name) * self.lengths**about.length_power, about.maximum)
+            for name, (_, _, about) in describe(type(settings)).items()
+            if about.length_power
+            and name not in steps
+            and getattr(settings, name) > 0  # a time below 0 is no length
+        }
+        if getattr(settings, "fidelity", 0.0) > 0:  # it counts per area of the whole
+            new["fidelity"] = settings.fidelity * self.share / self.lengths**2
+            del new["screening_radius"]
+        return replace(settings, **new)
+
+    def _counts_steps(self, settings: Any) -> bool:
+        # On scans times say how many steps there are from face to face, whatever their size.
+        is_shape = isinstance(settings, BeltramiGeometrySettings) and settings.filtered == "normals"
+        return is_shape and self.is_scan()
+
+
+def whole_surface(surface: Any) -> Patch:
+    """Take all of a surface."""
+    nothing = np.empty((0, 2, 3), dtype=np.float32)
+    return Patch(surface, lambda result: result, 1.0, 1.0, nothing)
+
+
+def patch_around(surface: Any, vertex: int, size: int) -> Patch:
+    """Cut out the part of a surface around a vertex, and around its mirror images.
+
+    Parameters
+    ----------
+    surface : Surface or PaintedSurface
+    vertex : int
+    size : int
+        About how many vertices the part has.
+
+    Raises
+    ------
+    core.InvalidMesh
+        If nothing there has faces.
+    """
+    shape = surface.shape if isinstance(surface, PaintedSurface) else surface
+    distances = _distances(shape, vertex)
+    used = np.zeros(len(distances), dtype=bool)
+    used[shape.triangles] = True
+    distances[~used] = np.inf
+    count = min(size, len(distances))
+    near = distances <= np.partition(distances, count - 1)[count - 1]
+    inside = near[shape.triangles].all(axis=1)
+    if not inside.any():
+        raise InvalidMesh("There are no faces to preview here; point at another place.")
+    lengths = _mean_edge_length(shape, ...) / _mean_edge_length(shape, inside)
+    outline = shape.positions[_border(shape.triangles[inside])]
+    part, whole = _cut(surface, inside)
+    share = float(inside.mean())
+    if isinstance(surface, ColoredSurface):
+        width = cache(partial(_width_of_borders, surface))
+        return Patch(part, whole, lengths, share, outline, width)
+    return Patch(part, whole, lengths, share, outline, is_scan=cache(partial(_is_scan, part)))
+
+
+def seen_vertex(
+    positions: npt.NDArray, to_clip: npt.NDArray, size: tuple[int, int], mouse: tuple[float, float]
+) -> int:
+    """Find the vertex that a point in a view shows.
+
+    Parameters
+    ----------
+    positions : (n, 3) array of float
+    to_clip : (4, 4) array of float
+        From the object's space to the view's clip space.
+    size : tuple of int
+        Width and height of the view in pixels.
+    mouse : tuple of float
+        The point, in pixels from the lower left corner.
+
+    Returns
+    -------
+    int
+        Of the vertices that are seen closest to the point, the foremost one.
+    """
+    clip = positions @ to_clip[:, :3].T + to_clip[:, 3]
+    before = clip[:, 3] > 0
+    if not before.any():
+        return 0
+    clip[~before, 3] = 1.0
+    seen = clip[:, :3] / clip[:, 3:]
+    pixels = 0.5 * (seen[:, :2] + 1.0) * size - mouse
+    away = np.where(before, np.hypot(pixels[:, 0], pixels[:, 1]), np.inf)
+    close = np.flatnonzero(away <= away.min() + _REACH)
+    return int(close[seen[close, 2].argmin()])
+
+
+def _width_of_borders(surface: ColoredSurface, what: str) -> float:
+    from ..host.colors import (
+        width_of_borders,
+    )
+
+    return width_of_borders(surface, what)
+
+
+def _is_scan(part: Surface) -> bool:
+    from ..host.geometry import is_scan
+
+    return is_scan(part)
+
+
+def _distances(shape: Surface, vertex: int) -> npt.NDArray:
+    """Square each vertex's distance from the given one, or from its closest mirror image."""
+    mirror = shape.mirror if isinstance(shape, MirroredSurface) else (False, False, False)
+    nearest = np.full(len(shape.positions), np.inf)
+    for signs in product(*((1, -1) if mirrored else (1,) for mirrored in mirror)):
+        away = shape.into_world(
+            shape.positions * np.array(signs, dtype=np.float32) - shape.positions[vertex]
+        )
+        np.minimum(nearest, np.einsum("ij,ij->i", away, away), out=nearest)
+    return nearest
+
+
+def _border(triangles: npt.NDArray) -> npt.NDArray:
+    # The edges that only one of the triangles has.
+    edges = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    )
+    found, times = np.unique(edges, axis=0, return_counts=True)
+    return found[times == 1]
+
+
+def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[Any], Any]]:
+    """Return the part with these triangles, and what makes the whole's result of its result."""
+    if isinstance(surface, PaintedSurface):
+        shape, whole_shape = _cut(surface.shape, inside)
+        paint, whole_paint = _cut(surface.paint, inside)
+        return PaintedSurface(shape, paint), lambda result: replace(
+            result, shape=whole_shape(result.shape), paint=whole_paint(result.paint)
+        )
+    vertices = np.unique(surface.triangles[inside])
+    index = np.full(len(surface.positions), -1, dtype=np.int32)
+    index[vertices] = np.arange(len(vertices), dtype=np.int32)
+    mask = np.ones(len(vertices)) if surface.mask is None else surface.mask[vertices]
+    border = index[surface.triangles[~inside]]
+    mask[border[border >= 0]] = 0.0
+    part = replace(
+        surface,
+        positions=surface.positions[vertices],
+        triangles=index[surface.triangles[inside]],
+        mask=mask,
+    )
+    if not isinstance(part, ColoredSurface):
+        return part, lambda result: _spread(result, "positions", surface.positions, vertices)
+    colored = vertices
+    if surface.corners is not None:
+        colored, corners = np.unique(surface.corners[inside], return_inverse=True)
+        free = None if surface.free is None else surface.free[colored]
+        part = replace(part, corners=corners.reshape(-1, 3).astype(np.int32), free=free)
+    part = replace(part, colors=surface.colors[colored])
+    return part, lambda result: _spread(result, "colors", surface.colors, colored)
+
+
+def _spread(result: Any, name: str, old: npt.NDArray, places: npt.NDArray) -> Any:
+    # The part's values among the others', which stay.
+    new = old.copy()
+    new[places] = getattr(result, name)
+    return replace(result, **{name: new})
+
+
+def _mean_edge_length(surface: Surface, chosen: Any) -> float:
+    triangles = surface.triangles[chosen]
+    triangles = triangles[:: -(-len(triangles) // _SAMPLE)]
+    points = surface.into_world(surface.positions[triangles].astype(np.float64))
+    return float(np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).mean())

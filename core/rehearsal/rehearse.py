@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that a host program may ask for, done once on tiny examples, so that nothing compiles later.
+
+Which types a kernel gets is decided by the code that calls it, so that code is run. Examples have
+the types of what a host reads (`inputs`), with and without masks; settings are the defaults and
+each other choice.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+from ..base.progress import ProgressCallback
+from ..host.advection import FlowPlane, FlowSurface, frames_of
+from ..host.colors import filter_colors
+from ..host.denoising import filter_both
+from ..host.fields import FieldSurface, generate
+from ..host.geometry import filter_shape
+from ..host.images import filter_image
+from ..host.inputs import (
+    ColoredSurface,
+    Denoising,
+    HostImage,
+    MirroredSurface,
+    PaintedSurface,
+    TexturedFaces,
+    TexturedSurface,
+)
+from ..host.textures import filter_texture
+from ..preview.flow import flow_of_colors, flow_of_shape
+from ..registry import FILTERS, Filter, find
+from ..settings import (
+    FilterSettings,
+    GeometrySettings,
+    ImageSettings,
+    NoiseSettings,
+    ReactionSettings,
+    ShockSettings,
+    StitchSettings,
+    describe,
+)
+
+_CORE = __package__.rpartition(".")[0]
+
+_CELLS = 12
+"""Along each edge of the box: enough that its creases are found."""
+
+_SIZE = 48
+"""Height of the images."""
+
+_SOLVED = 160
+"""Height of textures on which is solved, so that these have three levels."""
+
+_STEPS = 4
+"""Steps of what takes many."""
+
+_NUMBERS: dict[type, tuple[dict[str, Any], ...]] = {
+    GeometrySettings: ({"mollify_passes": 1}, {"screening_radius": 30.0}),
+    ImageSettings: ({"enlarge": 2},),
+    NoiseSettings: ({"convolution": 4}, {"loop": 2}),
+    ReactionSettings: ({"scale": 60.0},),
+}
+"""Settings that are no choices, and have kernels of their own."""
+
+_ORDER = ["geometry", "colors", "image", "texture", "field", "flow"]
+"""Kinds of data, those first that are asked for most."""
+
+
+def rehearse(
+    progress: ProgressCallback | None = None, kinds: Collection[str] = tuple(_ORDER)
+) -> None:
+    """Do everything once; what is compiled then is kept on disk.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False ends it.
+    kinds : collection of str
+        Kinds of data to do it with.
+    """
+    for run in _runs(kinds):
+        if progress is not None and not progress(share_ready(), "Preparing"):
+            return
+        run()
+
+
+def share_ready() -> float:
+    """Return which part of the kernels can run at once: 0 to 1."""
+    kernels = imported_kernels()
+    return sum(bool(kernel.overloads) for kernel in kernels) / max(len(kernels), 1)
+
+
+def imported_kernels() -> set[Dispatcher]:
+    """Return the kernels of all modules of the core that are imported."""
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith(_CORE)]
+    values = [value for module in modules for value in vars(module).values()]
+    return {value for value in values if isinstance(value, Dispatcher)}
+
+
+def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
+    rows = [row for row in FILTERS if row.kind.name in kinds]
+    rows.sort(key=lambda row: (_ORDER.index(row.kind.name), bool(row.then)))
+    for row in rows:
+        examples = _examples(row.kind.name)
+        if row.takes_others:
+            examples += [partial(_on_texture, number, with_other=True) for number in range(2)]
+        examples += [partial(_generated, **given) for given in _given(row)]
+        for settings in _settings(row):
+            for function in examples:
+                yield partial(function, row.name, settings)
+    if "colors" in kinds:
+        yield from _runs_of_surfaces(rows)
+
+
+def _given(row: Filter) -> Iterator[dict[str, Any]]:
+    """List what may be given beside the faces, if an image is made from these."""
+    if row.takes_starts:
+        yield {"image": np.eye(_SOLVED)}
+    if row.takes_scale:
+        yield {"rates": np.full((_SOLVED, _SOLVED), 0.5)}
+    if row.way is not None:
+        yield {"along": "bending"}
+        yield {"along": "x"}
+
+
+def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
+    shape, painted = _shape(), _painted()
+    for settings in _settings(next(row for row in rows if row.corners and row.then)):
+        for mask in (None, shape.mask):
+            both = PaintedSurface(replace(shape, mask=mask), replace(painted, mask=mask))
+            yield partial(filter_both, both, "beltrami_vertex_signal", settings, True)
+    yield partial(flow_of_shape, shape, GeometrySettings(), True, None)
+    for surface in (painted, _at_corners()):
+        yield partial(flow_of_colors, surface, ShockSettings(), True, None)
+
+
+def _settings(row: Filter) -> Iterator[Any]:
+    """List the defaults, what follows them, each other choice, and `_NUMBERS`."""
+    changes: list[dict[str, Any]] = [{}, *_NUMBERS.get(row.settings, ())]
+    fields = describe(row.settings)
+    short = {"time": 1.0} if "time" in fields else {}
+    for name, (kind, default, about) in fields.items():
+        words = about.choices if kind is str else ()
+        changes += [{**short, name: word} for word in words if word != default]
+    for change in changes:
+        settings = row.settings(**change)
+        yield Denoising(settings, None) if row.then else settings
+    if row.then:
+        yield Denoising(row.settings(), 1.0)
+
+
+def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
+    """Return functions of a filter's name and its settings: they filter an example."""
+    if kind == "geometry":
+        return [partial(_on_mesh, filter_shape, surface) for surface in _both_ways(_shape())]
+    if kind == "colors":
+        ramp = replace(_painted(), mask=None, colors=0.5 + 0.4 * _painted().positions)
+        surfaces = [*_both_ways(_painted()), *_both_ways(_at_corners()), ramp]
+        return [partial(_on_mesh, filter_colors, surface) for surface in surfaces]
+    if kind == "image":
+        return [partial(filter_image, _image(opacity)) for opacity in ("STRAIGHT", "NONE")]
+    if kind == "field":
+        return [_generated]
+    if kind == "flow":
+        return [partial(_flowing, in_colors) for in_colors in (False, True)]
+    return [partial(_on_texture, number) for number in range(2)]
+
+
+def _generated(name: str, settings: Any, **given: Any) -> Any:
+    shape = 2 * (_SOLVED,)
+    row = find(name)
+    start = {"vertices": [0], "edges": [[1, 2]]} if row.takes_starts else {}
+    if hasattr(settings, "steps"):
+        settings = replace(settings, steps=_STEPS)
+    for at_vertices in [False] + [True] * bool(row.vertices):
+        surface = FieldSurface(_textured(_SIZE)[0].faces, shape, start | given, at_vertices)
+        found = generate(surface, name, settings)
+    return found
+
+
+def _flowing(in_colors: bool, name: str, settings: Any) -> Any:
+    shape = 2 * (_SIZE,)
+    faces = _textured(_SIZE)[0].faces
+    flows: list[Any] = [FlowPlane(np.zeros((*shape, 2), np.float32))]
+    if settings.periodic == "none":
+        vectors = np.tile([1.0, 0.5, 0.25], (len(faces.triangles), 1))
+        flows.append(FlowSurface(faces, shape, "directions", vectors))
+        flows.append(FlowSurface(faces, shape, "shape", GeometrySettings()))
+        rising = faces.positions[faces.triangles][..., 2]
+        flows.append(FlowSurface(faces, shape, "rising", rising))
+        colors = np.repeat(rising[..., None], 3, axis=2), ShockSettings()
+        flows.append(FlowSurface(faces, shape, "colors", colors))
+    for flow in flows:
+        for frame in frames_of(flow, settings, _STEPS, in_colors):
+            found = frame
+    return found
+
+
+def _on_texture(number: int, name: str, settings: Any, with_other: bool = False) -> Any:
+    size = _SOLVED if isinstance(settings, FilterSettings | StitchSettings) else _SIZE
+    surface = _textured(size)[number]
+    if with_other:
+        surface = replace(surface, others=(_image("STRAIGHT", size),))
+    return filter_texture(surface, name, settings)
+
+
+def _on_mesh(function: Callable[..., Any], surface: Any, name: str, settings: Any) -> Any:
+    return function(surface, name, settings, True)
+
+
+def _both_ways(surface: Any) -> list[Any]:
+    """Give a surface without and with its mask."""
+    return [replace(surface, mask=None), surface]
+
+
+def _box() -> tuple[np.ndarray, np.ndarray]:
+    """Make a box with rounded edges and without a lid, each of its five sides apart."""
+    steps = np.linspace(-1.0, 1.0, _CELLS + 1)
+    u, v = np.meshgrid(steps, steps, indexing="ij")
+    number = np.arange(u.size).reshape(u.shape)
+    corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
+    cells = np.stack([each.reshape(-1) for each in corners], axis=1)
+    one_side = np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
+    positions: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
+    for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
+        side = np.stack([np.full_like(u, sign), u, sign * v], axis=-1).reshape(-1, 3)
+        positions.append(np.roll(side, axis, axis=1))
+        triangles.append(one_side + u.size * len(triangles))
+    points = np.concatenate(positions)
+    points /= np.linalg.norm(points, ord=8, axis=1)[:, None]
+    faces = np.concatenate(triangles)
+    faces[0] = faces[0, ::-1]  # one that is the wrong way round
+    return points.astype(np.float32), faces.astype(np.int32)
+
+
+def _shape() -> MirroredSurface:
+    positions, triangles = _box()
+    mask = np.linspace(0.0, 1.0, len(positions))
+    return MirroredSurface(positions, triangles, mask, np.identity(3), (True, False, False), ())
+
+
+def _painted() -> ColoredSurface:
+    positions, triangles = _box()
+    mask = np.linspace(0.0, 1.0, len(positions))
+    colors = 0.5 + 0.4 * np.tanh(5.0 * positions)
+    return ColoredSurface(positions, triangles, mask, np.identity(3), colors, None, None, 0)
+
+
+def _at_corners() -> ColoredSurface:
+    surface = _painted()
+    corners = np.arange(surface.triangles.size, dtype=np.int32).reshape(-1, 3)
+    colors = surface.colors[surface.triangles.reshape(-1)]
+    return replace(surface, colors=colors, corners=corners, levels=255)
+
+
+def _image(opacity: str, size: int = _SIZE) -> HostImage:
+    y, x = np.mgrid[:size, : size + 8] / size
+    pixels = np.ones((*x.shape, 4), dtype=np.float32)
+    pixels[..., 0] = 0.5 + 0.4 * np.tanh(9.0 * (x - y))
+    pixels[..., 1] = x
+    if opacity != "NONE":
+        pixels[:4, :4, 3] = 0.5
+    return HostImage(pixels, opacity, False, 255)
+
+
+@lru_cache
+def _textured(size: int) -> list[TexturedSurface]:
+    """Give the box a texture, each side being a chart: without and with masks and opacity."""
+    positions, triangles = _box()
+    side, place = np.divmod(triangles, (_CELLS + 1) ** 2)
+    inside = np.stack(np.divmod(place, _CELLS + 1), axis=-1) / _CELLS
+    uv = (np.stack(np.divmod(side, 3), axis=-1) + 0.1 + 0.8 * inside) / 3.0
+    weights = np.linspace(0.0, 1.0, triangles.size).reshape(-1, 3)
+    picture = _image("NONE", size)
+    mask = np.full(picture.pixels.shape[:2], 0.5)
+    faces = TexturedFaces(positions.astype(np.float64), triangles.astype(np.int64), uv, None)
+    masked = replace(faces, weights=weights, grays=weights)
+    return [
+        TexturedSurface(faces, picture, None),
+        TexturedSurface(masked, _image("STRAIGHT", size), mask, grays=mask),
+    ]

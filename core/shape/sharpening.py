@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sharpening of geometry: normals flow to the creases, positions follow (paper A, 4.1)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import checked_mask
+from ..base.memo import kept
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, phase, reporting
+from ..flow.advect import advect_faces
+from ..flow.potential import above_surroundings, bending, flow_from_potential, flow_potential
+from ..mesh.calculus import (
+    average_to_faces,
+    average_to_vertices,
+    make_unit_or,
+    smooth_vertices,
+)
+from ..mesh.order import in_good_order, is_scattered, sorted_along_curve
+from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
+from ..settings import GeometrySettings, given_or_default
+from .creases import (
+    LONGER,
+    consistent_normals,
+    find_regions,
+    mixed_normals,
+    tell_creases,
+    turned_zone,
+)
+from .fit import moved_vertices, refitted
+from .slide import unfold
+
+
+def sharpen_normals(
+    mesh: TriangleMesh,
+    settings: GeometrySettings | None = None,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Sharpen the face normals of a mesh (paper A, section 4.1).
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    settings : GeometrySettings, optional
+        The settings of the refit and `repeat` are not used.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (m, 3) float64
+        Unit normals, wound as the faces that the mesh was made from; zero for faces without
+        area. A time of 0 returns the (mollified) normals up to rounding, except with linear
+        sampling, which always smooths.
+
+    Raises
+    ------
+    Cancelled
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    >>> quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    >>> faces = [half for q in quads for half in (q[:3], [q[0], q[2], q[3]])]
+    >>> cube = core.TriangleMesh(corners, faces)
+    >>> normals = core.sharpen_normals(cube, core.GeometrySettings(time=1.0))
+    >>> normals.shape, bool(np.allclose(np.linalg.norm(normals, axis=1), 1.0))
+    ((12, 3), True)
+    """
+    check_mesh(mesh)
+    settings = given_or_default(settings, GeometrySettings)
+    with reporting(progress):
+        if is_scattered(mesh):
+            ordered, _, face_order = kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
+            sharpened = _sharpened(ordered, settings)
+            sharpened[ordered.flipped] *= -1
+            normals = np.empty_like(sharpened)
+            normals[face_order] = sharpened
+        else:
+            normals = _sharpened(mesh, settings)
+        normals[mesh.flipped] *= -1
+    return normals
+
+
+def sharpen_geometry(
+    mesh: TriangleMesh,
+    settings: GeometrySettings | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> Floats:
+    """Sharpen a mesh: advect its normals towards its creases and refit positions to them.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    settings : GeometrySettings, optional
+    mask : (n,) array of float in [0, 1], optional
+        1 sharpens fully, less sharpens less, 0 leaves the vertex in place bit for bit.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (n, 3) float64
+        New positions in the unit of `mesh.vertices`. An amount of 0 returns the old ones bit for
+        bit, and so does a time of 0 (unless `mollify_passes` asks for smoother normals).
+
+    Raises
+    ------
+    InvalidSignal
+        If the mask does not fit the mesh or leaves [0, 1].
+    InvalidMesh
+        If repeating shrinks the mesh to a point or a line.
+    SolverError
+        If the refit's linear system cannot be solved.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature
+    threshold (see `flow.potential.above_surroundings`), masks, repeating, the displacement limit,
+    the screening radius in place of a fixed epsilon (see `fit_to_normals`), and, if asked for,
+    creases only and aligned (see `shape.creases`) and further steps of the refit (see
+    `shape.slide`).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    >>> quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    >>> faces = [half for q in quads for half in (q[:3], [q[0], q[2], q[3]])]
+    >>> cube = core.TriangleMesh(corners, faces)
+    >>> core.sharpen_geometry(cube, core.GeometrySettings(time=16.0)).shape
+    (8, 3)
+    >>> still = core.sharpen_geometry(cube, core.GeometrySettings(time=0.0))
+    >>> bool((still == corners).all())
+    True
+    """
+    check_mesh(mesh)
+    settings = given_or_default(settings, GeometrySettings)
+    weights = checked_mask(mask, mesh.vertex_count)
+    if settings.is_neutral:
+        return mesh.vertices.copy()
+    with reporting(progress):
+        moved = in_good_order(mesh, partial(_displacement, settings), weights)
+        if settings.amount < 1:
+            moved *= settings.amount
+            if settings.where == "creases":
+                unfold(mesh, moved)  # halfway, faces may be folded that are not at the end
+        with phase(1.0, 1.0, "Fitting the surface"):
+            return moved_vertices(mesh, moved)
+
+
+def geometry_flow(
+    mesh: TriangleMesh,
+    settings: GeometrySettings | None = None,
+    progress: ProgressCallback | None = None,
+) -> tuple[Floats, Floats]:
+    """Compute where `sharpen_geometry` will pull the normals of a mesh.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    settings : GeometrySettings, optional
+        Of these, `smoothing_passes`, `mollify_passes`, `feature_threshold` and `time` count: the
+        longer the time, the wider the surroundings that the threshold compares with.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    potential : (n,) float64
+        At the vertices: how much the surface bends, in squared radians per squared mean edge
+        length; with a feature threshold, what stands out from the surroundings of it.
+    flow : (m, 3) float64
+        At the faces: half the potential's gradient, a tangent vector in mean edge lengths per
+        unit of time. Normals move along it, towards the creases.
+
+    Raises
+    ------
+    Cancelled
+        If `progress` returned False.
+
+    See Also
+    --------
+    flow_field : The same for colors and other signals.
+
+    Examples
+    --------
+    A flat triangle has nothing to flow to:
+
+    >>> from shock_filter import core
+    >>> mesh = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> potential, flow = core.geometry_flow(mesh)
+    >>> potential.tolist(), flow.tolist()
+    ([0.0, 0.0, 0.0], [[0.0, 0.0, 0.0]])
+    """
+    check_mesh(mesh)
+    settings = given_or_default(settings, GeometrySettings)
+    with reporting(progress):
+        with phase(0.0, 0.9, "Computing the flow"):
+            _, _, potential = _signal_and_potential(mesh, settings)
+        with phase(0.9, 1.0, "Computing the flow"):
+            return potential.copy(), flow_from_potential(mesh, potential)
+
+
+def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | None) -> Floats:
+    def sharpen(current: TriangleMesh) -> Floats:
+        return _sharpened(current, settings)
+
+    steps, begin = settings.fit_steps, 0.0
+    if settings.where == "creases":
+        begin = 0.25
+        with phase(0.0, begin, "Finding creases"):
+            regions = find_regions(mesh, settings.widest_fillet)
+        if weights is None:
+            tell_creases(regions)
+        elif weights.any():
+            tell_creases(regions.among((weights[mesh.faces] > 0).any(axis=1)))
+        if not regions.creased.any():
+            steps = 1  # without creases to slide onto, more gain nothing
+    unfolds = settings.where == "creases" or steps > 1
+    with phase(begin, 1.0, "Sharpening"):
+        return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
+                        steps, settings.crease_freedom, unfolds)  # fmt: skip
+
+
+def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
+    if settings.where == "everywhere":
+        return _aligned(mesh, settings, None)
+    with phase(0.0, 0.1, "Finding creases"):  # the first time they are known
+        regions = find_regions(mesh, settings.widest_fillet)
+    if not regions.use.any():
+        return mesh.normals.copy()
+    with phase(0.1, 0.7, "Sharpening"):
+        normals = _aligned(mesh, settings, regions.creased > 0)
+    if regions.wide.any():
+        with phase(0.7, 1.0, "Sharpening"):
+            longer = replace(settings, time=LONGER * settings.time)
+            wide = _aligned(mesh, longer, regions.wide > 0)
+        normals = mixed_normals(normals, wide, regions.wide)
+    return mixed_normals(mesh.normals, normals, regions.use)
+
+
+def _aligned(
+    mesh: TriangleMesh,
+    settings: GeometrySettings,
+    creased: npt.NDArray[np.bool_] | None,
+) -> Floats:
+    # Advected normals, which take sides where they have turned; only in `creased` faces, if given.
+    normals = _advected(mesh, settings)
+    if settings.align_passes == 0:
+        return normals
+    zone = turned_zone(mesh, mesh.normals, normals)
+    if creased is not None:
+        zone &= creased
+    return consistent_normals(mesh, normals, zone, settings.align_passes)
+
+
+def _advected(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
+    with phase(0.0, 0.5, "Computing the flow"):
+        normals, signal, potential = _signal_and_potential(mesh, settings)
+    with phase(0.5, 1.0, "Tracing flow-lines"):
+        return advect_faces(mesh, normals, signal, potential, settings.time, settings.sampling)
+
+
+def _signal_and_potential(
+    mesh: TriangleMesh, settings: GeometrySettings
+) -> tuple[Floats, Floats, Floats]:
+    # Normals of the faces, mollified if asked for; their averages at the vertices; P there.
+    normals = mesh.normals
+    if settings.mollify_passes == 0:
+        with phase(0.2, 0.8, "Computing the flow"):
+            signal, potential = bending(mesh, settings.smoothing_passes)
+    else:
+        with phase(0.0, 0.2, "Mollifying"):
+            normals = _mollified(mesh, normals, settings.mollify_passes)
+        with phase(0.2, 0.3, "Computing the flow"):
+            signal = average_to_vertices(mesh, normals)
+        with phase(0.3, 0.8, "Computing the flow"):
+            potential = flow_potential(mesh, signal, settings.smoothing_passes)
+    if settings.feature_threshold > 0:
+        with phase(0.8, 1.0, "Finding features"):
+            potential = above_surroundings(
+                mesh, potential, settings.feature_threshold, settings.time
+            )
+    return normals, signal, potential
+
+
+def _mollified(mesh: TriangleMesh, normals: Floats, passes: int) -> Floats:
+    with phase(0.0, 0.1, "Mollifying"):
+        averages = average_to_vertices(mesh, normals)
+    with phase(0.1, 0.9, "Mollifying"):
+        smooth = smooth_vertices(mesh, averages, passes)
+    with phase(0.9, 1.0, "Mollifying"):
+        mollified = average_to_faces(mesh, smooth)
+        run(_make_unit, mesh.face_count, mollified, normals)
+    return mollified
+
+
+@kernel
+def _make_unit(start, stop, vectors, fallback):
+    for f in range(start, stop):
+        make_unit_or(vectors[f], fallback[f])

@@ -1,0 +1,5 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Textures of meshes, across seams: sharpened, denoised, stitched, detailed, generated.
+
+May use `core.color`, the Beltrami kernel, finite elements and texture atlases.
+"""

@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Geodesic distance in a texture, across seams (paper B, section 7.3)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..base.checks import Floats, as_array, checked_size
+from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..elements.fronts import Segments, SurfaceDistance
+from ..elements.matrices import TextureSpace
+from ..elements.multigrid import SheetSolver
+from ..elements.surface_values import sheet_values
+from ..errors import InvalidSignal
+from ..mesh.triangle_mesh import Ints, TriangleMesh, check_mesh
+from ..settings import DilateSettings, DistanceSettings, given_or_default
+from .texels import Texture, checked_atlas, written
+
+_TOLERANCE = 1e-4
+"""Residual of the smoothed distance relative to the right-hand side."""
+
+_SHORTEST = 1e-3
+"""Smoothing over less would not be seen in single precision."""
+
+_JUMP = 0.6
+"""Where lengths change by more than this over a texel, its mean metric would not do."""
+
+_LINES = 10
+"""Lines from the source to the farthest point, where their width is not given."""
+
+_BEYOND = -1.0
+"""Marks texels beyond the gutter."""
+
+_Single = npt.NDArray[np.float32]
+
+
+class _Sources(NamedTuple):
+    # From where distance counts.
+    segments: Segments
+    vertices: Ints  # those that lie on a source with certainty
+    image: npt.NDArray | None
+
+
+def geodesic_distance(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    size: tuple[int, int],
+    vertices: npt.ArrayLike | None = None,
+    points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    edges: npt.ArrayLike | None = None,
+    image: npt.ArrayLike | None = None,
+    settings: DistanceSettings | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    atlas: TextureAtlas | None = None,
+) -> _Single:
+    """Measure how far each texel is from a source, along the surface, across seams.
+
+    Parameters
+    ----------
+    mesh, uv, progress, atlas
+        As in `sharpen_texture`.
+    size : (int, int)
+        Rows and columns of the image that is made.
+    vertices : (k,) array of int, optional
+        Sources: vertices,
+    points : ((k,) array of int, (k, 3) array of float), optional
+        points in faces with their barycentric coordinates,
+    edges : (k, 2) array of int, optional
+        whole edges, as pairs of vertices,
+    image : (h, w) array of float in [0, 1], optional
+        and texels from 0.5 on. Of several kinds of sources the nearest one counts.
+    settings : DistanceSettings, optional
+
+    Returns
+    -------
+    (h, w) float32
+        The distance in units of the mesh, infinite where no way leads to a source; or what the
+        settings make of it. Around the charts the gutter is filled; beyond, it is 0.
+
+    Raises
+    ------
+    InvalidUV, Cancelled
+        As in `sharpen_texture`.
+    InvalidSignal
+        If there is no source, or a source is not on the mesh.
+    InvalidSettings
+        If the size cannot be used.
+    SolverError
+        If no solution is found for smoothed distance.
+
+    Notes
+    -----
+    What paper B computes from the gradient of heat is found here by fronts that run over the
+    texels, see `core.elements.fronts`: as exact far away as near, with nothing to choose. The error
+    is a fraction of a texel, on a ball 0.07 % of the distance at 512 x 512 texels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
+    >>> distance = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    >>> bool(np.isclose(distance[10, 20], np.hypot(10.5, 20.5) / 8, atol=1e-5))
+    True
+    """
+    settings = given_or_default(settings, DistanceSettings)
+    rows, columns = checked_size(size)
+    sources = _checked_sources(mesh, (rows, columns), vertices, points, edges, image)
+    with reporting(progress):
+        with phase(0.0, 0.5, "Finding texels"):
+            pixels = np.zeros((rows, columns, 2), dtype=np.float32)
+            pixels[..., 1] = _BEYOND
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
+            space = TextureSpace(texture.atlas, _JUMP)
+        with phase(0.5, 0.8, "Measuring distance"):
+            values = _spread(space, sources, settings).values()
+        with phase(0.8, 0.9, "Smoothing"):
+            reached = np.isfinite(values).astype(np.float32)
+            values[reached == 0] = 0.0
+            if settings.smoothing > _SHORTEST:
+                values = _smoothed(space, values, settings.smoothing)
+        with phase(0.9, 1.0, "Filling the gutter"):
+            sheet = np.zeros((*space.labels.shape, 2), dtype=np.float32)
+            sheet_values(space, np.concatenate([values, reached], axis=1), sheet)
+            gutter = DilateSettings(gutter=settings.gutter)
+            found = written(texture, sheet, gutter, None)
+            distances = np.maximum(found[..., 0], 0.0) * np.float32(texture.atlas.texel_size)
+            distances[found[..., 1] < 0.5] = np.inf
+            distances = _shown(distances, texture.atlas.inside, settings)
+            distances[found[..., 1] == _BEYOND] = 0.0
+            return distances
+
+
+def vertex_distance(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    size: tuple[int, int],
+    vertices: npt.ArrayLike | None = None,
+    points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    edges: npt.ArrayLike | None = None,
+    image: npt.ArrayLike | None = None,
+    settings: DistanceSettings | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    atlas: TextureAtlas | None = None,
+) -> Floats:
+    """Measure how far each vertex is from a source; see `geodesic_distance`.
+
+    Parameters
+    ----------
+    mesh, uv, size, vertices, points, edges, image, settings, progress, atlas
+        As in `geodesic_distance`. The texels carry the distance, but are not seen. Smoothing is
+        left out.
+
+    Returns
+    -------
+    (n,) float64
+        Infinite where no way leads, and at vertices without faces.
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, InvalidSettings, Cancelled
+        As in `geodesic_distance`.
+
+    Examples
+    --------
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
+    >>> core.vertex_distance(mesh, uv, (32, 32), vertices=[0]).round(3).tolist()
+    [0.0, 3.0, 5.0, 4.0]
+    """
+    settings = given_or_default(settings, DistanceSettings)
+    rows, columns = checked_size(size)
+    sources = _checked_sources(mesh, (rows, columns), vertices, points, edges, image)
+    with reporting(progress):
+        with phase(0.0, 0.6, "Finding texels"):
+            pixels = np.zeros((rows, columns, 1), dtype=np.float32)
+            space = TextureSpace(checked_atlas(atlas, mesh, uv, pixels), _JUMP)
+        with phase(0.6, 1.0, "Measuring distance"):
+            fronts = _spread(space, sources, settings)
+            with aside("Measuring distance"):
+                faces, corners = np.divmod(np.arange(3 * mesh.face_count, dtype=np.int32), 3)
+                at_corners = fronts.at_places(faces, np.eye(3)[corners])
+                found = np.full(mesh.vertex_count, np.inf)
+                np.minimum.at(found, mesh.faces.reshape(-1), at_corners)
+                found *= space.atlas.texel_size
+                found[sources.vertices] = 0.0
+                return _shown(found, np.isfinite(found), settings)
+
+
+def _spread(space: TextureSpace, sources: _Sources, settings: DistanceSettings) -> SurfaceDistance:
+    atlas, mesh = space.atlas, space.atlas.mesh
+    segments = sources.segments
+    if settings.source != "given":
+        half = atlas.charts.borders
+        if settings.source == "border":
+            half = np.flatnonzero(mesh.twins.reshape(-1) < 0)
+            if not len(half):
+                raise InvalidSignal("The mesh has no border; choose seams or give sources.")
+        segments = _joined([segments, _along(half)])
+    fronts = SurfaceDistance(space)
+    with aside("Measuring distance"):
+        if sources.image is not None:
+            painted = atlas.gather(sources.image.astype(np.float32)[..., None])[..., 0]
+            fronts.start_at_nodes(painted >= 0.5)
+        fronts.start_at_segments(segments)
+    if not fronts.found:
+        raise InvalidSignal(
+            "No source lies on the surface; give vertices, points, edges or a painted image, or"
+            " take the borders or seams as sources."
+        )
+    fronts.spread()
+    return fronts
+
+
+def _smoothed(space: TextureSpace, values: _Single, length: float) -> _Single:
+    # Solved for the change, as elsewhere.
+    solver = SheetSolver(space.matrix(length**-2.0))
+    change = np.zeros_like(values)
+    solver.solve(-space.apply_stiffness(values), change, _TOLERANCE, message="Smoothing")
+    return values + change
+
+
+def _shown(
+    distances: npt.NDArray, inside: npt.NDArray[np.bool_], settings: DistanceSettings
+) -> npt.NDArray:
+    if settings.look == "distance":
+        return distances
+    reached = distances[inside & np.isfinite(distances)]
+    largest = float(reached.max(initial=0.0)) or 1.0
+    if settings.look == "gradient":
+        with np.errstate(invalid="ignore"):
+            return np.clip(1.0 - distances / (settings.width or largest), 0.0, 1.0)
+    turns = 2.0 * np.pi * np.where(np.isfinite(distances), distances, 0.0)
+    lines = 0.5 + 0.5 * np.cos(turns / (settings.width or largest / _LINES))
+    return np.where(np.isfinite(distances), lines, 0.0).astype(distances.dtype)
+
+
+def _checked_sources(
+    mesh: TriangleMesh,
+    size: tuple[int, int],
+    vertices: npt.ArrayLike | None,
+    points: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+    edges: npt.ArrayLike | None,
+    image: npt.ArrayLike | None,
+) -> _Sources:
+    check_mesh(mesh)
+    known, parts = [np.zeros(0, dtype=np.int64)], [_along(np.zeros(0, dtype=np.int64))]
+    if vertices is not None:
+        given = _checked_numbers(vertices, mesh.vertex_count, "vertices", "vertex").reshape(-1)
+        chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        chosen[given] = True
+        faces, corners = np.nonzero(chosen[mesh.faces])
+        parts.append(_at(faces, np.eye(3)[corners]))
+        known.append(given[np.isin(given, mesh.faces)])
+    if points is not None:
+        parts.append(_at(*_checked_points(mesh, points)))
+    if edges is not None:
+        half = _checked_edges(mesh, edges)
+        parts.append(_along(half))
+        f, k = np.divmod(half, 3)
+        known += [mesh.faces[f, k], mesh.faces[f, (k + 1) % 3]]
+    painted = None
+    if image is not None:
+        painted = as_array(image, "image of sources")
+        if painted.shape != size:
+            raise InvalidSignal(f"The image of sources has the shape {painted.shape}; give {size}.")
+        if painted.dtype.kind not in "bfiu" or not np.isfinite(painted).all():
+            raise InvalidSignal(
+                "The image of sources holds NaN, infinity or no numbers; give 0 to 1."
+            )
+        painted = np.clip(painted.astype(np.float64), 0.0, 1.0)
+    return _Sources(_joined(parts), np.concatenate(known), painted)
+
+
+def _checked_numbers(
+    numbers: npt.ArrayLike, count: int, what: str, one: str
+) -> npt.NDArray[np.int64]:
+    given = as_array(numbers, f"list of {what}")
+    if given.size == 0:
+        return np.zeros(given.shape, dtype=np.int64)
+    if given.dtype.kind not in "iu":
+        raise InvalidSignal(f"The {what} are of type {given.dtype}; give whole numbers.")
+    if given.min() < 0 or given.max() >= count:
+        wrong = given.min() if given.min() < 0 else given.max()
+        raise InvalidSignal(f"There is no {one} {wrong}; give numbers from 0 to {count - 1}.")
+    return given.astype(np.int64)
+
+
+def _checked_points(
+    mesh: TriangleMesh, points: tuple[npt.ArrayLike, npt.ArrayLike]
+) -> tuple[npt.NDArray[np.int64], Floats]:
+    if not isinstance(points, tuple | list) or len(points) != 2:
+        raise InvalidSignal("The points are no pair; give their faces and barycentric coordinates.")
+    faces = _checked_numbers(points[0], mesh.face_count, "faces of the points", "face").reshape(-1)
+    shares = as_array(points[1], "barycentric coordinates")
+    if shares.shape != (len(faces), 3) or shares.dtype.kind not in "fiu":
+        raise InvalidSignal(
+            f"The barycentric coordinates have the shape {shares.shape}; give ({len(faces)}, 3)."
+        )
+    shares = shares.astype(np.float64)
+    if not np.isfinite(shares).all() or (shares < -1e-6).any() or (shares.sum(axis=1) <= 0).any():
+        raise InvalidSignal("A point lies outside its face; give three numbers from 0 to 1.")
+    shares = np.maximum(shares, 0.0) / np.maximum(shares, 0.0).sum(axis=1, keepdims=True)
+    turned = mesh.flipped[faces]
+    shares[turned] = shares[turned][:, [0, 2, 1]]
+    return faces, shares
+
+
+def _checked_edges(mesh: TriangleMesh, edges: npt.ArrayLike) -> npt.NDArray[np.int64]:
+    # The half-edges of pairs of vertices, of both sides.
+    pairs = _checked_numbers(edges, mesh.vertex_count, "vertices of the edges", "vertex")
+    if pairs.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    if pairs.ndim != 2 or pairs.shape[1] != 2:
+        raise InvalidSignal(f"The edges have the shape {pairs.shape}; give (k, 2) vertices.")
+    ends = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1), axis=-1)
+    keys = ends[..., 0].astype(np.int64).reshape(-1) * mesh.vertex_count + ends[..., 1].reshape(-1)
+    low, high = pairs.min(axis=1), pairs.max(axis=1)
+    wanted = low * mesh.vertex_count + high
+    missing = np.flatnonzero(~np.isin(wanted, keys))
+    if len(missing):
+        a, b = pairs[missing[0]]
+        raise InvalidSignal(f"No edge joins the vertices {a} and {b}; give ends of edges.")
+    return np.flatnonzero(np.isin(keys, wanted))
+
+
+def _at(faces: npt.NDArray, shares: Floats) -> Segments:
+    return Segments(faces.astype(np.int32), np.repeat(shares[:, None], 2, axis=1))
+
+
+def _along(half: npt.NDArray) -> Segments:
+    f, k = np.divmod(half.astype(np.int64), 3)
+    return Segments(f.astype(np.int32), np.stack([np.eye(3)[k], np.eye(3)[(k + 1) % 3]], axis=1))
+
+
+def _joined(parts: list[Segments]) -> Segments:
+    return Segments(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Patterns of two substances that react and diffuse on a surface, on paper B's elements."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from ..atlas import TextureAtlas
+from ..atlas.ghosts import fill_ghosts
+from ..base.checks import Floats, as_array, checked_size
+from ..base.parallel import run, sum_kernel
+from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..elements.matrices import TextureSpace
+from ..elements.multigrid import SheetSolver
+from ..elements.surface_values import corner_values, sheet_values, surface_values
+from ..errors import InvalidSignal
+from ..mesh.directions import face_tensors
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import DilateSettings, ReactionSettings, given_or_default
+from .streaks import checked_directions
+from .texels import Texture, checked_atlas, written
+
+_Single = npt.NDArray[np.float32]
+
+_DIFFUSION = 0.2097, 0.105
+"""How fast both substances diffuse at the scale `_SCALE`, in squared texels a step."""
+
+_SCALE = 13.5
+
+_TOLERANCE = 1e-4
+"""Residual of each step relative to its right-hand side."""
+
+_MOST_SWEEPS = 12
+"""Sweeps of smoothing beyond which multigrid takes fewer operations."""
+
+_COUNTED = 32
+"""Each so many steps, and after the first few, sweeps are counted anew."""
+
+_SPOT = 0.5
+"""Radius of the spots from which patterns grow, in scales."""
+
+_APART = 0.9
+"""Least distance of these, in scales."""
+
+_CANDIDATES = 3.0
+"""Places among which they are chosen, in a square of that size."""
+
+_LEAST_RATE = 0.1
+
+_LEAST = np.float32(1e-12)
+"""Less of the second substance counts as none."""
+
+
+def reaction_diffusion(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    size: tuple[int, int],
+    settings: ReactionSettings | None = None,
+    start: npt.ArrayLike | None = None,
+    rates: npt.ArrayLike | None = None,
+    directions: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    at: str | None = None,
+    atlas: TextureAtlas | None = None,
+) -> _Single:
+    """Grow stripes, spots or mazes on a surface, across seams.
+
+    Parameters
+    ----------
+    mesh, uv, progress, atlas
+        As in `sharpen_texture`.
+    size : (int, int)
+        Rows and columns of the image that is made.
+    settings : ReactionSettings, optional
+    start : (h, w, 2) array of float in [0, 1], optional
+        Both substances at the beginning, such as an earlier result that is to go on. Where they
+        add up to more than 1, there is less of the first. Left out, the first one is everywhere,
+        and the second one in spots at random.
+    rates : (h, w) array of float in [0, 10], optional
+        What the scale is multiplied by at each texel; less than 0.1 counts as that.
+    directions : (m, 3) or (n, 3) array of float, optional
+        At faces or at vertices: along these the pattern is longer, as `stretch` says. Signs and
+        lengths do not matter; where a vector is zero, all directions are alike.
+    at : {"faces", "vertices"}, optional
+        Where the directions are; needed where the mesh has as many faces as vertices.
+
+    Returns
+    -------
+    (h, w, 2) float32
+        Both substances, in [0, 1]. The second one is the pattern: up to 0.4 in it, and 0 between.
+        Around the charts the gutter is filled; beyond, it is 0.
+
+    Raises
+    ------
+    InvalidUV, Cancelled
+        As in `sharpen_texture`.
+    InvalidSignal
+        If start, rates or directions do not fit.
+    InvalidSettings
+        If the size cannot be used, or `at` is another word.
+    SolverError
+        If no solution is found.
+
+    Notes
+    -----
+    The model of Gray and Scott (1984) with patterns after Pearson (1993):
+    ``u' = D_u lap u - u v^2 + feed (1 - u)`` and ``v' = D_v lap v + u v^2 - (feed + kill) v``. Each
+    step is 1 long, explicit in the reaction and implicit in diffusion (the
+    paper has no such program; its systems, section 6, are of the same kind). The mass is lumped, so
+    that no step leaves the range of its values where texels are not much stretched.
+    A stripe needs about three texels in each direction: where those of a chart are so long that it
+    has fewer, nothing grows.
+
+    Patterns by feed and kill, and the steps after which they look finished:
+
+    ========= ====== ====== ===== =============================================
+    pattern   feed   kill   steps
+    ========= ====== ====== ===== =============================================
+    labyrinth 0.037  0.06    1000
+    stripes   0.029  0.057   1500 a zebra's with directions and a stretch of 3
+    dots      0.03   0.062   1500
+    coral     0.0545 0.062   1500
+    holes     0.039  0.058   1000 the reverse of dots
+    ========= ====== ====== ===== =============================================
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> settings = core.ReactionSettings(steps=200, scale=8.0)
+    >>> image = core.reaction_diffusion(mesh, uv, (48, 48), settings)
+    >>> image.shape, bool(image[..., 1].max() > 0.2)
+    ((48, 48, 2), True)
+    """
+    settings = given_or_default(settings, ReactionSettings)
+    shape = checked_size(size)
+    given = checked_directions(mesh, directions, at)
+    first = _checked_start(start, shape)
+    factors = _checked_rates(rates, shape)
+    with reporting(progress):
+        with phase(0.0, 0.05, "Finding texels"):
+            pixels = np.zeros((*shape, 2), dtype=np.float32)
+            texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels)
+            space = TextureSpace(texture.atlas)
+            if first is None:
+                first = _spots(texture.atlas, settings)
+            values = _on_surface(space, first)
+        with phase(0.05, 0.97, "Growing a pattern"):
+            if settings.steps:
+                if given is not None:
+                    space = space.diffusing(_tensors(mesh, given, settings.stretch))
+                if factors is not None:
+                    space = _varied(space, _on_surface(space, factors[..., None])[:, 0])
+                _grow(space, values, settings)
+        with phase(0.97, 1.0, "Filling the gutter"):
+            sheet = np.zeros((*space.labels.shape, 2), dtype=np.float32)
+            sheet_values(space, values, sheet)
+            image = written(texture, sheet, DilateSettings(gutter=settings.gutter), None)
+            return np.clip(image, 0.0, 1.0)
+
+
+class _Diffusion:
+    # One step of one substance: solves (mass + diffusion stiffness) x = mass y for x from x = y.
+
+    def __init__(self, space: TextureSpace, settings: ReactionSettings, diffusion: float) -> None:
+        screen = (_SCALE / settings.scale) ** 2 / diffusion
+        self._matrix = space.matrix(screen, lumped=True)
+        self._smoother = SheetSolver(self._matrix, coarsen=False)
+        self._solver: SheetSolver | None = None
+        self._sweeps = 0  # that were enough when they were counted
+        self.masses = self._matrix.screen
+
+    def apply(self, rhs: _Single, x: _Single, count: bool) -> None:
+        """Solve for (1, n), in place; `count` the sweeps that this takes, or do as many again."""
+        if count:
+            self._sweeps = 0
+            while self._sweeps <= _MOST_SWEEPS and self._smoother.residual(rhs, x) > _TOLERANCE:
+                self._smoother.relax(rhs, x)
+                self._sweeps += 1
+        elif self._sweeps <= _MOST_SWEEPS:
+            for _ in range(self._sweeps):
+                self._smoother.relax(rhs, x)
+        if self._sweeps > _MOST_SWEEPS:
+            self._solver = self._solver or SheetSolver(self._matrix)
+            self._solver.solve(rhs.T, x.T, _TOLERANCE, message="Growing a pattern")
+
+
+def _grow(space: TextureSpace, values: _Single, settings: ReactionSettings) -> None:
+    # Steps in place.
+    both = [_Diffusion(space, settings, diffusion) for diffusion in _DIFFUSION]
+    substances = np.ascontiguousarray(values.T)
+    sides = substances * np.stack([one.masses for one in both])
+    steps = settings.steps
+    for step in range(steps):
+        count = step % _COUNTED == 0 or step & (step - 1) == 0
+        with phase(step / steps, (step + 1) / steps, "Growing a pattern"):
+            with aside("Growing a pattern"):
+                run(_react, len(values), settings.feed, settings.kill, both[0].masses,
+                    both[1].masses, substances, sides)  # fmt: skip
+            for k, one in enumerate(both):
+                with phase(0.5 * k, 0.5 * (k + 1), "Growing a pattern"):
+                    one.apply(sides[k : k + 1], substances[k : k + 1], count)
+    values[:] = substances.T
+
+
+@sum_kernel
+def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
+    # A unit of time without diffusion; the right-hand sides are the masses times that. Diffusion is
+    # expected to add what it did in the step before, whose right-hand sides are still there.
+    feed, loss, one = np.float32(feed), np.float32(feed + kill), np.float32(1)
+    us, vs = values[0, start:stop], values[1, start:stop]
+    rhs_u, rhs_v = rhs[0, start:stop], rhs[1, start:stop]
+    masses_u, masses_v = masses_u[start:stop], masses_v[start:stop]
+    for i in range(len(us)):
+        if masses_u[i] <= 0:
+            continue
+        u, v = us[i], vs[i]
+        more_u, more_v = u - rhs_u[i] / masses_u[i], v - rhs_v[i] / masses_v[i]
+        eaten = u * v * v
+        u += feed * (one - u) - eaten
+        v += eaten - loss * v
+        # Far from all patterns it would fall for ever, and the smallest numbers take longest.
+        v = v if v > _LEAST else np.float32(0)
+        rhs_u[i], rhs_v[i] = masses_u[i] * u, masses_v[i] * v
+        us[i], vs[i] = u + more_u, v + more_v
+
+
+def _on_surface(space: TextureSpace, image: _Single) -> _Single:
+    atlas = space.atlas
+    sheet = atlas.gather(image)
+    known = fill_ghosts(atlas.sheet, atlas.sources, sheet)
+    return surface_values(space, sheet, corner_values(space, sheet, known))
+
+
+def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
+    # At random places of the surface, however it is cut.
+    mesh = atlas.mesh
+    corners = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(np.cross(*np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)), axis=1)
+    distance = settings.scale * atlas.texel_size
+    apart = _APART * distance
+    count = int(np.clip(_CANDIDATES * 0.5 * areas.sum() / apart**2, 1, 1_000_000))
+    random = np.random.default_rng(settings.seed)
+    faces = np.searchsorted(np.cumsum(areas) / areas.sum(), random.random(count))
+    shares = np.sort(random.random((count, 2)), axis=1)
+    shares = np.stack([shares[:, 0], shares[:, 1] - shares[:, 0], 1.0 - shares[:, 1]], axis=1)
+    places = np.einsum("sk,skx->sx", shares, corners[np.minimum(faces, len(corners) - 1)])
+    # Of two that are too near the first one stays (Matern 1960): neither crowds nor large gaps.
+    near = cKDTree(places).query_pairs(apart, output_type="ndarray")
+    places = np.delete(places, near.max(axis=1, initial=0), axis=0) if len(near) else places
+    texels = np.flatnonzero(atlas.inside)
+    away, _ = cKDTree(places).query(atlas.bake(corners).reshape(-1, 3)[texels])
+    inside = np.exp(-((away / (_SPOT * distance)) ** 4))
+    start = np.zeros((atlas.height * atlas.width, 2), dtype=np.float32)
+    start[:, 0] = 1.0
+    start[texels] += inside[:, None] * np.array([-0.5, 0.25])
+    return start.reshape(atlas.height, atlas.width, 2)
+
+
+def _tensors(mesh: TriangleMesh, directions: Floats, stretch: float) -> Floats:
+    # Diffusion by the stretch along, and as much less across.
+    a, b, c = face_tensors(mesh, directions).T
+    apart, trace = np.hypot(a - c, 2.0 * b), a + c
+    clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
+    most, least = stretch**clear, stretch**-clear
+    mean, half = 0.5 * (most + least), 0.5 * (most - least)
+    turn = np.maximum(apart, 1e-300)
+    cosine, sine = (a - c) / turn, 2.0 * b / turn
+    return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
+
+
+def _varied(space: TextureSpace, factors: _Single) -> TextureSpace:
+    # Scales go with the root of diffusion.
+    squares = np.maximum(factors, np.float32(_LEAST_RATE)).astype(np.float32) ** np.float32(2)
+    other = space.weighted(space.means(squares.astype(np.float32)))
+    other.cells[..., 3] = space.cells[..., 3]
+    other.fans[:, 3] = space.fans[:, 3]
+    return other
+
+
+def _checked_start(start: npt.ArrayLike | None, shape: tuple[int, int]) -> _Single | None:
+    if start is None:
+        return None
+    given = as_array(start, "start")
+    if given.shape != (*shape, 2):
+        raise InvalidSignal(f"The start has the shape {given.shape}; give {(*shape, 2)}.")
+    if given.dtype.kind not in "biuf" or not np.isfinite(given).all():
+        raise InvalidSignal("The start holds NaN, infinity or no numbers; give values in [0, 1].")
+    if given.min() < 0 or given.max() > 1:
+        raise InvalidSignal("The start leaves the range 0 to 1; clip or rescale it.")
+    values = given.astype(np.float32)
+    np.minimum(values[..., 0], 1.0 - values[..., 1], out=values[..., 0])
+    return values
+
+
+def _checked_rates(rates: npt.ArrayLike | None, shape: tuple[int, int]) -> _Single | None:
+    if rates is None:
+        return None
+    given = as_array(rates, "rates")
+    if given.shape != shape:
+        raise InvalidSignal(f"The rates have the shape {given.shape}; give {shape}.")
+    if given.dtype.kind not in "biuf" or not np.isfinite(given).all():
+        raise InvalidSignal("The rates hold NaN, infinity or no numbers; give 1 for no change.")
+    if given.min() < 0 or given.max() > 10:
+        raise InvalidSignal("The rates leave the range 0 to 10; clip or rescale them.")
+    return given.astype(np.float32)

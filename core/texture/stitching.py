@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stitching of textures: several pictures of a surface become one (paper B, section 7.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.ghosts import extend_ghosts
+from ..atlas.gutter import unit_normals
+from ..atlas.sheet import ROWS
+from ..base.checks import LARGEST, Floats, as_array, checked_image, checked_weights
+from ..base.parallel import run
+from ..base.progress import ProgressCallback, phase, reporting
+from ..elements.matrices import CellWeights, TextureSpace
+from ..elements.multigrid import SheetSolver
+from ..elements.surface_values import corner_values, sheet_values, surface_values
+from ..errors import InvalidSignal
+from ..grid.channels import opacity_channel
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import StitchSettings, given_or_default
+from .normal_maps import checked_normals
+from .texels import (
+    Texture,
+    check_content,
+    checked_atlas,
+    gathered,
+    mix_texels,
+    normals_of,
+    values_of,
+    written,
+)
+
+_Single = npt.NDArray[np.float32]
+
+_TOLERANCE = 1e-4
+"""Residual of the solution relative to the right-hand side."""
+
+_UNKNOWN = 1e-6
+"""Texels of which nothing is known are held to no value; so much keeps the matrix definite."""
+
+_HELD = 1e6
+"""How much more texels that must not change are held than others."""
+
+
+class _Source(NamedTuple):
+    # One picture, and how far it is to be believed.
+    values: _Single  # (rows, columns, c) at nodes and ghosts
+    corners: Floats  # (v, c) at the corners of the pieces, as their own chart shows them
+    confidence: _Single  # (n,) at nodes
+
+
+class _Target(NamedTuple):
+    # What the result is to be like.
+    values: _Single  # (n, c)
+    unbalance: _Single  # (n, c): how far the gradients of these are from those that are wanted
+    confidence: CellWeights
+    known: npt.NDArray[np.bool_]  # (n,)
+
+
+def stitch_textures(
+    mesh: TriangleMesh,
+    uv: npt.ArrayLike,
+    images: npt.ArrayLike | Sequence[npt.ArrayLike],
+    settings: StitchSettings | None = None,
+    confidences: Sequence[npt.ArrayLike] | None = None,
+    labels: npt.ArrayLike | None = None,
+    mask: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    normals: npt.ArrayLike | None = None,
+    atlas: TextureAtlas | None = None,
+) -> npt.NDArray:
+    """Make one texture without steps of several, or of one whose charts differ at the seams.
+
+    The gradients of the result are those of the images where these are known; steps from one
+    image to another, or across a seam, are none of them.
+
+    Parameters
+    ----------
+    mesh, uv, progress, atlas
+        As in `sharpen_texture`.
+    images : array, or several, like the image in `sharpen_texture`
+        Pictures of the surface in the same layout, such as photos projected from several sides.
+        One alone, such as baked light or a scan, loses the steps across its seams.
+    settings : StitchSettings, optional
+    confidences : sequence of (h, w) arrays of float, optional
+        For each image how far its texels are to be believed, from 0: nothing is known there.
+        Opacity counts, too. 1 if left out.
+    labels : (h, w) array of int, optional
+        Which image each texel is taken from, instead of confidences; negative: nothing is known.
+        With one image, any numbers: steps between areas of different ones go.
+    mask : (h, w) array of float in [0, 1], optional
+        1 takes the result, less mixes it with the first image, 0 keeps that bit for bit.
+    normals : (m, 3, 3) array of float, optional
+        As in `filter_texture`.
+
+    Returns
+    -------
+    array like the first image
+        Texels of which nothing is known are filled smoothly. Opacity is the largest of the images.
+        Around the charts the gutter is filled anew; what the images hold there does not count.
+
+    Raises
+    ------
+    InvalidUV, InvalidSignal, Cancelled
+        As in `sharpen_texture`; also if images, confidences or labels do not fit one another, or
+        nothing is known anywhere.
+    SolverError
+        If no solution is found.
+
+    Notes
+    -----
+    Paper B, sections 6 and 7.2: x minimizes ``sum_k w_k (|x - y_k|^2 / radius^2 +
+    |grad x - grad y_k|^2)`` on the surface, lengths in mean texel sizes, for images y_k whose
+    confidences w_k add up to 1 in the second term. At a seam each image has the values that either
+    side shows by itself, continued linearly from within the chart. For images that are the same,
+    the result differs from them by rounding.
+
+    Examples
+    --------
+    Two pictures of one square, one of which is brighter:
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> uv = mesh.vertices[mesh.faces][..., :2]
+    >>> one = np.tile(np.linspace(0.2, 0.4, 16), (16, 1))
+    >>> left = np.tile(np.arange(16) < 8, (16, 1)).astype(float)
+    >>> image = core.stitch_textures(mesh, uv, [one, one + 0.3], confidences=[left, 1 - left])
+    >>> rows = [np.where(left, one, one + 0.3)[8], image[8]]
+    >>> [round(float(np.diff(row).max()), 2) for row in rows]
+    [0.31, 0.01]
+    """
+    pictures = _checked_images(images)
+    settings = given_or_default(settings, StitchSettings)
+    given = pictures[0]
+    trust = _checked_confidences(confidences, labels, pictures)
+    weights = checked_weights(mask, given)
+    flat = [picture.reshape(*given.shape[:2], -1) for picture in pictures]
+    check_content(flat[0], settings)
+    at_corners = checked_normals(mesh, normals)
+    alpha = opacity_channel(flat[0].shape[2], settings.alpha)
+    with reporting(progress):
+        with phase(0.0, 0.3, "Finding texels"):
+            texture = Texture(checked_atlas(atlas, mesh, uv, flat[0]), flat[0], alpha)
+            texture = normals_of(texture, settings, at_corners)
+            texture, values = gathered(texture, settings)
+        with phase(0.3, 0.6, "Comparing texels"):
+            space = TextureSpace(texture.atlas)
+            opacity = values[..., alpha].copy()  # the last channel's, if none is opacity
+            sources = [
+                _source(space, texture, picture, given, opacity)
+                for picture, given in zip(flat, trust, strict=True)
+            ]
+            target = _target_of(space, sources, labels)
+        with phase(0.6, 0.9, "Stitching"):
+            change = _solved(space, target, settings)
+        with phase(0.9, 1.0, "Filling the gutter"):
+            result = values.copy()
+            stitched = target.values + change
+            if alpha >= 0:
+                column = np.zeros((space.size, 1), dtype=np.float32)
+                column[: opacity.size, 0] = opacity.reshape(-1)
+                stitched = np.insert(stitched, [alpha], column, axis=1)
+            sheet_values(space, stitched, result)
+            if texture.unit:
+                run(unit_normals, len(result), result, chunk=ROWS)
+            mix_texels(texture.atlas, values, 1.0, weights, result)
+            keep = None if weights is None else weights == 0
+            # Opacity may rise.
+            out = written(texture._replace(alpha=-1), result, settings, keep)
+            return out.reshape(given.shape)
+
+
+def _target_of(
+    space: TextureSpace, sources: list[_Source], labels: npt.ArrayLike | None
+) -> _Target:
+    atlas, pieces = space.atlas, space.cut_cells.pieces
+    nodes = atlas.sheet.nodes.size
+    count = sources[0].values.shape[2]
+    flat = pieces.cells < 0
+    total = CellWeights(np.zeros_like(space.alike.cells), np.zeros(len(flat)))
+    believed = np.zeros((*atlas.sheet.nodes.shape, 1), dtype=np.float32)
+    mean = np.zeros((*atlas.sheet.nodes.shape, count), dtype=np.float32)
+    mean_corners = np.zeros((len(pieces.points), count))
+    wanted = np.zeros((space.size, count), dtype=np.float32)
+    least = [_least_known(space, source, labels if len(sources) == 1 else None)
+             for source in sources]  # fmt: skip
+    for source, weights in zip(sources, least, strict=True):
+        total.cells[:] += weights.cells
+        total.pieces[:] += weights.pieces
+        at_nodes = source.confidence[:nodes].reshape(believed.shape)
+        believed += at_nodes
+        mean += at_nodes * source.values
+    if not believed.any():
+        raise InvalidSignal(
+            "Nothing is known of any texel; give confidences, labels or opacity above 0 somewhere."
+        )
+    mean /= np.maximum(believed, np.float32(1e-30))
+    for source, weights in zip(sources, least, strict=True):
+        shares = CellWeights(_divided(weights.cells, total.cells).astype(np.float32),
+                             _divided(weights.pieces, total.pieces))  # fmt: skip
+        corners = np.nan_to_num(source.corners)
+        mean_corners += np.repeat(shares.pieces, np.diff(pieces.start))[:, None] * corners
+        values = np.zeros((space.size, count), dtype=np.float32)
+        values[:nodes] = source.values.reshape(nodes, count)
+        wanted += space.apply_stiffness(values, shares, corners)
+    unknown = np.repeat(total.pieces == 0, np.diff(pieces.start))
+    mean_corners[unknown] = np.nan
+    values = surface_values(space, mean, mean_corners)
+    # Faces without area in the texture show nothing of their own.
+    own = CellWeights(np.zeros_like(total.cells), flat.astype(np.float64))
+    wanted += space.apply_stiffness(values, own) - space.apply_stiffness(values)
+    total.pieces[flat] = 1.0
+    known = np.ones(space.size, dtype=np.bool_)
+    known[:nodes] = believed.reshape(-1) > 0
+    return _Target(values, wanted, total, known)
+
+
+def _source(
+    space: TextureSpace,
+    texture: Texture,
+    picture: npt.NDArray,
+    trust: npt.NDArray | None,
+    opacity: _Single,
+) -> _Source:
+    # `opacity` becomes the largest of all sources.
+    atlas, alpha = space.atlas, texture.alpha
+    values = values_of(atlas, picture, alpha, texture.frames)
+    confidence = np.zeros(space.size, dtype=np.float32)
+    known = (space.labels.reshape(-1) >= 0).astype(np.float32)
+    if trust is not None:
+        known *= atlas.gather(trust[..., None]).reshape(-1)
+    if alpha >= 0:
+        known *= values[..., alpha].reshape(-1)
+        np.maximum(opacity, values[..., alpha], out=opacity)
+        values = np.ascontiguousarray(np.delete(values, alpha, axis=2))
+    confidence[: len(known)] = known
+    believed = (atlas.sheet.nodes >= 0) & (known.reshape(atlas.sheet.nodes.shape) > 0)
+    ghosts = extend_ghosts(atlas.sheet, atlas.charts.labels, values, believed)
+    return _Source(values, corner_values(space, values, ghosts), confidence)
+
+
+def _least_known(space: TextureSpace, source: _Source, labels: npt.ArrayLike | None) -> CellWeights:
+    # How far each cell and piece is to be believed: 0 if one of its nodes, or corners, is unknown.
+    pieces = space.cut_cells.pieces
+    least = space.least(source.confidence)
+    missing = np.isnan(source.corners[:, 0])
+    of_piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
+    least.pieces[of_piece[missing]] = 0.0
+    if labels is not None:
+        areas = np.zeros(space.size, dtype=np.float32)
+        ranks = np.unique(labels, return_inverse=True)[1].reshape(np.shape(labels))
+        numbers = space.atlas.gather(ranks.astype(np.float32)[..., None])
+        areas[: numbers.size] = numbers.reshape(-1)
+        one, other = space.least(areas), space.least(-areas)
+        least.cells[one.cells != -other.cells] = 0.0
+        least.pieces[one.pieces != -other.pieces] = 0.0
+    return least
+
+
+def _divided(part: npt.NDArray, whole: npt.NDArray) -> npt.NDArray:
+    return part / np.where(whole > 0, whole, 1.0)
+
+
+def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _Single:
+    # What is to be added to the target's values.
+    largest = max(float(target.confidence.cells.max(initial=0.0)),
+                  float(target.confidence.pieces.max(initial=0.0)), 1e-30)  # fmt: skip
+    cells = np.maximum(target.confidence.cells / np.float32(largest), np.float32(_UNKNOWN))
+    held = CellWeights(cells, np.maximum(target.confidence.pieces / largest, _UNKNOWN))
+    screen = settings.radius**-2.0
+    if settings.where == "seams":
+        held.cells[target.confidence.cells > 0] = np.float32(_HELD / screen)
+    matrix = space.weighted(held, only_mass=True).matrix(screen)
+    change = np.zeros_like(target.values)
+    SheetSolver(matrix).solve(target.unbalance, change, _TOLERANCE, message="Stitching")
+    # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
+    space.without_means(change, matrix.screen, change)
+    if settings.where == "seams":
+        free = ~target.known
+        free[space.cut_cells.unknowns] = True
+        change[~free] = 0.0
+    return change
+
+
+def _checked_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> list[npt.NDArray]:
+    if isinstance(images, np.ndarray) and images.ndim < 4:
+        images = [images]
+    if not isinstance(images, np.ndarray | Sequence):
+        raise InvalidSignal("The images are no array and no list of arrays; give at least one.")
+    pictures = [checked_image(image, LARGEST) for image in images]
+    if not pictures:
+        raise InvalidSignal("There is no image; give at least one.")
+    for number, picture in enumerate(pictures):
+        if picture.shape != pictures[0].shape or picture.dtype != pictures[0].dtype:
+            raise InvalidSignal(
+                f"Image {number + 1} is {picture.shape} of {picture.dtype}, the first one"
+                f" {pictures[0].shape} of {pictures[0].dtype}; give images of one size and type."
+            )
+    return pictures
+
+
+def _checked_confidences(
+    confidences: Sequence[npt.ArrayLike] | None,
+    labels: npt.ArrayLike | None,
+    pictures: list[npt.NDArray],
+) -> list[npt.NDArray | None]:
+    shape, count = pictures[0].shape[:2], len(pictures)
+    if labels is not None:
+        if confidences is not None:
+            raise InvalidSignal("There are confidences and labels; give one of them.")
+        numbers = as_array(labels, "labels")
+        if numbers.shape != shape or numbers.dtype.kind not in "iub":
+            raise InvalidSignal(
+                f"The labels are {numbers.shape} of {numbers.dtype}; give whole numbers {shape}."
+            )
+        if count > 1 and numbers.max() >= count:
+            raise InvalidSignal(
+                f"A label is {numbers.max()}, but there are {count} images; count from 0."
+            )
+        if count == 1:
+            return [(numbers >= 0).astype(np.float64)]
+        return [(numbers == number).astype(np.float64) for number in range(count)]
+    if confidences is None:
+        return [None] * count
+    is_row = isinstance(confidences, np.ndarray) and confidences.ndim > 0
+    if not is_row and not isinstance(confidences, Sequence):
+        raise InvalidSignal("The confidences are no list of arrays; give one for each image.")
+    given = [as_array(one, "confidence") for one in confidences]
+    if len(given) != count:
+        raise InvalidSignal(f"There are {len(given)} confidences for {count} images.")
+    for one in given:
+        if one.shape != shape:
+            raise InvalidSignal(f"A confidence has the shape {one.shape}; give {shape}.")
+        if one.dtype.kind not in "bfiu" or not np.isfinite(one).all() or one.min() < 0:
+            raise InvalidSignal("A confidence is negative, NaN or no number; give values from 0.")
+    largest = max(max(float(one.max()) for one in given), 1e-30)
+    return [one.astype(np.float64) / largest for one in given]

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The way of a texture through a filter: into the sheet of its atlas, and back into its image."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..atlas import TextureAtlas
+from ..atlas.ghosts import fill_ghosts
+from ..atlas.gutter import TexelWriter, unit_normals
+from ..atlas.normal_frames import NormalFrames
+from ..atlas.seam_fit import SeamFit
+from ..atlas.seams import settle_seams
+from ..atlas.sheet import ROWS
+from ..base.checks import BAND, SCALES, Floats
+from ..base.parallel import blocks, run
+from ..base.progress import aside, phase
+from ..color.signals import mix_rows
+from ..errors import InvalidSignal
+from ..grid.pixels import copied
+from ..mesh.triangle_mesh import TriangleMesh
+from ..settings import DilateSettings, FilterSettings, StitchSettings
+
+
+class Texture(NamedTuple):
+    """The texels of an atlas, and what their channels hold.
+
+    Attributes
+    ----------
+    atlas : TextureAtlas
+    pixels : (h, w, c) array
+    alpha : int
+        The channel of opacity; -1: none.
+    normals : bool
+        Whether the first channels are tangent-space normals, as colors.
+    frames : NormalFrames or None
+        What turns such normals to object space, where they are worked on; `normals` is False then.
+    unit : bool
+        Whether the first channels are normals of object space in the work, of unit length.
+    """
+
+    atlas: TextureAtlas
+    pixels: npt.NDArray
+    alpha: int = -1
+    normals: bool = False
+    frames: NormalFrames | None = None
+    unit: bool = False
+
+
+def normals_of(
+    texture: Texture, settings: FilterSettings | StitchSettings, normals: Floats | None
+) -> Texture:
+    """Return a texture that knows how its normals are worked on, if it holds some.
+
+    Parameters
+    ----------
+    texture : Texture
+    settings : FilterSettings or StitchSettings
+        Have the content.
+    normals : (m, 3, 3) float64, optional
+        As in `NormalFrames`.
+    """
+    if settings.content == "values":
+        return texture
+    if settings.content == "object_normals":
+        return texture._replace(unit=True)
+    is_down = settings.content == "normals_y_down"
+    frames = NormalFrames(texture.atlas, normals, green_down=is_down)
+    return texture._replace(frames=frames, unit=True)
+
+
+def check_content(pixels: npt.NDArray, settings: FilterSettings | StitchSettings) -> None:
+    """Raise `InvalidSignal` if an image cannot hold what the settings say."""
+    if settings.content != "values":
+        check_channels(pixels)
+
+
+def check_channels(pixels: npt.NDArray) -> None:
+    """Raise `InvalidSignal` if an image cannot hold normals."""
+    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
+        raise InvalidSignal(
+            f"The normal map has the shape {pixels.shape}; give three channels, or four."
+        )
+
+
+def gathered(texture: Texture, settings: DilateSettings) -> tuple[Texture, npt.NDArray[np.float32]]:
+    """Return the texture with its seams settled, and the values of the nodes inside charts."""
+    atlas, pixels, alpha, normals = texture[:4]
+    with aside("Comparing the seams"):
+        values = values_of(atlas, pixels, alpha, texture.frames)
+        atlas = settle_seams(
+            atlas, values, settings.seams, least_step(pixels), alpha=alpha, normals=normals
+        )
+    return texture._replace(atlas=atlas), values
+
+
+def values_of(
+    atlas: TextureAtlas, pixels: npt.NDArray, alpha: int, frames: NormalFrames | None = None
+) -> npt.NDArray[np.float32]:
+    """Return an image's values at the nodes inside charts, opacity clipped to [0, 1].
+
+    With `frames`, tangent-space normals are turned to object space.
+    """
+    values = atlas.gather(pixels)
+    if alpha >= 0:
+        opacity = values[..., alpha]
+        for rows in blocks(len(values), BAND):
+            np.clip(opacity[rows], 0.0, 1.0, out=opacity[rows])
+    if frames is not None:
+        frames.to_object(values)
+    return values
+
+
+def least_step(pixels: npt.NDArray) -> float:
+    """Return what whole numbers count in; 0 for floats."""
+    return SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0
+
+
+def mix_texels(
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    amount: float,
+    weights: npt.NDArray[np.float64] | None,
+    result: npt.NDArray[np.float32],
+) -> None:
+    """Mix a result with the values that it was made from, in place; `weights` are a mask (h, w)."""
+    if weights is not None or amount < 1.0:
+        with phase(1.0, 1.0, "Filling the gutter"):
+            if weights is None:
+                shares = np.full(atlas.sheet.nodes.size, amount, dtype=np.float32)
+            else:
+                shares = amount * atlas.gather(weights[..., None]).reshape(-1)
+            flat = result.reshape(len(shares), -1)
+            run(mix_rows, len(shares), values.reshape(flat.shape), flat, shares, flat)
+
+
+class Output:
+    """Where texels get their values from, for any number of results for one texture.
+
+    Parameters
+    ----------
+    texture : Texture
+    settings : DilateSettings
+    """
+
+    def __init__(self, texture: Texture, settings: DilateSettings) -> None:
+        self._texture = texture
+        with phase(0.0, 0.5, "Filling the gutter"):
+            self._fit = None if texture.normals else SeamFit(texture.atlas)
+        with phase(0.5, 1.0, "Filling the gutter"):
+            self._writer = TexelWriter(
+                texture.atlas, settings, normals=texture.normals, frames=texture.frames
+            )
+
+    def written(
+        self, values: npt.NDArray[np.float32], keep: npt.NDArray[np.bool_] | None
+    ) -> npt.NDArray:
+        """Return the image with values of nodes inside charts, and what follows beside them.
+
+        Parameters
+        ----------
+        values : (rows, columns, c) float32
+            Overwritten.
+        keep : (h, w) bool, optional
+            Texels inside charts that stay as they are.
+        """
+        texture = self._texture
+        with aside("Filling the gutter"):
+            read_ghosts(texture, values)
+            if self._fit is not None:
+                self._fit.apply(values, least_step(texture.pixels))
+            if texture.normals or texture.unit:
+                run(unit_normals, len(values), values, chunk=ROWS)
+            out = copied(texture.pixels)
+        self._writer.write(values, keep, out, opacity=texture.alpha)
+        return out
+
+
+def written(
+    texture: Texture,
+    values: npt.NDArray[np.float32],
+    settings: DilateSettings,
+    keep: npt.NDArray[np.bool_] | None,
+) -> npt.NDArray:
+    """Return the image with values as `Output.written` does, once."""
+    with phase(0.0, 0.6, "Filling the gutter"):
+        output = Output(texture, settings)
+    with phase(0.6, 1.0, "Filling the gutter"):
+        return output.written(values, keep)
+
+
+def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:
+    """Read the ghosts' values from across the seams, in place."""
+    atlas, _, alpha, normals = texture[:4]
+    fill_ghosts(atlas.sheet, atlas.sources, values, alpha, 0.5 if normals else None)
+
+
+def checked_atlas(
+    atlas: TextureAtlas | None, mesh: TriangleMesh, uv: npt.ArrayLike, pixels: npt.NDArray
+) -> TextureAtlas:
+    """Return the atlas that was given, if it fits the image, or a new one."""
+    height, width = pixels.shape[:2]
+    if atlas is None:
+        return TextureAtlas(mesh, uv, height, width)
+    if not isinstance(atlas, TextureAtlas):
+        raise InvalidSignal(f"atlas is {atlas!r}; give a TextureAtlas, or leave it out.")
+    if atlas.mesh is not mesh or (atlas.height, atlas.width) != (height, width):
+        raise InvalidSignal(
+            f"The atlas is for {atlas.width} x {atlas.height} texels of its own mesh, the image"
+            f" has {width} x {height}; make an atlas for this mesh and size."
+        )
+    return atlas
+
+
+def grays_of(values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]) -> npt.NDArray:
+    """Take what is to be seen of an image that was made: (h, w).
+
+    Of several channels, as of substances that react, it is the last one, stretched to [0, 1].
+    """
+    if values.ndim == 2:
+        return values
+    last = values[..., -1]
+    largest = float(last.max(initial=0.0, where=inside))
+    return last / np.float32(largest) if largest > 0 else last

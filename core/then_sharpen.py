@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Denoise, then sharpen what is left, in one run.
+
+Noise has to go before edges are pulled together: what remains of it is taken for edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy.typing as npt
+
+from .base.progress import ProgressCallback, phase, reporting
+from .color.signals import sharpen_corner_signal
+from .errors import InvalidMesh
+from .mesh.triangle_mesh import Floats, TriangleMesh
+from .settings import GeometrySettings, ShockSettings
+from .shape.sharpening import sharpen_geometry
+
+Filter = Callable[..., Any]
+
+_SAME = "alpha", "content", "gutter", "background", "seams"  # what the data are
+
+
+def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
+    """Have what a filter has denoised be sharpened in the same run.
+
+    Parameters
+    ----------
+    denoise, sharpen : callable
+        Filters of the same kind of data, see `registry.Kind`; or `beltrami_joint_corners` and
+        `sharpen_both`.
+    sharpening : object or None
+        The settings of `sharpen`; None leaves it out.
+
+    Returns
+    -------
+    callable
+        ``function(*data, settings=None, mask=None, progress=None)``. Data and result, settings and
+        mask are those of `denoise`; the sharpening has the same mask. Each half of the progress
+        is one of the two.
+
+    Notes
+    -----
+    Opacity of an image, and what a texture holds, are what the settings of `denoise` say.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> from shock_filter.core.then_sharpen import then_sharpen
+    >>> step = np.repeat([[0.2, 0.3, 0.7, 0.8]], 3, axis=0)
+    >>> sharpening = core.ImageSettings(time=16.0)
+    >>> function = then_sharpen(core.beltrami_image, core.sharpen_image, sharpening)
+    >>> function(step, settings=core.BeltramiSettings(time=0.5)).shape
+    (3, 4)
+    """
+    if sharpening is None:
+        return denoise
+
+    def denoise_and_sharpen(
+        *data: Any,
+        settings: Any = None,
+        mask: npt.ArrayLike | None = None,
+        progress: ProgressCallback | None = None,
+        **more: Any,
+    ) -> Any:
+        same = [name for name in _SAME if hasattr(settings, name) and hasattr(sharpening, name)]
+        chosen = replace(sharpening, **{name: getattr(settings, name) for name in same})
+        with reporting(progress):
+            with phase(0.0, 0.5, "Denoising"):
+                result = denoise(*data, settings=settings, mask=mask, **more)
+            with phase(0.5, 1.0, "Sharpening"):
+                # The result takes the place of what was denoised, which stands last.
+                last = data[-1]
+                denoised = _moved(last, result) if isinstance(last, TriangleMesh) else result
+                if denoised is None:
+                    return result
+                return sharpen(*data[:-1], denoised, settings=chosen, mask=mask, **more)
+
+    return denoise_and_sharpen
+
+
+def sharpen_both(
+    mesh: TriangleMesh,
+    both: tuple[Floats, npt.NDArray],
+    settings: ShockSettings,
+    mask: npt.ArrayLike | None = None,
+) -> tuple[Floats, npt.NDArray]:
+    """Sharpen new positions of a mesh, and colors of its corners on the surface that is sharp."""
+    positions, signal = both
+    moved = _moved(mesh, positions)
+    if moved is None:
+        return both
+    with phase(0.0, 0.5, "Sharpening"):
+        shape = GeometrySettings.of_paper(time=settings.time, sampling="linear")
+        positions = sharpen_geometry(moved, shape, mask)
+    with phase(0.5, 1.0, "Sharpening"):
+        sharp = mesh.moved_to(positions)
+        return positions, sharpen_corner_signal(sharp, signal, settings, mask)
+
+
+def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh | None:
+    # A long time draws all vertices to a point or a line, where nothing is left to sharpen.
+    try:
+        return mesh.moved_to(positions)
+    except InvalidMesh:
+        return None

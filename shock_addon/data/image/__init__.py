@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images and what they show: pixels, tiles, maps, sequences, fields, flows.
+
+May use `data.mesh` and the rest of `data`.
+"""
+
+from typing import TYPE_CHECKING
+
+from .. import importing
+
+if TYPE_CHECKING:
+    from . import (  # noqa: F401
+        fields,
+        flows,
+        images,
+        maps,
+        sequences,
+        stand_in,
+        textures,
+        tiles,
+    )
+
+__getattr__ = importing(__name__)

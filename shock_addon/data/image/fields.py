@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between mesh objects and images that are made from their shape: where to start, which way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+from bpy.app.translations import pgettext_rpt
+
+from ....core.host.fields import FieldSurface
+from .. import arrays
+from ..chosen import mesh_refusal, mesh_users, refusal
+from ..mesh import meshes
+from ..mesh.vertex_groups import group_weights
+from ..skipped import Skipped, skip_if
+from . import images, textures
+from .images import ImageTarget
+from .tiles import Tiles
+
+ATTRIBUTE = "Distance"
+_HALF = 0.5
+
+
+@dataclass(frozen=True)
+class FieldTarget(ImageTarget):
+    """What is to show a new image, and the image that is written; its uid is 0 if it is new.
+
+    Attributes
+    ----------
+    objects : list of str
+        Names of the objects whose faces were read, the active one first.
+    notes : list of str
+        What a person should know about them.
+    """
+
+    objects: list[str]
+    notes: list[str]
+
+
+def read_field(
+    context: bpy.types.Context,
+    image: bpy.types.Image | None,
+    parameters: Any,
+    places: Sequence[str],
+) -> tuple[FieldTarget, list[str]]:
+    """Read the faces of the chosen objects, and what a new image on them is made from.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    image : bpy.types.Image or None
+        The one to write; None for a new one.
+    parameters : object
+        Has `image_size` and `places`.
+    places : sequence of str
+        Those of the properties that matter; see `modes.DATA`.
+
+    Returns
+    -------
+    target : FieldTarget
+    skipped : list of str
+        A sentence for each object that was left alone.
+
+    Raises
+    ------
+    Skipped
+        If the image or what is named cannot be used, or no object could be read.
+    """
+    if image is not None:
+        skip_if(refusal(image))
+    parts: Tiles = {} if image is None else images.read_parts(image)
+    size = int(parameters.image_size)
+    shape = (size, size) if image is None else (image.size[1], image.size[0])
+    faces, names, skipped = textures.read_faces(context, mesh_users(context), None, None)
+    objects = [bpy.data.objects[name] for name in names]
+    with meshes.object_mode(context):
+        given, notes = _given(objects, parameters, places, shape)
+    at_vertices = "into" in places and parameters.into == "ATTRIBUTE"
+    surface = FieldSurface(faces, shape, given, at_vertices)
+    uid = 0 if image is None else image.session_uid
+    return FieldTarget(
+        names[0] if image is None else image.name, uid, surface, parts, names, notes
+    ), skipped
+
+
+def add_or_reuse(
+    name: str, used: str, pixels: npt.NDArray[np.float32], is_float: bool
+) -> bpy.types.Image:
+    """Write pixels into the image named `used`, if an earlier run has made it so, or a new one."""
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.get(used)
+    fits = image is not None and tuple(image.size) == (width, height)
+    if not (fits and image.is_float == is_float and images.is_as_written(image)):
+        image = bpy.data.images.new(
+            name, width, height, alpha=False, float_buffer=is_float, is_data=True
+        )
+    images.write_parts(image, {images.UNTILED: pixels}, pack=True)
+    images.note_written(image)
+    return image
+
+
+def pixels_of(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Make opaque grays of (h, w) values: (h, w, 4); 0 where they are infinite."""
+    pixels = np.repeat(values[..., None], 4, axis=2)
+    pixels[~np.isfinite(values)] = 0.0
+    pixels[..., 3] = 1.0
+    return pixels
+
+
+def write_attribute(names: list[str], values: npt.NDArray[np.float32]) -> bpy.types.Object:
+    """Write values at the vertices of the objects of these names, in their order.
+
+    Returns
+    -------
+    bpy.types.Object
+        The first one.
+
+    Raises
+    ------
+    Skipped
+        If an object was removed, has other vertices now, or cannot take the attribute.
+    """
+    objects = [bpy.data.objects.get(name) for name in names]
+    with meshes.object_mode(bpy.context):
+        counts = [0 if obj is None else len(obj.data.vertices) for obj in objects]
+        if 0 in counts or sum(counts) != len(values):
+            raise Skipped("it was changed meanwhile; run again")
+        for obj in objects:
+            skip_if(mesh_refusal(obj.data))
+            there = ATTRIBUTE in obj.data.attributes
+            if there and not arrays.find_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT"):
+                raise Skipped("it has another attribute named Distance; rename that one")
+        for obj, part in zip(objects, np.split(values, np.cumsum(counts)[:-1]), strict=True):
+            attribute = arrays.find_or_add_attribute(obj.data, ATTRIBUTE, "FLOAT", "POINT")
+            arrays.write_attribute(attribute, part)
+            obj.data.update()
+    return objects[0]
+
+
+def add_nodes(names: list[str], image: bpy.types.Image) -> list[str]:
+    """Add an Image Texture node for an image to the active material of each object of these names.
+
+    An object without a material gets one that shows the image.
+
+    Returns
+    -------
+    list of str
+        A sentence for what could not be done.
+    """
+    notes = []
+    for obj in (bpy.data.objects[name] for name in names):
+        material = obj.active_material
+        if material is None and not mesh_refusal(obj.data):
+            material = bpy.data.materials.new(obj.name)
+            if bpy.app.version < (5, 0, 0):  # later, all use them
+                material.use_nodes = True
+            if obj.material_slots:
+                obj.material_slots[obj.active_material_index].material = material
+            else:
+                obj.data.materials.append(material)
+            _link_to_color(material, _image_node(material, image))
+        elif material is None or material.library is not None or material.node_tree is None:
+            text = pgettext_rpt("{name} cannot take a node; name {image} in one by hand.")
+            notes.append(text.format(name=(material or obj).name, image=image.name))
+        else:
+            _image_node(material, image)
+    return notes
+
+
+def _image_node(material: bpy.types.Material, image: bpy.types.Image) -> bpy.types.Node:
+    nodes = material.node_tree.nodes
+    node = next((n for n in nodes if n.type == "TEX_IMAGE" and n.image == image), None)
+    if node is None:
+        node = nodes.new("ShaderNodeTexImage")
+        node.image = image
+        low = min((each.location[1] for each in nodes), default=0.0)
+        node.location = min((each.location[0] for each in nodes), default=0.0), low - 300.0
+    nodes.active = node
+    return node
+
+
+def _link_to_color(material: bpy.types.Material, node: bpy.types.Node) -> None:
+    for shader in material.node_tree.nodes:
+        if "Base Color" in shader.inputs:
+            material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+
+
+def _given(
+    objects: list[bpy.types.Object],
+    parameters: Any,
+    places: Sequence[str],
+    shape: tuple[int, int],
+) -> tuple[dict[str, Any], list[str]]:
+    # What the function in the registry takes by name, and what is to be said about it.
+    given: dict[str, Any] = {}
+    if "start" in places and parameters.source != "given":
+        return given, []
+    if "start" in places and parameters.start == "IMAGE":
+        given["image"] = _grays(parameters.start_image, shape)
+    elif "start" in places and parameters.start == "LOWEST":
+        given |= _lowest(objects)
+    elif "start" in places and parameters.start == "AUTO":
+        try:
+            given |= _starts(objects, parameters)
+        except Skipped:
+            text = "Nothing, or all, is selected, so the distance counts from the lowest vertices."
+            return _lowest(objects), [pgettext_rpt(text)]
+    elif "start" in places:
+        given |= _starts(objects, parameters)
+    if "along" in places and parameters.along == "ATTRIBUTE":
+        given |= read_directions(objects, parameters.along_attribute)
+    elif "along" in places:
+        given["along"] = parameters.along.lower()
+    if "stretch_along" in places and parameters.stretch_along != "NONE":
+        given["along"] = parameters.stretch_along.lower()
+    if "scale_map" in places and parameters.scale_map:
+        given["rates"] = _grays(parameters.scale_map, shape)
+    return given, []
+
+
+def read_directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any]:
+    """Read an attribute: vectors at the faces, or numbers at their corners that rise in their way.
+
+    Raises
+    ------
+    Skipped
+        If an object has none, or one of another kind than others.
+    """
+    vectors, numbers = [], []
+    for obj in objects:
+        mesh = obj.data
+        attribute = mesh.attributes.get(name)
+        if attribute is None or attribute.domain == "EDGE" or not arrays.is_readable(attribute):
+            raise Skipped(
+                "it has no attribute named {name!r} with numbers, colors or vectors of vertices,"
+                " corners or faces; name another",
+                name=name,
+            )
+        values = arrays.read_attribute(attribute).astype(np.float64)
+        corners = meshes.read_triangle_corners(mesh)
+        rows = {
+            "POINT": meshes.read_corner_vertices(mesh)[corners],
+            "CORNER": corners,
+            "FACE": np.repeat(arrays.read(mesh.loop_triangles, "polygon_index", 1, np.int32), 3),
+        }[attribute.domain]
+        at_corners = values[rows.reshape(-1)].reshape(len(corners), 3, -1)
+        if not np.isfinite(at_corners).all():
+            raise Skipped("its attribute {name} holds NaN or infinity; name another", name=name)
+        if attribute.data_type == "FLOAT_VECTOR":
+            turn = meshes.matrix_in_world(obj)[:3, :3]
+            vectors.append(at_corners.mean(axis=1) @ turn.T)
+        else:
+            numbers.append(at_corners[..., :3].mean(axis=2))
+    if vectors and numbers:
+        raise Skipped("its attribute {name} is of another kind on other objects", name=name)
+    if vectors:
+        return {"directions": np.concatenate(vectors)}
+    return {"rising": np.concatenate(numbers)}
+
+
+def _starts(objects: list[bpy.types.Object], parameters: Any) -> dict[str, Any]:
+    # Vertices and edges, counted on through all objects.
+    start = "SELECTED" if parameters.start == "AUTO" else parameters.start
+    vertices, edges, first = [], [], 0
+    for obj in objects:
+        mesh = obj.data
+        pairs = arrays.read(mesh.edges, "vertices", 2, dtype=np.int32)
+        chosen = np.zeros(len(mesh.vertices), dtype=bool)
+        if start == "GROUP":
+            chosen = group_weights(obj, parameters.start_group) >= _HALF
+            marked = chosen[pairs].all(axis=1)
+        else:
+            marked = arrays.read(mesh.edges, _MARKS[start], dtype=bool)
+        if start == "SELECTED":
+            chosen = arrays.read(mesh.vertices, "select", dtype=bool)
+        vertices.append(first + np.flatnonzero(chosen))
+        edges.append(first + pairs[marked])
+        first += len(mesh.vertices)
+    joined = {"vertices": np.concatenate(vertices), "edges": np.concatenate(edges)}
+    if start == "SELECTED" and len(joined["vertices"]) == first:
+        raise Skipped("all is selected; select only where the distance is 0, in Edit Mode")
+    if not any(len(part) for part in joined.values()):
+        raise Skipped(_NOTHING[start])
+    return joined
+
+
+def _lowest(objects: list[bpy.types.Object]) -> dict[str, Any]:
+    # Vertices up to a thousandth of the height, and edges between them.
+    heights, edges, first = [], [], 0
+    for obj in objects:
+        matrix = meshes.matrix_in_world(obj)
+        heights.append(meshes.read_positions(obj.data) @ matrix[2, :3] + matrix[2, 3])
+        edges.append(first + arrays.read(obj.data.edges, "vertices", 2, dtype=np.int32))
+        first += len(heights[-1])
+    joined, pairs = np.concatenate(heights), np.concatenate(edges)
+    low = joined <= joined.min() + 1e-3 * np.ptp(joined)
+    return {"vertices": np.flatnonzero(low), "edges": pairs[low[pairs].all(axis=1)]}
+
+
+_MARKS = {"SELECTED": "select", "SEAMS": "use_seam", "SHARP": "use_edge_sharp"}
+_NOTHING = {
+    "SELECTED": "nothing is selected; select vertices or edges in Edit Mode, or start elsewhere",
+    "GROUP": "no vertex of its group weighs 0.5 or more; assign some, or start elsewhere",
+    "SEAMS": "no edge is marked as a seam; mark some (Edge > Mark Seam), or start elsewhere",
+    "SHARP": "no edge is marked as sharp; mark some (Edge > Mark Sharp), or start elsewhere",
+}
+
+
+def _grays(name: str, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
+    image = bpy.data.images.get(name)
+    if image is None:
+        raise Skipped("there is no image named {name!r}; name another", name=name)
+    skip_if(refusal(image))
+    height, width = shape
+    if tuple(image.size) != (width, height):
+        raise Skipped(
+            "its image {name} has another size; scale it to {width} x {height}",
+            name=name,
+            width=width,
+            height=height,
+        )
+    grays = textures.grays_of(arrays.read_pixels(image))
+    if not np.isfinite(grays).all():
+        raise Skipped("its image {name} holds NaN; paint over it first", name=name)
+    return grays

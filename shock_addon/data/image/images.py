@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between Blender's images and arrays.
+
+Pixels are read and written as Blender keeps them: bytes in the image's own color space, floats
+linear in the scene's color space and multiplied by their opacity.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ....core.host import forgetting
+from ....core.host.inputs import HostImage
+from .. import arrays
+from ..arrays import check_same_parts, read_pixels
+from ..chosen import refusal
+from ..skipped import Skipped, skip_if
+from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
+
+UNTILED = 0
+"""The number under which `read_parts` gives the pixels of an image without tiles."""
+
+
+@dataclass(frozen=True)
+class ImageTarget:
+    """An image as it was read, to find it again when the result is there.
+
+    Attributes
+    ----------
+    surface : HostImage or TexturedSurface
+        What is handed to the filter.
+    parts : dict
+        The pixels, as `read_parts` gives them.
+    """
+
+    name: str
+    image_uid: int
+    surface: Any
+    parts: Tiles
+
+
+_overwritten: dict[int, Tiles] = {}
+"""The images that the last run replaced, as they were, by their uids: undo does not bring them."""
+
+_undone = False
+"""Whether something was undone since; Adjust Last Operation does, Repeat Last does not."""
+
+_written: dict[int, bytes] = {}
+"""Digests of what was written, by the images' uids: what people have changed since is theirs."""
+
+
+def read_image(image: bpy.types.Image) -> ImageTarget:
+    """Read an image.
+
+    Raises
+    ------
+    Skipped
+        If it is none that can be sharpened.
+    """
+    skip_if(refusal(image))
+    surface = host_image(image, read_pixels(image))
+    return ImageTarget(image.name, image.session_uid, surface, {UNTILED: surface.pixels})
+
+
+def host_image(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> HostImage:
+    """Say what pixels that were read from an image mean."""
+    return HostImage(
+        pixels=pixels,
+        opacity=image.alpha_mode,
+        premultiplied=image.is_float,
+        levels=0 if image.is_float else 255,
+    )
+
+
+def find_image(target: ImageTarget) -> bpy.types.Image:
+    """Return the image that was read.
+
+    Raises
+    ------
+    Skipped
+        If it was removed, or its size or kind has changed.
+    """
+    image = next((i for i in bpy.data.images if i.session_uid == target.image_uid), None)
+    if image is None:
+        raise Skipped("it was removed meanwhile")
+    if refusal(image, UNTILED not in target.parts) or part_sizes(image) != sizes_of(target.parts):
+        raise Skipped("it was changed meanwhile; run again")
+    return image
+
+
+def part_sizes(image: bpy.types.Image) -> dict[int, tuple[int, int]]:
+    """Return height and width of each part of an image, as `read_parts` gives them."""
+    if image.source != "TILED":
+        return {UNTILED: (image.size[1], image.size[0])}
+    return {tile.number: (tile.size[1], tile.size[0]) for tile in image.tiles if tile.size[0]}
+
+
+def read_parts(image: bpy.types.Image) -> Tiles:
+    """Read the pixels of all tiles, or of the image as its only part."""
+    return read_tiles(image) if image.source == "TILED" else {UNTILED: read_pixels(image)}
+
+
+def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
+    """Write the pixels of all parts, and pack them into the blend file; tiles always are."""
+    if image.source == "TILED":
+        write_tiles(image, parts)
+        return
+    if pack:
+        dress(image, image)
+    if part_sizes(image) != sizes_of(parts):
+        height, width = parts[UNTILED].shape[:2]
+        image.scale(width, height)
+    arrays.write_pixels(image, parts[UNTILED])
+    image.update()
+    if pack:
+        image.pack()
+
+
+def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) -> bpy.types.Image:
+    """Write the parts into an image like `source`.
+
+    It is the one named `used`, if that can take them and holds what an earlier run has written.
+    Else a new one gets the name of `source` with the suffix. It is packed, since Blender saves no
+    pixels that are in neither the blend file nor a file.
+    """
+    image = bpy.data.images.get(used)
+    fits = image is not None and image != source and _is_like(image, source, parts)
+    if fits and is_as_written(image):
+        write_parts(image, parts, pack=True)
+    elif source.source == "TILED":
+        image = new_tiled_like(source, _name(source.name, suffix), parts)
+    else:
+        height, width = parts[UNTILED].shape[:2]
+        image = new_like(source, _name(source.name, suffix), (width, height))
+        write_parts(image, parts, pack=True)
+    _written[image.session_uid] = digest_of(image)
+    return image
+
+
+def keep(image: bpy.types.Image) -> None:
+    """Have the blend file keep an image, even if nothing in it uses it: Blender saves no others.
+
+    Editors that show it do not count, nor what is painted on.
+    """
+    users = bpy.data.user_map(subset={image})[image]
+    if all(isinstance(user, bpy.types.Screen | bpy.types.Scene) for user in users):
+        image.use_fake_user = True
+
+
+def _name(old: str, suffix: str) -> str:
+    """Put the suffix after a name without file ending, unless it is there."""
+    unnumbered = re.sub(r"\.\d{3}$", "", old)  # Blender adds such numbers
+    if unnumbered.endswith(f" {suffix}"):
+        return unnumbered
+    stem, ending = os.path.splitext(unnumbered)
+    return f"{stem if ending.lower() in bpy.path.extensions_image else old} {suffix}"
+
+
+def new_like(image: bpy.types.Image, name: str, size: Sequence[int]) -> bpy.types.Image:
+    """Add an image of the same kind, of a width and height."""
+    space = image.colorspace_settings
+    new = bpy.data.images.new(
+        name,
+        *size,
+        alpha=image.depth in {32, 128},
+        float_buffer=image.is_float,
+        is_data=space.is_data,
+    )
+    new.colorspace_settings.name = space.name
+    new.alpha_mode = image.alpha_mode
+    return new
+
+
+def _is_like(image: bpy.types.Image, other: bpy.types.Image, parts: Tiles) -> bool:
+    """Whether an image can take these parts, made from another one."""
+    fits = part_sizes(image) == sizes_of(parts) and image.is_float == other.is_float
+    return fits and not refusal(image, tiles=True)
+
+
+def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> bytes:
+    """Write new parts and keep the old ones for `restore`; return the digest of the new ones.
+
+    See `forget_overwritten`.
+
+    Raises
+    ------
+    Skipped
+        If the image does not hold the old parts any more.
+    """
+    global _undone
+    check_same_parts(read_parts(image), old)
+    _overwritten[image.session_uid], _undone = old, False
+    if _note_undo not in bpy.app.handlers.undo_post:
+        bpy.app.handlers.undo_post.append(_note_undo)
+    write_parts(image, new, image.packed_file is not None)
+    _written[image.session_uid] = digest_of(image)
+    return _written[image.session_uid]
+
+
+def restore(image: bpy.types.Image) -> None:
+    """Undo the last run's `overwrite` of this image, if Blender has undone the rest of it.
+
+    Whatever was painted on the image since stays.
+    """
+    old = _overwritten.get(image.session_uid)
+    painted = image.source == "TILED" and image.is_dirty  # its files are read, not its pixels
+    if old is not None and _undone and not painted and is_as_written(image):
+        write_parts(image, old, image.packed_file is not None)
+
+
+def is_as_written(image: bpy.types.Image) -> bool:
+    """Whether an image holds what a run has written, and nothing that was painted since."""
+    written = _written.get(image.session_uid)
+    return written is not None and written == digest_of(image)
+
+
+def note_written(image: bpy.types.Image) -> None:
+    """Remember what a run has written into an image."""
+    _written[image.session_uid] = digest_of(image)
+
+
+def digest_of(image: bpy.types.Image) -> bytes:
+    """Return a word that differs when one bit of an image's pixels does."""
+    digest = hashlib.blake2b(digest_size=16)
+    for number, pixels in read_parts(image).items():
+        digest.update(f"{number} {pixels.shape} ".encode())
+        digest.update(pixels.data)
+    return digest.digest()
+
+
+def _note_undo(*_: object) -> None:
+    global _undone
+    _undone = True
+
+
+def forget_overwritten() -> None:
+    """Drop what `overwrite` has kept: only the last run can be undone."""
+    _overwritten.clear()
+    if _note_undo in bpy.app.handlers.undo_post:  # Blender drops it when it loads a file
+        bpy.app.handlers.undo_post.remove(_note_undo)
+
+
+def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
+    """Return height and width of each part."""
+    return {number: pixels.shape[:2] for number, pixels in parts.items()}
+
+
+@forgetting.with_file
+def forget() -> None:
+    """Drop what is known about images that were written."""
+    _written.clear()
+    forget_overwritten()

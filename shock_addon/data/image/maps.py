@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The maps of a material that belong together: base color, roughness, metallic, normals, height."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+
+from ....core.settings import Setting
+from ..chosen import mesh_users
+from ..materials import colors_surface, image_nodes
+from ..skipped import Skipped, sentences
+
+_ON_THE_WAY = {"REROUTE", "SEPARATE_COLOR", "COMBINE_COLOR", "CURVE_RGB", "INVERT", "GAMMA"}
+"""Kinds of nodes through which normals go on their way to a Normal Map node."""
+
+
+class Maps(NamedTuple):
+    """Images that are filtered together.
+
+    Attributes
+    ----------
+    lead : bpy.types.Image
+        The one whose flow all follow.
+    followers : dict
+        What each other image holds: "values", or what `normals_from` says.
+    left : list of str
+        A sentence for each image that does not take part.
+    """
+
+    lead: bpy.types.Image
+    followers: dict[bpy.types.Image, str]
+    left: list[str]
+
+
+def maps_of(context: bpy.types.Context, image: bpy.types.Image) -> Maps:
+    """Find the maps that the materials of the chosen objects show beside an image.
+
+    The image that the base color is made from leads, if there is one; else the given one.
+    """
+    slots = [slot.material for obj in mesh_users(context) for slot in obj.material_slots]
+    materials = [
+        material
+        for material in filter(None, dict.fromkeys(slots))
+        if any(node.image == image for node in image_nodes(material))
+    ]
+    colors = {node.image for each in materials for node in colors_surface(each.node_tree)}
+    lead = colors.pop() if len(colors) == 1 else image
+    nodes = [node for each in materials for node in image_nodes(each) if node.image is not None]
+    places = {_coordinates(node) for node in nodes if node.image == lead}
+    followers: dict[bpy.types.Image, str] = {}
+    left: dict[str, str] = {}
+    for node in nodes:
+        if node.image == lead:
+            continue
+        try:
+            _check(node, lead, places)
+        except Skipped as reason:
+            left[node.image.name] = str(reason)
+            continue
+        known = followers.get(node.image, "values")
+        followers[node.image] = normals_from(node) or known
+    for name in left:
+        followers.pop(bpy.data.images[name], None)
+    return Maps(lead, followers, sentences(list(left.items())))
+
+
+def _check(
+    node: bpy.types.ShaderNodeTexImage, lead: bpy.types.Image, places: set[tuple[str, ...]]
+) -> None:
+    image = node.image
+    if _coordinates(node) not in places:
+        raise Skipped("it lies on the surface in another way than {lead}", lead=lead.name)
+    if image.source != lead.source and "TILED" in {image.source, lead.source}:
+        raise Skipped("one of it and {lead} has UDIM tiles", lead=lead.name)
+    if image.source == "TILED":
+        sizes = [{t.number: tuple(t.size) for t in each.tiles} for each in (image, lead)]
+        if sizes[0] != sizes[1]:
+            raise Skipped("its tiles are other ones than those of {lead}", lead=lead.name)
+
+
+def _coordinates(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
+    """Name where a node's coordinates come from; all that read the same UV map are alike."""
+    socket = node.inputs["Vector"]
+    while socket.is_linked:
+        source, output = socket.links[0].from_node, socket.links[0].from_socket
+        if source.type == "REROUTE":
+            socket = source.inputs[0]
+        elif source.type == "UVMAP":
+            return "UV", source.uv_map
+        elif source.type == "TEX_COORD" and output.name == "UV":
+            break
+        else:
+            return source.id_data.name, source.name, output.identifier
+    return "UV", ""
+
+
+def as_held(kind: str, chosen: str, about: Setting) -> str:
+    """Say what a map of some kind holds in words that a filter's setting knows.
+
+    Parameters
+    ----------
+    kind : str
+        What `normals_from` says, or "values".
+    chosen : str
+        What the panel says of normals, which materials cannot say.
+    about : Setting
+        The one of the filter.
+    """
+    if kind == "normals" and chosen == "normals_y_down":
+        return chosen
+    return kind if kind in about.choices else "normals" if kind == "normals_y_down" else "values"
+
+
+def normals_in(context: bpy.types.Context, image: bpy.types.Image) -> str:
+    """Say as `normals_from` does what materials of the chosen objects take an image for."""
+    slots = [slot.material for obj in mesh_users(context) for slot in obj.material_slots]
+    nodes = [node for each in filter(None, dict.fromkeys(slots)) for node in image_nodes(each)]
+    found = [normals_from(node) for node in nodes if node.image == image]
+    return found[0] if found and len(set(found)) == 1 else ""
+
+
+def normals_from(node: bpy.types.ShaderNodeTexImage) -> str:
+    """Say which kind of normals a Normal Map node takes its colors for; empty if there is none."""
+    ahead = [link.to_node for link in node.outputs["Color"].links]
+    for each in ahead:
+        if each.type == "NORMAL_MAP" and each.space != "TANGENT":
+            return "object_normals"
+        if each.type == "NORMAL_MAP":
+            is_down = getattr(each, "convention", "OPENGL") == "DIRECTX"
+            return "normals_y_down" if is_down else "normals"
+        if each.type in _ON_THE_WAY:
+            links = [link for output in each.outputs for link in output.links]
+            ahead += [link.to_node for link in links if link.to_node not in ahead]
+    return ""

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames on disk, and image sequences that play them.
+
+Frames are written on any thread, into a folder that nobody sees; the main thread moves them to
+their place. What is never moved is removed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import weakref
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ....core.errors import Cancelled, ShockError
+from ....core.files.frames import frame_name, write_folder
+from ....core.files.output import Unfinished
+from ....core.files.staging import temporary_folder
+from ..skipped import Refused
+
+_FRAME = r"frame_\d+\.png"
+
+
+class Staged:
+    """Frames that are complete, and not in their place yet; removed with this object.
+
+    Attributes
+    ----------
+    folder : Path
+    count : int
+    """
+
+    def __init__(self, parent: Path, count: int) -> None:
+        stack = ExitStack()
+        self.folder = temporary_folder(parent, stack)
+        self.count = count
+        self._removal = weakref.finalize(self, stack.close)
+
+    def remove(self) -> None:
+        """Remove what is left of it."""
+        self._removal()
+
+
+def stage(pictures: Iterator[Any], parent: Path, count: int) -> Staged:
+    """Write frames into a new folder beside their place; needs no Blender.
+
+    Raises
+    ------
+    ShockError
+        If they cannot be written, or the run was cancelled: nothing is left then.
+    """
+    staged = Staged(parent, count)
+    try:
+        write_folder(pictures, staged.folder, count)
+    except BaseException as error:
+        staged.remove()
+        if isinstance(error, Unfinished):
+            raise Cancelled("The run was cancelled; nothing was changed.") from error
+        raise
+    return staged
+
+
+def move(staged: Staged, folder: Path) -> None:
+    """Put frames in their place, where those of an earlier run are replaced."""
+    folder.mkdir(exist_ok=True)
+    for path in sorted(staged.folder.iterdir()):
+        os.replace(path, folder / path.name)
+    for path in folder.iterdir():
+        number = re.fullmatch(r"frame_(\d+)\.png", path.name)
+        if number and int(number[1]) > staged.count:
+            path.unlink()
+    staged.remove()
+
+
+def find_folder(given: str, name: str, used: str) -> Path:
+    """Choose where frames go.
+
+    Parameters
+    ----------
+    given : str
+        What people have chosen; empty for a new folder beside the blend file.
+    name : str
+        What the frames show.
+    used : str
+        Where an earlier run that is repeated has written; empty for none.
+
+    Raises
+    ------
+    Refused
+        If there is no place for them, or others would be in their way.
+    """
+    if used and Path(used).parent.is_dir():
+        return Path(used)
+    if not given:
+        if not bpy.data.filepath:
+            raise Refused("Save the blend file first, or choose a Folder (under Output).")
+        return _free(Path(bpy.path.abspath("//")), bpy.path.clean_name(f"{name} flow"))
+    if given.startswith("//") and not bpy.data.filepath:
+        raise Refused("Save the blend file first, or choose a Folder that does not begin with //.")
+    folder = Path(bpy.path.abspath(given))
+    if not folder.parent.is_dir():
+        raise Refused("There is no folder {folder}; make it first.", folder=str(folder.parent))
+    if folder.exists() and not folder.is_dir():
+        raise Refused("{folder} is a file; choose a folder.", folder=str(folder))
+    if folder.is_dir() and not all(re.fullmatch(_FRAME, path.name) for path in folder.iterdir()):
+        raise Refused(
+            "The folder {folder} holds other files; choose an empty or a new one.",
+            folder=str(folder),
+        )
+    if not os.access(folder.parent, os.W_OK | os.X_OK):
+        raise Refused(
+            "Cannot write to the folder {folder}; choose another.", folder=str(folder.parent)
+        )
+    return folder
+
+
+def _free(parent: Path, name: str) -> Path:
+    folder, number = parent / name, 0
+    while folder.exists():
+        number += 1
+        folder = parent / f"{name}.{number:03}"
+    return folder
+
+
+def load(folder: Path, name: str, count: int) -> bpy.types.Image:
+    """Add an image that plays the frames of a folder.
+
+    Raises
+    ------
+    ShockError
+        If Blender cannot read the first one.
+    """
+    try:
+        image = bpy.data.images.load(str(folder / frame_name(1, count)))
+    except RuntimeError as error:
+        raise ShockError("{reason}", reason=str(error).strip()) from error
+    image.name = name
+    image.source = "SEQUENCE"
+    if bpy.data.filepath and folder.is_relative_to(Path(bpy.data.filepath).parent):
+        image.filepath = bpy.path.relpath(image.filepath)  # the files move with the blend file
+    return image
+
+
+def play(user: bpy.types.ImageUser, count: int, repeats: bool) -> None:
+    """Have a node or an editor play a sequence from frame 1 on."""
+    user.frame_duration = count
+    user.frame_start = 1
+    user.frame_offset = 0
+    user.use_cyclic = repeats
+    user.use_auto_refresh = True
+
+
+def play_in_materials(names: list[str], image: bpy.types.Image, count: int, repeats: bool) -> None:
+    """Have the nodes of the objects' materials that show an image play it."""
+    for name in names:
+        for slot in bpy.data.objects[name].material_slots:
+            tree = slot.material.node_tree if slot.material else None
+            for node in tree.nodes if tree else ():
+                if node.type == "TEX_IMAGE" and node.image == image:
+                    play(node.image_user, count, repeats)

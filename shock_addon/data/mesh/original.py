@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a preview shows in a mesh, and what was there before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ....core.host.inputs import ColoredSurface, PaintedSurface
+from .. import arrays
+from . import shape_keys
+from .colors import write_colors
+from .geometry import write_geometry
+from .painted import split
+from .targets import MeshTarget, find
+
+if TYPE_CHECKING:
+    from ....core.host.geometry import Reshaped
+
+_Part = tuple[str, str]
+"""What a mesh holds: the kind and the name."""
+
+_KEY, _COLORS = "key", "colors"
+_POSITIONS: _Part = ("positions", "")
+
+
+class Original:
+    """The positions, shape keys and colors of a mesh, to bring them back bit for bit.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+        In an object that is not in Edit Mode.
+    attribute : str or None
+        Name of the color attribute that will change.
+
+    Attributes
+    ----------
+    keys : dict
+        Positions by the names of the shape keys.
+    """
+
+    def __init__(self, mesh: bpy.types.Mesh, attribute: str | None) -> None:
+        self._mesh = mesh.session_uid
+        self._attribute = attribute
+        self._shown = self._old = self._read(mesh)
+        self.keys = {name: values for (kind, name), values in self._old.items() if kind == _KEY}
+
+    def note_shown(self) -> None:
+        """Take what the mesh holds now as shown by the preview."""
+        mesh = self._find()
+        if mesh is not None:
+            self._shown = self._read(mesh)
+
+    def check_shown(self) -> None:
+        """Raise `Skipped` if something else has changed what is shown."""
+        mesh = self._find()
+        arrays.check_same_parts({} if mesh is None else self._read(mesh), self._shown)
+
+    def restore(self) -> None:
+        """Bring all of it back, as far as it still fits; what something else has changed stays."""
+        mesh = self._find()
+        if mesh is None or len(mesh.vertices) != len(self._old[_POSITIONS]):
+            return
+        for part, place in self._places(mesh).items():
+            values = arrays.read(*place)
+            old, shown = self._old.get(part), self._shown.get(part)
+            if old is None or old.shape != values.shape:
+                continue
+            follows = part == _POSITIONS and mesh.shape_keys is not None  # Blender may set them
+            stays = np.ascontiguousarray(values).view(np.int32) != shown.view(np.int32)
+            arrays.write(*place[:2], old if follows else np.where(stays, values, old))
+        if mesh.shape_keys is not None:
+            mesh.shape_keys.update_tag()
+        mesh.update()
+        self._shown = self._read(mesh)
+
+    def _find(self) -> bpy.types.Mesh | None:
+        return next((mesh for mesh in bpy.data.meshes if mesh.session_uid == self._mesh), None)
+
+    def _read(self, mesh: bpy.types.Mesh) -> dict[_Part, npt.NDArray[np.float32]]:
+        return {part: arrays.read(*place) for part, place in self._places(mesh).items()}
+
+    def _places(self, mesh: bpy.types.Mesh) -> dict[_Part, tuple[Any, str, int]]:
+        """Say where each part is stored: the collection, the property and its width."""
+        attributes = {_POSITIONS: mesh.attributes["position"]}
+        if self._attribute and self._attribute in mesh.color_attributes:
+            attributes[_COLORS, self._attribute] = mesh.color_attributes[self._attribute]
+        places = {part: arrays.stored(attribute)[:3] for part, attribute in attributes.items()}
+        for key in mesh.shape_keys.key_blocks if mesh.shape_keys else []:
+            places[_KEY, key.name] = key.points, "co", 3
+        return places
+
+
+def color_attribute(target: MeshTarget) -> str | None:
+    """Name the color attribute that the target's results go to, if any."""
+    if isinstance(target.surface, PaintedSurface):
+        return target.place[1]
+    return target.place if isinstance(target.surface, ColoredSurface) else None
+
+
+def show(target: MeshTarget, original: Original, result: Any) -> None:
+    """Write a result so that it is seen; `Original.restore` undoes it.
+
+    Raises
+    ------
+    Skipped
+        If the object was removed, or something else has changed its mesh.
+    """
+    original.check_shown()
+    original.restore()
+    try:
+        if isinstance(target.surface, PaintedSurface):
+            shape, paint = split(target)
+            _show_shape(shape, original, result.shape)
+            write_colors(paint, result.paint)
+        elif isinstance(target.surface, ColoredSurface):
+            write_colors(target, result)
+        else:
+            _show_shape(target, original, result)
+    finally:
+        original.note_shown()
+
+
+def _show_shape(target: MeshTarget, original: Original, result: Reshaped) -> None:
+    keys = find(target).data.shape_keys
+    if target.place.output == "MESH" or keys is None:
+        place = replace(target.place, output="MESH", custom_normals="KEEP", sharp_angle=None)
+        write_geometry(replace(target, place=place), result)
+        return
+    # All keys move along, so that their mix, which is seen, moves as a new key would move it.
+    change = result.positions - target.surface.positions
+    for name, positions in original.keys.items():
+        shape_keys.write(keys.key_blocks[name], positions + change)
+    keys.update_tag()
+    find(target).data.update()

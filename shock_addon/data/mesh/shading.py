@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What shading goes by beside the shape: sharp edges and custom normals."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ....core.host.edge_marks import face_normals, faces_at, sharp_edges
+from .. import arrays
+from .meshes import read_corner_vertices
+
+
+def mark_sharp(
+    mesh: bpy.types.Mesh,
+    positions: npt.NDArray[np.float32],
+    free: npt.NDArray[np.bool_] | None,
+    angle: float,
+) -> None:
+    """Mark edges between faces that meet at more than an angle; marks that are there stay.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+        In Object Mode.
+    positions : (n, 3) float32
+        Of the shape that counts, which may be a shape key.
+    free : (n,) bool or None
+        Edges stay as they are where it is False at one of their ends.
+    angle : float
+        In radians.
+    """
+    if free is not None and not free.any():
+        return
+    corner_edges = arrays.read_attribute(mesh.attributes[".corner_edge"])
+    corner_vertices = read_corner_vertices(mesh)
+    starts = arrays.read(mesh.polygons, "loop_start", dtype=np.int32)
+    if free is not None:
+        near, starts = faces_at(free, corner_vertices, starts)
+        corner_edges, corner_vertices = corner_edges[near], corner_vertices[near]
+    if len(starts) == 0:
+        return
+    normals = face_normals(positions, corner_vertices, starts)
+    sharp = sharp_edges(normals, starts, corner_edges, len(mesh.edges), angle)
+    if free is not None:
+        ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
+        sharp &= free[ends].all(axis=1)
+    if not sharp.any():
+        return
+    marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
+    arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
+
+
+def count_marks(mesh: bpy.types.Mesh) -> int:
+    """Count the edges that are marked as sharp."""
+    marks = arrays.find_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
+    return 0 if marks is None else int(arrays.read_attribute(marks).sum())
+
+
+def clear_normals(obj: bpy.types.Object) -> None:
+    """Remove custom normals; smooth shading then follows the surface and its sharp edges."""
+    with bpy.context.temp_override(object=obj, active_object=obj, mesh=obj.data):
+        bpy.ops.mesh.customdata_custom_splitnormals_clear()
+
+
+def recompute_normals(obj: bpy.types.Object, mask: npt.NDArray[np.float64] | None) -> None:
+    """Set custom normals to the surface's, which break at sharp edges, where the mask is not 0."""
+    mesh = obj.data
+    vertices = read_corner_vertices(mesh)
+    free = np.ones(len(vertices), dtype=bool) if mask is None else (mask > 0.0)[vertices]
+    layer = arrays.find_attribute(mesh, "custom_normal", "INT16_2D", "CORNER")
+    if layer is not None:
+        turns = arrays.read_attribute(layer)  # from the surface's
+        turns[free] = 0
+        arrays.write_attribute(layer, turns)
+        return
+    # Before Blender 4.5, and where normals are stored as vectors; slow, but there is no other way.
+    normals = arrays.read(mesh.corner_normals, "vector", 3)
+    normals[free] = 0.0  # which Blender takes for those of the surface
+    clear_normals(obj)
+    mesh.normals_split_custom_set(normals)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mesh objects that were read, and finding them again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from ....core.host.inputs import Surface
+from ..skipped import Skipped
+
+
+@dataclass(frozen=True)
+class MeshTarget:
+    """A mesh object as it was read, to find it again when the result is there.
+
+    Attributes
+    ----------
+    place : object
+        Where the result goes: for geometry a `Place`, for colors the attribute's name.
+    surface : Surface
+        What is handed to the filter.
+    """
+
+    name: str
+    object_uid: int
+    mesh_uid: int
+    place: Any
+    surface: Surface
+
+
+def find(target: MeshTarget) -> bpy.types.Object:
+    """Return the object that was read.
+
+    Raises
+    ------
+    Skipped
+        If it was removed, has another mesh, or is being edited where the context does not see it.
+    """
+    obj = next((o for o in bpy.data.objects if o.session_uid == target.object_uid), None)
+    if obj is None or obj.data is None or obj.data.session_uid != target.mesh_uid:
+        raise Skipped("it was removed meanwhile")
+    if obj.data.is_editmode:
+        raise Skipped("it is in Edit Mode in another scene or window; leave that and run again")
+    return obj

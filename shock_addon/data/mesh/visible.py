@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an object shows, with modifiers and shape keys applied, as the mesh of a new object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import bpy
+
+from .targets import MeshTarget, find
+
+_DEFORMING = {"ARMATURE", "CURVE", "LATTICE"}
+"""Kinds of parents that bend their children, as modifiers do."""
+
+
+@contextmanager
+def copied(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """Give an object in no scene that has what is seen of another one as its mesh; then remove it.
+
+    Parameters
+    ----------
+    obj : bpy.types.Object
+        In Object Mode.
+    """
+    copy = _copy(obj)
+    try:
+        yield copy
+    finally:
+        _remove(copy)
+
+
+def write_new(
+    target: MeshTarget,
+    result: Any,
+    write: Callable[[MeshTarget, Any], bpy.types.Object],
+    suffix: str,
+) -> bpy.types.Object:
+    """Write a result into a new object in the place of the one that was read, which is hidden.
+
+    Parameters
+    ----------
+    target, result
+        As `write` takes them; what was read is a copy as `copied` gives it.
+    write : callable
+    suffix : str
+        What follows the object's name in that of the new one.
+
+    Raises
+    ------
+    Skipped
+        As `write` does, and no object is added then.
+    """
+    obj = find(target)
+    new = _copy(obj)
+    try:
+        mesh = new.data
+        write(replace(target, object_uid=new.session_uid, mesh_uid=mesh.session_uid), result)
+    except BaseException:
+        _remove(new)
+        raise
+    new.name = mesh.name = f"{obj.name} {suffix}"
+    _show(new, obj)
+    return new
+
+
+def _copy(obj: bpy.types.Object) -> bpy.types.Object:
+    graph = bpy.context.evaluated_depsgraph_get()
+    mesh = bpy.data.meshes.new_from_object(
+        obj.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph
+    )
+    new = obj.copy()
+    new.modifiers.clear()
+    new.data = mesh
+    if new.parent_type in _DEFORMING:
+        new.parent_type = "OBJECT"
+    return new
+
+
+def _remove(new: bpy.types.Object) -> None:
+    mesh = new.data
+    bpy.data.objects.remove(new)
+    bpy.data.meshes.remove(mesh)
+
+
+def _show(new: bpy.types.Object, old: bpy.types.Object) -> None:
+    # The new object is seen, selected and rendered where the old one was.
+    layer = bpy.context.view_layer
+    places = [each for each in old.users_collection if each.library is None]
+    for collection in places or [bpy.context.collection]:
+        collection.objects.link(new)
+    layer.update()  # it lists new objects then
+    space = bpy.context.space_data
+    if space is not None and space.type == "VIEW_3D" and space.local_view is not None:
+        new.local_view_set(space, True)
+    if new.name in layer.objects:
+        new.select_set(True)
+        if layer.objects.active == old:
+            layer.objects.active = new
+    old.select_set(False)
+    old.hide_set(True)
+    old.hide_render = True
