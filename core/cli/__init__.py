@@ -3,6 +3,7 @@
 
 A backend reads, filters and writes one file; all else (flags, several inputs, progress, messages,
 exit codes) is here. Numerics and file formats are imported when the first file is at hand.
+May use all of `core`.
 """
 
 from __future__ import annotations
