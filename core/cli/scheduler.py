@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import importlib
 import logging
 import signal
-import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -107,23 +107,30 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 
 def _client(distributed: Any, place: Any) -> Any:
-    """Connect in time: for what listens there and is no scheduler, Dask would wait for ever."""
-    answers: list[Any] = []
+    """Connect to a cluster, or to an address where a scheduler answers.
 
-    def connect() -> None:
-        try:
-            answers.append(distributed.Client(place, timeout=_PATIENCE - 0.5))
-        except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
-            # Nobody there, no such address, no certificate, no library for it: said below.
-            answers.append(error)
-
-    thread = threading.Thread(target=connect, daemon=True)
-    thread.start()
-    thread.join(_PATIENCE)
-    answer = answers[0] if answers else "it does not answer"
-    if isinstance(answer, str | Exception):
+    Dask's client sets itself as the default of the whole process before it is connected, and one
+    that fails late leaves that behind. It would wait for ever for a program that listens and is no
+    scheduler. So the address is asked first who is there.
+    """
+    try:
+        if isinstance(place, str) and (who := asyncio.run(_who_answers(place))) != "Scheduler":
+            raise ValueError(f"there is a {who}")
+        return distributed.Client(place, timeout=_PATIENCE)
+    except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
+        # Nobody there, no such address, no certificate, no library for it.
         raise ShockError(
-            f"There is no Dask scheduler at {place} ({answer}); start one with dask scheduler, or"
-            " use --cluster local."
-        )
-    return answer
+            f"There is no Dask scheduler at {place} ({error or 'it does not answer'}); start one"
+            " with dask scheduler, or use --cluster local."
+        ) from error
+
+
+async def _who_answers(address: str) -> str:
+    """Ask an address what kind of Dask's servers it is."""
+    from distributed import Security
+    from distributed.core import rpc
+
+    certificates = Security().get_connection_args("client")
+    async with rpc(address, timeout=_PATIENCE - 0.5, connection_args=certificates) as there:
+        about = await asyncio.wait_for(there.identity(), _PATIENCE)
+    return about["type"]

@@ -15,6 +15,7 @@ import urllib.request
 from collections import Counter
 from pathlib import Path
 
+import dask
 import numpy as np
 import psutil
 import pytest
@@ -304,6 +305,7 @@ def test_no_scheduler_is_said_within_seconds(folder, capsys, monkeypatch, listen
         start = time.monotonic()
         assert sharpen("in/a.png", "out/", "--cluster", address) == 1
         assert time.monotonic() - start < PATIENCE
+    assert dask.config.get("scheduler", None) is None  # of the process, for all that comes later
     (line,) = failures(capsys)
     assert line.startswith(f"Failed: There is no Dask scheduler at {address}")
     assert line.endswith("start one with dask scheduler, or use --cluster local.")
