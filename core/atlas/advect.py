@@ -13,11 +13,11 @@ from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from ..grid.advect import split_time
 from ..grid.channels import Channels
 from ..grid.sample import add_value
-from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
+from ..grid.walk import ENDED, UNFINISHED, begin, walk_cells
 from .atlas import TextureAtlas
 from .ghosts import turn_direction
 from .sheet import NOTHING
-from .walk import MOST_SEAMS, walk_across_seams
+from .walk import MOST_SEAMS, SheetFlow, walk_across_seams
 
 _ROWS = 8
 
@@ -26,7 +26,7 @@ def advect_texels(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
     channels: Channels,
-    flow: Field,
+    flow: SheetFlow,
     time: float | npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
     *,
@@ -42,7 +42,7 @@ def advect_texels(
         Values of nodes and ghosts.
     channels : Channels
         The others are left as they are in `out`.
-    flow : Field
+    flow : SheetFlow
         See `shock_flow` and `given_flow`.
     time : float or (rows, columns) float32
         How long flow-lines are followed, from all nodes or from each. For a given flow, which may
@@ -73,11 +73,11 @@ def advect_texels(
 
 @kernel
 def _advect(
-    start, stop, skipped, sheet, metric, field, time, times, most_steps, most_seams, values,
+    start, stop, skipped, sheet, metric, flow, time, times, most_steps, most_seams, values,
     channels, nearest, normals, out, unfinished,
 ):  # fmt: skip
     nodes, cells = sheet.nodes, sheet.cells
-    potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
+    potential, vectors, inverse_metrics = flow.potential, flow.vectors, flow.metrics
     total = np.empty(values.shape[2])
     sample = np.empty(values.shape[2])
     b = np.empty(3)
@@ -102,7 +102,7 @@ def _advect(
                 crosses = ending != ENDED and ending != UNFINISHED
                 if crosses:
                     place, ending = walk_across_seams(
-                        field, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn
+                        flow, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn
                     )
                 unfinished[y] += ending == UNFINISHED
                 if crosses and normals:

@@ -180,7 +180,8 @@ def extend_ghosts(
 
 
 @kernel
-def _chart_of(sheet, labels, y, x):
+def chart_of(sheet, labels, y, x):
+    """Return the chart of a node or of the edge that a ghost is beyond, or `NOTHING`."""
     node = sheet.nodes[y, x]
     if node >= 0:
         return labels[node]
@@ -195,7 +196,7 @@ def _extend(start, stop, missing, sheet, labels, known, values, found):
     rows, columns = known.shape
     for ghost in missing[start:stop]:
         y, x = divmod(sheet.ghosts[ghost], columns)
-        label = _chart_of(sheet, labels, y, x)
+        label = chart_of(sheet, labels, y, x)
         for reach in (2, 1):
             count = 0
             for n in range(9):
@@ -203,12 +204,12 @@ def _extend(start, stop, missing, sheet, labels, known, values, found):
                 d, c = 2 * b - y, 2 * a - x
                 if n == 4 or not (0 <= b < rows and 0 <= a < columns and known[b, a]):
                     continue
-                if _chart_of(sheet, labels, b, a) != label:
+                if chart_of(sheet, labels, b, a) != label:
                     continue
                 if reach == 2:
                     if not (0 <= d < rows and 0 <= c < columns and known[d, c]):
                         continue
-                    if _chart_of(sheet, labels, d, c) != label:
+                    if chart_of(sheet, labels, d, c) != label:
                         continue
                 if count == 0:
                     values[y, x] = 0.0

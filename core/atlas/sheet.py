@@ -233,19 +233,25 @@ def _claim(start, stop, points, by_rows, labels, away, check, claims, clashes):
 @kernel
 def clearly_within(triangle, y, x):
     """Whether a texel's centre lies so deep in a triangle that no other one may be there."""
+    return depth_within(triangle, y, x) > _CLEARLY
+
+
+@kernel
+def depth_within(triangle, y, x):
+    """How deep a place lies in a triangle, in texels; 0 at most in one without area."""
     area = (triangle[1, 1] - triangle[0, 1]) * (triangle[2, 0] - triangle[0, 0])
     area -= (triangle[1, 0] - triangle[0, 0]) * (triangle[2, 1] - triangle[0, 1])
-    turn = 1.0 if area > 0 else -1.0
+    orientation = 1.0 if area > 0 else -1.0
     depth = np.inf
     for k in range(3):
         ey = triangle[after(k), 0] - triangle[k, 0]
         ex = triangle[after(k), 1] - triangle[k, 1]
         length = np.sqrt(ey * ey + ex * ex)
         if length == 0:
-            return False
+            return -np.inf
         across = ex * (y - triangle[k, 0]) - ey * (x - triangle[k, 1])
-        depth = min(depth, turn * across / length)
-    return depth > _CLEARLY
+        depth = min(depth, orientation * across / length)
+    return depth
 
 
 @kernel

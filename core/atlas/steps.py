@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.unfinished import MOST_STEPS
-from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
+from ..grid.walk import ENDED, UNFINISHED, begin, walk_cells
 from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
-from .ghosts import nearest_nodes
+from .ghosts import chart_of, nearest_nodes
 from .sheet import NOTHING, ROWS
-from .walk import MOST_SEAMS, seam_crossed, walk_across_seams
+from .walk import MOST_SEAMS, SheetFlow, seam_crossed, walk_across_seams
 
 _Singles = npt.NDArray[np.float32]
 
@@ -41,13 +41,15 @@ class StepsBeyond(NamedTuple):
     sources: Ints
 
 
-def steps_beyond(atlas: TextureAtlas, flow: Field, down: _Singles, across: _Singles) -> StepsBeyond:
+def steps_beyond(
+    atlas: TextureAtlas, flow: SheetFlow, down: _Singles, across: _Singles
+) -> StepsBeyond:
     """Find where one comes from by steps that lead over seams.
 
     Parameters
     ----------
     atlas : TextureAtlas
-    flow : Field
+    flow : SheetFlow
         What is followed back for a time of 1, see `given_flow`: from where one is to where one was.
     down, across : (rows, columns) float32
         The step to each node, straight.
@@ -68,12 +70,7 @@ def _chart(sheet, labels, y, x):
     rows, columns = sheet.nodes.shape
     if not (0 <= y < rows and 0 <= x < columns):
         return NOTHING
-    node = sheet.nodes[y, x]
-    if node >= 0:
-        return labels[node]
-    if node == NOTHING or sheet.ghost_edges[-2 - node] < 0:
-        return NOTHING
-    return labels[sheet.ghost_edges[-2 - node] // 3]
+    return chart_of(sheet, labels, y, x)
 
 
 @kernel

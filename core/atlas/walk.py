@@ -3,17 +3,19 @@
 
 Inside a chart a walk is one on a grid (`core.grid.walk`): texels are nodes, and the flow is
 constant in a cell. The shock filter's flow is u = h^-1 dP / 2 with the metric h of a face there;
-other fields may be given. A walk that leaves its chart goes on where the surface does.
+other flows may be given. A walk that leaves its chart goes on where the surface does.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel
 from ..errors import InvalidSignal
-from ..grid.walk import ENDED, UNFINISHED, Field, cell_velocity, ends_at_turn, walk_cells
+from ..grid.walk import ENDED, UNFINISHED, cell_velocity, ends_at_turn, walk_cells
 from ..mesh.triangle_mesh import TriangleMesh
 from .atlas import TextureAtlas
 from .ghosts import place_beyond
@@ -25,7 +27,27 @@ MOST_SEAMS = 10_000
 _TOUCH = 1e-6  # in texels
 
 
-def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> Field:
+class SheetFlow(NamedTuple):
+    """What a walk on a sheet follows; its parts are those of `core.grid.walk`.
+
+    Attributes
+    ----------
+    potential : (rows, columns) float32 or None
+        None: it is a given flow.
+    vectors : (rows - 1, columns - 1, 2) array of float or None
+        None: it is the shock flow of the potential.
+    faces : (rows - 1, columns - 1) or larger array of int
+    metrics : (m, 3) or wider array of float or None
+        None for a given flow.
+    """
+
+    potential: npt.NDArray[np.float32] | None
+    vectors: npt.NDArray | None
+    faces: npt.NDArray[np.integer]
+    metrics: npt.NDArray | None
+
+
+def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> SheetFlow:
     """Return the flow of the shock filter, which walks follow backwards.
 
     Parameters
@@ -34,10 +56,10 @@ def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> Field
     potential : (rows, columns) float32
         P at the nodes; see `texel_potential`.
     """
-    return Field(potential, faces=atlas.sheet.cells, metrics=atlas.metric.inverse_metrics)
+    return SheetFlow(potential, None, atlas.sheet.cells, atlas.metric.inverse_metrics)
 
 
-def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
+def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> SheetFlow:
     """Return a flow that is given on the surface, constant in each face; walks follow it.
 
     Parameters
@@ -60,7 +82,7 @@ def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
             f" ({mesh.face_count}, 3) numbers."
         )
     steps = np.einsum("mij,mjk,mk->mi", atlas.metric.inverse_jacobians, face_axes(mesh), given)
-    return Field(vectors=np.where(cells[..., None] >= 0, steps[cells], 0.0), faces=cells)
+    return SheetFlow(None, np.where(cells[..., None] >= 0, steps[cells], 0.0), cells, None)
 
 
 def face_axes(mesh: TriangleMesh) -> npt.NDArray[np.float64]:
@@ -89,7 +111,7 @@ def seam_crossed(nodes, ghost_edges, place, axis):
 
 
 @kernel
-def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn):
+def walk_across_seams(flow, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn):
     """Go on where `walk_cells` left its chart, over as many seams as it takes.
 
     Where both sides of a seam flow into it, a walk of the shock filter ends; one along a given
@@ -97,7 +119,7 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
 
     Parameters
     ----------
-    field : Field
+    flow : SheetFlow
     sheet : Sheet
     metric : AtlasMetric
     walked
@@ -116,7 +138,7 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
     ending : int
         `ENDED` or `UNFINISHED`.
     """
-    potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
+    potential, vectors, inverse_metrics = flow.potential, flow.vectors, flow.metrics
     place, left, vy, vx, ending = walked
     store(turn, 1.0, 0.0, 0.0, 1.0)
     for _ in range(most_seams):

@@ -31,14 +31,32 @@ def smooth_as_far(
 
 
 def texel_ranges(
-    atlas: TextureAtlas, values: npt.NDArray[np.float32], reach: int
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    reach: int,
+    hidden: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return the least and the greatest values within so many texels: (rows, columns, c) each."""
+    """Return the least and the greatest values within so many texels: (rows, columns, c) each.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    values : (rows, columns, c) float32
+    reach : int
+    hidden : (rows, columns, 1) bool, optional
+        Nodes and ghosts that do not count.
+    """
     with phase(0.0, 0.5, "Measuring borders"):
-        low = _greatest(atlas, -values, reach)
+        low = -values
+        if hidden is not None:
+            np.copyto(low, low.min(), where=hidden)
+        low = _greatest(atlas, low, reach)
         np.negative(low, out=low)
     with phase(0.5, 1.0, "Measuring borders"):
-        return low, _greatest(atlas, values.copy(), reach)
+        high = values.copy()
+        if hidden is not None:
+            np.copyto(high, high.min(), where=hidden)
+        return low, _greatest(atlas, high, reach)
 
 
 def _greatest(

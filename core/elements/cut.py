@@ -28,7 +28,7 @@ from scipy.sparse.csgraph import connected_components
 from ..atlas.atlas import TextureAtlas
 from ..atlas.charts import degenerate_faces
 from ..atlas.metric import AtlasMetric, open_places
-from ..atlas.sheet import ends, place_on_edge, span
+from ..atlas.sheet import depth_within, ends, place_on_edge, span
 from ..base.checks import Floats
 from ..base.findings import tell
 from ..base.parallel import kernel, run, run_in_order
@@ -414,21 +414,6 @@ def _within_cell(y, x, row, column):
 
 
 @kernel
-def _depth(triangle, y, x):
-    # How deep a place lies in a triangle, in texels.
-    area = (triangle[1, 1] - triangle[0, 1]) * (triangle[2, 0] - triangle[0, 0])
-    area -= (triangle[1, 0] - triangle[0, 0]) * (triangle[2, 1] - triangle[0, 1])
-    turn = 1.0 if area > 0 else -1.0
-    depth = np.inf
-    for k in range(3):
-        ey = triangle[after(k), 0] - triangle[k, 0]
-        ex = triangle[after(k), 1] - triangle[k, 1]
-        across = ex * (y - triangle[k, 0]) - ey * (x - triangle[k, 1])
-        depth = min(depth, turn * across / np.sqrt(ey * ey + ex * ex))
-    return depth
-
-
-@kernel
 def _add_corners(polygon, triangle, corners, at_end, columns, row, column):
     count = 0
     for k in range(3):
@@ -488,7 +473,7 @@ def _add_lattice_crossings(polygon, count, points, twin, edge, row, column):
 def _add_nodes(polygon, count, triangle, columns, row, column):
     for y in range(row, row + 2):
         for x in range(column, column + 2):
-            if _depth(triangle, y, x) < -_NEAR:
+            if depth_within(triangle, y, x) < -_NEAR:
                 continue
             taken = False
             for n in range(count):

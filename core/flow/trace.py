@@ -16,7 +16,7 @@ from .walk import (
     AROUND_HUB,
     CUT_OFF,
     MOST_AROUND,
-    Field,
+    MeshFlow,
     Triangles,
     find_given_rates,
     find_shock_rates,
@@ -68,7 +68,7 @@ def trace(
         Its barycentric coordinates; overwritten.
     """
     rates = _rates(mesh, find_shock_rates, potential)
-    _walk(mesh, Field(rates, potential), time, faces, coordinates)
+    _walk(mesh, MeshFlow(rates, potential), time, faces, coordinates)
 
 
 def follow(
@@ -88,7 +88,7 @@ def follow(
     """
     if not np.isfinite(time):
         raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
-    _walk(mesh, Field(_rates(mesh, find_given_rates, vectors)), time, faces, coordinates)
+    _walk(mesh, MeshFlow(_rates(mesh, find_given_rates, vectors)), time, faces, coordinates)
 
 
 def trace_faces(mesh: TriangleMesh, potential: Floats, time: float) -> tuple[Ints, Floats]:
@@ -113,12 +113,12 @@ def _rates(mesh: TriangleMesh, find_rates: Callable[..., None], values: Floats) 
 
 
 def _walk(
-    mesh: TriangleMesh, field: Field, time: float | Floats, faces: Ints, coordinates: Floats
+    mesh: TriangleMesh, flow: MeshFlow, time: float | Floats, faces: Ints, coordinates: Floats
 ) -> None:
     times = np.atleast_1d(np.asarray(time, dtype=np.float64))
     endings = np.zeros(len(faces), dtype=np.uint8)
     with phase(0.1, 1.0, "Tracing flow-lines"):
-        run(walk_exactly, len(faces), _triangles(mesh), field, times, MOST_STEPS, faces,
+        run(walk_exactly, len(faces), _triangles(mesh), flow, times, MOST_STEPS, faces,
             coordinates, endings, chunk=_FEW if mesh.has_hubs else None)  # fmt: skip
     warn_of_unfinished(endings == CUT_OFF)
     around = np.count_nonzero(endings == AROUND_HUB)

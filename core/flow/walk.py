@@ -50,8 +50,8 @@ class Triangles(NamedTuple):
     """The vertices of more than `MOST_AROUND` faces; empty if there are none."""
 
 
-class Field(NamedTuple):
-    """What a walk follows.
+class MeshFlow(NamedTuple):
+    """What a walk on a mesh follows.
 
     Attributes
     ----------

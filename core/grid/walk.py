@@ -6,14 +6,23 @@ three parts: `cell_velocity` is the field, which is that of the shock filter or 
 `ends_at_turn` is the rule by which a walk ends early; `walk_cells` goes from cell to cell. Lengths
 are in steps between nodes.
 
-These take the parts of a `Field` one by one: numba compiles them for those that are not None, and
-counts references each time that an array is taken from a tuple, which would slow short walks by
-a third. A place is (row, column, down, across): a cell's first node, and how far in it from 0 to 1.
+Kernels take the parts of a flow one by one, and None for those that it has not: numba compiles
+them for the others, and counts references each time that an array is taken from a tuple, which
+would slow short walks by a third. The parts are
+
+potential : (h, w) float32
+    P at the nodes; v = -grad(P) / 2 is followed until it turns by a right angle or more.
+vectors : (h - 1, w - 1, 2) array of float
+    A velocity (down, across) in each cell; followed while time is left. It or the potential.
+faces : (h - 1, w - 1) or larger array of int
+    The face of a surface under each cell; negative: the cell is closed. None: all are open.
+metrics : (m, 3) or wider array of float
+    The inverse metric of each face: row row, row column, column column. None: the plane.
+
+A place is (row, column, down, across): a cell's first node, and how far in it from 0 to 1.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,27 +37,6 @@ OFFSET = 0.001
 """How far into each adjacent cell the trace of a node begins: the paper's epsilon."""
 
 _MOST_RESTS = 8
-
-
-class Field(NamedTuple):
-    """What a walk follows: the shock flow of a potential, or a given field.
-
-    Attributes
-    ----------
-    potential : (h, w) float32 or None
-        P at the nodes; v = -grad(P) / 2 is followed until it turns by a right angle or more.
-    vectors : (h - 1, w - 1, 2) array of float or None
-        A velocity (down, across) in each cell; followed while time is left. It or the potential.
-    faces : (h - 1, w - 1) or larger array of int or None
-        The face of a surface under each cell; negative: the cell is closed. None: all are open.
-    metrics : (m, 3) or wider array of float or None
-        The inverse metric of each face: row row, row column, column column. None: the plane.
-    """
-
-    potential: npt.NDArray[np.float32] | None = None
-    vectors: npt.NDArray | None = None
-    faces: npt.NDArray[np.integer] | None = None
-    metrics: npt.NDArray | None = None
 
 
 def follow(
@@ -155,7 +143,7 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
     Parameters
     ----------
     potential, vectors, faces, metrics
-        A `Field`.
+        The parts of a flow; see this module's beginning.
     time : float
     most_steps : int
         How many cells may be crossed.

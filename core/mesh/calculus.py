@@ -369,6 +369,12 @@ def _blend(start, stop, faces, old, new, weights, out):
         make_unit(out[f])
 
 
+def unit_vectors(vectors: Floats, least: float = 1e-12) -> Floats:
+    """Divide vectors (..., 3) by their lengths; those no longer than `least` become zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > least, length, np.inf)
+
+
 @kernel
 def make_unit(vector):
     """Divide a vector by its length, in place; one of no length becomes zero."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..base.checks import Floats, as_array, checked_count, checked_flag, checked_word
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
-from .calculus import average_to_vertices, gradient, smooth_vertices
+from .calculus import average_to_vertices, gradient, smooth_vertices, unit_vectors
 from .triangle_mesh import TriangleMesh, check_mesh
 
 _LITTLE = 1e-12
@@ -71,7 +71,7 @@ def principal_directions(
     passes = checked_count(passes, "passes", most=_MOST_PASSES)
     with reporting(progress), phase(0.0, 1.0, "Finding directions"):
         normals = average_to_vertices(mesh, mesh.normals)
-        normals = _unit(normals)
+        normals = unit_vectors(normals)
         # How the normal changes in each face, within its plane.
         change = _tangential(mesh.normals, gradient(mesh, normals))
         ask()
@@ -136,7 +136,7 @@ def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool 
     places = mesh.scaled_vertices[mesh.faces]
     sides = np.roll(places, 1, axis=1) - np.roll(places, -1, axis=1)
     along = np.einsum("fk,fkx->fx", corners, sides)  # of equal values
-    return _unit(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
+    return unit_vectors(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
 
 
 def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = False) -> Floats:
@@ -174,7 +174,9 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = Fals
         raise InvalidSignal("The axis has no length; give another one.")
     wanted = given / np.abs(given).max()
     around = np.cross(mesh.normals, wanted)
-    return _unit(around if checked_flag(turned, "turned") else np.cross(around, mesh.normals))
+    return unit_vectors(
+        around if checked_flag(turned, "turned") else np.cross(around, mesh.normals)
+    )
 
 
 def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
@@ -259,7 +261,7 @@ def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
         and 1, the second one towards corner 2.
     """
     corners = mesh.vertices[mesh.faces]
-    one = _unit(corners[:, 1] - corners[:, 0])
+    one = unit_vectors(corners[:, 1] - corners[:, 0])
     two = np.cross(mesh.normals, one)
     tensors = np.zeros((mesh.face_count, 3))
     for given in directions.swapaxes(0, 1):
@@ -272,11 +274,6 @@ def _dots(one: Floats, other: Floats) -> Floats:
     return np.einsum("ix,ix->i", one, other)
 
 
-def _unit(vectors: Floats) -> Floats:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(length > _LITTLE, length, np.inf)
-
-
 def _tangential(normals: Floats, change: Floats) -> Floats:
     # Both sides of matrices (k, 3, 3) without what is along the normal.
     keep = np.eye(3) - normals[:, :, None] * normals[:, None]
@@ -287,7 +284,7 @@ def _frames(normals: Floats) -> tuple[Floats, Floats]:
     # Two unit vectors at right angles to each other and to the normal.
     off = np.zeros_like(normals)
     off[np.arange(len(normals)), np.argmin(np.abs(normals), axis=1)] = 1.0
-    one = _unit(np.cross(normals, off))
+    one = unit_vectors(np.cross(normals, off))
     return one, np.cross(normals, one)
 
 

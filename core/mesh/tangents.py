@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
 from ..base.progress import ask
+from .calculus import unit_vectors
 from .triangle_mesh import TriangleMesh
 
 _LITTLE = 1e-30
@@ -46,7 +47,7 @@ def smooth_normals(mesh: TriangleMesh) -> Floats:
     for x in range(3):
         weighted = weights * mesh.normals[:, x, None]
         sums[:, x] = np.bincount(mesh.faces.reshape(-1), weighted.reshape(-1), mesh.vertex_count)
-    return _unit(sums)[mesh.faces]
+    return unit_vectors(sums, _LITTLE)[mesh.faces]
 
 
 def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None) -> Frames:
@@ -70,15 +71,15 @@ def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None
     ask()
     flat = along[:, None] - np.einsum("fx,fkx->fk", along, normals)[..., None] * normals
     weights = np.where(area == 0, 0.0, 1.0)[:, None] * _angles_about(corners, normals)
-    rows = (weights[..., None] * _unit(flat)).reshape(-1, 3)
+    rows = (weights[..., None] * unit_vectors(flat, _LITTLE)).reshape(-1, 3)
     groups = _groups(mesh, uv, normals, signs)
     ask()
     sums: Floats = np.stack([np.bincount(groups, column) for column in rows.T], axis=1)
-    tangents = _unit(sums)[groups].reshape(-1, 3, 3)
+    tangents = unit_vectors(sums, _LITTLE)[groups].reshape(-1, 3, 3)
     # Where no face of the group has area in the texture, any direction will do.
     lost = ~tangents.any(axis=2)
     axis = np.eye(3)[np.argmin(np.abs(normals[lost]), axis=1)]
-    tangents[lost] = _unit(np.cross(normals[lost], axis))
+    tangents[lost] = unit_vectors(np.cross(normals[lost], axis), _LITTLE)
     return Frames(normals, tangents, signs)
 
 
@@ -106,8 +107,8 @@ def _groups(
 
 def _angles(corners: Floats) -> Floats:
     # At the corners of triangles: (m, 3).
-    ahead = _unit(np.roll(corners, -1, axis=1) - corners)
-    back = _unit(np.roll(corners, 1, axis=1) - corners)
+    ahead = unit_vectors(np.roll(corners, -1, axis=1) - corners, _LITTLE)
+    back = unit_vectors(np.roll(corners, 1, axis=1) - corners, _LITTLE)
     return np.arccos(np.clip(np.einsum("fkx,fkx->fk", ahead, back), -1.0, 1.0))
 
 
@@ -117,10 +118,5 @@ def _angles_about(corners: Floats, normals: Floats) -> Floats:
     for turn in (-1, 1):
         side = np.roll(corners, turn, axis=1) - corners
         along = np.einsum("fkx,fkx->fk", side, normals)
-        sides.append(_unit(side - along[..., None] * normals))
+        sides.append(unit_vectors(side - along[..., None] * normals, _LITTLE))
     return np.arccos(np.clip(np.einsum("fkx,fkx->fk", *sides), -1.0, 1.0))
-
-
-def _unit(vectors: Floats) -> Floats:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > _LITTLE, length, np.inf)
