@@ -41,7 +41,7 @@ class Charts(NamedTuple):
     boxes : (charts, 2, 2) float64
         Lowest and highest (row, column) of each chart.
     borders : (k,) int32
-        Half-edges at which charts end: seams and borders of the mesh.
+        Half-edges on outlines of charts: seams and borders of the mesh.
     areas : (m,) float64
         Signed areas in squared texels; negative for mirrored faces.
     outside : (m,) bool

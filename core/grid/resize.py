@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Resizing of images: area means when shrinking, linear interpolation when enlarging."""
+"""Resizing of images: weighted means when shrinking, linear interpolation when enlarging."""
 
 from __future__ import annotations
 

@@ -100,13 +100,13 @@ def create_zarr_like(
     notes = [f"{', '.join(left)} did not fit the new size: left behind"] if left else []
     with reading(place.folder):
         array = zarr.open_array(zarr.storage.LocalStore(path.absolute() / place.name), mode="r+")
-        # Some codecs can be read but not written; writing this pixel shows it.
+        # Not all codecs that can be read can be written: try one pixel, overwritten later.
         array[(0,) * array.ndim] = 0 if array.fill_value else 1
     return array, notes
 
 
 def _resize(path: Path, name: str, shape: tuple[int, ...], left: list[str]) -> None:
-    """Write another shape to all metadata of an array, and remove the arrays in `left`."""
+    """Write another shape to all metadata of an array, and remove the metadata of `left`."""
     for file in ("zarr.json", ".zarray"):
         if (path / name / file).is_file():
             with _edited(path / name / file) as array:
