@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Texture atlases: charts, seams, texels, the gutter, and flows on them (paper B, sections 3, 4).
 
-May use `core.mesh`, `core.grid` and `core.linear`.
+May use only `core.mesh`, `core.grid`, `core.linear` and the rooms below these.
 """
 
 from .atlas import TextureAtlas, TextureMasks, UVReport

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Dask scheduler that hands out the files: one that runs, or one that is started here."""
+"""The Dask scheduler that distributes the files: a running one, or one that is started here."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def connected(address: str) -> Iterator[Any]:
     Parameters
     ----------
     address : str
-        ``tcp://host:port``, or ``local``: a worker for each core, of one thread each.
+        ``tcp://host:port``, or ``local``: one worker of one thread for each core.
 
     Yields
     ------
@@ -33,7 +33,7 @@ def connected(address: str) -> Iterator[Any]:
     Raises
     ------
     ShockError
-        Without Dask, or if no scheduler answers in time.
+        If Dask is missing, or no scheduler answers in time.
     """
     if not address:
         raise ShockError("--cluster is empty; give tcp://host:port, or local.")
@@ -44,21 +44,21 @@ def connected(address: str) -> Iterator[Any]:
             "--cluster needs Dask; run: pip install 'shock-filter[cluster]'."
         ) from error
     for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said here
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are reported here
     with contextlib.ExitStack() as stack:
         place: Any = address
         if address == _LOCAL:
             from ..base.parallel import thread_count
 
             security = _own_certificate(distributed)
-            with _deaf_to_ctrl_c(), _nothing_on_the_web():  # workers are told when to stop
+            with _deaf_to_ctrl_c(), _nothing_on_the_web():  # we stop the workers ourselves
                 local = distributed.LocalCluster(
                     n_workers=thread_count(),
                     threads_per_worker=1,
-                    memory_limit=None,  # a large file may take what small ones leave
+                    memory_limit=None,  # a large file may use what small ones leave
                     host="127.0.0.1",
                     security=security,
-                    # With None, older versions of Dask listen for the network.
+                    # With None, older versions of Dask listen on the network.
                     dashboard_address="127.0.0.1:0",
                     worker_dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
@@ -82,7 +82,7 @@ def _own_certificate(distributed: Any) -> Any:
 
 @contextlib.contextmanager
 def _nothing_on_the_web() -> Iterator[None]:
-    """Leave out all pages, such as logs and metrics, of Dask's web servers, which ask nobody."""
+    """Disable all pages of Dask's web servers, such as logs and metrics, which need no login."""
     import dask
 
     places = ("distributed.scheduler.http.routes", "distributed.worker.http.routes")
@@ -92,13 +92,13 @@ def _nothing_on_the_web() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Keep Ctrl-C, which a terminal sends to all, from threads and processes that start here."""
+    """Block Ctrl-C, which a terminal sends to all, in threads and processes that start here."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # or its start would let Ctrl-C in again
+    resource_tracker.ensure_running()  # its start would unblock Ctrl-C
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
