@@ -116,10 +116,12 @@ def time_convergence(data: Path) -> dict[str, Curve]:
         return core.sharpen_image(image, settings)
 
     def by_sign(steps: float) -> np.ndarray:
-        return core.osher_rudin_image(image, int(steps), SIGN_STEP)
+        return core.osher_rudin_image(image, steps=int(steps), time_step=SIGN_STEP)
 
     def by_flow(flow_time: float) -> np.ndarray:
-        return core.osher_rudin_image(image, round(flow_time / FLOW_STEP), FLOW_STEP, "flow")
+        return core.osher_rudin_image(
+            image, steps=round(flow_time / FLOW_STEP), time_step=FLOW_STEP, edge_detector="flow"
+        )
 
     def curve(method: Callable, amounts: list[float], end: float) -> Curve:
         found = []
@@ -134,7 +136,7 @@ def time_convergence(data: Path) -> dict[str, Curve]:
 
     warm_up(image)
     for detector in ("gradient", "flow"):
-        core.osher_rudin_image(image[:8, :8], 1, SIGN_STEP, detector)
+        core.osher_rudin_image(image[:8, :8], steps=1, time_step=SIGN_STEP, edge_detector=detector)
     powers = [2.0**k for k in range(1, 10)]
     return {
         "advection": curve(advected, powers + [1024.0, 1536.0], 2048.0),
@@ -238,7 +240,7 @@ def compare_schemes(data: Path) -> tuple[dict[str, np.ndarray], list[list[float]
     agreement = []
     for given in (photo, image):
         steady = core.sharpen_image(given, core.ImageSettings(time=math.inf, smoothing_passes=0))
-        end = core.osher_rudin_image(given, 500, SIGN_STEP)
+        end = core.osher_rudin_image(given, steps=500, time_step=SIGN_STEP)
         slopes = [image_peers.gradient_magnitude(each).ravel() for each in (given, steady, end)]
         agreement.append(
             [

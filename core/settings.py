@@ -156,7 +156,10 @@ def given_or_default(settings: _Given | None, kind: type[_Given]) -> _Given:
     if settings is None:
         return kind()
     if not isinstance(settings, _Settings) or describe(kind).keys() - vars(settings).keys():
-        raise InvalidSettings(f"settings is {settings!r}; give {kind.__name__}, or leave it out.")
+        raise InvalidSettings(
+            f"settings is of type {type(settings).__name__}; give {kind.__name__}, or leave it out,"
+            " and give all else by keyword."
+        )
     return settings
 
 

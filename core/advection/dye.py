@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import by_keyword
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, one_of
 from ..errors import InvalidSettings
@@ -23,12 +24,13 @@ from .velocity import ROWS, FieldOfTime, Flow, Motion, checked_frames, wraps
 _Singles = npt.NDArray[np.float32]
 
 
+@by_keyword
 def advect_dye(
     velocity: npt.ArrayLike | FieldOfTime,
     sources: DyeSource | Sequence[DyeSource],
     settings: DyeSettings | None = None,
-    frames: int = 100,
     *,
+    frames: int = 100,
     size: tuple[int, int] | None = None,
     mask: npt.ArrayLike | None = None,
     noise: NoiseSettings | None = None,

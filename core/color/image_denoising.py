@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from ..base.checks import (
     as_array,
+    by_keyword,
     checked_image,
     checked_weights,
     checked_word,
@@ -23,9 +24,11 @@ from .image_smoothing import smoothed, smoothed_image
 _SMOOTHED = ("image", "embedding", "both")
 
 
+@by_keyword
 def beltrami_image(
     image: npt.ArrayLike,
     settings: BeltramiSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
@@ -90,13 +93,14 @@ def beltrami_image(
         return smoothed_image(given, settings, weights)
 
 
+@by_keyword
 def beltrami_manifold(
     image: npt.ArrayLike,
     embedding: npt.ArrayLike,
     settings: BeltramiSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     smooth: str = "image",
 ) -> tuple[npt.NDArray, npt.NDArray]:
     """Smooth an image painted on a parametric manifold, the manifold, or both.

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy.typing as npt
 
 from ..base.checks import (
+    by_keyword,
     checked_image,
     checked_out,
     checked_weights,
@@ -21,12 +22,13 @@ from .image_steps import LARGEST, large_pixels, opacity_in_range, sharpen_checke
 from .images_by_width import Measured, measured
 
 
+@by_keyword
 def sharpen_image(
     image: npt.ArrayLike,
     settings: ImageSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     out: npt.NDArray | None = None,
     known: Measured | None = None,
     guide: npt.ArrayLike | None = None,

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_mask, checked_signal, checked_type
+from ..base.checks import by_keyword, checked_mask, checked_signal, checked_type
 from ..base.findings import is_gathered
 from ..base.memo import kept
 from ..base.parallel import kernel, run
@@ -38,10 +38,12 @@ from .dials import (
 )
 
 
+@by_keyword
 def sharpen_vertex_signal(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: ShockSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
@@ -118,10 +120,12 @@ def sharpen_vertex_signal(
             return like(given, values, result, weights)
 
 
+@by_keyword
 def sharpen_corner_signal(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: ShockSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:

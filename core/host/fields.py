@@ -155,7 +155,7 @@ def generate(
             if "directions" in given:
                 given.setdefault("at", "faces")
             function = find(name).function(vertices=surface.at_vertices)
-            made = function(atlas.mesh, uv, surface.shape, settings=settings, atlas=atlas, **given)
+            made = function(atlas.mesh, uv, settings, size=surface.shape, atlas=atlas, **given)
     values = made if surface.at_vertices else grays_of(made, atlas.inside)
     shown = np.isfinite(values) if surface.at_vertices else np.isfinite(values) & atlas.inside
     values = values.astype(np.float32, copy=False)

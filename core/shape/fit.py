@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_mask, checked_signal
+from ..base.checks import by_keyword, checked_mask, checked_signal
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
@@ -61,10 +61,12 @@ MULTIGRID_RADIUS = 80.0
 """Screening radius, in mean edge lengths, beyond which multigrid is used from the start."""
 
 
+@by_keyword
 def fit_to_normals(
     mesh: TriangleMesh,
     normals: npt.ArrayLike,
     settings: FitSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:

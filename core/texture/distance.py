@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import Floats, as_array, checked_size
+from ..base.checks import Floats, as_array, by_keyword, checked_size
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.fronts import Segments, SurfaceDistance
 from ..elements.matrices import TextureSpace
@@ -45,17 +45,18 @@ class _Sources(NamedTuple):
     image: npt.NDArray | None
 
 
+@by_keyword
 def geodesic_distance(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
+    settings: DistanceSettings | None = None,
+    *,
     size: tuple[int, int],
     vertices: npt.ArrayLike | None = None,
     points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     edges: npt.ArrayLike | None = None,
     image: npt.ArrayLike | None = None,
-    settings: DistanceSettings | None = None,
     progress: ProgressCallback | None = None,
-    *,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
     """Measure how far each texel is from a source, along the surface, across seams.
@@ -106,7 +107,7 @@ def geodesic_distance(
     >>> vertices = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
-    >>> distance = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    >>> distance = core.geodesic_distance(mesh, uv, size=(32, 32), vertices=[0])
     >>> bool(np.isclose(distance[10, 20], np.hypot(10.5, 20.5) / 8, atol=1e-5))
     True
     """
@@ -138,17 +139,18 @@ def geodesic_distance(
             return distances
 
 
+@by_keyword
 def vertex_distance(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
+    settings: DistanceSettings | None = None,
+    *,
     size: tuple[int, int],
     vertices: npt.ArrayLike | None = None,
     points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     edges: npt.ArrayLike | None = None,
     image: npt.ArrayLike | None = None,
-    settings: DistanceSettings | None = None,
     progress: ProgressCallback | None = None,
-    *,
     atlas: TextureAtlas | None = None,
 ) -> Floats:
     """Measure how far each vertex is from a source; see `geodesic_distance`.
@@ -175,7 +177,7 @@ def vertex_distance(
     >>> vertices = [[0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]]
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
-    >>> core.vertex_distance(mesh, uv, (32, 32), vertices=[0]).round(3).tolist()
+    >>> core.vertex_distance(mesh, uv, size=(32, 32), vertices=[0]).round(3).tolist()
     [0.0, 3.0, 5.0, 4.0]
     """
     settings = given_or_default(settings, DistanceSettings)

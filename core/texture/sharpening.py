@@ -14,7 +14,7 @@ from ..atlas.ghosts import fill_ghosts
 from ..atlas.potential import texel_potential
 from ..atlas.seams import settle_seams
 from ..atlas.walk import shock_flow
-from ..base.checks import LARGEST, checked_image, checked_weights
+from ..base.checks import LARGEST, by_keyword, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..color.guides import checked_guide
 from ..errors import InvalidSignal
@@ -35,14 +35,15 @@ from .texels import (
 from .textures_by_width import follow_texels_by_width, sharpen_texels_by_width
 
 
+@by_keyword
 def sharpen_texture(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
     settings: TextureSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     atlas: TextureAtlas | None = None,
     guide: npt.ArrayLike | None = None,
 ) -> npt.NDArray:
@@ -134,13 +135,14 @@ def sharpen_texture(
             return written(texture, values, settings, keep).reshape(given.shape)
 
 
+@by_keyword
 def dilate_texture(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
     settings: DilateSettings | None = None,
-    progress: ProgressCallback | None = None,
     *,
+    progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
     """Fill the gutter of a texture with what lies across the seams.

@@ -19,12 +19,12 @@ PLAIN = {"sharpness": 0.0}
 
 def spot(x=0.5, y=0.75, width=12.0, **words):
     """Red dye, released once."""
-    return core.DyeSource([(x, y)], width, **({"colors": [(1, 0, 0)], "every": 0} | words))
+    return core.DyeSource([(x, y)], width=width, **({"colors": [(1, 0, 0)], "every": 0} | words))
 
 
 def last_of(velocity, sources, frames, **settings):
     """Return the last frame."""
-    given = core.advect_dye(velocity, sources, core.DyeSettings(**settings), frames)
+    given = core.advect_dye(velocity, sources, core.DyeSettings(**settings), frames=frames)
     return deque(given, maxlen=1)[0]
 
 
@@ -39,7 +39,10 @@ def turned(frames, integration, size=(128, 128)):
     """Return how far a spot is from its start after a turn in so many steps, in pixels."""
     velocity = rotation(size) * 2 * np.pi / frames
     given = core.advect_dye(
-        velocity, spot(), core.DyeSettings(step=0, sharpness=0, integration=integration), frames + 1
+        velocity,
+        spot(),
+        core.DyeSettings(step=0, sharpness=0, integration=integration),
+        frames=frames + 1,
     )
     first = next(given)
     last = deque(given, maxlen=1)[0]
@@ -98,7 +101,7 @@ def test_thin_dye_is_lost_by_the_papers_function_and_kept_by_ours():
         for width in (5.0, 12.0):
             given = core.advect_dye(velocity, spot(width=width),
                                     core.DyeSettings(step=4.0, **how),
-                                    frames)  # fmt: skip
+                                    frames=frames)  # fmt: skip
             first = next(given)[..., 3]
             last = deque(given, maxlen=1)[0][..., 3]
             kept[sharpening, width] = last.sum() / first.sum()
@@ -154,12 +157,12 @@ def test_releases_once_always_and_in_turns():
 
 def test_strips_and_curves_cover_what_they_say():
     (frame,) = core.advect_dye(
-        uniform(SIZE, 0, 0), core.DyeSource([(0.25, 0.25), (0.75, 0.25)], 8.0), frames=1
+        uniform(SIZE, 0, 0), core.DyeSource([(0.25, 0.25), (0.75, 0.25)], width=8.0), frames=1
     )
     assert frame[..., 3].sum() == pytest.approx(48 * 8 + np.pi * 16, rel=0.01)
     rows = np.flatnonzero(frame[..., 3].any(axis=1))
     assert abs(rows.mean() - (0.75 * SIZE[0] - 0.5)) < 0.51  # a quarter of the height from below
-    bent = core.DyeSource([(0.2, 0.2), (0.2, 0.8), (0.8, 0.8)], 4.0)
+    bent = core.DyeSource([(0.2, 0.2), (0.2, 0.8), (0.8, 0.8)], width=4.0)
     (frame,) = core.advect_dye(uniform(SIZE, 0, 0), bent, frames=1)
     opacity = frame[..., 3]
     assert opacity[40, 19] == 1 and opacity[16, 60] == 1 and opacity[40, 60] == 0
@@ -167,7 +170,7 @@ def test_strips_and_curves_cover_what_they_say():
 
 def test_colors_stay_as_they_are():
     orange = (0.9, 0.4, 0.1)
-    source = core.DyeSource([(0.5, 0.75)], 12, [orange], every=0)
+    source = core.DyeSource([(0.5, 0.75)], width=12, colors=[orange], every=0)
     for sharpening in ("shock", "rational"):
         frame = last_of(rotation(SIZE), source, 30, sharpening=sharpening)
         inside = frame[..., 3] > 0

@@ -20,7 +20,7 @@ def photo(height=41, width=37, seed=0, channels=3, noise=0.05):
 
 
 def smooth(image, mask=None, **settings):
-    return core.beltrami_image(image, core.BeltramiSettings(**settings), mask)
+    return core.beltrami_image(image, core.BeltramiSettings(**settings), mask=mask)
 
 
 def square(n, size=1.0):

@@ -19,7 +19,9 @@ def photo(height=96, width=96, seed=0, noise=0.08):
 
 
 def smooth(mesh, uv, image, mask=None, **settings):
-    return core.beltrami_texture(mesh, uv, image, core.BeltramiTextureSettings(**settings), mask)
+    return core.beltrami_texture(
+        mesh, uv, image, core.BeltramiTextureSettings(**settings), mask=mask
+    )
 
 
 def smooth_image(image, **settings):
@@ -127,7 +129,7 @@ def test_where_all_faces_lie_apart_noise_falls_as_much():
     vertices, faces = icosphere(2, radius=8.0)
     mesh = core.TriangleMesh(vertices, faces)
     uv, size = apart(mesh, texels_per_length=6.0)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     waves = np.sin(atlas.bake(mesh.vertices[mesh.faces])[..., :1])
     clean = 0.5 + 0.3 * waves
     noise = 0.08 * np.random.default_rng(0).normal(size=clean.shape)
@@ -160,7 +162,7 @@ def test_materials_that_meet_at_a_seam_do_not_mix():
     right = vertices[faces][..., 0].mean(axis=1) > 4
     uv[right] += (0.2, 0.4)
     mesh = core.TriangleMesh(vertices, faces)
-    atlas = core.TextureAtlas(mesh, uv, 128, 128)
+    atlas = core.TextureAtlas(mesh, uv, size=(128, 128))
     image = np.where(atlas.masks().chart == atlas.charts.labels[np.argmax(right)], 0.34, 0.3)
     noisy = image + 0.01 * np.random.default_rng(0).normal(size=image.shape)
     by_itself = smooth(mesh, uv, noisy)
@@ -213,7 +215,7 @@ def test_zero_time_returns_the_input_bit_for_bit_and_a_zero_mask_the_charts(dtyp
     out = smooth(mesh, uv, image, time=0)
     assert np.array_equal(out, image)
     assert out.dtype == dtype
-    inside = core.TextureAtlas(mesh, uv, 33, 40).inside
+    inside = core.TextureAtlas(mesh, uv, size=(33, 40)).inside
     out = smooth(mesh, uv, image, np.zeros((33, 40)))
     assert np.array_equal(out[inside], image[inside])
     assert np.array_equal(image, before)
@@ -245,7 +247,7 @@ def test_opacity_stays_and_transparent_texels_lend_no_color():
     image = np.concatenate([color, alpha[..., None]], axis=-1).astype(np.float32)
     image[alpha == 0, :3] = 9.0
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    inside = core.TextureAtlas(mesh, blocks.uv, *color.shape[:2]).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=color.shape[:2]).inside
     out = smooth(mesh, blocks.uv, image)
     assert np.array_equal(out[inside][:, 3], image[inside][:, 3])
     assert out[inside & (alpha == 1)][:, :3].max() <= color.max() + 1e-5
@@ -258,7 +260,7 @@ def test_normals_turn_across_seams_and_stay_unit_vectors():
     slope = np.array([0.3, -0.2])
     blocks = Blocks(np.zeros((64, 64, 3), dtype=np.float32), angle=0.4)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
     texture = np.full((blocks.width, blocks.width, 3), 0.5, dtype=np.float32)
     texture[..., 2] = 0.5 + 0.5 * np.sqrt(1 - slope @ slope)
     block = blocks._number(atlas.bake(blocks.vertices[blocks.faces])[..., :2])
@@ -338,7 +340,7 @@ def test_bad_input_is_named():
     with pytest.raises(core.InvalidUV):
         smooth(mesh, np.full_like(uv, np.nan), image)
     with pytest.raises(core.InvalidSignal, match="atlas"):
-        core.beltrami_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, 9, 8))
+        core.beltrami_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, size=(9, 8)))
     with pytest.raises(core.InvalidSettings, match="odd"):
         smooth(mesh, uv, image, window=4)
     bright = np.where(np.arange(8) < 4, 1e30, -1e30) * np.ones((8, 1))

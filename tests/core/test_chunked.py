@@ -98,7 +98,7 @@ def test_nothing_is_computed_before_it_is_asked_for():
                                   meta=np.empty((0, 0), np.float32))  # fmt: skip
     core.sharpen_image(image, PAPER)
     core.beltrami_image(image)
-    core.osher_rudin_image(image, 4)
+    core.osher_rudin_image(image, steps=4)
     lazy = core.sharpen_image(image, core.ImageSettings(), known=measure_image(shapes()))
     with pytest.raises(AssertionError, match="too early"):
         computed(lazy)
@@ -108,9 +108,9 @@ def test_mask_and_guide_may_be_lazy_or_not():
     image, guide = shapes(), shapes(seed=1)
     mask = np.random.default_rng(0).random(SHAPE)
     settings = core.ImageSettings(width=4.0)
-    expected = core.sharpen_image(image, settings, mask, guide=guide)
+    expected = core.sharpen_image(image, settings, mask=mask, guide=guide)
     for weights, lead in ((mask, guide), (cut(mask, 33), cut(guide, 77))):
-        lazy = core.sharpen_image(cut(image), settings, weights, guide=lead)
+        lazy = core.sharpen_image(cut(image), settings, mask=weights, guide=lead)
         np.testing.assert_array_equal(computed(lazy), expected)
 
 
@@ -137,8 +137,8 @@ REFUSED = {
     "guide": lambda of: core.sharpen_image(of(shapes()), guide=of(np.ones((9, 9)))),
     "guide, independent": lambda of: core.sharpen_image(
         of(shapes()), core.ImageSettings(channels="independent"), guide=of(shapes())),
-    "PDE's type": lambda of: core.osher_rudin_image(of(shapes()), 3),
-    "PDE's values": lambda of: core.osher_rudin_image(of(bad_pixel(1e12)), 3),
+    "PDE's type": lambda of: core.osher_rudin_image(of(shapes()), steps=3),
+    "PDE's values": lambda of: core.osher_rudin_image(of(bad_pixel(1e12)), steps=3),
 }  # fmt: skip
 
 
@@ -156,7 +156,9 @@ def test_what_only_dask_arrays_refuse():
     refused = {
         "out is given": lambda: core.sharpen_image(image, out=np.ones(SHAPE, np.float32)),
         "progress is given": lambda: core.beltrami_image(image, progress=lambda *_: True),
-        "fastest pixel": lambda: core.osher_rudin_image(image, 2, 0.4, "flow"),
+        "fastest pixel": lambda: core.osher_rudin_image(
+            image, steps=2, time_step=0.4, edge_detector="flow"
+        ),
     }
     for words, run in refused.items():
         with pytest.raises(core.InvalidSettings, match=words):

@@ -359,7 +359,7 @@ def test_mask_weights_next_to_0_hold_as_0_does(softened):
     mesh, _ = softened
     mask = np.where(mesh.vertices[:, 0] > 0, 1.0, 1e-7)
     targets = np.roll(mesh.normals, 1, axis=1)
-    found = core.fit_to_normals(mesh, targets, core.FitSettings(screening_radius=5.0), mask)
+    found = core.fit_to_normals(mesh, targets, core.FitSettings(screening_radius=5.0), mask=mask)
     np.testing.assert_array_equal(found[mask < 1], mesh.vertices[mask < 1])
     assert (found[mask == 1] != mesh.vertices[mask == 1]).any()
 

@@ -25,7 +25,7 @@ def colored(gray):
 
 
 def sharpened(image, guide=None, mask=None, **settings):
-    return core.sharpen_image(image, core.ImageSettings(**settings), mask, guide=guide)
+    return core.sharpen_image(image, core.ImageSettings(**settings), mask=mask, guide=guide)
 
 
 def flat_square():

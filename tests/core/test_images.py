@@ -33,7 +33,7 @@ def photo(height=61, width=53, seed=0, sigma=1.5, channels=3):
 
 
 def sharpen(image, mask=None, **settings):
-    return core.sharpen_image(image, core.ImageSettings(**settings), mask)
+    return core.sharpen_image(image, core.ImageSettings(**settings), mask=mask)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
@@ -359,14 +359,16 @@ class TestOsherRudin:
     def test_keeps_the_range_and_constants_and_steepens(self, detector):
         image = photo()
         before = image.copy()
-        out = core.osher_rudin_image(image, 100, 0.4, detector)
+        out = core.osher_rudin_image(image, steps=100, time_step=0.4, edge_detector=detector)
         assert np.array_equal(image, before)
-        core.osher_rudin_image(image[..., 0].copy(), 3, 0.4, detector)
+        core.osher_rudin_image(image[..., 0].copy(), steps=3, time_step=0.4, edge_detector=detector)
         assert out.min() >= image.min()
         assert out.max() <= image.max()
         flat = np.full((9, 9), 0.5)
-        assert np.array_equal(core.osher_rudin_image(flat, 10, 0.4, detector), flat)
-        assert np.array_equal(core.osher_rudin_image(image, 0), image)
+        assert np.array_equal(
+            core.osher_rudin_image(flat, steps=10, time_step=0.4, edge_detector=detector), flat
+        )
+        assert np.array_equal(core.osher_rudin_image(image, steps=0), image)
         if detector != "flow":
             gradient = [np.hypot(*np.gradient(i, axis=(0, 1))).max() for i in (image, out)]
             assert gradient[1] > 2 * gradient[0]
@@ -375,48 +377,73 @@ class TestOsherRudin:
         image = photo(channels=1, sigma=3.0)[..., 0].copy()
         before, time = image.copy(), 20.0
         advected = sharpen(image, time=time, smoothing_passes=0) - image
-        evolved = core.osher_rudin_image(image, 100, time / 100, "flow") - image
+        evolved = (
+            core.osher_rudin_image(image, steps=100, time_step=time / 100, edge_detector="flow")
+            - image
+        )
         assert np.array_equal(image, before)
         assert np.corrcoef(advected.ravel(), evolved.ravel())[0, 1] > 0.8
         assert np.linalg.norm(evolved) == pytest.approx(np.linalg.norm(advected), rel=0.5)
 
     @pytest.mark.parametrize(
-        ("arguments", "error", "sentence"),
+        ("image", "words", "error", "sentence"),
         [
-            ((np.zeros((4, 4), np.uint8), 1), core.InvalidSignal, "of float32 or float64"),
-            ((np.zeros((1, 4)), 1), core.InvalidSignal, "at least 2 x 2"),
-            ((np.full((4, 4), np.nan), 1), core.InvalidSignal, "holds NaN"),
-            ((np.zeros((4, 4)), -1), core.InvalidSettings, "steps is -1"),
-            ((np.zeros((4, 4)), 1.5), core.InvalidSettings, "steps is 1.5"),
-            ((np.zeros((4, 4)), math.nan), core.InvalidSettings, "steps is nan"),
-            ((np.zeros((4, 4)), math.inf), core.InvalidSettings, "steps is inf"),
-            ((np.zeros((4, 4)), 1, 0.6), core.InvalidSettings, r"value in \(0, 0\.5\]"),
-            ((np.zeros((4, 4)), 1, 0, "flow"), core.InvalidSettings, r"value in \(0, 1e\+09\]"),
-            ((np.zeros((4, 4)), 1, math.inf, "flow"), core.InvalidSettings, "time_step is inf"),
-            ((np.zeros((4, 4)), 1, 0.4, "sobel"), core.InvalidSettings, "edge_detector is"),
+            (np.zeros((4, 4), np.uint8), {"steps": 1}, core.InvalidSignal, "of float32 or float64"),
+            (np.zeros((1, 4)), {"steps": 1}, core.InvalidSignal, "at least 2 x 2"),
+            (np.full((4, 4), np.nan), {"steps": 1}, core.InvalidSignal, "holds NaN"),
+            (np.zeros((4, 4)), {"steps": -1}, core.InvalidSettings, "steps is -1"),
+            (np.zeros((4, 4)), {"steps": 1.5}, core.InvalidSettings, "steps is 1.5"),
+            (np.zeros((4, 4)), {"steps": math.nan}, core.InvalidSettings, "steps is nan"),
+            (np.zeros((4, 4)), {"steps": math.inf}, core.InvalidSettings, "steps is inf"),
+            (
+                np.zeros((4, 4)),
+                {"steps": 1, "time_step": 0.6},
+                core.InvalidSettings,
+                r"value in \(0, 0\.5\]",
+            ),
+            (
+                np.zeros((4, 4)),
+                {"steps": 1, "time_step": 0, "edge_detector": "flow"},
+                core.InvalidSettings,
+                r"value in \(0, 1e\+09\]",
+            ),
+            (
+                np.zeros((4, 4)),
+                {"steps": 1, "time_step": math.inf, "edge_detector": "flow"},
+                core.InvalidSettings,
+                "time_step is inf",
+            ),
+            (
+                np.zeros((4, 4)),
+                {"steps": 1, "time_step": 0.4, "edge_detector": "sobel"},
+                core.InvalidSettings,
+                "edge_detector is",
+            ),
         ],
     )
-    def test_bad_input_is_refused(self, arguments, error, sentence):
+    def test_bad_input_is_refused(self, image, words, error, sentence):
         with pytest.raises(error, match=sentence):
-            core.osher_rudin_image(*arguments)
+            core.osher_rudin_image(image, **words)
 
     def test_long_steps_of_flow_are_shortened(self):
         image = photo(channels=1) * 4  # so that steps of 8 are cut to below 1
-        long = core.osher_rudin_image(image, 1, 8.0, "flow")
+        long = core.osher_rudin_image(image, steps=1, time_step=8.0, edge_detector="flow")
         assert image.min() <= long.min() < long.max() <= image.max()
         # As far in time as steps that are short by themselves; clipped speeds would be 0.68 off.
-        short = core.osher_rudin_image(image, 400, 0.02, "flow")
+        short = core.osher_rudin_image(image, steps=400, time_step=0.02, edge_detector="flow")
         assert np.linalg.norm(long - short) < 0.4 * np.linalg.norm(short - image)
         with pytest.raises(core.InvalidSettings, match="too long"):
-            core.osher_rudin_image(image, 1, 1e9, "flow")
+            core.osher_rudin_image(image, steps=1, time_step=1e9, edge_detector="flow")
 
     def test_parts_of_a_step_are_half_of_the_fastest_speed(self):
         x = np.linspace(0, 1, 20)
         image = np.tile(3 * x**2, (20, 1))  # L = I_x I_xx, largest at the right
         second = 6 * (x[1] - x[0]) ** 2
         largest = 0.5 * (image[0, -1] - image[0, -3]) * second
-        once = core.osher_rudin_image(image, 1, 0.5 / largest, "flow")
-        twice = core.osher_rudin_image(image, 1, 0.5 / largest * 1.01, "flow")
+        once = core.osher_rudin_image(image, steps=1, time_step=0.5 / largest, edge_detector="flow")
+        twice = core.osher_rudin_image(
+            image, steps=1, time_step=0.5 / largest * 1.01, edge_detector="flow"
+        )
         inner = (slice(None), slice(2, -3))
         slope = np.minimum(np.diff(image, axis=1)[:, :-1], np.diff(image, axis=1)[:, 1:])
         edge = 0.5 * (image[:, 2:] - image[:, :-2]) * second
@@ -427,7 +454,7 @@ class TestOsherRudin:
 
     def test_cancels(self):
         with pytest.raises(core.Cancelled):
-            core.osher_rudin_image(np.zeros((4, 4)), 5, progress=lambda f, m: False)
+            core.osher_rudin_image(np.zeros((4, 4)), steps=5, progress=lambda f, m: False)
 
 
 def test_traced_pixels_read_what_advection_reads():

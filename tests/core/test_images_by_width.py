@@ -75,7 +75,7 @@ def fidelity(image, wanted):
 
 
 def by_width(image, mask=None, **settings):
-    return core.sharpen_image(image, core.ImageSettings(**settings), mask)
+    return core.sharpen_image(image, core.ImageSettings(**settings), mask=mask)
 
 
 def found_in(image, **settings):

@@ -76,8 +76,8 @@ def variations(count):
 def test_reusing_a_mesh_changes_no_bit(box):
     mesh = core.TriangleMesh(*box)
     for settings, mask in variations(len(box[0])):
-        fresh = core.sharpen_geometry(core.TriangleMesh(*box), settings, mask)
-        again = core.sharpen_geometry(mesh, settings, mask)
+        fresh = core.sharpen_geometry(core.TriangleMesh(*box), settings, mask=mask)
+        again = core.sharpen_geometry(mesh, settings, mask=mask)
         assert fresh.tobytes() == again.tobytes() != mesh.vertices.tobytes()
 
 
@@ -92,8 +92,8 @@ def test_reusing_a_scattered_mesh_changes_no_bit(box, monkeypatch):
     mesh = core.TriangleMesh(*scattered)
     assert order.is_scattered(mesh)
     for settings, mask in variations(len(vertices)):
-        fresh = core.sharpen_geometry(core.TriangleMesh(*scattered), settings, mask)
-        again = core.sharpen_geometry(mesh, settings, mask)
+        fresh = core.sharpen_geometry(core.TriangleMesh(*scattered), settings, mask=mask)
+        again = core.sharpen_geometry(mesh, settings, mask=mask)
         assert fresh.tobytes() == again.tobytes() != mesh.vertices.tobytes()
 
 

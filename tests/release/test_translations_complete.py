@@ -191,7 +191,7 @@ FLAT = np.zeros((1, 3, 2))
 
 
 def atlas(uv):
-    return core.TextureAtlas(core.TriangleMesh(TRIANGLE, FACES), uv, 8, 8)
+    return core.TextureAtlas(core.TriangleMesh(TRIANGLE, FACES), uv, size=(8, 8))
 
 
 @pytest.mark.parametrize(
