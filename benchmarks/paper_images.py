@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from pathlib import Path
 import common
 import image_peers
 import numpy as np
+import schemes
 from image_peers import Quality, bilateral, coherence_shock, ours, unsharp
 from pictures import sheet
 from report import Target, table, targets
@@ -45,9 +47,17 @@ def blurred(image: np.ndarray) -> np.ndarray:
     return np.rint(smooth).astype(np.uint8) if image.dtype == np.uint8 else smooth
 
 
-def warm_up(image: np.ndarray, **settings: object) -> None:
+def fixed(image: np.ndarray, flow_time: float) -> np.ndarray:
+    """Sharpen by the flow of the input, as the core does."""
+    return core.sharpen_image(image, core.ImageSettings(time=flow_time))
+
+
+SCHEMES = {"naive": schemes.naive, "composed": schemes.composed, "fixed": fixed}
+
+
+def warm_up(image: np.ndarray, sharpen: Callable[..., np.ndarray] = fixed) -> None:
     """Load or compile the kernels for images of this type."""
-    core.sharpen_image(image[:16, :16].copy(), core.ImageSettings(time=2.0, **settings))
+    sharpen(image[:16, :16].copy(), 2.0)
 
 
 def time_schemes(data: Path, everything: bool) -> dict[str, dict[int, float]]:
@@ -55,16 +65,14 @@ def time_schemes(data: Path, everything: bool) -> dict[str, dict[int, float]]:
     image = table_photo(data)
     found: dict[str, dict[int, float]] = {}
     for scheme, paper in PAPER_SECONDS.items():
-        warm_up(image, scheme=scheme)
+        warm_up(image, SCHEMES[scheme])
         found[scheme] = {}
         for flow_time in paper:
             if scheme != "fixed" and flow_time >= SLOW_FROM and not everything:
                 continue
-            settings = core.ImageSettings(time=flow_time, scheme=scheme)
             runs = 3 if scheme == "fixed" or flow_time <= 4 else 1
-            found[scheme][flow_time] = common.fastest(
-                lambda settings=settings: core.sharpen_image(image, settings), runs
-            )
+            run = functools.partial(SCHEMES[scheme], image, flow_time)
+            found[scheme][flow_time] = common.fastest(run, runs)
     return found
 
 
@@ -235,8 +243,7 @@ def compare_schemes(data: Path) -> tuple[dict[str, np.ndarray], list[list[float]
     photo = common.load_image(data, "kodim05.png")[CROP].astype(np.float32) / 255
     image = blurred(photo).astype(np.float32)
     results = {"input": image}
-    for scheme in ("naive", "composed", "fixed"):
-        results[scheme] = core.sharpen_image(image, core.ImageSettings(time=STEPS, scheme=scheme))
+    results |= {scheme: sharpen(image, STEPS) for scheme, sharpen in SCHEMES.items()}
     agreement = []
     for given in (photo, image):
         steady = core.sharpen_image(given, core.ImageSettings(time=math.inf, smoothing_passes=0))

@@ -177,12 +177,9 @@ def _shares(
         number += 1
         motion = flow.at(number)
         if back_of is not motion:
-            if settings.integration == "midpoint":
-                halfway = flow.at(number - 0.5)
-                run(_find_midpoint, rows, motion.right, motion.down, halfway.right,
-                    halfway.down, joined, back, chunk=ROWS)  # fmt: skip
-            else:
-                np.stack([motion.right, motion.down], axis=-1, out=back)
+            halfway = flow.at(number - 0.5)
+            run(_find_midpoint, rows, motion.right, motion.down, halfway.right, halfway.down,
+                joined, back, chunk=ROWS)  # fmt: skip
             back_of = motion
         run(_read_back, rows, old, back, motion.defined, joined, new, chunk=ROWS)
         old, new = sharpen_dye(new, settings, joined), old

@@ -47,7 +47,6 @@ from .image_smoothing import smoothed_image
 from .image_steps import LARGEST, large_pixels, measured_each, opacity_in_range, sharpen_checked
 from .images_by_width import Measured, measured, reach_by_width
 from .pde import check_kind, evolved
-from .signals import step_durations
 
 log = logging.getLogger(__name__)
 
@@ -241,13 +240,9 @@ def _reach_of_sharpening(settings: ImageSettings, found: Sequence[Measured]) -> 
     elif settings.by_width:
         margin, around = np.max([reach_by_width(each, settings) for each in found], axis=0)
         walk = _WALK + math.ceil(2.0 * max(each.width for each in found))
-    elif settings.scheme == "fixed":
+    else:
         margin = around = flow_reach(settings.smoothing_passes)
         walk = math.ceil(min(_WALK + 4.0 * settings.time**0.25, _LONG_WALK))
-    else:
-        margin = 0  # of each step another one
-        around = len(step_durations(settings)) * (flow_reach(settings.smoothing_passes) + 2)
-        walk = around + _WALK
     read = _ENLARGED * settings.enlarge if settings.enlarge > 1 else 0
     return int(margin) + read, int(max(around, margin + walk)) + read
 

@@ -20,7 +20,7 @@ from ..base.progress import aside, phase
 from ..grid.advect import advect_pixels
 from ..grid.borders import Borders, guide_planes, is_drawing, measure_borders
 from ..grid.channels import Channels
-from ..grid.part import Part, keep_inside
+from ..grid.part import Part
 from ..grid.potential import flow_reach, image_potential
 from ..grid.windows import Plane, gaussian, least_and_greatest, smooth
 from ..settings import ImageSettings
@@ -236,9 +236,7 @@ def _flow(
     with phase(0.2, 0.3, "Computing the flow"):
         potential = image_potential(*guide, plan.passes)
     with phase(0.3, 1.0, "Tracing flow-lines"):
-        keep_inside(
-            advect_pixels(pixels, channels, potential, times, target, nearest=nearest, part=part)
-        )
+        advect_pixels(pixels, channels, potential, times, target, nearest=nearest, part=part)
 
 
 def _times_reach(plan: Plan) -> int:

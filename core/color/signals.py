@@ -6,7 +6,6 @@ Where Width says how far values flow, `dials` says for how long; that is not in 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 
@@ -109,8 +108,7 @@ def sharpen_vertex_signal(
         settings = given_or_default(settings, ShockSettings)
         if settings.is_neutral:
             return given.copy()
-        average = partial(average_corners, mesh)
-        result = _sharpened(mesh, values, settings, average, average)
+        result = _sharpened(mesh, values, settings, partial(average_corners, mesh))
         if _is_measured(settings):
             _tell_widths(mesh, values, result)
         if result is None:
@@ -192,7 +190,7 @@ def sharpen_corner_signal(
         def keep(corner_values: Floats, old: Floats) -> Floats:
             return turn(corner_values)
 
-        result = _sharpened(cut, cut_values, settings, partial(average_corners, cut), keep)
+        result = _sharpened(cut, cut_values, settings, keep)
         if _is_measured(settings):
             merged = result if result is None else average_corners(cut, turn(result), cut_values)
             _tell_widths(cut, cut_values, merged)
@@ -234,12 +232,11 @@ Gather = Callable[[Floats, Floats], Floats]
 
 
 def _sharpened(
-    mesh: TriangleMesh, values: Floats, settings: ShockSettings, gather: Gather, finish: Gather
+    mesh: TriangleMesh, values: Floats, settings: ShockSettings, finish: Gather
 ) -> Floats | None:
-    # `gather` makes vertex values of what the corners' traces read, between steps; `finish`
-    # makes the result. None: it is sharp already.
+    # `finish` makes the result of what the corners' traces read. None: it is sharp already.
     if not settings.by_width:
-        flow = partial(_flow_together, mesh, settings, gather, finish)
+        flow = partial(_flow_together, mesh, settings, finish)
         return _by_channels(values, settings, flow)
     borders = borders_of(mesh, values) if settings.width == 0 else None
     measured_width = borders.width if borders else 0.0
@@ -312,39 +309,17 @@ def _by_plan(
 
 
 def _flow_together(
-    mesh: TriangleMesh, settings: ShockSettings, gather: Gather, finish: Gather, values: Floats
+    mesh: TriangleMesh, settings: ShockSettings, finish: Gather, values: Floats
 ) -> Floats:
     nearest = settings.sampling == "nearest"
-    durations = step_durations(settings)
-    source, current = values, values
-    message = "Tracing flow-lines"
-    with aside(message):
+    guide = luminance(values) if settings.channels == "luminance" else values
+    with phase(0.0, 0.5, "Computing the flow"):
+        potential = flow_potential(mesh, guide, settings.smoothing_passes)
+    with phase(0.5, 1.0, "Tracing flow-lines"):
         points, coordinates = corner_offsets(mesh)
-    for number, duration in enumerate(durations):
-        with phase(number / len(durations), (number + 1) / len(durations), "Sharpening"):
-            with aside(message):
-                if number:
-                    read = read_points(mesh, source, points, coordinates, nearest)
-                    current = gather(read, current)
-                if settings.scheme == "naive" and number:
-                    source = current
-                    points, coordinates = corner_offsets(mesh)
-            guide = luminance(current) if settings.channels == "luminance" else current
-            with phase(0.0, 0.5, "Computing the flow"):
-                potential = flow_potential(mesh, guide, settings.smoothing_passes)
-            with phase(0.5, 1.0, message):
-                trace(mesh, potential, duration, points, coordinates)
-    with phase(1.0, 1.0, message):
-        return finish(read_points(mesh, source, points, coordinates, nearest), current)
-
-
-def step_durations(settings: ShockSettings) -> list[float]:
-    """Cut the time into steps: one for a fixed flow, else of length 1 and a rest."""
-    if settings.scheme == "fixed":
-        return [settings.time]
-    whole = math.floor(settings.time)
-    rest = settings.time - whole
-    return [1.0] * whole + ([rest] if rest > 0 else [])
+        trace(mesh, potential, settings.time, points, coordinates)
+    with phase(1.0, 1.0, "Tracing flow-lines"):
+        return finish(read_points(mesh, values, points, coordinates, nearest), values)
 
 
 def luminance(values: Floats) -> Floats:

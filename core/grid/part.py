@@ -10,9 +10,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 _FAR = 1 << 40  # no row or column
 
 
@@ -47,15 +44,6 @@ class Part(NamedTuple):
         height, width = shape[:2]
         return cls((height, width), slice(0, height), slice(0, width))
 
-    @property
-    def halo(self) -> float:
-        """Pixels from what is wanted to the nearest side where the picture goes on."""
-        (height, width), (rows, columns) = self.shape, (self.rows, self.columns)
-        beside = rows.start, height - rows.stop, columns.start, width - columns.stop
-        return min(
-            (pixels for pixels, cut in zip(beside, self.cut, strict=True) if cut), default=np.inf
-        )
-
     def known(self) -> tuple[slice, slice]:
         """Rows and columns where the flow is known."""
         (height, width), (top, bottom, left, right) = self.shape, self.cut
@@ -63,20 +51,6 @@ class Part(NamedTuple):
             slice(top * self.margin, height - bottom * self.margin),
             slice(left * self.margin, width - right * self.margin),
         )
-
-    def without(self, margin: int) -> Part:
-        """Want all that lies so far from the sides where the picture goes on.
-
-        Raises
-        ------
-        LeftPart
-            If this lacks some of what is wanted now.
-        """
-        if margin > self.halo:
-            raise LeftPart
-        part = self._replace(margin=margin)
-        rows, columns = part.known()
-        return part._replace(rows=rows, columns=columns)
 
     def enlarged(self, times: int) -> Part:
         """Return the same part of the picture that is so many times larger."""
@@ -124,9 +98,3 @@ class Window(NamedTuple):
     last_row: int
     first_column: int
     last_column: int
-
-
-def keep_inside(depths: npt.NDArray[np.int64]) -> None:
-    """Raise `LeftPart` if a flow-line of what is wanted was lost; see `advect_pixels`."""
-    if depths.any():
-        raise LeftPart

@@ -366,7 +366,7 @@ def _smoothed(
             with aside("Denoising"):
                 graph = stencils(mesh, embedding)
             signal = np.concatenate([points, values], axis=1) if moves else values
-            means = smooth_graph(graph, embedding, mass, signal, settings, mesh.has_hubs)
+            means = smooth_graph(graph, mass, signal, settings, mesh.has_hubs)
             if moves:
                 points, means = np.split(means, [3], axis=1)
             values = np.clip(means, low, high)

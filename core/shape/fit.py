@@ -153,7 +153,7 @@ def displacement(
 
     With further `steps` vertices slide onto creases; with `freedom` they are held less there.
     """
-    eps = screening(mesh, settings)
+    eps = settings.screening_radius**-2
     near = near_turns(mesh, normals) if steps > 1 else None
     if near is None or not near.any():
         near, steps = None, 1  # no step would follow
@@ -308,13 +308,6 @@ def _hold(mesh: TriangleMesh, normals: Floats, freedom: float) -> Floats | None:
     hold = average_to_vertices(mesh, angles).reshape(-1)
     run(_held, mesh.vertex_count, freedom, hold)
     return hold
-
-
-def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
-    """The weight eps of the old positions, per squared mean edge length."""
-    if settings.fidelity > 0:
-        return settings.fidelity / float(mesh.areas.sum())
-    return settings.screening_radius**-2
 
 
 @kernel

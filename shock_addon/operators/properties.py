@@ -55,10 +55,6 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
     prefix : str
         What the properties' names begin with.
 
-    Raises
-    ------
-    InvalidSettings
-        If the values contradict each other.
     """
     values = {}
     for name, (kind, _, about) in describe(settings).items():
@@ -66,8 +62,6 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
         if kind is float:
             value = min(max(shortest(value), about.minimum), about.maximum)
         values[name] = value
-    if values.get("fidelity"):  # the panel grays the radius out, which says the same
-        values.pop("screening_radius")
     if getattr(owner, prefix + STEADY_STATE, False):
         values["time"] = math.inf
     return settings(**values)

@@ -93,7 +93,7 @@ RUNS = {
     "colors of vertices": lambda mesh, colors, mask, ask: core.sharpen_vertex_signal(
         mesh,
         mesh.vertices / 20,
-        core.ShockSettings(time=2.0, scheme="naive"),
+        core.ShockSettings(time=2.0),
         mask=mask,
         progress=ask,
     ),
@@ -160,7 +160,7 @@ def test_kernels_on_textures_ask(silent, settings):
     assert silent(work) <= SHORT
 
 
-@pytest.mark.parametrize("settings", [{}, {"distance": "euclidean"}, {"content": "normals"}])
+@pytest.mark.parametrize("settings", [{}, {"content": "normals"}])
 def test_kernels_that_denoise_textures_ask(silent, settings):
     vertices, faces = grid(40, 40)
     uv = 0.1 + 0.02 * vertices[faces][..., :2]
@@ -175,10 +175,9 @@ def test_kernels_that_denoise_textures_ask(silent, settings):
     assert silent(work) <= SHORT
 
 
-@pytest.mark.parametrize("scheme", ["fixed", "naive", "composed"])
-def test_kernels_on_images_ask(silent, scheme):
+def test_kernels_on_images_ask(silent):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
-    settings = core.ImageSettings(time=2.0, scheme=scheme)
+    settings = core.ImageSettings(time=2.0)
     assert not silent(lambda ask: core.sharpen_image(image, settings, progress=ask))
 
 
@@ -189,10 +188,9 @@ def test_kernels_on_images_ask_by_width(silent, what):
     assert not silent(lambda ask: core.sharpen_image(image, settings, progress=ask))
 
 
-@pytest.mark.parametrize("measure", ["space", "surface"])
-def test_kernels_that_denoise_images_ask(silent, measure):
+def test_kernels_that_denoise_images_ask(silent):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
-    settings = core.BeltramiSettings(measure=measure, time=0.2)
+    settings = core.BeltramiSettings(time=0.2)
     denoise = find("beltrami_image").function(2.0)
     assert not silent(lambda ask: denoise(image, settings=settings, progress=ask))
 

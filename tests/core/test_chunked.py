@@ -13,7 +13,6 @@ from shock_filter import core
 from shock_filter.core.color import chunked
 from shock_filter.core.color.chunked import counting_reruns
 from shock_filter.core.color.image_sharpening import measure_image
-from shock_filter.core.grid.part import LeftPart, Part
 
 SHAPE = (210, 190)
 PAPER = core.ImageSettings(time=64.0)
@@ -42,7 +41,7 @@ def sharpened_and_reruns(image, settings, **words):
 
 @pytest.mark.parametrize("settings", [
     {}, {"time": 256.0}, {"time": np.inf}, {"time": 16.0, "smoothing_passes": 40},
-    {"time": 4.0, "scheme": "composed"}, {"enlarge": 2}, {"channels": "independent"},
+    {"enlarge": 2}, {"channels": "independent"},
 ], ids=str)  # fmt: skip
 def test_same_bits_as_in_memory(settings):
     image, settings = shapes(), core.ImageSettings(**settings)
@@ -176,11 +175,3 @@ core.sharpen_image(np.ones((4, 4)), core.ImageSettings(time=0))
 sys.exit("dask" in sys.modules)
 """
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
-
-
-def test_parts_give_way_up_to_what_is_wanted_and_no_farther():
-    part = Part((20, 30), slice(5, 15), slice(6, 24), (True, True, True, True))
-    assert part.halo == 5
-    assert part.without(5).rows == slice(5, 15)
-    with pytest.raises(LeftPart):
-        part.without(6)

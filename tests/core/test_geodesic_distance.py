@@ -324,7 +324,7 @@ def test_other_wrong_input_is_named():
     for size in ((0, 8), (-1, 4), (2.5, 4), (8, 1 << 30), (8, 10**30), (True, 8), ("8", "8")):
         for measure in (core.geodesic_distance, core.vertex_distance):
             with pytest.raises(core.InvalidSettings, match="whole number from 1 to 32768"):
-                measure(mesh, uv, size, vertices=[0])
+                measure(mesh, uv, size=size, vertices=[0])
     with pytest.raises(core.InvalidSignal, match="make an atlas"):
         atlas = core.TextureAtlas(mesh, uv, size=(9, 8))
         core.geodesic_distance(mesh, uv, size=(8, 8), vertices=[0], atlas=atlas)

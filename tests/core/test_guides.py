@@ -144,12 +144,6 @@ def test_guides_that_do_not_fit_are_named(filtered):
         filtered(image, image, channels="independent")
 
 
-def test_a_guide_needs_a_fixed_flow():
-    image = blotches()
-    with pytest.raises(core.InvalidSettings, match="choose 'fixed' with a guide"):
-        sharpened(image, image, scheme="composed", time=4.0)
-
-
 def test_charts_do_not_show():
     lead, faint = (colored(blotches(size=128, contrast=c)) for c in (0.6, 0.1))
     maps = {}

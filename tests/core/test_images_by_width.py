@@ -171,13 +171,6 @@ def test_a_time_overrides_what_and_width():
     assert (by_width(image) != by_width(image, time=16.0)).any()
 
 
-@pytest.mark.parametrize("scheme", ["composed", "naive"])
-def test_schemes_in_steps_need_a_time(scheme):
-    with pytest.raises(core.InvalidSettings, match="give a time"):
-        core.ImageSettings(scheme=scheme)
-    core.ImageSettings(scheme=scheme, time=2.0)
-
-
 @pytest.mark.parametrize("what", ["drawing", "photo"])
 def test_types_agree(what):
     image = blurred(drawing(8, size=96), 2.0)

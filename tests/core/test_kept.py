@@ -68,7 +68,6 @@ def variations(count):
     yield replace(SETTINGS, screening_radius=100.0, time=9.0), None
     yield SETTINGS, half
     yield SETTINGS, half[::-1].copy()
-    yield replace(SETTINGS, fidelity=10.0), half
     yield replace(SETTINGS, repeat=2, smoothing_passes=3), half
     yield SETTINGS, None
 

@@ -66,11 +66,7 @@ def assert_same(lazy, expected):
 def test_sharpen(data, image, settings, is_close):
     mask = data.draw(masks(*image.shape[:2]))
     guide = None
-    if (
-        settings.scheme == "fixed"
-        and settings.channels != "independent"
-        and data.draw(st.booleans())
-    ):
+    if settings.channels != "independent" and data.draw(st.booleans()):
         guide = 1 - image if image.dtype.kind == "f" else ~image
     if settings.by_width and np.abs(image.astype(np.float64)).max() > 1e14:
         return

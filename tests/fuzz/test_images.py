@@ -91,10 +91,6 @@ def test_beltrami_manifold(data, image, settings, stop_at):
     except core.InvalidSignal as error:
         assert "embedding" in str(error)
         return
-    except core.InvalidSettings:
-        assert settings.distance == "euclidean"
-        assert settings.window == 0
-        return
     check_image(result, image, mask, settings.time == 0, settings.alpha)
     assert_alike(places, embedding)
     if smooth == "image":

@@ -157,7 +157,7 @@ def test_fit_to_normals(data, settings, stop_at):
         mask,
         stop_at=stop_at,
     )
-    tight = settings.screening_radius < 100 and settings.fidelity == 0  # else rounding grows
+    tight = settings.screening_radius < 100  # else rounding grows
     check_positions(positions, mesh, mask, own != "random" and tight)
 
 
