@@ -15,7 +15,7 @@ from ....core.host.inputs import ColoredSurface
 from ....core.host.recolored import Recolored
 from ..arrays import check_same, read_attribute, write_attribute
 from ..skipped import Skipped
-from . import meshes
+from . import meshes, targets
 from .masks import color_mask
 from .targets import MeshTarget
 
@@ -52,7 +52,7 @@ def write_colors(target: MeshTarget, result: Recolored) -> bpy.types.Object:
     Skipped
         If the object was removed or its colors have changed since they were read.
     """
-    obj = meshes.find(target)
+    obj = targets.find(target)
     check_unchanged(obj, target)
     attribute = obj.data.color_attributes[target.place]
     values = read_attribute(attribute)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ....core.host.inputs import MirroredSurface, MirrorPlane
 from ..arrays import check_same
 from ..skipped import Skipped
-from . import meshes, shading, shape_keys
+from . import meshes, shading, shape_keys, targets
 from .masks import color_mask
 from .targets import MeshTarget
 
@@ -97,7 +97,7 @@ def write_geometry(
     Skipped
         If the object was removed or its shape has changed since it was read.
     """
-    obj = meshes.find(target)
+    obj = targets.find(target)
     place, old, mask = target.place, target.surface.positions, target.surface.mask
     check_same(_source(obj, place), old)
     if place.output == "SHAPE_KEY":
