@@ -122,33 +122,28 @@ def against_peers(job: common.Job) -> None:
     rows, goals = [], []
     heat = peers.installed("potpourri3d")
     for name in ["torus", *chosen(job)]:
-        for size in (512, LARGE):
-            model = torus(size) if name == "torus" else load_model(job.data, name, size)
-            mesh = model.mesh()
-            used = np.unique(mesh.faces)
-            ranks = np.searchsorted(used, mesh.faces)
-            source = source_of(mesh.vertices)
-            given = mesh.vertices[used], ranks, int(np.searchsorted(used, source))
-            exact, long = peers.exact_distance(*given)
-            start = time.process_time()
-            found = core.vertex_distance(mesh, model.uv, size=(size, size), vertices=[source])[used]
-            ours = time.process_time() - start
-            error = np.abs(found - exact).mean() / exact.mean()
-            far = int(np.argmax(exact))
-            back = core.vertex_distance(
-                mesh, model.uv, size=(size, size), vertices=[int(used[far])]
-            )[source]
-            both = abs(back - found[far]) / exact[far]
-            rows.append([name, f"{size}²", f"{100 * error:.3f}", f"{100 * both:.3f}"])
-            rows[-1] += [f"{ours:.2f}", f"{long:.1f}"]
-            goals.append(Target(f"{name}, {size}²: there and back, %", 100 * both, 0.5, "{:.3f}"))
-            if size == 512:
-                goals.append(Target(f"{name}: mean error, %", 100 * error, 0.5, "{:.3f}"))
-            if heat:
-                theirs, seconds = peers.heat_distance(*given)
-                off = np.abs(theirs - exact).mean() / exact.mean()
-                rows[-1] += [f"{100 * off:.2f}", f"{seconds:.2f}"]
-    head = ["model", "image", "mean error, %", "there and back, %", "processor time, s"]
+        model = torus(512) if name == "torus" else load_model(job.data, name, 512)
+        mesh = model.mesh()
+        used = np.unique(mesh.faces)
+        ranks = np.searchsorted(used, mesh.faces)
+        source = source_of(mesh.vertices)
+        given = mesh.vertices[used], ranks, int(np.searchsorted(used, source))
+        exact, long = peers.exact_distance(*given)
+        start = time.process_time()
+        found = core.vertex_distance(mesh, vertices=[source])[used]
+        ours = time.process_time() - start
+        error = np.abs(found - exact).mean() / exact.mean()
+        far = int(np.argmax(exact))
+        back = core.vertex_distance(mesh, vertices=[int(used[far])])[source]
+        both = abs(back - found[far]) / exact[far]
+        rows.append([name, f"{100 * error:.3f}", f"{100 * both:.3f}", f"{ours:.2f}", f"{long:.1f}"])
+        goals.append(Target(f"{name}: there and back, %", 100 * both, 0.5, "{:.3f}"))
+        goals.append(Target(f"{name}: mean error, %", 100 * error, 0.5, "{:.3f}"))
+        if heat:
+            theirs, seconds = peers.heat_distance(*given)
+            off = np.abs(theirs - exact).mean() / exact.mean()
+            rows[-1] += [f"{100 * off:.2f}", f"{seconds:.2f}"]
+    head = ["model", "mean error, %", "there and back, %", "processor time, s"]
     head += ["exact, s"] + ["heat method: mean error, %", "its time, s"] * heat
     job.page.write("peers", "\n\n".join([table(head, rows), targets(goals)]))
 
@@ -205,9 +200,7 @@ def streaks(job: common.Job) -> None:
         mesh = model.mesh()
         size = (LARGE, LARGE)
         atlas = core.TextureAtlas(mesh, model.uv, size=size)
-        distance = core.vertex_distance(
-            mesh, model.uv, size=size, vertices=[source_of(mesh.vertices)]
-        )
+        distance = core.vertex_distance(mesh, vertices=[source_of(mesh.vertices)])
         fields = {
             "along an axis": core.axis_directions(mesh, [0, 1, 0]),
             "around an axis": core.axis_directions(mesh, [0, 1, 0], turned=True),

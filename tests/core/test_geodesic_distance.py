@@ -65,9 +65,9 @@ def test_on_a_plane_the_distance_is_exact_however_it_is_cut(layout):
     expected = np.linalg.norm(places_of(atlas) - mesh.vertices[vertex], axis=-1)
     error = np.abs(distance - expected)[atlas.inside]
     assert error.max() < (1e-4 if layout != "charts of a third of a texel" else 0.01)
-    there = core.vertex_distance(mesh, uv, size=(size, size), vertices=[vertex], atlas=atlas)
+    there = core.vertex_distance(mesh, vertices=[vertex])
     expected = np.linalg.norm(mesh.vertices - mesh.vertices[vertex], axis=1)
-    assert np.abs(there - expected).max() < 0.01
+    assert np.abs(there - expected).max() < 1e-4
 
 
 def test_on_a_ball_the_error_is_small_and_falls_with_the_resolution():
@@ -100,12 +100,38 @@ def test_around_a_tube_the_shorter_way_counts():
     assert np.abs(distance - expected)[atlas.inside].max() < 1e-3 * girth
 
 
-def test_two_cuts_of_one_surface_agree():
+def test_texels_and_vertices_agree_however_the_surface_is_cut():
     mesh, layouts = wavy()
-    found = [
-        core.vertex_distance(mesh, uv, size=(size, size), vertices=[17]) for uv, size in layouts
-    ]
-    assert np.abs(found[0] - found[1]).max() < 0.005 * found[0].max()
+    found = core.vertex_distance(mesh, vertices=[17])
+    for uv, size in layouts:
+        atlas = core.TextureAtlas(mesh, uv, size=(size, size))
+        distance = core.geodesic_distance(mesh, uv, size=(size, size), vertices=[17], atlas=atlas)
+        error = np.abs(distance - atlas.bake(found[mesh.faces]))[atlas.inside]
+        assert error.mean() < 0.005 * found.max()  # most of it is of what lies between vertices
+
+
+def test_at_vertices_points_and_lines_are_exact_on_a_plane_whatever_the_triangles():
+    mesh = core.TriangleMesh(*grid(12, 9, jitter=0.3))
+    x, y = mesh.vertices[:, :2].T
+    found = core.vertex_distance(mesh, vertices=[40])
+    np.testing.assert_allclose(found, np.hypot(x - x[40], y - y[40]), atol=1e-4)
+    left = np.flatnonzero(x == x.min())
+    left = left[np.argsort(y[left])]
+    found = core.vertex_distance(mesh, edges=np.stack([left[:-1], left[1:]], axis=1))
+    np.testing.assert_allclose(found, x - x.min(), atol=1e-4)
+    sides = np.minimum(np.minimum(x - x.min(), x.max() - x), np.minimum(y - y.min(), y.max() - y))
+    found = core.vertex_distance(mesh, core.DistanceSettings(source="border"))
+    assert np.abs(found - sides).mean() < 0.05  # an edge is too long where two fronts meet
+
+
+def test_at_the_vertices_of_a_ball_the_error_falls_with_the_edges():
+    errors = []
+    for subdivisions in (3, 4):
+        mesh = core.TriangleMesh(*icosphere(subdivisions))
+        expected = np.arccos(np.clip(mesh.vertices @ mesh.vertices[0], -1, 1))
+        found = core.vertex_distance(mesh, vertices=[0])
+        errors.append(np.abs(found - expected).mean() / expected.mean())
+    assert errors[1] < min(0.55 * errors[0], 0.004)
 
 
 def steep_cone(sides=24, rows=12, height=8.0):
@@ -130,20 +156,21 @@ def test_on_a_steep_cone_the_straight_way_to_the_tip_is_exact(power):
     mesh, flat = steep_cone()
     far = np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9)
     uv = (0.5 + 0.45 * flat * far ** (power - 1.0))[mesh.faces]
-    found = core.vertex_distance(mesh, uv, size=(96, 96), vertices=[1 + 24 * 11])
+    found = core.vertex_distance(mesh, vertices=[1 + 24 * 11])
     line = [0, *(1 + 24 * np.arange(12))]
     straight = np.linalg.norm(mesh.vertices[line] - mesh.vertices[line[-1]], axis=1)
-    assert np.abs(found[line] - straight).max() < 2e-3 * straight.max()
+    assert np.abs(found[line] - straight).max() < 1e-5 * straight.max()
+    atlas = core.TextureAtlas(mesh, uv, size=(96, 96))
+    texels = core.geodesic_distance(mesh, uv, size=(96, 96), vertices=[1 + 24 * 11], atlas=atlas)
+    error = np.abs(texels - atlas.bake(found[mesh.faces]))[atlas.inside]
+    assert error.mean() < 5e-3 * straight.max()
 
 
 def test_there_and_back_are_as_long():
-    mesh, layouts = wavy()
-    uv, size = layouts[0]
-    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
+    mesh, _ = wavy()
     for a, b in ((0, 80), (12, 44), (30, 75)):
         ways = [
-            core.vertex_distance(mesh, uv, size=(size, size), vertices=[one], atlas=atlas)[other]
-            for one, other in ((a, b), (b, a))
+            core.vertex_distance(mesh, vertices=[one])[other] for one, other in ((a, b), (b, a))
         ]
         assert abs(ways[0] - ways[1]) < 0.005 * ways[0]
 
@@ -177,11 +204,10 @@ def test_points_keep_to_the_given_corners_where_a_face_was_turned():
     faces = np.array([[0, 1, 2], [0, 3, 2]])
     mesh = core.TriangleMesh(vertices, faces)
     assert mesh.flipped.any()
-    uv = vertices[faces][..., :2] / 16
     for face in (0, 1):
         shares = np.array([0.1, 0.3, 0.6])
         place = shares @ vertices[faces[face]]
-        found = core.vertex_distance(mesh, uv, size=(16, 16), points=([face], [shares]))
+        found = core.vertex_distance(mesh, points=([face], [shares]))
         assert np.abs(found - np.linalg.norm(vertices - place, axis=1)).max() < 1e-4
 
 
@@ -235,7 +261,7 @@ def test_what_no_way_leads_to_is_infinite():
     far = atlas.inside & (places_of(atlas)[..., 0] > 1.5)
     assert np.isinf(distance[far]).all() and np.isfinite(distance[atlas.inside & ~far]).all()
     assert not np.isnan(distance).any()
-    assert np.isinf(core.vertex_distance(mesh, flat, size=(40, 40), vertices=[0])[4:]).all()
+    assert np.isinf(core.vertex_distance(mesh, vertices=[0])[4:]).all()
     for look in ("gradient", "lines"):
         settings = core.DistanceSettings(look=look, smoothing=2.0)
         shown = core.geodesic_distance(mesh, flat, size=(40, 40), vertices=[0], settings=settings)
@@ -286,9 +312,8 @@ def test_tiny_images_and_charts_of_a_texel():
         distance = core.geodesic_distance(mesh, uv, size=size, vertices=[0])
         assert distance.shape == size and np.isfinite(distance).all()
     mesh, uv, size = ball(1, 1.0)
-    found = core.vertex_distance(mesh, uv, size=(size, size), vertices=[0])
-    expected = np.arccos(np.clip(mesh.vertices @ mesh.vertices[0], -1, 1))
-    assert np.abs(found - expected).max() < 0.1 * np.pi
+    found = core.geodesic_distance(mesh, uv, size=(size, size), vertices=[0])
+    assert found.shape == (size, size) and np.isfinite(found).all()
 
 
 @pytest.mark.parametrize(
@@ -322,9 +347,12 @@ def test_other_wrong_input_is_named():
     with pytest.raises(core.InvalidSettings, match="rows and columns"):
         core.geodesic_distance(mesh, uv, size=8, vertices=[0])
     for size in ((0, 8), (-1, 4), (2.5, 4), (8, 1 << 30), (8, 10**30), (True, 8), ("8", "8")):
-        for measure in (core.geodesic_distance, core.vertex_distance):
-            with pytest.raises(core.InvalidSettings, match="whole number from 1 to 32768"):
-                measure(mesh, uv, size=size, vertices=[0])
+        with pytest.raises(core.InvalidSettings, match="whole number from 1 to 32768"):
+            core.geodesic_distance(mesh, uv, size=size, vertices=[0])
+    with pytest.raises(core.InvalidSettings, match="a mesh alone has none"):
+        core.vertex_distance(mesh, core.DistanceSettings(source="seams"))
+    with pytest.raises(core.InvalidSignal, match="No source"):
+        core.vertex_distance(mesh)
     with pytest.raises(core.InvalidSignal, match="make an atlas"):
         atlas = core.TextureAtlas(mesh, uv, size=(9, 8))
         core.geodesic_distance(mesh, uv, size=(8, 8), vertices=[0], atlas=atlas)
@@ -373,5 +401,5 @@ def test_a_distance_that_is_not_final_is_told(monkeypatch, is_enough):
     said = [str(finding) for finding in findings]
     assert len(said) == (not is_enough)
     if not is_enough:
-        assert said[0].startswith("Texels whose distance may be too large: ")
+        assert said[0].startswith("Places whose distance may be too large: ")
         assert int(said[0].split(": ")[1].rstrip(".")) > 0

@@ -171,8 +171,7 @@ CALLS = {
         {**_TEXTURE, "image": IMAGE, "normals": NORMALS, "atlas": ATLAS}, core.DilateSettings
     ),
     "vertex_distance": Call(
-        {**_DRAWN, "vertices": [0], "points": ([1], [[0.2, 0.3, 0.5]]),
-         "edges": [[0, 1]], "image": GRAY},
+        {"mesh": MESH, "vertices": [0], "points": ([1], [[0.2, 0.3, 0.5]]), "edges": [[0, 1]]},
         core.DistanceSettings, infinite=True,
     ),
     "weld": Call({"vertices": MESH.vertices}),

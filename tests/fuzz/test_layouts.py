@@ -102,10 +102,6 @@ FILTERS = {
     "geodesic_distance": lambda mesh, uv, size: core.geodesic_distance(
         mesh, uv, core.DistanceSettings(look="gradient", smoothing=2.0), size=size, vertices=[0]
     ),
-    "vertex_distance": lambda mesh, uv, size: core.vertex_distance(
-        mesh, uv, size=size, points=([0], [[0.2, 0.3, 0.5]]),
-        settings=core.DistanceSettings(look="lines"),
-    ),
     "surface_line_convolution": lambda mesh, uv, size: core.surface_line_convolution(
         mesh, uv, size=size, directions=vectors_of(mesh), at="faces"
     ),
