@@ -149,7 +149,7 @@ _REMOVED: dict[str, dict[str, str]] = {
         "fidelity": "give screening_radius, which is the root of the surface's area over the"
         " fidelity, divided by the mean edge length.",
     },
-    "_KernelSettings": {
+    "BeltramiMeshSettings": {
         "distance": "it runs along the surface of the values, as 'geodesic' said; leave it out.",
         "threshold": "weights below 0.01 of the largest one count as nothing; leave it out.",
     },
@@ -623,12 +623,8 @@ class ReactionSettings(_Settings):
         minimum=1.0,
         maximum=8.0,
     )
-    seed: int = _setting(
-        0,
-        "Other numbers give other patterns of the same kind",
-        unit="any number",
-        maximum=2**31 - 1,
-        soft_maximum=100,
+    seed: int = _changed(
+        StreakSettings, "seed", 0, "Other numbers give other patterns of the same kind"
     )
     gutter: int = _changed(DilateSettings, "gutter", 16)
 
@@ -692,13 +688,7 @@ class NoiseSettings(_Settings):
         maximum=100,
         soft_maximum=20,
     )
-    contrast: float = _setting(
-        1.0,
-        "How far values go from gray. 0 is gray everywhere, 1 fills the range, more clips",
-        unit="times the range",
-        maximum=100.0,
-        soft_maximum=3.0,
-    )
+    contrast: float = _changed(StreakSettings, "contrast", 1.0)
     speed_mask: float = _setting(
         0.0,
         "How much fast places stand out: slow ones let the background through. 0 shows all alike;"
@@ -766,13 +756,12 @@ class ConvolutionSettings(_Settings):
         maximum=1000.0,
         soft_maximum=200.0,
     )
-    contrast: float = _setting(
+    contrast: float = _changed(
+        StreakSettings,
+        "contrast",
         1.0,
         "How far values go from their mean. 0 leaves averages as they are, 1 fills the range, more"
         " clips",
-        unit="times the range",
-        maximum=100.0,
-        soft_maximum=3.0,
     )
     periodic: str = _periodic()
     seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise")
@@ -955,29 +944,40 @@ CUTOFF = 0.01
 """Weights of the kernel below this part of the largest one count as nothing."""
 
 
-@_fields
-class _KernelSettings(_Settings):
-    """Settings of the short-time Beltrami kernel (paper C), with the defaults for meshes."""
-
-    time: float = _setting(
+def _kernel_time(lengths: str, maximum: float) -> Any:
+    return _setting(
         1.0,
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time; 10 averages over 14 mean edge lengths around, slowly",
-        unit="squared mean edge lengths",
-        maximum=1e6,
+        f" is a Gaussian of variance 2 * time; 10 averages over 14 {lengths} around, slowly",
+        unit=f"squared {lengths}",
+        maximum=maximum,
         soft_maximum=10.0,
         length_power=2,
     )
-    beta: float = _setting(
-        3.0,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many mean"
-        " edge lengths. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
-        unit="mean edge lengths a unit of value",
+
+
+def _kernel_beta(default: float, lengths: str) -> Any:
+    return _setting(
+        default,
+        "How much values count against lengths: a step from 0 to 1 is as far as this many"
+        f" {lengths}. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
+        unit=f"{lengths} a unit of value",
         maximum=1e6,
         soft_maximum=30.0,
         length_power=1,
         label="Keep Edges",
     )
+
+
+@_fields
+class BeltramiMeshSettings(_Settings):
+    """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`.
+
+    Those of the short-time Beltrami kernel (paper C).
+    """
+
+    time: float = _kernel_time("mean edge lengths", 1e6)
+    beta: float = _kernel_beta(3.0, "mean edge lengths")
     iterations: int = _setting(
         1,
         "How often the kernel is applied, each time measured on the last result. Several short"
@@ -995,27 +995,12 @@ class _KernelSettings(_Settings):
 
 
 @_fields
-class BeltramiSettings(_KernelSettings):
+class BeltramiSettings(BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
 
-    time: float = _changed(
-        _KernelSettings,
-        "time",
-        1.0,
-        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time; 10 averages over 14 pixels around, slowly",
-        unit="squared pixels",
-        maximum=100.0,
-    )
-    beta: float = _changed(
-        _KernelSettings,
-        "beta",
-        7.0,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many"
-        " pixels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
-        unit="pixels a unit of value",
-    )
-    iterations: int = _changed(_KernelSettings, "iterations", 2)
+    time: float = _kernel_time("pixels", 100.0)
+    beta: float = _kernel_beta(7.0, "pixels")
+    iterations: int = _changed(BeltramiMeshSettings, "iterations", 2)
     alpha: str = _alpha()
 
     @property
@@ -1028,29 +1013,10 @@ class BeltramiSettings(_KernelSettings):
 class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
     """Settings of :func:`shock_filter.core.beltrami_texture`."""
 
-    time: float = _changed(
-        BeltramiSettings,
-        "time",
-        1.0,
-        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time; 10 averages over 14 texels around, slowly",
-        unit="squared texels",
-    )
-    beta: float = _changed(
-        BeltramiSettings,
-        "beta",
-        7.0,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many"
-        " texels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
-        unit="texels a unit of value",
-    )
+    time: float = _kernel_time("texels", 100.0)
+    beta: float = _kernel_beta(7.0, "texels")
     alpha: str = _alpha()
     content: str = _content()
-
-
-@_fields
-class BeltramiMeshSettings(_KernelSettings):
-    """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`."""
 
 
 @_fields
@@ -1058,14 +1024,14 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.denoise_geometry`."""
 
     time: float = _changed(
-        _KernelSettings,
+        BeltramiMeshSettings,
         "time",
         0.5,
         "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
         " variance 2 * time. 10 removes coarse noise, and fine relief with it",
     )
     beta: float = _changed(
-        _KernelSettings,
+        BeltramiMeshSettings,
         "beta",
         0.9,
         "How much the directions of faces count against lengths. At 1, neighbors whose"
@@ -1075,7 +1041,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         soft_maximum=5.0,
     )
     iterations: int = _changed(
-        _KernelSettings,
+        BeltramiMeshSettings,
         "iterations",
         3,
         "How often the kernel is applied, each time measured on the last result. 1 is for"

@@ -146,6 +146,18 @@ _TEXTURE_IMAGE = {
 }
 
 
+def _maps(others: str) -> Any:
+    return bpy.props.EnumProperty(
+        name="Maps",
+        description="Whether the other images of the material are filtered in the same run",
+        items=[
+            ("ONE", "This One", "This image only"),
+            ("MATERIAL", "All of Material", others),
+        ],
+        default="ONE",
+    )
+
+
 def _picture(name: str) -> Any:
     return bpy.props.StringProperty(
         name=label(name),
@@ -311,34 +323,13 @@ _PLACES = {
         description="Image of the same size: white has the Scale, middle gray half of it. Empty"
         " takes the Scale everywhere",
     ),
-    "detail maps": bpy.props.EnumProperty(
-        name="Maps",
-        description="Whether the other images of the material are filtered in the same run",
-        items=[
-            ("ONE", "This One", "This image only"),
-            (
-                "MATERIAL",
-                "All of Material",
-                "Also the other images in the materials that show it, such as roughness, height and"
-                " normals, each by itself",
-            ),
-        ],
-        default="ONE",
+    "detail maps": _maps(
+        "Also the other images in the materials that show it, such as roughness, height and"
+        " normals, each by itself"
     ),
-    "maps": bpy.props.EnumProperty(
-        name="Maps",
-        description="Whether the other images of the material are filtered in the same run",
-        items=[
-            ("ONE", "This One", "This image only"),
-            (
-                "MATERIAL",
-                "All of Material",
-                "Also the other images in the materials that show it, such as roughness, metallic"
-                " and normals. They follow the flow of the base color, so that borders lie in the"
-                " same places",
-            ),
-        ],
-        default="ONE",
+    "maps": _maps(
+        "Also the other images in the materials that show it, such as roughness, metallic and"
+        " normals. They follow the flow of the base color, so that borders lie in the same places"
     ),
     "geometry output": _MESH_OUTPUT,
     "both output": _MESH_OUTPUT,
