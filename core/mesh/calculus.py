@@ -183,12 +183,6 @@ def greatest_to_vertices(mesh: TriangleMesh, values: npt.NDArray) -> npt.NDArray
     return out
 
 
-def unit(vectors: Floats, least: float = 1e-12) -> Floats:
-    """Divide vectors (..., 3) by their lengths; those of no more than `least` become zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > least, length, np.inf)
-
-
 def cosines(one: Floats, other: Floats) -> Floats:
     """Inner products of two vectors for each face: (m, 3) -> (m,)."""
     out = np.empty(len(one))

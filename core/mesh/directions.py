@@ -6,15 +6,13 @@ They are averaged as tensors d d^T, which are the same for d and -d.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import Floats, as_array, by_keyword, checked_count, checked_flag, checked_word
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
-from .calculus import average_to_vertices, gradient, smooth_vertices, unit
+from .calculus import average_to_vertices, gradient, smooth_vertices
 from .triangle_mesh import TriangleMesh, check_mesh
 
 _LITTLE = 1e-12
@@ -75,7 +73,7 @@ def principal_directions(
     passes = checked_count(passes, "passes", most=_MOST_PASSES)
     with reporting(progress), phase(0.0, 1.0, "Finding directions"):
         normals = average_to_vertices(mesh, mesh.normals)
-        normals = unit(normals)
+        normals = _unit(normals)
         # How the normal changes in each face, within its plane.
         change = _tangential(mesh.normals, gradient(mesh, normals))
         ask()
@@ -143,7 +141,7 @@ def gradient_directions(
     places = mesh.scaled_vertices[mesh.faces]
     sides = np.roll(places, 1, axis=1) - np.roll(places, -1, axis=1)
     along = np.einsum("fk,fkx->fx", corners, sides)  # of equal values
-    return unit(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
+    return _unit(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
 
 
 @by_keyword
@@ -182,7 +180,7 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, *, turned: bool = F
         raise InvalidSignal("The axis has no length; give another one.")
     wanted = given / np.abs(given).max()
     around = np.cross(mesh.normals, wanted)
-    return unit(around if checked_flag(turned, "turned") else np.cross(around, mesh.normals))
+    return _unit(around if checked_flag(turned, "turned") else np.cross(around, mesh.normals))
 
 
 def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
@@ -252,20 +250,14 @@ def at_corners(mesh: TriangleMesh, vectors: Floats, at: str | None, what: str) -
     return vectors[:, None] if fitting == ["faces"] else vectors[mesh.faces]
 
 
-def diffusion_tensors(
-    mesh: TriangleMesh, directions: Floats, rates: Callable[[Floats, Floats], tuple[Floats, Floats]]
-) -> Floats:
-    """Find tensors of diffusion in the frame of each face, along directions and across.
+def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
+    """Average directions as tensors in the frame of each face.
 
     Parameters
     ----------
     mesh : TriangleMesh
     directions : (m, k, 3) float64
-        At the corners, as `at_corners` returns them. They are averaged as tensors.
-    rates : callable
-        ``rates(clear, strength)`` returns the rates along and across, (m,) each: `clear` is 1 where
-        the corners agree and 0 where they have no direction on the mean, `strength` the mean square
-        of their lengths.
+        At the corners, as `at_corners` returns them.
 
     Returns
     -------
@@ -274,23 +266,22 @@ def diffusion_tensors(
         and 1, the second one towards corner 2.
     """
     corners = mesh.vertices[mesh.faces]
-    one = unit(corners[:, 1] - corners[:, 0])
+    one = _unit(corners[:, 1] - corners[:, 0])
     two = np.cross(mesh.normals, one)
     tensors = np.zeros((mesh.face_count, 3))
     for given in directions.swapaxes(0, 1):
         u, v = _dots(given, one), _dots(given, two)
         tensors += np.stack([u * u, u * v, v * v], axis=1) / directions.shape[1]
-    a, b, c = tensors.T
-    trace, apart = a + c, np.hypot(a - c, 2.0 * b)
-    clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
-    most, least = rates(clear, trace)
-    mean, half = 0.5 * (most + least), 0.5 * (most - least)
-    cosine, sine = (a - c) / np.maximum(apart, 1e-300), 2.0 * b / np.maximum(apart, 1e-300)
-    return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
+    return tensors
 
 
 def _dots(one: Floats, other: Floats) -> Floats:
     return np.einsum("ix,ix->i", one, other)
+
+
+def _unit(vectors: Floats) -> Floats:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > _LITTLE, length, np.inf)
 
 
 def _tangential(normals: Floats, change: Floats) -> Floats:
@@ -303,7 +294,7 @@ def _frames(normals: Floats) -> tuple[Floats, Floats]:
     # Two unit vectors at right angles to each other and to the normal.
     off = np.zeros_like(normals)
     off[np.arange(len(normals)), np.argmin(np.abs(normals), axis=1)] = 1.0
-    one = unit(np.cross(normals, off))
+    one = _unit(np.cross(normals, off))
     return one, np.cross(normals, one)
 
 

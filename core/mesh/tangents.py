@@ -8,7 +8,6 @@ the vertex that hang together there in the texture and are not mirrored against 
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +16,9 @@ from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
 from ..base.progress import ask
-from .calculus import unit
 from .triangle_mesh import TriangleMesh
 
-_unit = partial(unit, least=1e-30)
+_LITTLE = 1e-30
 
 
 class Frames(NamedTuple):
@@ -121,3 +119,8 @@ def _angles_about(corners: Floats, normals: Floats) -> Floats:
         along = np.einsum("fkx,fkx->fk", side, normals)
         sides.append(_unit(side - along[..., None] * normals))
     return np.arccos(np.clip(np.einsum("fkx,fkx->fk", *sides), -1.0, 1.0))
+
+
+def _unit(vectors: Floats) -> Floats:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > _LITTLE, length, np.inf)

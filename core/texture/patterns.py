@@ -16,7 +16,7 @@ from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
 from ..elements.surface_values import corner_values, sheet_values, surface_values
 from ..errors import InvalidSignal
-from ..mesh.directions import diffusion_tensors
+from ..mesh.directions import face_tensors
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, ReactionSettings, given_or_default
 from .streaks import checked_directions
@@ -155,7 +155,7 @@ def reaction_diffusion(
         with phase(0.05, 0.97, "Growing a pattern"):
             if settings.steps:
                 if given is not None:
-                    space = space.diffusing(_along(mesh, given, settings.stretch))
+                    space = space.diffusing(_tensors(mesh, given, settings.stretch))
                 if factors is not None:
                     space = _varied(space, _on_surface(space, factors[..., None])[:, 0])
                 _grow(space, values, settings)
@@ -264,9 +264,16 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     return start.reshape(atlas.height, atlas.width, 2)
 
 
-def _along(mesh: TriangleMesh, directions: Floats, stretch: float) -> Floats:
+def _tensors(mesh: TriangleMesh, directions: Floats, stretch: float) -> Floats:
     # Diffusion by the stretch along, and as much less across.
-    return diffusion_tensors(mesh, directions, lambda clear, _: (stretch**clear, stretch**-clear))
+    a, b, c = face_tensors(mesh, directions).T
+    apart, trace = np.hypot(a - c, 2.0 * b), a + c
+    clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
+    most, least = stretch**clear, stretch**-clear
+    mean, half = 0.5 * (most + least), 0.5 * (most - least)
+    turn = np.maximum(apart, 1e-300)
+    cosine, sine = (a - c) / turn, 2.0 * b / turn
+    return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
 
 
 def _varied(space: TextureSpace, factors: _Single) -> TextureSpace:

@@ -14,7 +14,7 @@ from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
 from ..elements.surface_values import sheet_values
 from ..errors import InvalidSignal
-from ..mesh.directions import PLACES, at_corners, diffusion_tensors, principal_directions
+from ..mesh.directions import PLACES, at_corners, face_tensors, principal_directions
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, StreakSettings, given_or_default
 from .texels import Texture, checked_atlas, written
@@ -169,16 +169,19 @@ def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) ->
 
 def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings) -> Floats:
     # Those of diffusion: in each direction the square of how far it goes, against the length.
-    across = max(settings.width / settings.length, _LEAST_WIDTH)
-
-    def rates(clear: Floats, strength: Floats) -> tuple[Floats, Floats]:
-        if given is None:
-            clear = clear * np.minimum(np.sqrt(strength) * 2.0, 1.0)
-        # The same area is smoothed over everywhere, which keeps the noise as strong.
-        return across ** (1.0 - clear), across ** (1.0 + clear)
-
     directions = principal_directions(mesh)[mesh.faces] if given is None else given
-    return diffusion_tensors(mesh, directions, rates)
+    a, b, c = face_tensors(mesh, directions).T
+    trace, apart = a + c, np.hypot(a - c, 2.0 * b)
+    clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
+    if given is None:
+        clear *= np.minimum(np.sqrt(trace) * 2.0, 1.0)
+    across = max(settings.width / settings.length, _LEAST_WIDTH)
+    # The same area is smoothed over everywhere, which keeps the noise as strong.
+    most, least = across ** (1.0 - clear), across ** (1.0 + clear)
+    turn = np.maximum(apart, 1e-300)
+    mean, half = 0.5 * (most + least), 0.5 * (most - least)
+    cosine, sine = (a - c) / turn, 2.0 * b / turn
+    return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
 
 
 def checked_directions(
