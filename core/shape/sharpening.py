@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_mask
+from ..base.checks import by_keyword, checked_mask
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
@@ -36,9 +36,11 @@ from .fit import moved_vertices, refitted
 from .slide import unfold
 
 
+@by_keyword
 def sharpen_normals(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,
+    *,
     progress: ProgressCallback | None = None,
 ) -> Floats:
     """Sharpen the face normals of a mesh (paper A, section 4.1).
@@ -90,9 +92,11 @@ def sharpen_normals(
     return normals
 
 
+@by_keyword
 def sharpen_geometry(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:
@@ -161,9 +165,11 @@ def sharpen_geometry(
             return moved_vertices(mesh, moved)
 
 
+@by_keyword
 def geometry_flow(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,
+    *,
     progress: ProgressCallback | None = None,
 ) -> tuple[Floats, Floats]:
     """Compute where `sharpen_geometry` will pull the normals of a mesh.
