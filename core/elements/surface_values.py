@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..atlas.ghosts import interpolate
+from ..atlas.ghosts import fill_ghosts, interpolate
 from ..atlas.sheet import NOTHING
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
@@ -40,6 +40,14 @@ def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Si
     run(_copy_nodes, len(flat), space.labels.reshape(-1), flat, result)
     result[cut.unknowns] = at_points[cut.free]
     return result
+
+
+def painted_values(space: TextureSpace, image: _Single) -> _Single:
+    """Read an image (h, w, c) as a function on the surface: (n, c)."""
+    atlas = space.atlas
+    sheet = atlas.gather(image)
+    known = fill_ghosts(atlas.sheet, atlas.sources, sheet)
+    return surface_values(space, sheet, corner_values(space, sheet, known))
 
 
 def corner_values(

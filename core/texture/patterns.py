@@ -8,13 +8,12 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from ..atlas import TextureAtlas
-from ..atlas.ghosts import fill_ghosts
 from ..base.checks import Floats, as_array, checked_size
 from ..base.parallel import run, sum_kernel
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
-from ..elements.surface_values import corner_values, sheet_values, surface_values
+from ..elements.surface_values import painted_values, sheet_values
 from ..errors import InvalidSignal
 from ..mesh.directions import face_tensors
 from ..mesh.triangle_mesh import TriangleMesh
@@ -150,13 +149,13 @@ def reaction_diffusion(
             space = TextureSpace(texture.atlas)
             if first is None:
                 first = _spots(texture.atlas, settings)
-            values = _on_surface(space, first)
+            values = painted_values(space, first)
         with phase(0.05, 0.97, "Growing a pattern"):
             if settings.steps:
                 if given is not None:
                     space = space.diffusing(_tensors(mesh, given, settings.stretch))
                 if factors is not None:
-                    space = _varied(space, _on_surface(space, factors[..., None])[:, 0])
+                    space = _varied(space, painted_values(space, factors[..., None])[:, 0])
                 _grow(space, values, settings)
         with phase(0.97, 1.0, "Filling the gutter"):
             sheet = np.zeros((*space.labels.shape, 2), dtype=np.float32)
@@ -231,13 +230,6 @@ def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
         us[i], vs[i] = u + more_u, v + more_v
 
 
-def _on_surface(space: TextureSpace, image: _Single) -> _Single:
-    atlas = space.atlas
-    sheet = atlas.gather(image)
-    known = fill_ghosts(atlas.sheet, atlas.sources, sheet)
-    return surface_values(space, sheet, corner_values(space, sheet, known))
-
-
 def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     # At random places of the surface, however it is cut.
     mesh = atlas.mesh
@@ -255,7 +247,8 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     near = cKDTree(places).query_pairs(apart, output_type="ndarray")
     places = np.delete(places, near.max(axis=1, initial=0), axis=0) if len(near) else places
     texels = np.flatnonzero(atlas.inside)
-    away, _ = cKDTree(places).query(atlas.bake(corners).reshape(-1, 3)[texels])
+    baked = atlas.bake(mesh.own_corners(corners)).reshape(-1, 3)
+    away, _ = cKDTree(places).query(baked[texels])
     inside = np.exp(-((away / (_SPOT * distance)) ** 4))
     start = np.zeros((atlas.height * atlas.width, 2), dtype=np.float32)
     start[:, 0] = 1.0
