@@ -13,8 +13,8 @@ import numpy.typing as npt
 from ..base.memo import kept
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
+from ..color.by_width.measuring import Measured
 from ..color.image_sharpening import measure_image
-from ..color.measuring import Measured
 from ..grid.enlarge import enlarged
 from ..registry import find
 from ..settings import BY_WIDTH, named, value_of
