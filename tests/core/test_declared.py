@@ -116,7 +116,9 @@ def test_a_source_that_decides_so_is_found(code):
     assert complaints(code, True)
 
 
-@pytest.mark.parametrize("settings", {row.settings for row in registry.FILTERS})
+@pytest.mark.parametrize(
+    "settings", sorted({row.settings for row in registry.FILTERS}, key=lambda each: each.__name__)
+)
 def test_units_say_in_what_lengths_are_declared_to_count(settings):
     words = {"edges": "edge length", "faces": "edge length", "texels": "texel", "pixels": "pixel"}
     for name, (_, _, about) in describe(settings).items():
