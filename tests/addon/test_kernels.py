@@ -32,7 +32,7 @@ if sys.argv[1:] == ["load only"]:
 elif sys.argv[1:] == ["console"]:
     osher_rudin = importlib.import_module(NAME + ".core.color.osher_rudin")
     import numpy as np
-    osher_rudin.osher_rudin_image(np.eye(8), 1)
+    osher_rudin.osher_rudin_image(np.eye(8), steps=1)
 else:
     bpy.ops.mesh.primitive_uv_sphere_add()
     result = bpy.ops.shock_filter.sharpen_geometry(feature_threshold=0.0)

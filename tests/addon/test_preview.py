@@ -506,7 +506,7 @@ def test_an_error_is_said_and_the_preview_goes_on(painted_sheet, monkeypatch):
         raise InvalidSettings("The sheet is too red; paint it blue.")
 
     with monkeypatch.context() as patch:
-        patch.setattr(colors, "applied", refuse)
+        patch.setattr(colors, "find", refuse)
         running.parameters.time = 200_000.0
         settle(running)
     assert "paint it blue" in running.text()

@@ -65,8 +65,8 @@ def test_patterns_begin_at_the_same_places_on_faces_that_are_turned_over():
         corners[::3] = corners[::3, [0, 2, 1]]  # the mesh turns them back
     other = core.TriangleMesh(mesh.vertices, faces)
     assert other.flipped.any()
-    one = core.reaction_diffusion(mesh, uv, (size, size), settings)
-    found = core.reaction_diffusion(other, turned, (size, size), settings)
+    one = core.reaction_diffusion(mesh, uv, settings, size=(size, size))
+    found = core.reaction_diffusion(other, turned, settings, size=(size, size))
     assert one[..., 1].max() > 0.2
     assert np.allclose(found, one, atol=1e-5)
 
