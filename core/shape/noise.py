@@ -45,13 +45,13 @@ _BETA = 0.9
 """The `beta` that these are for."""
 
 # Thresholds for the kind of noise, chosen on virtual scans; see `benchmarks/scans.py`. Noise makes
-# up at least the share _SHARE of the differences of normals over two rings. For relief without noise,
-# the ratio of the squared differences over one ring and over two is below _CLEAN, or lower if there
-# is little relief. Smoothing leaves much of relief and little of noise (_LEFT). After one pass it
-# leaves less of white noise, which differs from vertex to vertex, than of the noise of scans
-# (_WHITE). If most of the rest lies in few creases (_CREASED), the surface between them is calm.
-# Squared differences over two rings above _WILD come from no scanner, and smoothing leaves more of
-# them than of weaker noise.
+# up at least the share _SHARE of the differences of normals over two rings. For relief without
+# noise, the ratio of the squared differences over one ring and over two is below _CLEAN, or lower
+# if there is little relief. Smoothing leaves much of relief and little of noise (_LEFT). After one
+# pass it leaves less of white noise, which differs from vertex to vertex, than of the noise of
+# scans (_WHITE). If most of the rest lies in few creases (_CREASED), the surface between them is
+# calm. Squared differences over two rings above _WILD come from no scanner, and smoothing leaves
+# more of them than of weaker noise.
 _SHARE, _CLEAN, _LOWER = 0.5, 0.45, 0.8
 _WILD = 0.4
 _LEFT = 0.39, 0.32
