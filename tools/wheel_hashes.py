@@ -2,8 +2,7 @@
 """Wheels that are downloaded by version and hash, so that an index cannot hand out others.
 
 ``tools/wheels.txt`` has a line for each version, as pip reads them: the hashes of the wheels for
-the platforms and Pythons in use. ``python tools/wheel_hashes.py`` writes it anew after a version
-changed. It trusts what the index hands out then: compare with what the packages' own pages say.
+the platforms and Pythons in use; `write_wheel_hashes` writes it.
 """
 
 from __future__ import annotations
@@ -23,7 +22,9 @@ def line_of(requirement: str, hashes: Path = HASHES) -> str:
     for line in hashes.read_text(encoding="utf-8").splitlines():
         if line.split(" ")[0] == requirement:
             return line
-    raise SystemExit(f"{hashes.name} has no hashes of {requirement}; run tools/wheel_hashes.py.")
+    raise SystemExit(
+        f"{hashes.name} has no hashes of {requirement}; run tools/write_wheel_hashes.py."
+    )
 
 
 def download(
@@ -52,44 +53,3 @@ def digest(path: Path) -> str:
     """Return a file's hash, as pip writes it."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def write(wanted: dict[str, list[list[str]]], hashes: Path = HASHES) -> None:
-    """Download each requirement once for each list of pip's words, and write all hashes."""
-    lines = []
-    for requirement in sorted(wanted):
-        found = set()
-        for words in wanted[requirement]:
-            with tempfile.TemporaryDirectory() as folder:
-                command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps"]
-                command += ["--only-binary=:all:", f"--dest={folder}", *words, requirement]
-                subprocess.run(command, check=True)
-                found |= {digest(wheel) for wheel in Path(folder).iterdir()}
-        lines.append(" ".join([requirement, *(f"--hash=sha256:{each}" for each in sorted(found))]))
-    hashes.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def in_use() -> dict[str, list[list[str]]]:
-    """Return all that is downloaded: what zips carry, and Blender as a Python package."""
-    import build_extension
-
-    wanted: dict[str, list[list[str]]] = {}
-    for platform in build_extension.PLATFORMS:
-        requirements = build_extension.REQUIREMENTS_ON.get(platform, build_extension.REQUIREMENTS)
-        for series in build_extension.SERIES.values():
-            for requirement in requirements:
-                words = build_extension.pip_words(platform, series.python)
-                wanted.setdefault(requirement, []).append(words)
-    for python, requirements in build_extension.REQUIREMENTS_IN_WINDOWS.items():
-        for requirement in requirements:
-            words = build_extension.pip_words("linux-x64", python)
-            wanted.setdefault(requirement, []).append(words)
-    for requirement, python in build_extension.BLENDERS.items():
-        for platform in ("manylinux_2_28_x86_64", "win_amd64", "macosx_12_0_arm64"):
-            words = [f"--platform={platform}", f"--python-version={python}"]
-            wanted.setdefault(requirement, []).append(words)
-    return wanted
-
-
-if __name__ == "__main__":
-    write(in_use())

@@ -7,6 +7,7 @@ import zipfile
 import build_extension
 import pytest
 import wheel_hashes
+import write_wheel_hashes
 
 REQUIREMENT = "pinned==1.0"
 OFFLINE = ["--no-index", "--disable-pip-version-check"]
@@ -61,13 +62,13 @@ def test_a_wheel_that_lay_there_is_looked_at_too(wheel, hashes):
 
 
 def test_hashes_of_all_that_is_downloaded_are_known_and_no_address():
-    wanted = wheel_hashes.in_use()
+    wanted = write_wheel_hashes.in_use()
     assert {*build_extension.REQUIREMENTS, *build_extension.BLENDERS} <= set(wanted)
     for requirement in wanted:
         words = wheel_hashes.line_of(requirement).split()
         assert words[1:]
         assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", word) for word in words[1:])
-    with pytest.raises(SystemExit, match=r"run tools/wheel_hashes\.py"):
+    with pytest.raises(SystemExit, match=r"run tools/write_wheel_hashes\.py"):
         wheel_hashes.line_of("scipy==0.1")
 
 
