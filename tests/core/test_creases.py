@@ -8,8 +8,9 @@ from shapes import cube, fan, icosphere
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
 from shock_filter.core.mesh.calculus import gradient, smooth_vertices
-from shock_filter.core.shape.creases import consistent_normals, find_regions, mixed_normals
+from shock_filter.core.shape.creases import find_targets
 from shock_filter.core.shape.fit import displacement
+from shock_filter.core.shape.sides import consistent_normals
 
 PAPER = core.GeometrySettings.of_paper()
 PULL = 0.3
@@ -121,7 +122,7 @@ def thinnest(mesh):
 @pytest.mark.parametrize("shape", [icosphere(4), cube(12)], ids=["sphere", "cube"])
 def test_what_is_smooth_or_sharp_stays_bit_for_bit(shape):
     mesh = core.TriangleMesh(*shape)
-    assert not find_regions(mesh).use.any()
+    assert not find_targets(mesh, core.GeometrySettings()).shares.any()
     assert (core.sharpen_geometry(mesh) == mesh.vertices).all()
 
 
@@ -348,19 +349,16 @@ def test_faces_take_the_side_that_a_plain_search_finds(box):
     assert (abs(found - mesh.normals).max(axis=1) > 0.1).any()
 
 
-def test_mixing_keeps_what_has_no_share():
-    old = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    new = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
-    mixed = mixed_normals(old, new, np.array([0.0, 0.5, 0.5]))
-    assert (mixed[0] == old[0]).all()
-    assert mixed[1] == pytest.approx([np.sqrt(0.5), np.sqrt(0.5), 0])
-    assert (mixed[2] == old[2]).all()  # opposite ones have no mean
-
-
 @pytest.mark.parametrize("count", [6, 2000])
 def test_hubs_and_flat_parts_are_finite(count):
     mesh = core.TriangleMesh(*fan(count))
     assert np.isfinite(core.sharpen_geometry(mesh)).all()
+
+
+def turned_by(mesh, positions):
+    """Mean angle in degrees between the normals before and after."""
+    cosines = (mesh.normals * mesh.moved_to(positions).normals).sum(axis=1)
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean()
 
 
 def test_flying_points_of_a_scan_are_not_taken_for_creases():
@@ -371,7 +369,7 @@ def test_flying_points_of_a_scan_are_not_taken_for_creases():
         random.random((mesh.vertex_count, 1)) < 0.02
     )
     rough = mesh.moved_to(vertices * (1.0 + 0.2 * mesh.mean_edge_length * off))
-    assert not find_regions(rough).creased.any()
+    assert turned_by(rough, core.sharpen_geometry(rough)) < 1.0
 
 
 def test_facets_of_denoised_relief_are_no_creases():
@@ -382,7 +380,6 @@ def test_facets_of_denoised_relief_are_no_creases():
     along = np.random.default_rng(0).normal(size=(len(ball), 1)) * ball
     noisy = statue.moved_to(statue.vertices + 0.3 * statue.mean_edge_length * along)
     denoised = noisy.moved_to(core.denoise_geometry(noisy))
-    assert not find_regions(denoised).creased.any()
     sharp = denoised.moved_to(core.sharpen_geometry(denoised))
 
     def off(mesh):

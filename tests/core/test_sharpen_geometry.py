@@ -206,18 +206,6 @@ def test_normals_of_a_scattered_moebius_strip_are_those_of_its_faces_as_given(mo
     assert (np.einsum("ij,ij->i", found, wound) > 0).all()
 
 
-def test_normals_take_sides_only_where_they_may(soft_cube):
-    settings = core.GeometrySettings(where="everywhere", align_passes=3)
-    advected = shock._advected(soft_cube, settings)
-    free = shock._aligned(soft_cube, settings, None)
-    chosen = soft_cube.vertices[soft_cube.faces].mean(axis=1)[:, 0] > soft_cube.vertices.mean()
-    found = shock._aligned(soft_cube, settings, chosen)
-    moved = abs(free - advected).max(axis=1) > 1e-3
-    assert moved[chosen].any() and moved[~chosen].any()
-    np.testing.assert_array_equal(found[~chosen], advected[~chosen])
-    assert abs(found[chosen] - advected[chosen]).max() > 1e-3
-
-
 def test_flipped_faces_change_nothing_but_their_normals():
     vertices, faces = bumpy()
     expected = core.sharpen_geometry(core.TriangleMesh(vertices, faces))
