@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..base.parallel import kernel, run
 from ..base.progress import phase
 from ..flow.advect import advect_faces

@@ -24,6 +24,7 @@ from ..base.vectors import dot
 from ..flow.potential import dilation
 from ..mesh.calculus import (
     average_to_faces,
+    cosines,
     greatest_to_faces,
     greatest_to_vertices,
     smooth_vertices,
@@ -39,6 +40,8 @@ WEIGHTS = Path(__file__).with_name("creases.npz")
 
 _TURNS = 2.5, 6.0
 """Degrees a face is to turn from which its surroundings take part, and fully."""
+
+_TURNED = np.cos(np.radians(_TURNS[1]))
 
 _RINGS = 3
 """How far around, in edges."""
@@ -163,8 +166,9 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
         if settings.widest_fillet > 0:
             wide, narrow = _fillets(mesh, found, crest, settings.widest_fillet)
             closed, _ = mixture(found.normals, scores, TAKES_SIDES)
-            too_wide = bool((wide > 0.5).any())
             _mix_to(normals, closed, narrow)
+            turns = cosines(found.normals[:, 0].astype(np.float64), normals) < _TURNED
+            too_wide = bool((turns & (wide > 0.5)).any())
             _mix_to(normals, found.normals[:, 0].astype(np.float64), wide)
             sided += narrow * (1.0 - sided)
             sided *= 1.0 - wide
@@ -213,7 +217,7 @@ def _fillets(
     wide = greatest_to_faces(mesh, ramp(width, (most - _MARGIN, most + _MARGIN)))
     clear = dilation(mesh, ramp(np.degrees(np.sqrt(crest)), _CLEAR), _RINGS)
     wide, clear = wide[found.rows], greatest_to_faces(mesh, clear)[found.rows]
-    return wide * clear, (1.0 - wide) * clear
+    return wide, (1.0 - wide) * clear
 
 
 def _radius(mesh: TriangleMesh, found: Candidates, crest: Floats, shares: Floats) -> float:

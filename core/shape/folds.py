@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """No fold is left behind: what a refit folds is slid flat, moved as its neighbours are, or undone.
 
-Not in the papers. A fold is an edge whose faces close beyond 140 degrees, and did not before; and a
-face is turned that is more than 100 degrees off its target, and was not before.
+Not in the papers. A fold is an edge whose faces close beyond 140 degrees, and did not before; a
+face is turned over that is nearly a right angle off its target, and was not before.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ already, or three faces and more meet."""
 _WORSE = 0.02
 """Where an edge was a fold already, or a face turned, its cosine may fall by this."""
 
-_OFF = np.cos(np.radians(100.0))
-"""Cosine of the angle to its target beyond which a face is turned."""
+_OFF = 0.05
+"""Cosine of the angle to its target beyond which a face is turned over."""
 
 _STIFF = (200.0,) * 6 + (20.0,) * 3
 """How firmly vertices keep to the planes of their faces, round by round."""

@@ -19,6 +19,7 @@ from .advected import advected_normals, signal_and_potential
 from .creases import find_targets, tell_creases
 from .fit import LEAST_WEIGHT, moved_vertices, refitted
 from .folds import mended, undone
+from .results import tell_lost, without_worse
 from .sides import consistent_normals, turned_zone
 
 
@@ -217,15 +218,19 @@ def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Float
         tell_creases(mesh, creases, (weights[mesh.faces] > 0).any(axis=1))
     if not (creases.shares > 0).any():
         return np.zeros((mesh.vertex_count, 3))
-    mend = partial(_mend, weights)
-    with phase(0.5, 1.0, "Sharpening"):
-        return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
-                        settings.fit_steps, settings.crease_freedom, mend=mend)  # fmt: skip
-
-
-def _mend(weights: Floats | None, mesh: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
     fixed = None if weights is None else weights <= LEAST_WEIGHT
-    return mended(mesh, targets, moved, fixed)
+    lost: list[Floats] = []
+
+    def mend(current: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
+        moved, gone = without_worse(current, targets, mended(current, targets, moved, fixed))
+        lost.append(gone)
+        return undone(current, targets, moved) if gone.any() else moved
+
+    with phase(0.5, 1.0, "Sharpening"):
+        moved = refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
+                         settings.fit_steps, settings.crease_freedom, mend=mend)  # fmt: skip
+    tell_lost(mesh, lost[0])
+    return moved
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from shock_filter.core.mixture.network import Network
@@ -89,7 +90,7 @@ def trained(
 def _begun(rng, sizes, mean, spread):
     layers = [
         [(rng.normal(size=(a, b)) * np.sqrt(2 / a)).astype(np.float32), np.zeros(b, np.float32)]
-        for a, b in zip(sizes, sizes[1:], strict=False)
+        for a, b in pairwise(sizes)
     ]
     layers[-1][0] *= 0.1
     layers[0][0] /= spread[:, None]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.ndimage
@@ -150,22 +151,58 @@ def scanned(seed) -> Example:
     return _as_it_is(core.TriangleMesh(v, f), "scanned", "scanned")
 
 
+def sculpted(seed) -> Example:
+    """A gentle sculpture: wide forms, fine and rounded features here and there, hardly noise."""
+    rng = np.random.default_rng(seed)
+    on = statue(rng, np.zeros(3), 0.9) if rng.random() < 0.5 else smooth(rng, 0.03)
+    cut = rng.random() < 0.35  # faces that were cut into four flat ones
+    v, f, shape, h, _ = _net(rng, on, None, (30, 80) if cut else (56, 150))
+    edge = mean_edge(v, f)
+    if rng.random() < 0.8:
+        v = _scattered(rng, v, f, edge, shape, h)
+    normals = gradient(shape, v)
+    for _ in range(rng.integers(2, 9)):
+        length = edge * np.exp(rng.uniform(np.log(6), np.log(70)))
+        bend = rng.uniform(0, 0.8) * length * np.sin(v @ rng.normal(size=(3, 3)) / length)
+        phase = (v + bend) @ _unit(rng) * 2 * np.pi / length + rng.uniform(0, 6.3)
+        wave = (
+            np.sin(phase)
+            if rng.random() < 0.4
+            else 1 - 2 * abs(np.sin(phase / 2)) ** rng.uniform(0.6, 1.6)
+            if rng.random() < 0.7
+            else np.tanh(np.sin(phase) * rng.uniform(1, 6))
+        )
+        centre, wide = v[rng.integers(0, len(v))], rng.uniform(0.1, 1.5)
+        where = np.exp(-0.5 * ((v - centre) ** 2).sum(1) / wide**2)
+        high = np.exp(rng.uniform(np.log(0.004), np.log(0.1))) * length
+        v = v + (rng.choice([-1, 1]) * high * wave * where)[:, None] * normals
+    v = umbrella(v, f, int(rng.integers(0, 13)), 0.5)
+    if rng.random() < 0.7:
+        x = umbrella(rng.normal(size=(len(v), 1)), f, int(rng.integers(0, 4)))
+        v = v + x / x.std() * edge * rng.uniform(0, 0.05) * normals
+    if cut:
+        v, f = _subdivided(v, f, crisp=True)
+    return _as_it_is(core.TriangleMesh(v, f), "sculpted", "sculpted")
+
+
 def modelled(seed) -> Example:
     """Clean meshes as people and programs build them: few faces on what is round, bevels, grids."""
     rng = np.random.default_rng(seed)
     pieces = []
-    for i in range(rng.integers(1, 7)):
+    for i in range(int(rng.integers(1, 7))):
         v, f = _PIECES[rng.integers(0, len(_PIECES))](rng)
         v = v * rng.uniform(0.5, 1.5, 3) @ turn(rng) * np.exp(rng.uniform(-0.7, 0.7))
+        if len(f) < 5000 and rng.random() < 0.15:
+            v, f = _subdivided(v, f, crisp=True)
         pieces.append((v + 5.0 * i, f))
     first = np.cumsum([0, *(len(v) for v, _ in pieces)])
     vertices = np.concatenate([v for v, _ in pieces])
-    faces = np.concatenate([f + k for (_, f), k in zip(pieces, first, strict=False)])
+    faces = np.concatenate([f + k for (_, f), k in zip(pieces, first[:-1], strict=True)])
     return _as_it_is(core.TriangleMesh(vertices, faces), "modelled", "modelled")
 
 
 def softened(seed) -> Example:
-    """Clean crisp meshes of even faces, in part or all of them smoothed: their creases are wanted."""
+    """Clean crisp meshes of even faces, smoothed in part or all: their creases are wanted."""
     rng = np.random.default_rng(seed)
     v, f = _CRISP[rng.integers(0, len(_CRISP))](rng)
     v = v * rng.uniform(0.7, 1.3, 3) @ turn(rng)
@@ -236,7 +273,7 @@ def _profile(rng):
     if rng.random() < 0.6:  # even faces
         step = np.exp(rng.uniform(np.log(0.02), np.log(0.3)))
         pieces = [np.linspace(a, b, max(int(np.linalg.norm(b - a) / step), 1), endpoint=False)
-                  for a, b in zip(x, x[1:], strict=False)]  # fmt: skip
+                  for a, b in pairwise(x)]  # fmt: skip
         x = np.concatenate([*pieces, x[-1:]])
     return x
 
@@ -281,9 +318,18 @@ def _figure(rng):
     f = ConvexHull(points).simplices
     f = _outward(points, f)
     v = points * np.exp(rng.normal(size=(len(points), 1)) * rng.uniform(0, 0.45))
-    for _ in range(rng.integers(2, 5 if len(points) < 30 else 4)):
+    for _ in range(rng.integers(1, 5 if len(points) < 30 else 4)):
         v, f = _subdivided(v, f, crisp=False)
     return v, f
+
+
+def _low_poly(rng):
+    # All edges are creases; some cut once more.
+    points = rng.normal(size=(rng.integers(60, 700), 3))
+    points /= norm(points)[:, None]
+    f = _outward(points, ConvexHull(points).simplices)
+    v = points * np.exp(rng.normal(size=(len(points), 1)) * rng.uniform(0, 0.25))
+    return _subdivided(v, f, crisp=True) if rng.random() < 0.3 else (v, f)
 
 
 def _outward(points, f):
@@ -377,4 +423,4 @@ def _faceted_ball(rng):
 
 
 _CRISP = _even_block, _even_block, _stairs, _roof, _roof, _faceted_ball
-_PIECES = _lathe, _lathe, _extruded, _terrain, _torus, _figure, _figure, _blocks
+_PIECES = _lathe, _lathe, _extruded, _terrain, _torus, _figure, _figure, _blocks, _low_poly

@@ -31,6 +31,7 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
     "scanned": examples.scanned,
     "modelled": examples.modelled,
     "softened": examples.softened,
+    "sculpted": examples.sculpted,
 }
 """What is learned from, by name."""
 
