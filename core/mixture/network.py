@@ -61,38 +61,46 @@ def digest(*texts: str) -> str:
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
 
 
-def load(path: Path, definition: str) -> Network:
-    """Read a network.
+def load(path: Path, definition: str) -> dict[str, Network]:
+    """Read the networks of a file, by name.
 
     Parameters
     ----------
     path : Path
         As `save` has written it.
     definition : str
-        What its inputs and outputs mean to the code that asks.
+        What their inputs and outputs mean to the code that asks.
 
     Raises
     ------
     ValueError
-        If it was trained for another definition.
+        If they were trained for another definition.
     """
     with np.load(path, allow_pickle=False) as data:
-        count = sum(name.startswith("weights") for name in data.files)
-        weights = tuple(data[f"weights{i}"].astype(np.float32) for i in range(count))
-        shifts = tuple(data[f"shift{i}"].astype(np.float32) for i in range(count))
-        facts = {name: data[name].item() for name in ("definition", "made_of", "version")}
+        arrays = {key: data[key] for key in data.files}
+    facts = {name: arrays.pop(name).item() for name in ("definition", "made_of", "version")}
     if facts["definition"] != definition:
         raise ValueError(f"{path.name} was trained for other inputs; train it again.")
-    return Network(weights, shifts, **facts)
+    found = {}
+    for name in {key.partition(".")[0] for key in arrays}:
+        count = sum(key.startswith(f"{name}.weights") for key in arrays)
+        weights, shifts = (
+            tuple(arrays[f"{name}.{what}{i}"].astype(np.float32) for i in range(count))
+            for what in ("weights", "shift")
+        )
+        found[name] = Network(weights, shifts, **facts)
+    return found
 
 
-def save(path: Path, network: Network) -> None:
-    """Write a network, its weights in half precision: train with `halved` ones."""
-    layers: dict[str, npt.NDArray] = {}
-    for i, (weights, shift) in enumerate(zip(network.weights, network.shifts, strict=True)):
-        layers |= {f"weights{i}": weights.astype(np.float16), f"shift{i}": shift}
-    np.savez_compressed(path, definition=network.definition, made_of=network.made_of,
-                        version=network.version, **layers)  # fmt: skip
+def save(path: Path, networks: dict[str, Network]) -> None:
+    """Write networks of one training; their weights are rounded to half precision."""
+    arrays: dict[str, npt.NDArray] = {}
+    for name, network in networks.items():
+        for i, (weights, shift) in enumerate(zip(network.weights, network.shifts, strict=True)):
+            arrays[f"{name}.weights{i}"] = weights.astype(np.float16)
+            arrays[f"{name}.shift{i}"] = shift
+    facts = {name: getattr(network, name) for name in ("definition", "made_of", "version")}
+    np.savez_compressed(path, **facts, **arrays)
 
 
 @kernel

@@ -5,11 +5,15 @@ Not in the papers. Nine candidates a face: its own normal; means of those around
 smoothing passes; two flows, one of them longer; and what is left when its own normal and both flows
 take sides, as `sides` has it. The network sees how far all pairs of them are apart, how far
 smoothing would move the surface, and the means of such measures around the face, at three sizes.
+
+A smaller network, the gate, sees what is known before anything takes sides, and tells which faces
+may turn at all; the others are not asked.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +28,7 @@ from ..mesh.calculus import average_to_vertices, make_unit_or, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mixture.cells import means_around
 from ..mixture.choice import pair_count, tell_pairs
-from ..mixture.network import Singles, digest
+from ..mixture.network import Network, Singles, digest
 from ..settings import GeometrySettings
 from .advected import advected_normals
 from .sides import consistent_normals, grown
@@ -54,10 +58,19 @@ _CELLS = 5.0, 14.0
 _AROUND = len(_CHANGES) + len(_ALIKE) + 3
 """Measures that are averaged: also the turn across edges, the shape of faces and the height."""
 
-TOLD = pair_count(CANDIDATES) + len(_PASSES) + _AROUND * (1 + len(_CELLS))
+_BESIDE_PAIRS = len(_PASSES) + _AROUND * (1 + len(_CELLS))
+
+TOLD = pair_count(CANDIDATES) + _BESIDE_PAIRS
 """Numbers that the network is told of a face."""
 
-DEFINITION = digest("creases 2", repr((CANDIDATES, TAKES_SIDES, LONGER, _STILL.round(9), _PASSES,
+TOLD_FIRST = [
+    *(number for number, pair in enumerate(combinations(range(CANDIDATES), 2))
+      if max(pair) < TAKES_SIDES),
+    *range(pair_count(CANDIDATES), TOLD),
+]  # fmt: skip
+"""Those of them that the gate is told."""
+
+DEFINITION = digest("creases 3", repr((CANDIDATES, TAKES_SIDES, LONGER, _STILL.round(9), _PASSES,
                                        _CHANGES, _ALIKE, _CELLS, _AROUND)))  # fmt: skip
 """Changes with what the numbers mean; count the first word up when the code changes them."""
 
@@ -90,8 +103,13 @@ def flow_key(settings: GeometrySettings) -> tuple[Any, ...]:
             settings.feature_threshold, settings.sampling, settings.align_passes)  # fmt: skip
 
 
-def find_candidates(mesh: TriangleMesh, settings: GeometrySettings) -> Candidates:
-    """Find the candidates of a mesh; of the settings, those of `flow_key` count."""
+def find_candidates(
+    mesh: TriangleMesh, settings: GeometrySettings, gate: Network | None
+) -> Candidates:
+    """Find the candidates of the faces that a gate lets pass, or of all that something turns.
+
+    Of the settings, those of `flow_key` count.
+    """
     message = "Finding creases"
     with phase(0.0, 0.2, message):
         near, far = kept(mesh, "smoothed", (), lambda: _smoothed(mesh))
@@ -109,17 +127,34 @@ def find_candidates(mesh: TriangleMesh, settings: GeometrySettings) -> Candidate
             *flows, _STILL, everywhere, turned)  # fmt: skip
         zone = grown(mesh, grown(mesh, turned)) & (mesh.areas > 0)
     rows = np.flatnonzero(zone)
+    with phase(0.65, 0.8, message):
+        beside = _tell_beside(mesh, everywhere, rows, signal, near, far)
+    if gate is not None and len(rows):
+        with phase(0.8, 0.85, message):
+            passed = np.zeros(mesh.face_count, dtype=np.bool_)
+            passed[rows] = _passed(gate, everywhere[rows], beside)
+            zone &= grown(mesh, passed)
+        beside, rows = beside[zone[rows]], np.flatnonzero(zone)
     normals = np.empty((len(rows), CANDIDATES, 3), dtype=np.float32)
     normals[:, :TAKES_SIDES] = everywhere[rows]
+    told = np.empty((len(rows), TOLD), dtype=np.float32)
+    told[:, pair_count(CANDIDATES) :] = beside
     if len(rows):
-        with phase(0.65, 0.85, message):
+        with phase(0.85, 1.0, message):
             for number, each in enumerate((mesh.normals, *flows)):
                 with phase(number / 3, (number + 1) / 3, message):
                     sides = consistent_normals(mesh, each, zone, settings.align_passes)
                 normals[:, TAKES_SIDES + number] = sides[rows]
-    with phase(0.85, 1.0, message):
-        told = _tell(mesh, everywhere, normals, rows, signal, near, far)
+        tell_pairs(normals, told)
     return Candidates(rows, normals, told, _turn(near), _turn(far))
+
+
+def _passed(gate: Network, candidates: Singles, beside: Singles) -> npt.NDArray[np.bool_]:
+    first = pair_count(TAKES_SIDES)
+    told = np.empty((len(candidates), first + beside.shape[1]), dtype=np.float32)
+    tell_pairs(candidates, told)
+    told[:, first:] = beside
+    return gate.scores(told)[:, 0] > 0
 
 
 def _smoothed(mesh: TriangleMesh) -> tuple[Floats, Floats]:
@@ -139,19 +174,18 @@ def _turn(means: Floats) -> Floats:
     return out
 
 
-def _tell(
+def _tell_beside(
     mesh: TriangleMesh,
     everywhere: Singles,
-    normals: Singles,
     rows: npt.NDArray[np.intp],
     signal: Floats,
     near: Floats,
     far: Floats,
 ) -> Singles:
-    told = np.empty((len(rows), TOLD), dtype=np.float32)
+    # What is told beside the distances of pairs.
+    told = np.empty((len(rows), _BESIDE_PAIRS), dtype=np.float32)
     if len(rows) == 0:
         return told
-    tell_pairs(normals, told)
     heights = np.empty((mesh.vertex_count, len(_PASSES)))
     run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far, heights)
     changes = np.empty((mesh.face_count, _AROUND - 1))
@@ -174,7 +208,7 @@ def _tell(
     for size in _CELLS:
         measures.append(means_around(places, values, size, number[wanted]))
     run(_tell_around, len(rows), rows, mesh.faces, heights, place,
-        np.concatenate(measures, axis=1), pair_count(CANDIDATES), told)  # fmt: skip
+        np.concatenate(measures, axis=1), told)  # fmt: skip
     return told
 
 
@@ -270,14 +304,14 @@ def _to_logarithms(start, stop, values):
 
 
 @kernel
-def _tell_around(start, stop, rows, faces, heights, place, measures, first, told):
+def _tell_around(start, stop, rows, faces, heights, place, measures, told):
     # Means over a face's corners.
     for r in range(start, stop):
         a, b, c = faces[rows[r], 0], faces[rows[r], 1], faces[rows[r], 2]
         for i in range(heights.shape[1]):
             height = (abs(heights[a, i]) + abs(heights[b, i]) + abs(heights[c, i])) / 3.0
-            told[r, first + i] = np.log(height + 0.005) + 3.0
+            told[r, i] = np.log(height + 0.005) + 3.0
         p, q, s = place[a], place[b], place[c]
-        begin = first + heights.shape[1]
+        begin = heights.shape[1]
         for i in range(measures.shape[1]):
             told[r, begin + i] = (measures[p, i] + measures[q, i] + measures[s, i]) / 3.0

@@ -138,8 +138,8 @@ def tell_creases(
 
 
 @cache
-def network() -> Network:
-    """The network that weighs the candidates."""
+def networks() -> dict[str, Network]:
+    """The network that weighs the candidates, "mixture", and the one before it, "gate"."""
     return load(WEIGHTS, DEFINITION)
 
 
@@ -180,9 +180,9 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
 
 def _weighed(mesh: TriangleMesh, settings: GeometrySettings) -> tuple[Candidates, Singles]:
     with phase(0.0, 0.9, "Finding creases"):
-        found = find_candidates(mesh, settings)
+        found = find_candidates(mesh, settings, networks()["gate"])
     with phase(0.9, 1.0, "Finding creases"):
-        return found, network().scores(found.told)
+        return found, networks()["mixture"].scores(found.told)
 
 
 def _taken(

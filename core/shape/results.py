@@ -33,8 +33,11 @@ _DEGREE = 1.0 - np.cos(np.radians(1.0))
 _SEEN = 0.1
 """A move in mean edge lengths that is missed, when it is taken back."""
 
-_THIN = 2.0
-"""Mean edge lengths between two sides of a wall."""
+_THIN, _FAR = 2.0, 3.0
+"""Mean edge lengths between two sides of a thin wall; so far they are looked for."""
+
+_BESIDE = 1.5
+"""The square of how far beside a vertex the other side may lie."""
 
 
 def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[Floats, Floats]:
@@ -72,8 +75,7 @@ def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
     places = np.flatnonzero(lost > _SEEN)
     if len(places) == 0:
         return
-    near = np.flatnonzero(dilation(mesh, (lost > _SEEN).view(np.uint8), 6))
-    thickness = _thickness(mesh, places, near)
+    thickness = _thickness(mesh, places)
     thin = places[thickness < _THIN]
     count, others = _count(mesh, thin), _count(mesh, places) - _count(mesh, thin)
     if count:
@@ -104,22 +106,25 @@ def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
     return len(np.unique(part[inside]))
 
 
-def _thickness(
-    mesh: TriangleMesh, places: npt.NDArray[np.intp], near: npt.NDArray[np.intp]
-) -> Floats:
-    # Distance to what faces the other way and lies behind or before a vertex, in edges; at most 3.
+def _thickness(mesh: TriangleMesh, places: npt.NDArray[np.intp]) -> Floats:
+    # Distance to what faces the other way and lies behind or before a vertex, in edges; at most
+    # _FAR.
     normals = average_to_vertices(mesh, mesh.normals)
-    tree = cKDTree(mesh.scaled_vertices[near])
-    found = np.full(len(places), 3.0)
-    around = tree.query_ball_point(mesh.scaled_vertices[places], 3.0)
-    for i, others in enumerate(around):
-        v, o = places[i], near[others]
-        opposed = normals[o] @ normals[v] < -0.5 * np.linalg.norm(normals[v])
-        way = mesh.scaled_vertices[o[opposed]] - mesh.scaled_vertices[v]
-        along = abs(way @ normals[v]) / max(float(np.linalg.norm(normals[v])), 1e-12)
-        beside = np.linalg.norm(way, axis=1) ** 2 - along**2
-        if (beside < 1.5).any():
-            found[i] = along[beside < 1.5].min()
+    apart, _ = cKDTree(mesh.scaled_vertices[places]).query(
+        mesh.scaled_vertices, distance_upper_bound=_FAR
+    )
+    near = np.flatnonzero(np.isfinite(apart))
+    around = cKDTree(mesh.scaled_vertices[near]).query_ball_point(
+        mesh.scaled_vertices[places], _FAR
+    )
+    found = np.full(len(places), _FAR)
+    for i, (v, others) in enumerate(zip(places, around, strict=True)):
+        o, n = near[others], normals[v] / max(float(np.linalg.norm(normals[v])), 1e-12)
+        way = mesh.scaled_vertices[o[normals[o] @ n < -0.5]] - mesh.scaled_vertices[v]
+        along = abs(way @ n)
+        behind = along[(way**2).sum(axis=1) - along**2 < _BESIDE]
+        if len(behind):
+            found[i] = behind.min()
     return found
 
 

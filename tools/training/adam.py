@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Train a network that mixes candidates: Adam, by hand, on one core and from a seed."""
+"""Train small networks: Adam, by hand, on one core and from a seed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SOFT = 0.02
 """Distances from the target below this hardly count: there is no gain in the last degree."""
 
 
-def trained(
+def trained_mixture(
     told: np.ndarray,
     candidates: np.ndarray,
     targets: np.ndarray,
@@ -43,30 +43,61 @@ def trained(
     hidden : tuple of int
         Sizes of the inner layers.
     epochs, seed, log
-
-    Returns
-    -------
-    Network
-        Its weights have half precision, as they are kept on disk.
     """
+    components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
+
+    def back(y, rows):
+        return _mixture_back(y, components[rows], targets[rows], weights[rows])
+
+    return _trained(told, back, (*hidden, candidates.shape[1]), epochs, seed, log)
+
+
+def trained_gate(
+    told: np.ndarray,
+    wanted: np.ndarray,
+    hidden: tuple[int, ...],
+    epochs: int,
+    seed: int = 0,
+    log: Callable[[str], None] = print,
+) -> Network:
+    """Find the network whose one value is above 0 for what is wanted, and below it elsewhere.
+
+    Parameters
+    ----------
+    told : (n, inputs) float32
+    wanted : (n,) float32
+        0 where it is not; the more, the more a miss would cost.
+    hidden, epochs, seed, log
+        As above.
+    """
+    sign = np.where(wanted > 0, np.float32(1), np.float32(-1))[:, None]
+    weight = np.where(wanted > 0, wanted, np.float32(1))[:, None]
+
+    def back(y, rows):
+        s, w = sign[rows], weight[rows]
+        miss = 1 / (1 + np.exp(np.clip(s * y, -30, 30)))
+        loss = float((w * np.logaddexp(0, -s * y)).sum())
+        return loss, -s * w * miss / len(y)
+
+    return _trained(told, back, (*hidden, 1), epochs, seed, log)
+
+
+def _trained(told, back, sizes, epochs, seed, log) -> Network:
     rng = np.random.default_rng(seed)
     mean, spread = told.mean(0), told.std(0) + 1e-2
-    layers = _begun(rng, [told.shape[1], *hidden, candidates.shape[1]], mean, spread)
+    layers = _begun(rng, [told.shape[1], *sizes], mean, spread)
     # The first layer learns as if its inputs were standardised.
     scale = [np.float32(1) for _ in layers]
     scale[0] = (1 / spread[:, None]).astype(np.float32)
     means = [[np.zeros_like(p) for p in layer] for layer in layers]
     squares = [[np.zeros_like(p) for p in layer] for layer in layers]
-    components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
     step, total = 0, epochs * (len(told) // BATCH)
     for epoch in range(epochs):
-        order, loss, weight = rng.permutation(len(told)), 0.0, 0.0
+        order, loss = rng.permutation(len(told)), 0.0
         for i in range(0, len(told) - BATCH + 1, BATCH):
             rows = order[i : i + BATCH]
-            found, slopes = _slopes(
-                layers, told[rows], components[rows], targets[rows], weights[rows]
-            )
-            loss, weight = loss + found, weight + weights[rows].sum()
+            found, slopes = _slopes(layers, told[rows], lambda y, rows=rows: back(y, rows))
+            loss += found
             step += 1
             rate = LAST_RATE + RATE * 0.5 * (1 + np.cos(np.pi * step / total))
             for n, layer in enumerate(layers):
@@ -80,7 +111,7 @@ def trained(
                         np.sqrt(s / (1 - FADES[1] ** step)) + 1e-8
                     )
                     layer[j] -= (rate * change * factor).astype(np.float32)
-        log(f"epoch {epoch}: {np.degrees(loss / max(weight, 1e-12)):.3f} degrees")
+        log(f"epoch {epoch}: {loss / max(len(told) // BATCH * BATCH, 1):.5f}")
     return Network(
         tuple(w.astype(np.float16).astype(np.float32) for w, _ in layers),
         tuple(b for _, b in layers),
@@ -98,12 +129,21 @@ def _begun(rng, sizes, mean, spread):
     return [[np.ascontiguousarray(w, np.float32), b.astype(np.float32)] for w, b in layers]
 
 
-def _slopes(layers, told, components, targets, weights):
+def _slopes(layers, told, back_of):
     # The loss, and its slopes for all weights and shifts.
     values = [told]
     for w, b in layers[:-1]:
         values.append(np.maximum(values[-1] @ w + b, 0))
-    y = values[-1] @ layers[-1][0] + layers[-1][1]
+    loss, back = back_of(values[-1] @ layers[-1][0] + layers[-1][1])
+    slopes = [None] * len(layers)
+    for n in range(len(layers) - 1, -1, -1):
+        slopes[n] = values[n].T @ back, back.sum(0)
+        if n:
+            back = (back @ layers[n][0].T) * (values[n] > 0)
+    return loss, slopes
+
+
+def _mixture_back(y, components, targets, weights):
     z = np.exp(y - y.max(1, keepdims=True))
     share = z / z.sum(1, keepdims=True)
     mixed = np.stack([(share * components[:, j]).sum(1) for j in range(3)], 1)
@@ -112,13 +152,7 @@ def _slopes(layers, told, components, targets, weights):
     both = (unit[:, None] * targets).sum(2)
     nearer = np.where((both[:, 0] >= both[:, 1])[:, None], targets[:, 0], targets[:, 1])
     far = np.sqrt(np.maximum(2 - 2 * both.max(1), 0) + SOFT**2)
-    back = -(weights / far / len(told))[:, None] * nearer
+    back = -(weights / far / len(y))[:, None] * nearer
     back = (back - (back * unit).sum(1, keepdims=True) * unit) / length[:, None]
     back = sum(components[:, j] * back[:, j, None] for j in range(3))
-    back = share * (back - (share * back).sum(1, keepdims=True))
-    slopes = [None] * len(layers)
-    for n in range(len(layers) - 1, -1, -1):
-        slopes[n] = values[n].T @ back, back.sum(0)
-        if n:
-            back = (back @ layers[n][0].T) * (values[n] > 0)
-    return float((far * weights).sum()), slopes
+    return float((far * weights).sum()), share * (back - (share * back).sum(1, keepdims=True))

@@ -23,7 +23,7 @@ from made import make_all
 from shock_filter import core
 from shock_filter.core.mixture.choice import mixture
 from shock_filter.core.mixture.network import Network, digest, save
-from shock_filter.core.shape.candidates import DEFINITION, find_candidates
+from shock_filter.core.shape.candidates import DEFINITION, TOLD_FIRST, find_candidates
 from shock_filter.core.shape.creases import WEIGHTS
 
 HERE = Path(__file__).resolve().parent
@@ -36,9 +36,18 @@ COUNTS = {"remeshed": 1100, "narrow": 160, "coarse": 200, "relief": 260, "scanne
 """How many seeds of each kind; see `made.MAKERS`."""
 
 HIDDEN = 112, 56
-EPOCHS = 8
+GATE = (24,)
+"""Sizes of the inner layers of both networks."""
+
+EPOCHS, GATE_EPOCHS = 10, 4
 KEPT_ASIDE = 12
 """One mesh in so many tells the error and is not learned from."""
+
+TURNS = 2.0
+"""Degrees that a mixture turns a face, from which the gate is to let it pass."""
+
+MISSED = 0.003
+"""Share of all turns that the gate may miss."""
 
 USUAL = 10.0
 """Degrees that are added to a mesh's own error: it counts the less the more wrong it is."""
@@ -67,7 +76,7 @@ def table(path: Path) -> dict[str, np.ndarray] | None:
     with np.load(path) as data:
         mesh = core.TriangleMesh(data["vertices"], data["faces"])
         rows, one, two, kind = data["rows"], data["one"], data["two"], data["kind"].item()
-    found = find_candidates(mesh, core.GeometrySettings())
+    found = find_candidates(mesh, core.GeometrySettings(), None)
     place = np.full(mesh.face_count, -1)
     place[found.rows] = np.arange(len(found.rows))
     asked = place[rows] >= 0
@@ -109,20 +118,51 @@ def chosen(rows: dict[str, np.ndarray], which: np.ndarray) -> dict[str, np.ndarr
     return {name: values[which] for name, values in rows.items()}
 
 
-def train(rows: dict[str, np.ndarray], epochs: int = EPOCHS, log=print) -> Network:
+def train(rows: dict[str, np.ndarray], epochs: int = EPOCHS, log=print) -> dict[str, Network]:
     """Learn from the rows that are not kept aside, and say how well it does on the others."""
-    learned = chosen(rows, ~rows["aside"])
+    learned, aside = chosen(rows, ~rows["aside"]), chosen(rows, rows["aside"])
     weights = learned["weights"] / learned["weights"].mean()
-    network = adam.trained(learned["told"], learned["candidates"], learned["targets"], weights,
-                           HIDDEN, epochs, log=log)  # fmt: skip
-    aside = chosen(rows, rows["aside"])
+    network = adam.trained_mixture(learned["told"], learned["candidates"], learned["targets"],
+                                   weights, HIDDEN, epochs, log=log)  # fmt: skip
     if len(aside["kind"]):
         own, new = errors(network, aside)
         for kind in np.unique(aside["kind"]):
             at = aside["kind"] == kind
             log(f"{kind:24s} {at.sum():7d} {own[at].mean():6.2f} -> {new[at].mean():6.2f}")
         log(f"{'all':24s} {len(own):7d} {own.mean():6.2f} -> {new.mean():6.2f}")
-    return replace(network, definition=DEFINITION, made_of=made_of(), version=VERSION)
+    gate = train_gate(learned, aside, network, min(GATE_EPOCHS, epochs), log)
+    facts = {"definition": DEFINITION, "made_of": made_of(), "version": VERSION}
+    return {"mixture": replace(network, **facts), "gate": replace(gate, **facts)}
+
+
+def train_gate(learned, aside, network: Network, epochs: int, log) -> Network:
+    """Learn which faces a mixture turns, from what is known before anything takes sides."""
+    told, turns = learned["told"][:, TOLD_FIRST], turns_of(network, learned)
+    wanted = np.where(turns > TURNS, 1 + turns / 5, 0).astype(np.float32)
+    gate = adam.trained_gate(np.ascontiguousarray(told), wanted, GATE, epochs, log=log)
+    # As low as the missed turns allow.
+    scores = gate.scores(np.ascontiguousarray(told))[:, 0]
+    order = np.argsort(scores)
+    missed = np.cumsum(np.where(wanted > 0, turns, 0)[order])
+    last = max(int(np.searchsorted(missed, MISSED * max(missed[-1], 1e-12))), 0)
+    shift = gate.shifts[-1] - scores[order[min(last, len(order) - 1)]]
+    gate = replace(gate, shifts=(*gate.shifts[:-1], shift.astype(np.float32)))
+    if len(aside["kind"]):
+        told, turns = aside["told"][:, TOLD_FIRST], turns_of(network, aside)
+        passed = gate.scores(np.ascontiguousarray(told))[:, 0] > 0
+        for kind in np.unique(aside["kind"]):
+            at = aside["kind"] == kind
+            log(f"gate {kind:24s} {passed[at].mean():5.1%}")
+        missed = turns[~passed & (turns > TURNS)].sum() / max(turns.sum(), 1e-12)
+        log(f"gate: {passed.mean():.1%} of the faces pass, {missed:.2%} of the turns are missed")
+    return gate
+
+
+def turns_of(network: Network, rows: dict[str, np.ndarray]) -> np.ndarray:
+    """Degrees between the mixtures and the faces' own normals."""
+    mixed, _ = mixture(rows["candidates"], network.scores(rows["told"]))
+    cosines = (mixed * rows["candidates"][:, 0]).sum(1)
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1)))
 
 
 def main() -> None:
