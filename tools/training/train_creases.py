@@ -46,7 +46,7 @@ KEPT_ASIDE = 12
 TURNS = 2.0
 """Degrees that a mixture turns a face, from which the gate is to let it pass."""
 
-MISSED = 0.003
+MISSED = 0.01
 """Share of all turns that the gate may miss."""
 
 USUAL = 10.0
