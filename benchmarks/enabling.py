@@ -3,7 +3,9 @@
 
 Needs bpy installed. The fastest of several starts counts, since other work only adds. Counted is
 all that the extension imports and Blender's start has not, but not what Python's collector does
-about objects that were there before.
+about objects that were there before. Enabling again, in one session, is the extension's own part:
+Blender removes the unpacked wheels when an extension is disabled, and unpacks them again when it is
+enabled, which takes seconds.
 """
 
 from __future__ import annotations
@@ -28,19 +30,26 @@ began = time.perf_counter()
 import shock_filter.shock_addon
 imported = time.perf_counter()
 shock_filter.register()
-print("MS", 1e3 * (imported - began), 1e3 * (time.perf_counter() - imported))
+registered = time.perf_counter()
+again = []
+for _ in range(5):
+    began_again = time.perf_counter()
+    shock_filter.unregister()
+    shock_filter.register()
+    again.append(time.perf_counter() - began_again)
+print("MS", 1e3 * (imported - began), 1e3 * (registered - imported), 1e3 * max(again))
 shock_filter.unregister()
 """
 
 
-def measure() -> tuple[float, float]:
-    """Return the milliseconds that importing and registering take in one start."""
+def measure() -> tuple[float, float, float]:
+    """Return milliseconds of a start: importing, registering, and doing so again at the slowest."""
     done = subprocess.run(
         [sys.executable, "-c", CODE], capture_output=True, text=True, check=True, timeout=120
     )
     (line,) = (line for line in done.stdout.splitlines() if line.startswith("MS "))
-    imports, registers = map(float, line.split()[1:])
-    return imports, registers
+    imports, registers, again = map(float, line.split()[1:])
+    return imports, registers, again
 
 
 def main() -> None:
@@ -50,12 +59,13 @@ def main() -> None:
     arguments = parser.parse_args()
     measure()  # fills the caches
     starts = [measure() for _ in range(RUNS)]
-    names = ["importing", "registering", "together"]
-    fastest = min(starts, key=sum)
-    rows = [
-        [name, f"{value:.1f}"] for name, value in zip(names, [*fastest, sum(fastest)], strict=True)
-    ]
-    goal = Target("milliseconds for enabling", sum(fastest), MOST, "{:.1f}")
+    imports, registers, _ = min(starts, key=lambda start: sum(start[:2]))
+    again = min(start[2] for start in starts)
+    together = imports + registers
+    values = {"importing": imports, "registering": registers, "together": together,
+              "disabling and enabling again, the slowest of five": again}  # fmt: skip
+    rows = [[name, f"{value:.1f}"] for name, value in values.items()]
+    goal = Target("milliseconds for enabling", together, MOST, "{:.1f}")
     page = Page(arguments.write)
     page.write("enabling", table(["enabling", "ms"], rows) + "\n\n" + targets([goal]))
     page.write("machine", common.machine())

@@ -36,7 +36,11 @@ from .color.image_sharpening import (
 from .color.osher_rudin import (
     osher_rudin_image,
 )
-from .color.signals import (
+from .color.signal_denoising import (
+    beltrami_corner_signal,
+    beltrami_vertex_signal,
+)
+from .color.signal_sharpening import (
     sharpen_corner_signal,
     sharpen_vertex_signal,
 )
@@ -85,10 +89,8 @@ from .settings import (
     TextureSettings,
 )
 from .shape.denoising import (
-    beltrami_corner_signal,
     beltrami_joint,
     beltrami_mesh,
-    beltrami_vertex_signal,
     denoise_geometry,
 )
 from .shape.fit import (

@@ -10,8 +10,8 @@ class ShockError(Exception):
     sentence : str
         The message, with fields such as ``{count}`` for what differs each time.
     **values
-        What stands in the fields. They are kept apart so that the sentence can be shown in other
-        languages; a message without values holds no fields.
+        The values of the fields. They are kept apart so that the sentence can be translated; a
+        message without values holds no fields.
     """
 
     def __init__(self, sentence: str = "", /, **values: object) -> None:

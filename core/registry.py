@@ -218,7 +218,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "beltrami_vertex_signal",
-        "shape.denoising",
+        "color.signal_denoising",
         _settings.BeltramiMeshSettings,
         COLORS,
         "denoise-colors",
@@ -256,7 +256,7 @@ FILTERS: tuple[Filter, ...] = (
     ),
     Filter(
         "sharpen_vertex_signal",
-        "color.signals",
+        "color.signal_sharpening",
         _settings.ShockSettings,
         COLORS,
         "sharpen-colors",

@@ -13,7 +13,7 @@ from typing import Any
 import numpy.typing as npt
 
 from .base.progress import ProgressCallback, phase, reporting
-from .color.signals import sharpen_corner_signal
+from .color.signal_sharpening import sharpen_corner_signal
 from .errors import InvalidMesh
 from .mesh.triangle_mesh import Floats, TriangleMesh
 from .settings import GeometrySettings, ShockSettings

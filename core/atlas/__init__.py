@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texture atlases: charts, seams, texels and the gutter (paper B, sections 3 and 4)."""
+"""Texture atlases: charts, seams, texels, the gutter, and flows on them (paper B, sections 3, 4).
+
+May use only `core.mesh`, `core.grid`, `core.linear` and the rooms below these.
+"""
 
 from .atlas import TextureAtlas, TextureMasks, UVReport
 

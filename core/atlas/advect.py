@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Advection in a sheet of texels: values are read where the flow-lines come from."""
+"""Advection in a sheet of texels: values are sampled where the flow-lines come from."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 from ..grid.advect import split_time
 from ..grid.channels import Channels
 from ..grid.sample import add_value
-from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
+from ..grid.walk import ENDED, UNFINISHED, begin, walk_cells
 from .atlas import TextureAtlas
 from .ghosts import turn_direction
 from .sheet import NOTHING
-from .walk import MOST_SEAMS, walk_across_seams
+from .walk import MOST_SEAMS, SheetFlow, walk_across_seams
 
 _ROWS = 8
 
@@ -26,14 +26,14 @@ def advect_texels(
     atlas: TextureAtlas,
     values: npt.NDArray[np.float32],
     channels: Channels,
-    flow: Field,
+    flow: SheetFlow,
     time: float | npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
     *,
     nearest: bool = False,
     normals: bool = False,
 ) -> None:
-    """Read the values at the ends of flow-lines, as `core.grid.advect.advect_pixels` does.
+    """Sample the values at the ends of flow-lines, like `core.grid.advect.advect_pixels`.
 
     Parameters
     ----------
@@ -41,18 +41,18 @@ def advect_texels(
     values : (rows, columns, c) float32
         Values of nodes and ghosts.
     channels : Channels
-        The others are left as they are in `out`.
-    flow : Field
+        Only these channels of `out` are written.
+    flow : SheetFlow
         See `shock_flow` and `given_flow`.
     time : float or (rows, columns) float32
-        How long flow-lines are followed, from all nodes or from each. For a given flow, which may
-        go round and round, one finite number.
+        How long flow-lines are followed, from all nodes or from each. For a given flow, whose
+        flow-lines may be closed, one finite number.
     out : (rows, columns, c) float32
-        Where the channels' values at nodes inside charts go.
+        Receives the channels' values at nodes inside charts.
     nearest : bool
         Take the nearest node's value at the ends instead of interpolating linearly.
     normals : bool
-        The first two channels are tangent-space directions around 1/2, which turn with the
+        The first two channels are tangent-space directions around 1/2; they rotate with the
         charts that flow-lines come from.
     """
     same, times = split_time(time)
@@ -73,16 +73,16 @@ def advect_texels(
 
 @kernel
 def _advect(
-    start, stop, skipped, sheet, metric, field, time, times, most_steps, most_seams, values,
+    start, stop, skipped, sheet, metric, flow, time, times, most_steps, most_seams, values,
     channels, nearest, normals, out, unfinished,
 ):  # fmt: skip
     nodes, cells = sheet.nodes, sheet.cells
-    potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
+    potential, vectors, inverse_metrics = flow.potential, flow.vectors, flow.metrics
     total = np.empty(values.shape[2])
     sample = np.empty(values.shape[2])
     b = np.empty(3)
-    turn = np.empty((2, 2))
-    step_turn = np.empty((2, 2))
+    rotation = np.empty((2, 2))
+    step_rotation = np.empty((2, 2))
     for y in range(start, stop):
         for x in range(nodes.shape[1]):
             if nodes[y, x] < 0 or skipped[y, x]:
@@ -102,13 +102,21 @@ def _advect(
                 crosses = ending != ENDED and ending != UNFINISHED
                 if crosses:
                     place, ending = walk_across_seams(
-                        field, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn
+                        flow,
+                        sheet,
+                        metric,
+                        walked,
+                        most_steps,
+                        most_seams,
+                        b,
+                        rotation,
+                        step_rotation,
                     )
                 unfinished[y] += ending == UNFINISHED
                 if crosses and normals:
                     sample[:] = 0.0
                     part = add_value(values, channels, place, nearest, sample)
-                    turn_direction(turn, sample, 0.5 * part)
+                    turn_direction(rotation, sample, 0.5 * part)
                     total += sample
                     weight += part
                 else:

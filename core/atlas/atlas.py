@@ -32,17 +32,17 @@ from .sheet import (
 
 @dataclass(frozen=True)
 class UVReport:
-    """What is unusual about texture coordinates; nothing of it stops the filters.
+    """Unusual properties of texture coordinates; none of them stops the filters.
 
     Attributes
     ----------
     charts : int
         Number of charts.
     overlapping : (k,) int
-        Faces whose texels belong to other faces, too. A texel holds one value only: it is
-        filtered where the first of the faces lies.
+        Faces that share texels with other faces. A texel holds only one value: it is filtered
+        where the first of the faces lies.
     mirrored : (k,) int
-        Faces that run the other way round in the texture than most.
+        Faces whose orientation in the texture differs from that of most faces.
     outside : (k,) int
         Faces with corners outside the image, where it repeats; whole tiles do not count.
     degenerate : (k,) int
@@ -65,7 +65,7 @@ class UVReport:
     degenerate: npt.NDArray[np.intp]
 
     def sentences(self) -> list[str]:
-        """Say what was found; empty if all is well."""
+        """Describe the findings in sentences; empty if there are none."""
         found = [
             (self.overlapping, "overlap in the texture, and are filtered where the first lies"),
             (self.outside, "leave the image, which repeats there"),
@@ -80,20 +80,21 @@ class UVReport:
 
 @dataclass(frozen=True)
 class TextureMasks:
-    """What each texel is: all arrays are (h, w), row 0 at v = 0.
+    """Classification of the texels: all arrays are (h, w), row 0 at v = 0.
 
     Attributes
     ----------
     active : bool
         Texels that linear sampling of some face reads.
     boundary : bool
-        Active texels that charts cover only in part.
+        Active texels that are only partly covered by charts.
     face : int32
         The face in which the texel's centre lies, or -1.
     chart : int32
         The chart of that face, or -1.
     count : int32
-        How many charts read the texel; twice where a chart meets itself around the image's rim.
+        Number of charts that read the texel; a chart that meets itself around the image's rim
+        counts twice.
     """
 
     active: npt.NDArray[np.bool_]
@@ -106,16 +107,16 @@ class TextureMasks:
 class TextureAtlas:
     """A mesh with texture coordinates, prepared for an image size.
 
-    It can be used for all textures of this size with the same coordinates.
+    It can be used for all textures of this size on the same coordinates.
 
     Parameters
     ----------
     mesh : TriangleMesh
-        Vertices that seams have split should be welded first (see `core.weld_borders`): where
-        the mesh ends, so does the flow.
+        Vertices that were split along seams should be welded first (see `core.weld_borders`): the
+        flow ends at the borders of the mesh.
     uv : (m, 3, 2) array of float
         Texture coordinates of the corners of the faces that the mesh was made from. The image
-        covers 0 to 1, and repeats beyond.
+        covers 0 to 1 and repeats beyond.
     height, width : int
         Size of the image in texels.
     progress : callable, optional
@@ -124,18 +125,19 @@ class TextureAtlas:
     Attributes
     ----------
     report : UVReport
-        What is unusual about the coordinates.
+        Unusual properties of the coordinates.
     charts : Charts
-        Which faces hang together in the texture.
+        The parts of the texture in which faces are connected.
     sheet : Sheet
-        Where each texel lies, as each chart sees it.
+        The layout of the texels, separated by chart.
     metric : AtlasMetric
         The surface's metric in each face.
     sources : GhostSources
-        What charts see across seams.
+        What the ghosts around each chart are interpolated from, across seams.
     owners : (h, w) int32
-        The node, counted along the sheet's rows, whose value each texel gets; -1: none.
+        The node, counted along the sheet's rows, whose value each texel receives; -1: none.
     copies : (k, 2) int32
+        Nodes inside charts that do not own their texel, each with the node that does.
         Nodes in charts whose texel gets the value of another one, and that one.
 
     Raises
@@ -148,9 +150,9 @@ class TextureAtlas:
 
     Notes
     -----
-    Paper B, section 3. The faces' own metric is used, constant in each. The sheet
-    has as many nodes as the image has texels, and more where charts overlap or touch; each costs
-    about 20 bytes.
+    Paper B, section 3. The metric is that of the faces, constant in each. The sheet has as many
+    nodes as the image has texels, and more where charts overlap or touch; each costs about 20
+    bytes.
 
     Examples
     --------
@@ -210,13 +212,13 @@ class TextureAtlas:
         )
 
     def closed(self, starts: Ints, closed: npt.NDArray[np.bool_]) -> TextureAtlas:
-        """Return the atlas with parts of seams closed, as if the surface ended there.
+        """Return the atlas with parts of seams closed, as if the surface ended at them.
 
         Parameters
         ----------
         starts : (3 m + 1,) int32
         closed : (parts,) bool
-            See `Ways`. What lies beyond a closed part continues the chart's own values.
+            See `Ways`. Ghosts beyond a closed part continue the chart's own values.
         """
         other = copy(self)
         other.metric = self.metric._replace(ways=Ways(self.mesh.twins, starts, closed))
@@ -239,28 +241,28 @@ class TextureAtlas:
         found = np.empty(self.owners.shape, dtype=np.bool_)
         nodes = self.sheet.nodes.reshape(-1)
         for rows in blocks(self.height, BAND):
-            found[rows] = nodes[self.owners[rows]] >= 0  # the last one is empty, as -1 is
+            found[rows] = nodes[self.owners[rows]] >= 0  # the last node is empty, for owner -1
         return found
 
     def gather(self, pixels: npt.NDArray) -> npt.NDArray[np.float32]:
-        """Bring an image (h, w, c) into the sheet, white as 1: (rows, columns, c)."""
+        """Copy an image (h, w, c) to the sheet, scaled to white = 1: (rows, columns, c)."""
         scale = SCALES[pixels.dtype.name]
         values = np.zeros((*self.sheet.nodes.shape, pixels.shape[2]), dtype=np.float32)
         run(_gather, len(values), self.charts, self.sheet, pixels, scale, values, chunk=ROWS)
         return values
 
     def bake(self, values: npt.ArrayLike) -> Floats:
-        """Draw a signal given at the corners of the faces into texels.
+        """Draw a signal at the corners of the faces into texels.
 
         Parameters
         ----------
         values : (m, 3) or (m, 3, d) array of float
-            Corners of the faces that the mesh was made from, such as vertex weights.
+            Values at the corners of the faces that the mesh was made from, such as vertex weights.
 
         Returns
         -------
         (h, w) or (h, w, d) float64
-            Linear in each face; zero where no texel's centre is in a face.
+            Linear in each face; zero at texels whose centre is in no face.
 
         Raises
         ------
@@ -282,7 +284,7 @@ class TextureAtlas:
         return out[..., 0] if given.ndim == 2 else out
 
     def masks(self) -> TextureMasks:
-        """Tell the texels apart, for debugging and as masks for other tools."""
+        """Classify the texels, for debugging and as masks for other tools."""
         cut = np.zeros(self.sheet.nodes.shape, dtype=np.bool_)
         _mark_cut(self.charts.borders, self.sheet.points, cut)
         boundary = np.zeros(self.owners.shape, dtype=np.bool_)
@@ -295,7 +297,7 @@ class TextureAtlas:
 
 @kernel
 def _texel(charts, sheet, y, x, height, width):
-    # The texel (row, column) of a node; (-1, -1) where there is none, or a ghost of no edge.
+    # The texel (row, column) of a node; (-1, -1) if there is none, or for a ghost without an edge.
     node = sheet.nodes[y, x]
     if node == NOTHING:
         return -1, -1
@@ -304,7 +306,7 @@ def _texel(charts, sheet, y, x, height, width):
         return -1, -1
     label = charts.labels[face]
     row, column = y - sheet.shifts[label, 0], x - sheet.shifts[label, 1]
-    # Rarely so, and dividing takes longest.
+    # Tested first, as this is rare and dividing is slow.
     if not 0 <= row < height:
         row %= height
     if not 0 <= column < width:
@@ -313,7 +315,7 @@ def _texel(charts, sheet, y, x, height, width):
 
 
 def _owned_within(nodes: Ints, height: int, width: int) -> Ints:
-    # The owners in charts that lie in the sheet as in the image.
+    # The owners in charts whose place in the sheet is that in the image.
     numbers = np.arange(nodes.size, dtype=np.int32).reshape(nodes.shape)
     within = slice(1, height + 1), slice(1, width + 1)
     return np.where(nodes[within] >= 0, numbers[within], np.int32(NOTHING))
@@ -321,8 +323,8 @@ def _owned_within(nodes: Ints, height: int, width: int) -> Ints:
 
 @kernel
 def _own_elsewhere(charts, sheet, owners, overlapping):
-    # Nodes inside charts that lie on shelves or beyond the image's rim get what is left. Returns
-    # those that get nothing, with the owner of their texel.
+    # Nodes inside charts on shelves or beyond the image's rim own the texels that are left. Returns
+    # the nodes that own no texel, each with the owner of its texel.
     nodes, points = sheet.nodes, sheet.points
     height, width = owners.shape
     rows, columns = nodes.shape
@@ -350,7 +352,7 @@ def _own_elsewhere(charts, sheet, owners, overlapping):
 
 @kernel
 def _own_ghosts(charts, sheet, sources, owners):
-    # Of several ghosts that have a source, the one nearest to its chart has the texel.
+    # If several ghosts with a source share a texel, the one nearest to its chart owns it.
     nodes, ghosts, edges, points = sheet.nodes, sheet.ghosts, sheet.ghost_edges, sheet.points
     height, width = owners.shape
     columns = nodes.shape[1]
@@ -404,7 +406,7 @@ def _bake(start, stop, owners, nodes, points, corners, out):
 
 @kernel
 def _mark_cut(borders, points, cut):
-    # Cells through which the end of a chart runs.
+    # Marks the cells that the outlines of charts run through.
     line = np.empty((3, 2))
     for edge in borders:
         line[0, 0], line[0, 1], line[1, 0], line[1, 1] = ends(points, edge)

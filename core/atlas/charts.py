@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Charts of a texture atlas: which faces hang together in the texture (paper B, section 3.1).
+"""Charts of a texture atlas: connected faces in the texture (paper B, section 3.1).
 
 Points in the texture are (row, column) in texels; texel centres are at whole numbers, so that
 u = 0 is at column -1/2.
@@ -21,11 +21,11 @@ from ..errors import InvalidUV
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
 MOST_REPEATS = 16.0
-"""Largest area of all faces in the texture, in areas of the image."""
+"""Largest total area of the faces in the texture, in areas of the image."""
 
-_SAME = 1e-3  # corners this near, in texels, are one point of the texture
+_SAME = 1e-3  # corners nearer than this, in texels, are one point of the texture
 _FLAT = 1e-9  # area in squared texels below which a face has no area in the texture
-_SLACK = 1e-6  # how far texture coordinates may leave the image unnoticed
+_SLACK = 1e-6  # how far texture coordinates may leave the image without being reported
 
 
 class Charts(NamedTuple):
@@ -34,18 +34,18 @@ class Charts(NamedTuple):
     Attributes
     ----------
     points : (m, 3, 2) float64
-        Corners as (row, column) in texels, each chart moved by whole images to where the middle
-        of its box lies in the image.
+        Corners as (row, column) in texels; each chart is shifted by whole images so that the
+        middle of its box lies in the image.
     labels : (m,) int32
         The chart of each face, numbered by first face.
     boxes : (charts, 2, 2) float64
         Lowest and highest (row, column) of each chart.
     borders : (k,) int32
-        Half-edges at which charts end: seams and borders of the mesh.
+        Half-edges on outlines of charts: seams and borders of the mesh.
     areas : (m,) float64
         Signed areas in squared texels; negative for mirrored faces.
     outside : (m,) bool
-        Faces with corners outside the image, wherever whole tiles have moved their charts.
+        Faces with corners outside the image after this shift.
     """
 
     points: Floats
@@ -59,8 +59,8 @@ class Charts(NamedTuple):
 def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) -> Charts:
     """Cut the faces of a mesh into charts.
 
-    Neighbouring faces are in one chart if their corners meet in the texture and none is folded
-    over the other.
+    Neighbouring faces are in one chart if their corners coincide in the texture and neither is
+    folded over the other.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def find_charts(mesh: TriangleMesh, uv: npt.ArrayLike, height: int, width: int) 
     links = joints // 3, mesh.twins.reshape(-1)[joints] // 3
     shape = mesh.face_count, mesh.face_count
     graph = csr_matrix((np.ones(len(joints), dtype=np.bool_), links), shape=shape)
-    count, labels = connected_components(graph, directed=False)  # in the order of first faces
+    count, labels = connected_components(graph, directed=False)  # numbered by first faces
     ask()
     order = np.argsort(labels, kind="stable")
     first = np.searchsorted(labels[order], np.arange(count))
@@ -164,5 +164,5 @@ def _mark_seams(start, stop, twins, points, areas, seams):
                 g, j = divmod(t, 3)
                 joined = _near(points, f, k, g, after(j)) and _near(points, f, after(k), g, j)
                 if min(abs(areas[f]), abs(areas[g])) > _FLAT:
-                    joined = joined and areas[f] * areas[g] > 0  # not folded over
+                    joined = joined and areas[f] * areas[g] > 0  # not folded
             seams[3 * f + k] = not joined

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ghosts: what each chart sees beyond its seams.
+"""Ghosts: nodes around each chart that hold the values beyond its seams.
 
-The value of a ghost is that of the surface where one comes by walking straight from the nearest
-edge of the chart to the ghost's texel. It is read there by linear interpolation, which may need
-other ghosts again: a few rounds settle them, the first one without them. Beyond a seam that is
-closed (see `core.atlas.seams`) it is the value on that edge, which the chart has itself.
+The value of a ghost is that of the surface at the end of a straight walk from the nearest edge of
+the chart to the ghost's texel. It is interpolated linearly there, which may need other ghosts in
+turn: a few rounds settle them; the first one uses no ghosts. Beyond a closed seam (see
+`core.atlas.seams`) it is the chart's own value on that edge.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ from .metric import AtlasMetric, apply, exponential_map, is_closed, store
 from .sheet import NOTHING, Sheet, ends, nearest_on_edge, place_on_edge
 
 _ROUNDS = 3
-_MOST_TEXELS = 4.0  # a texel beyond a seam is not farther away than so many texels there
+_MOST_TEXELS = 4.0  # longest step over a seam, in texels beyond the seam
 
 
 class GhostSources(NamedTuple):
-    """Where the values of ghosts come from.
+    """Where the values of ghosts are interpolated.
 
     Attributes
     ----------
     cells : (g,) int32
-        Row times columns plus column of the cell, or -1 if the surface ends here.
+        Row times columns plus column of the cell, or -1 if the surface ends there.
     places : (g, 2) float32
         The point in the cell, (down, across).
-    turns : (g, 2, 2) float32
-        What turns tangent-space normals from there to here.
+    rotations : (g, 2, 2) float32
+        Rotation of tangent-space normals from the source to the ghost.
     """
 
     cells: Ints
     places: npt.NDArray[np.float32]
-    turns: npt.NDArray[np.float32]
+    rotations: npt.NDArray[np.float32]
 
 
 class TakenCells(NamedTuple):
-    """Cells that were taken out of a sheet: row times columns plus column, and what they held."""
+    """Cells removed from a sheet: row times columns plus column, and the faces they held."""
 
     numbers: npt.NDArray[np.int64]
     faces: Ints
 
 
 def find_sources(sheet: Sheet, metric: AtlasMetric) -> tuple[GhostSources, TakenCells]:
-    """Find the sources of a sheet's ghosts; cells at ghosts without one are taken out."""
+    """Find the sources of a sheet's ghosts; removes the cells at ghosts without a source."""
     count = len(sheet.ghosts)
     rows, columns = np.divmod(sheet.ghosts.astype(np.int64), sheet.nodes.shape[1])
     places = np.stack([rows, columns], axis=1).astype(np.float64)
@@ -59,13 +59,13 @@ def find_sources(sheet: Sheet, metric: AtlasMetric) -> tuple[GhostSources, Taken
         np.zeros((count, 2, 2), dtype=np.float32),
     )
     run(_find, count, places, sheet, metric, sources)
-    # Those that read nothing but one another would keep what the image holds beside the charts.
+    # Ghosts that read only one another would keep what the image holds beside the charts.
     values = np.zeros((*sheet.nodes.shape, 1), dtype=np.float32)
     known = fill_ghosts(sheet, sources, values)
     sources.cells[~known] = -1
     y, x = np.divmod(sheet.ghosts[sources.cells < 0].astype(np.int64), sheet.nodes.shape[1])
     corners = y[:, None] - [0, 0, 1, 1], x[:, None] - [0, 1, 0, 1]
-    # The sheet's last row and column of cells are empty, so that -1 may stand for them.
+    # The sheet's last row and column of cells are empty, so that index -1 is valid.
     numbers = np.unique(np.ravel_multi_index(corners, sheet.cells.shape, mode="wrap"))
     flat = sheet.cells.reshape(-1)
     taken = TakenCells(numbers, flat[numbers])
@@ -80,30 +80,30 @@ def fill_ghosts(
     alpha: int = -1,
     directions: float | None = None,
 ) -> npt.NDArray[np.bool_]:
-    """Read the ghosts' values from across the seams, in place.
+    """Interpolate the ghosts' values across the seams, in place.
 
     Parameters
     ----------
     values : (rows, columns, c) float32
         Values of the nodes.
     alpha : int
-        The channel that is opacity: other channels count as much as it says. -1: none.
+        The opacity channel, which weights the others. -1: none.
     directions : float, optional
-        The first two channels are tangent-space directions around this value, which turn.
+        The first two channels are tangent-space directions around this value; they are rotated.
 
     Returns
     -------
     (g,) bool
-        Ghosts that got a value.
+        Ghosts that received a value.
     """
     flat = values.reshape(-1, values.shape[-1])
     found = np.empty((len(sheet.ghosts), values.shape[-1]), dtype=np.float32)
-    turning = directions is not None
+    rotates = directions is not None
     centre = np.float32(directions or 0.0)
     known = np.zeros(len(sheet.ghosts), dtype=np.bool_)
     for _ in range(_ROUNDS):
         known_next = np.zeros_like(known)
-        run(_read_ghosts, len(sheet.ghosts), sheet.nodes, sources, flat, alpha, turning, centre,
+        run(_read_ghosts, len(sheet.ghosts), sheet.nodes, sources, flat, alpha, rotates, centre,
             known, found, known_next)  # fmt: skip
         known = known_next
         flat[sheet.ghosts[known]] = found[known]
@@ -111,9 +111,9 @@ def fill_ghosts(
 
 
 def nearest_nodes(sheet: Sheet, sources: GhostSources) -> Ints:
-    """Return the node inside a chart that is nearest to each node or ghost: (rows * columns,).
+    """Return the node inside a chart nearest to each node or ghost: (rows * columns,).
 
-    Where there is none, it is `NOTHING`; that of a ghost is the nearest to its source.
+    `NOTHING` where there is none; for a ghost it is the node nearest to its source.
     """
     nodes = sheet.nodes.reshape(-1)
     found = np.where(nodes >= 0, np.arange(len(nodes), dtype=np.int32), np.int32(NOTHING))
@@ -124,7 +124,7 @@ def nearest_nodes(sheet: Sheet, sources: GhostSources) -> Ints:
 def nearest_in_cells(
     sheet: Sheet, nearest: Ints, cells: Ints, places: npt.NDArray[np.float32]
 ) -> Ints:
-    """Return what `nearest` has at the nearest corner of cells that has any.
+    """Return the value of `nearest` at the nearest corner of each cell that counts.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def extend_ghosts(
     Returns
     -------
     (g,) bool
-        Ghosts that got a value.
+        Ghosts that received a value.
     """
     known = inside.copy()
     at_ghosts = known.reshape(-1)
@@ -180,7 +180,8 @@ def extend_ghosts(
 
 
 @kernel
-def _chart_of(sheet, labels, y, x):
+def chart_of(sheet, labels, y, x):
+    """Return the chart of a node or of the edge that a ghost is beyond, or `NOTHING`."""
     node = sheet.nodes[y, x]
     if node >= 0:
         return labels[node]
@@ -191,11 +192,11 @@ def _chart_of(sheet, labels, y, x):
 
 @kernel
 def _extend(start, stop, missing, sheet, labels, known, values, found):
-    # The mean over all directions in which two known nodes follow; or in which one does.
+    # The mean over all directions with two known nodes in a row; if there are none, with one.
     rows, columns = known.shape
     for ghost in missing[start:stop]:
         y, x = divmod(sheet.ghosts[ghost], columns)
-        label = _chart_of(sheet, labels, y, x)
+        label = chart_of(sheet, labels, y, x)
         for reach in (2, 1):
             count = 0
             for n in range(9):
@@ -203,12 +204,12 @@ def _extend(start, stop, missing, sheet, labels, known, values, found):
                 d, c = 2 * b - y, 2 * a - x
                 if n == 4 or not (0 <= b < rows and 0 <= a < columns and known[b, a]):
                     continue
-                if _chart_of(sheet, labels, b, a) != label:
+                if chart_of(sheet, labels, b, a) != label:
                     continue
                 if reach == 2:
                     if not (0 <= d < rows and 0 <= c < columns and known[d, c]):
                         continue
-                    if _chart_of(sheet, labels, d, c) != label:
+                    if chart_of(sheet, labels, d, c) != label:
                         continue
                 if count == 0:
                     values[y, x] = 0.0
@@ -234,22 +235,22 @@ def _find(start, stop, places, sheet, metric, sources):
             continue
         face, row, column, _, _ = place_beyond(
             points, ways, shapes, jacobians, cells, edge, places[i, 0], places[i, 1], b,
-            sources.turns[i],
+            sources.rotations[i],
         )  # fmt: skip
         if face < 0:
             share, _ = nearest_on_edge(points, edge, places[i, 0], places[i, 1])
             if not is_closed(ways, edge, share):
                 continue
             row, column = place_on_edge(points, edge, share)
-            store(sources.turns[i], 1.0, 0.0, 0.0, 1.0)
+            store(sources.rotations[i], 1.0, 0.0, 0.0, 1.0)
         sources.cells[i] = int(row) * cells.shape[1] + int(column)
         sources.places[i, 0] = row - int(row)
         sources.places[i, 1] = column - int(column)
 
 
 @kernel
-def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, turn):
-    """Walk as `walk_beyond` does, to a cell that a chart has.
+def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, rotation):
+    """Call `walk_beyond`, for walks that end in a cell of a chart.
 
     Parameters
     ----------
@@ -259,35 +260,37 @@ def place_beyond(points, ways, shapes, jacobians, cells, edge, y, x, b, turn):
     Returns
     -------
     face, row, column, cosine, sine
-        As there; `face` is -1 where there is no such cell, too.
+        As in `walk_beyond`; `face` is -1 also if no chart has a cell there.
     """
-    g, row, column, cosine, sine = walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, turn)
+    g, row, column, cosine, sine = walk_beyond(
+        points, ways, shapes, jacobians, edge, y, x, b, rotation
+    )
     if g < 0 or cells[int(row), int(column)] == NOTHING:
         return -1, 0.0, 0.0, 1.0, 0.0
     return g, row, column, cosine, sine
 
 
 @kernel
-def walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, turn):
-    """Walk from a half-edge's nearest point to (y, x), on the surface beyond it.
+def walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, rotation):
+    """Walk on the surface beyond a half-edge, from its point nearest to (y, x) to (y, x).
 
     Parameters
     ----------
     edge : int
-        A half-edge at which a chart ends.
+        A half-edge on the outline of a chart.
     y, x : float
         A place in the sheet, outside of that chart.
     b : (3,) float64
         Barycentric coordinates of the end; overwritten.
-    turn : (2, 2) float
-        What turns tangent-space normals from there to the half-edge's face; overwritten.
+    rotation : (2, 2) float
+        Rotation of tangent-space normals from the end to the half-edge's face; overwritten.
 
     Returns
     -------
     face : int
-        Where one arrives, or -1 if the surface ends there.
+        The face in which the walk ends, or -1 if the surface ends at the half-edge.
     row, column : float
-        The place in the sheet.
+        The end, in the sheet.
     cosine, sine : float
         Parallel transport from the half-edge's face to `face`.
     """
@@ -303,14 +306,14 @@ def walk_beyond(points, ways, shapes, jacobians, edge, y, x, b, turn):
         return -1, 0.0, 0.0, 1.0, 0.0
     row = b[0] * points[g, 0, 0] + b[1] * points[g, 1, 0] + b[2] * points[g, 2, 0]
     column = b[0] * points[g, 0, 1] + b[1] * points[g, 1, 1] + b[2] * points[g, 2, 1]
-    _turn_normals(jacobians, edge // 3, g, cosine, sine, turn)
+    _normal_rotation(jacobians, edge // 3, g, cosine, sine, rotation)
     return g, row, column, cosine, sine
 
 
 @kernel
 def _shorter(twins, jacobians, edge, dy, dx):
-    # What a step over a half-edge is to be multiplied by: where a texel here covers many beyond
-    # the seam, such as next to slivers in the texture, it must not skip what lies at the seam.
+    # The factor of a step over a half-edge: where one texel covers many beyond the seam, for
+    # example beside slivers in the texture, the step must not skip what lies at the seam.
     f = edge // 3
     g = twins[f, edge - 3 * f] // 3
     if g < 0:
@@ -323,23 +326,23 @@ def _shorter(twins, jacobians, edge, dy, dx):
 
 
 @kernel
-def _turn_normals(jacobians, f, g, cosine, sine, turn):
-    # What turns a tangent-space normal in face g to face f. Tangents point along columns: that of
-    # f is taken to g by parallel transport, and compared.
+def _normal_rotation(jacobians, f, g, cosine, sine, rotation):
+    # The rotation of a tangent-space normal from face g to face f. Tangents point along columns:
+    # that of f is transported to g and compared with that of g.
     tx, ty = jacobians[f, 0, 1], jacobians[f, 1, 1]
     sx, sy = jacobians[g, 0, 1], jacobians[g, 1, 1]
     length = np.sqrt((tx * tx + ty * ty) * (sx * sx + sy * sy))
     if length == 0:
-        store(turn, 1.0, 0.0, 0.0, 1.0)
+        store(rotation, 1.0, 0.0, 0.0, 1.0)
         return
     tx, ty = cosine * tx - sine * ty, sine * tx + cosine * ty
     c = (tx * sx + ty * sy) / length
     s = (sx * ty - sy * tx) / length
-    # The second axis points along rows, to the left of the first one unless mirrored.
+    # The second axis points along rows: to the left of the first one, unless mirrored.
     one = 1.0 if _left(jacobians, f) else -1.0
     two = 1.0 if _left(jacobians, g) else -1.0
-    # To g: [[c, -s one], [two s, two c one]]; back is its transpose.
-    store(turn, c, two * s, -s * one, two * c * one)
+    # To g: [[c, -s one], [two s, two c one]]; the way back is the transposed matrix.
+    store(rotation, c, two * s, -s * one, two * c * one)
 
 
 @kernel
@@ -349,9 +352,9 @@ def _left(jacobians, f):
 
 @kernel
 def _read_ghosts(
-    start, stop, nodes, sources, values, alpha, turning, centre, known, found, known_now
+    start, stop, nodes, sources, values, alpha, rotates, centre, known, found, known_now
 ):
-    cells, places, turns = sources
+    cells, places, rotations = sources
     for i in range(start, stop):
         found[i] = 0.0
         if cells[i] < 0:
@@ -361,13 +364,13 @@ def _read_ghosts(
         if total <= 0:
             continue
         known_now[i] = True
-        if turning:
-            turn_direction(turns[i], found[i], centre)
+        if rotates:
+            turn_direction(rotations[i], found[i], centre)
 
 
 @kernel
 def _add_nodes(nodes, known, values, cell, down, across, alpha, out):
-    # Adds up what `interpolate` divides, and returns the weight.
+    # Adds up the weighted sums that `interpolate` divides; returns the total weight.
     flat_nodes = nodes.reshape(-1)
     total = 0.0
     for corner in range(4):
@@ -390,7 +393,7 @@ def _add_nodes(nodes, known, values, cell, down, across, alpha, out):
 
 @kernel
 def interpolate(nodes, known, values, cell, down, across, alpha, out):
-    """Interpolate the values of a cell's nodes, of its ghosts those that are `known`.
+    """Interpolate the values of a cell's nodes; of its ghosts, only those that are `known`.
 
     Parameters
     ----------
@@ -402,14 +405,14 @@ def interpolate(nodes, known, values, cell, down, across, alpha, out):
     down, across : float
         The place in the cell.
     alpha : int
-        The channel that is opacity: other channels count as much as it says. -1: none.
+        The opacity channel, which weights the others. -1: none.
     out : (c,) array of float
-        Zero; the values are added to it.
+        The values are added to it; must be zero before.
 
     Returns
     -------
     float
-        The weight of the nodes that are known; `out` stays zero where it is zero.
+        The weight of the known nodes; if it is zero, `out` stays zero.
     """
     total = _add_nodes(nodes, known, values, cell, down, across, alpha, out)
     if total > 0 and alpha >= 0:
@@ -420,7 +423,7 @@ def interpolate(nodes, known, values, cell, down, across, alpha, out):
                     out[c] /= opacity
             out[alpha] /= total
             return total
-        # Nothing is opaque: the colors count alike.
+        # All nodes are transparent: colors have equal weights.
         out[:] = 0.0
         _add_nodes(nodes, known, values, cell, down, across, -1, out)
     if total > 0:
@@ -430,9 +433,9 @@ def interpolate(nodes, known, values, cell, down, across, alpha, out):
 
 
 @kernel
-def turn_direction(turn, color, centre):
-    """Turn the direction that the first two channels hold around a centre, in place."""
+def turn_direction(rotation, color, centre):
+    """Rotate the direction stored in the first two channels around a centre, in place."""
     p = color[0] - centre
     q = color[1] - centre
-    color[0] = centre + turn[0, 0] * p + turn[0, 1] * q
-    color[1] = centre + turn[1, 0] * p + turn[1, 1] * q
+    color[0] = centre + rotation[0, 0] * p + rotation[0, 1] * q
+    color[1] = centre + rotation[1, 0] * p + rotation[1, 1] * q

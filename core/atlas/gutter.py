@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The gutter: texels around the charts, filled by walking across the nearest seam."""
+"""The gutter: texels around the charts, filled from the surface across the nearest seam."""
 
 from __future__ import annotations
 
@@ -20,51 +20,51 @@ from .normal_frames import NormalFrames, axes_at, into_frame
 from .sheet import NOTHING, ROWS, ends, nearest_on_edge, place_on_edge
 
 _LEAST = 1.5
-"""Linear sampling reads texels this far from a chart."""
+"""Linear sampling reads texels up to this distance from a chart."""
 
-_LITTLE = 1e-6  # weight of known values below which a texel of the gutter is left as it is
+_LITTLE = 1e-6  # texels of the gutter with a smaller weight of known values are not written
 
 
 class _Borders(NamedTuple):
-    # The half-edge of a chart's end nearest to each texel without an owner, -1 where none is in
-    # reach, and the squared distance: (h, w). And which faces' charts go on around the rim of the
-    # image, which repeats: (m,) bool.
+    # For each texel without an owner, the nearest half-edge on a chart's outline, -1 if none is
+    # within reach, and its squared distance: (h, w). And the faces whose charts cross the rim of
+    # the image, which repeats: (m,) bool.
     edges: Ints
     squares: npt.NDArray[np.float32]
     around: npt.NDArray[np.bool_]
 
 
 class _Coding(NamedTuple):
-    # How values are kept in the image: `scale` is 1 of the sheet's, and `rounded` to whole numbers
-    # or not; or as colors of tangent-space normals, which turn across seams, or are turned from
-    # object space.
+    # How values are stored in the image: white is `scale`, `rounded` to whole numbers or not; as
+    # colors of tangent-space normals, which rotate across seams, or as such normals converted
+    # from object space.
     scale: float
     rounded: bool
     normals: bool
-    turned: bool
+    from_object: bool
 
 
 class _Gutter(NamedTuple):
-    # Where the values of texels beside charts lie: row times width plus column of the texels, row
-    # times columns plus column of cells, (down, across) in these, and what turns normals: (g, 2, 2)
-    # across the seam, or the axes (g, 3, 3) of their own chart there.
+    # Where the values of texels beside charts are interpolated: row times width plus column of the
+    # texels; row times columns plus column of cells; (down, across) in these; and the rotations of
+    # normals across the seam, (g, 2, 2), or the axes of their own chart there, (g, 3, 3).
     texels: npt.NDArray[np.int64]
     cells: Ints
     places: npt.NDArray[np.float32]
-    turns: npt.NDArray[np.float32]
+    rotations: npt.NDArray[np.float32]
 
 
 class TexelWriter:
-    """Where each texel of an image gets its value from: charts, gutter and background.
+    """Writes the values of a sheet to an image: charts, gutter and background.
 
     Parameters
     ----------
     atlas : TextureAtlas
     settings : DilateSettings
     normals : bool
-        The values are colors of tangent-space normals, which turn across seams.
+        The values are colors of tangent-space normals, which rotate across seams.
     frames : NormalFrames, optional
-        The values are colors of object-space normals, and the image gets tangent-space ones.
+        The values are colors of object-space normals, and the image receives tangent-space ones.
     """
 
     def __init__(
@@ -95,22 +95,22 @@ class TexelWriter:
         *,
         opacity: int = -1,
     ) -> None:
-        """Write the values of a sheet into an image.
+        """Write the values of a sheet to an image.
 
         Parameters
         ----------
         values : (rows, columns, c) float32
-            Values of nodes and ghosts. Where there are frames, they are turned in place.
+            Values of nodes and ghosts. With frames, they are converted in place.
         keep : (h, w) bool, optional
-            Texels inside charts that are left as they are.
+            Texels inside charts that are not written.
         out : (h, w, c) array, contiguous
-            Overwritten where there is something to write; whole numbers are rounded.
+            Overwritten where there are values; whole numbers are rounded.
         opacity : int
-            A channel that is left as it is inside charts; -1: none.
+            A channel that is not written inside charts; -1: none.
         """
         atlas = self._atlas
-        scale, is_turned = 1.0 / SCALES[out.dtype.name], self._frames is not None
-        coding = _Coding(scale, out.dtype.kind == "u", self._normals, is_turned)
+        scale, from_object = 1.0 / SCALES[out.dtype.name], self._frames is not None
+        coding = _Coding(scale, out.dtype.kind == "u", self._normals, from_object)
         flat = values.reshape(-1, values.shape[2])
         inside = atlas.inside
         kept = np.zeros(inside.shape, dtype=np.bool_) if keep is None else keep & inside
@@ -128,9 +128,9 @@ class TexelWriter:
 
 
 def nodes_of_texels(atlas: TextureAtlas, settings: DilateSettings) -> Ints:
-    """Return the node inside a chart whose value each texel shows, roughly: (h, w); or `NOTHING`.
+    """Return the node inside a chart whose value each texel shows, about: (h, w); or `NOTHING`.
 
-    Beside charts it is the nearest to where `TexelWriter` interpolates: for images of noise.
+    Beside charts it is the node nearest to where `TexelWriter` interpolates: for images of noise.
     """
     sheet, owners = atlas.sheet, atlas.owners
     nearest = nearest_nodes(sheet, atlas.sources)
@@ -167,7 +167,7 @@ def _find_gutter(
         np.empty((count if normals else 0, 2, 2), dtype=np.float32),
     )
     if frames is not None:
-        found = found._replace(turns=np.empty((count, 3, 3), dtype=np.float32))
+        found = found._replace(rotations=np.empty((count, 3, 3), dtype=np.float32))
     if count:
         with phase(0.6, 1.0, "Filling the gutter"):
             run(_place_gutter, count, borders, atlas.charts, atlas.sheet, atlas.metric,
@@ -177,11 +177,11 @@ def _find_gutter(
                     found)  # fmt: skip
     held = found.cells >= 0
     return _Gutter(texels[held], found.cells[held], found.places[held],
-                   found.turns[held] if len(found.turns) else found.turns)  # fmt: skip
+                   found.rotations[held] if len(found.rotations) else found.rotations)  # fmt: skip
 
 
 def _nearest_filled(filled: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    # Texels that nothing is written to, and the nearest others.
+    # Texels that are not written, and the nearest ones that are.
     rows, columns = distance_transform_edt(~filled, return_distances=False, return_indices=True)
     nearest = np.ravel_multi_index((rows[~filled], columns[~filled]), filled.shape)
     return np.stack([np.flatnonzero(~filled), nearest])
@@ -207,8 +207,8 @@ def _nearest_borders(atlas: TextureAtlas, filled: npt.NDArray[np.bool_], reach: 
 
 @kernel
 def _beside(points, around, edge, y, x, height, width):
-    # The place of texel (y, x), that nearest to a half-edge if its chart leaves the image, which
-    # repeats there.
+    # The place of texel (y, x); of its repetitions the one nearest to the half-edge, if the
+    # half-edge's chart leaves the image.
     if not around[edge // 3]:
         return float(y), float(x)
     ay, ax, by, bx = ends(points, edge)
@@ -246,7 +246,7 @@ def _seed_borders(start, stop, borders, points, found):
 
 @kernel
 def _spread_borders(start, stop, backwards, points, filled, most, found):
-    # A sweep over the image, down or up; each texel is offered what its neighbours found.
+    # A sweep over the image, down or up; each texel is offered the edges of its neighbours.
     edges, squares = found.edges, found.squares
     height, width = edges.shape
     for i in range(start, stop):
@@ -277,7 +277,7 @@ def _coded(value, coding):
 
 @kernel
 def unit_normal(color):
-    """Make the normal n of a color (n + 1) / 2 unit length, in place."""
+    """Normalize the normal n of a color (n + 1) / 2, in place."""
     square = (color[0] - 0.5) ** 2 + (color[1] - 0.5) ** 2 + (color[2] - 0.5) ** 2
     if square > 1e-6:
         for c in range(3):
@@ -286,7 +286,7 @@ def unit_normal(color):
 
 @kernel
 def unit_normals(start, stop, values):
-    """Make normals of a sheet unit length."""
+    """Normalize the normals of a sheet."""
     for y in range(start, stop):
         for x in range(values.shape[1]):
             unit_normal(values[y, x])
@@ -305,7 +305,7 @@ def _write_owned(start, stop, owners, inside, values, coding, kept, opacity, out
 
 @kernel
 def _in_sheet(borders, charts, sheet, edge, y, x):
-    # Where texel (y, x) of the gutter lies in the sheet, beside a half-edge's chart.
+    # The place in the sheet of texel (y, x) of the gutter, beside a half-edge's chart.
     height, width = borders.edges.shape
     label = charts.labels[edge // 3]
     there, across = _beside(charts.points, borders.around, edge, y, x, height, width)
@@ -322,7 +322,7 @@ def _frame_gutter(start, stop, borders, charts, sheet, frames, found):
         share, _ = nearest_on_edge(sheet.points, edge, there, across)
         there, across = place_on_edge(sheet.points, edge, share)
         axes_at(sheet.points, frames, edge // 3, there, across, axes)
-        found.turns[i] = axes
+        found.rotations[i] = axes
 
 
 @kernel
@@ -331,20 +331,20 @@ def _place_gutter(start, stop, borders, charts, sheet, metric, known, normals, f
     nodes, points, cells = sheet.nodes, sheet.points, sheet.cells
     ways, shapes, jacobians = metric.ways, metric.shapes, metric.jacobians
     b = np.empty(3)
-    turn = np.empty((2, 2))
+    rotation = np.empty((2, 2))
     nothing = np.zeros((1, 0), dtype=np.float32)
     for i in range(start, stop):
         y, x = divmod(found.texels[i], width)
         edge = borders.edges[y, x]
         there, across = _in_sheet(borders, charts, sheet, edge, y, x)
         face, row, column, _, _ = place_beyond(
-            points, ways, shapes, jacobians, cells, edge, there, across, b, turn
+            points, ways, shapes, jacobians, cells, edge, there, across, b, rotation
         )
-        if face < 0:  # the surface ends: the nearest value on its border
+        if face < 0:  # the surface ends: use the nearest value on its border
             share, _ = nearest_on_edge(points, edge, there, across)
             row, column = place_on_edge(points, edge, share)
-            turn[0, 0] = turn[1, 1] = 1.0
-            turn[0, 1] = turn[1, 0] = 0.0
+            rotation[0, 0] = rotation[1, 1] = 1.0
+            rotation[0, 1] = rotation[1, 0] = 0.0
         cell = int(row) * nodes.shape[1] + int(column)
         down, across = row - int(row), column - int(column)
         if interpolate(nodes, known, nothing, cell, down, across, -1, b[:0]) <= _LITTLE:
@@ -353,7 +353,7 @@ def _place_gutter(start, stop, borders, charts, sheet, metric, known, normals, f
         found.places[i, 0] = down
         found.places[i, 1] = across
         if normals:
-            found.turns[i] = turn
+            found.rotations[i] = rotation
 
 
 @kernel
@@ -364,10 +364,10 @@ def _write_gutter(start, stop, gutter, nodes, known, values, coding, out):
         color[:] = 0.0
         interpolate(nodes, known, values, gutter.cells[i], down, across, -1, color)
         if coding.normals:
-            turn_direction(gutter.turns[i], color, 0.5)
+            turn_direction(gutter.rotations[i], color, 0.5)
             unit_normal(color)
-        if coding.turned:
-            axes[:] = gutter.turns[i]
+        if coding.from_object:
+            axes[:] = gutter.rotations[i]
             into_frame(axes, color)
         for c in range(out.shape[1]):
             out[gutter.texels[i], c] = _coded(color[c], coding)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The metric of the surface under the texels, and its geodesic exponential map.
 
-Each face has a frame of its own: corner 0 is the origin and the edge to corner 1 the first axis.
+Each face has its own frame: corner 0 is the origin and the edge to corner 1 the first axis.
 Lengths are in mean texel sizes on the surface.
 """
 
@@ -19,23 +19,23 @@ from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 from .charts import Charts, degenerate_faces
 
 MOST_FACES = 4000
-"""Faces that a geodesic crosses. More lie on its way only where texels are far larger than faces:
-around a hub. It ends short then, within the few texels that it was to go.
+"""Most faces that a geodesic crosses. It would cross more only where texels are far larger than
+faces: around a hub. Then it ends early, within the few texels of its length.
 """
 
 
 class Ways(NamedTuple):
-    """Where the surface goes on from face to face.
+    """The connections between faces, across which the surface continues.
 
     Attributes
     ----------
     twins : (m, 3) int32
-        The half-edges on the other side, or -1.
+        The opposite half-edges, or -1.
     starts : (3 m + 1,) int32
-        The first part of each half-edge, and their number. Seams have parts of equal length; all
-        other half-edges have none.
+        The first part of each half-edge, and the number of parts. Seams are cut into parts of
+        equal length; other half-edges have none.
     closed : (parts,) bool
-        Parts at which the surface ends for the texture.
+        Parts at which the texture treats the surface as ending.
     """
 
     twins: Ints
@@ -44,26 +44,26 @@ class Ways(NamedTuple):
 
 
 class AtlasMetric(NamedTuple):
-    """How the faces lie in space, seen from the texture.
+    """The geometry of the faces in space, measured in texels.
 
     Attributes
     ----------
     ways : Ways
-        Where the surface goes on; everywhere but at borders, unless seams were closed.
+        Where the surface continues: everywhere but at borders, unless seams were closed.
     shapes : (m, 3) float64
         In the face's frame: corner 1 is (shapes[0], 0), corner 2 (shapes[1], shapes[2]).
     jacobians : (m, 2, 2) float64
-        Take steps in (row, column) to steps in the face's frame; zero for faces without area in
+        Map steps in (row, column) to steps in the face's frame; zero for faces without area in
         the texture or in space.
     inverse_jacobians : (m, 2, 2) float64
-        Take steps in the face's frame to steps in (row, column); zero where the Jacobian is.
+        Map steps in the face's frame to steps in (row, column); zero where the Jacobian is.
     inverse_metrics : (m, 3) float32
-        The inverse h^-1 of the metric h = J^T J: row row, row column, column column.
+        The inverse h^-1 of the metric h = J^T J: entries 11, 12 and 22, axis 1 the rows.
     texel_areas : (m,) float32
         The area of a texel on the surface, the square root of det h.
     neighbour_weights : (m, 2) float32
-        The Gaussian umbrella's weights of the next node down or up, and of that to the right or
-        left.
+        The Gaussian umbrella's weights of the next nodes down and up, and of those to the right
+        and left.
     texel_size : float
         The mean length of a texel on the surface, in the unit of the mesh.
     """
@@ -79,7 +79,7 @@ class AtlasMetric(NamedTuple):
 
 
 def measure_metric(mesh: TriangleMesh, charts: Charts, points: Floats) -> AtlasMetric:
-    """Measure the faces under their texels, which lie at `points` in the sheet."""
+    """Measure the faces, whose corners lie at `points` in the sheet."""
     seen = ~degenerate_faces(charts)
     area = mesh.areas[seen].sum()
     if not area > 0:
@@ -187,14 +187,14 @@ def frame_axis(shapes, f, k):
 
 @kernel
 def is_closed(ways, edge, share):
-    """Whether the surface ends at a place on a half-edge though there is another side."""
+    """Whether a place on a half-edge is closed: the surface ends there despite an other side."""
     start = ways.starts[edge]
     count = ways.starts[edge + 1] - start
     return count > 0 and ways.closed[start + min(int(share * count), count - 1)]
 
 
 def open_places(ways: Ways, edges: Ints, shares: Floats) -> npt.NDArray[np.bool_]:
-    """Tell for each place on half-edges that it is not closed."""
+    """Whether places on half-edges are not closed."""
     start, end = ways.starts[edges], ways.starts[edges + 1]
     is_open = start == end
     has = ~is_open
@@ -206,9 +206,9 @@ def open_places(ways: Ways, edges: Ints, shares: Floats) -> npt.NDArray[np.bool_
 
 @kernel
 def exponential_map(ways, shapes, jacobians, edge, share, dy, dx, b):
-    """Walk straight on the surface, from a half-edge to the far side (geodesic exponential map).
+    """Walk straight on the surface, from a half-edge to a target (geodesic exponential map).
 
-    Each face that is met is unfolded into the plane of the one before.
+    Each face on the way is unfolded into the plane of the previous one.
 
     Parameters
     ----------
@@ -216,19 +216,19 @@ def exponential_map(ways, shapes, jacobians, edge, share, dy, dx, b):
     edge : int
         The half-edge that is crossed first.
     share : float
-        Where on it, from its first corner.
+        The position on it, from its first corner.
     dy, dx : float
-        The way to go, as a step in the texels of the half-edge's face.
+        Direction and length of the walk, as a step in the texels of the half-edge's face.
     b : (3,) float64
         Barycentric coordinates of the end; overwritten.
 
     Returns
     -------
     face : int
-        Where the walk ends, or -1 if it cannot begin. At a border or what is closed, and after
-        `MOST_FACES`, it ends before the far side, though on the way there.
+        Where the walk ends, or -1 if it cannot begin. At a border or a closed place, and after
+        `MOST_FACES`, it ends early.
     cosine, sine : float
-        Parallel transport along the walk: the turn that takes components in the frame of the
+        Parallel transport along the walk: the rotation from components in the frame of the
         half-edge's face to components in the frame of `face`.
     """
     f, k = divmod(edge, 3)
@@ -245,7 +245,7 @@ def exponential_map(ways, shapes, jacobians, edge, share, dy, dx, b):
             if left == 1.0:
                 return -1, cosine, sine
             break
-        # Unfold: the twin's half-edge runs the other way.
+        # Unfold: the twin runs in the opposite direction.
         px, py = frame_axis(shapes, f, k)
         qx, qy = frame_axis(shapes, g, j)
         c = -(px * qx + py * qy)
@@ -257,7 +257,7 @@ def exponential_map(ways, shapes, jacobians, edge, share, dy, dx, b):
         b[after(j)] = 1.0 - share
         far = after(after(j))
         b[far] = 0.0
-        # Straight on to the side that is reached first.
+        # Straight to the side that is reached first.
         rate2 = v / shapes[f, 2]
         rate1 = (u - shapes[f, 1] * rate2) / shapes[f, 0]
         rates = -rate1 - rate2, rate1, rate2

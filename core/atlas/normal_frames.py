@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Normals of a texture from tangent space to object space and back, texel by texel.
+"""Conversion of a texture's normals between tangent space and object space, texel by texel.
 
-In object space, normals are vectors like others: what filters and stitches textures across seams
-does so with normals, whichever way the charts lie.
+In object space, normals are plain vectors: all that filters and stitches textures across seams
+also works for normals, however the charts lie.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .sheet import NOTHING, ROWS, shares_of_corners
 
 
 class NormalFrames:
-    """The frames of an atlas in which tangent-space normals count: those of MikkTSpace.
+    """The frames of an atlas for tangent-space normals: those of MikkTSpace.
 
     Parameters
     ----------
@@ -26,31 +26,31 @@ class NormalFrames:
     normals : (m, 3, 3) float64, optional
         The mesh's unit normals at the corners of its faces; smooth ones if left out.
     green_down : bool
-        Whether green grows against the second texture coordinate, as in DirectX.
+        Whether green points against the second texture coordinate, as in DirectX.
     """
 
     def __init__(
         self, atlas: TextureAtlas, normals: Floats | None = None, *, green_down: bool = False
     ) -> None:
         self._sheet = atlas.sheet
-        # Coordinates as the charts have them, in texels: they are scaled, but not turned.
+        # Texture coordinates from the charts' points: scaled, but not rotated.
         row, column = np.moveaxis(atlas.charts.points, -1, 0)
         uv = np.stack([column / atlas.width, row / atlas.height], axis=-1)
         found = tangent_frames(atlas.mesh, uv, normals)
         self.corners = found._replace(signs=-found.signs) if green_down else found
 
     def to_object(self, values: npt.NDArray[np.float32]) -> None:
-        """Turn the nodes inside charts of a sheet, in place; colors (n + 1) / 2 of normals n."""
+        """Convert the nodes inside charts, in place; values are colors (n + 1) / 2 of normals n."""
         run(_to_object, len(values), self._sheet, self.corners, values, chunk=ROWS)
 
     def to_tangent(self, values: npt.NDArray[np.float32]) -> None:
-        """Turn all nodes of a sheet, in place; ghosts into the frames of their own chart."""
+        """Convert all nodes of a sheet, in place; ghosts to the frames of their own chart."""
         run(_to_tangent, len(values), self._sheet, self.corners, values, chunk=ROWS)
 
 
 @kernel
 def axes_at(points, frames, f, y, x, axes):
-    """Interpolate tangent, bitangent and normal of a face in a place in or near it: as rows."""
+    """Interpolate tangent, bitangent and normal of a face at a place in or near it: rows."""
     shares = shares_of_corners(points, f, y, x)
     axes[:] = 0.0
     for k in range(3):
@@ -64,18 +64,18 @@ def axes_at(points, frames, f, y, x, axes):
 
 @kernel
 def into_frame(axes, color):
-    """Turn a normal's color from object space into a frame, in place."""
-    vector, turned, across = np.empty(3), np.empty(3), np.empty(3)
+    """Convert a normal's color from object space to a frame, in place."""
+    vector, rotated, across = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         vector[i] = 2.0 * color[i] - 1.0
-    # Cramer's rule, but for the determinant, whose sign alone counts.
+    # Cramer's rule; of the determinant only the sign matters.
     _cross(axes[1], axes[2], across)
     det = axes[0, 0] * across[0] + axes[0, 1] * across[1] + axes[0, 2] * across[2]
     sign = 1.0 if det >= 0 else -1.0
     for k in range(3):
         _cross(axes[(k + 1) % 3], axes[(k + 2) % 3], across)
-        turned[k] = sign * (across[0] * vector[0] + across[1] * vector[1] + across[2] * vector[2])
-    _store(vector, turned, color)
+        rotated[k] = sign * (across[0] * vector[0] + across[1] * vector[1] + across[2] * vector[2])
+    _store(vector, rotated, color)
 
 
 @kernel
@@ -86,20 +86,20 @@ def _cross(u, v, out):
 
 
 @kernel
-def _store(vector, turned, color):
-    # A unit vector as a color; one of no length stays what it was.
-    length = np.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2)
+def _store(vector, rotated, color):
+    # Stores a vector, normalized, as a color; uses `vector` if it has zero length.
+    length = np.sqrt(rotated[0] ** 2 + rotated[1] ** 2 + rotated[2] ** 2)
     if not length > 1e-12:
-        turned[:] = vector
+        rotated[:] = vector
         length = max(np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2), 1e-12)
     for i in range(3):
-        color[i] = 0.5 + 0.5 * turned[i] / length
+        color[i] = 0.5 + 0.5 * rotated[i] / length
 
 
 @kernel
 def _to_object(start, stop, sheet, frames, values):
     nodes = sheet.nodes
-    axes, vector, turned = np.empty((3, 3)), np.empty(3), np.empty(3)
+    axes, vector, rotated = np.empty((3, 3)), np.empty(3), np.empty(3)
     for y in range(start, stop):
         for x in range(nodes.shape[1]):
             if nodes[y, x] < 0:
@@ -108,8 +108,10 @@ def _to_object(start, stop, sheet, frames, values):
             for i in range(3):
                 vector[i] = 2.0 * values[y, x, i] - 1.0
             for i in range(3):
-                turned[i] = vector[0] * axes[0, i] + vector[1] * axes[1, i] + vector[2] * axes[2, i]
-            _store(vector, turned, values[y, x])
+                rotated[i] = (
+                    vector[0] * axes[0, i] + vector[1] * axes[1, i] + vector[2] * axes[2, i]
+                )
+            _store(vector, rotated, values[y, x])
 
 
 @kernel

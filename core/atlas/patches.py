@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Patches: what a chart has around a tile of the sheet, and what the surface has beyond its seams.
+"""Patches: the surroundings of a tile of a chart, continued on the surface beyond its seams.
 
-A patch is a grid that goes on as the chart's texels do. Beyond a seam each of its places has the
-texel nearest to where one comes by walking straight from the chart's nearest edge. Texels are not
-interpolated there, so that noise is as strong as inside the chart. Around a corner of a chart where
-the surface does not unfold, some texels are there twice or not at all.
+A patch is a grid that extends the chart's texels. Each place beyond a seam holds the texel nearest
+to the end of a straight walk from the chart's nearest edge. Texels are not interpolated there, so
+that noise is as strong as inside the chart. Around a corner of a chart where the surface does not
+unfold, some texels occur twice or not at all.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .sheet import NOTHING, Sheet, ends, nearest_on_edge, shares_of_corners
 
 
 class Surface(NamedTuple):
-    """What patches are made from.
+    """The data that patches are made from.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Surface(NamedTuple):
     known : (g,) bool
         Ghosts of the sheet that have a value.
     vertices : (n, 3) float64
-        Places in space, in mean texel sizes.
+        Positions in space, in mean texel sizes.
     faces : (m, 3) int32
     """
 
@@ -57,10 +57,10 @@ class Tiles(NamedTuple):
     columns : int
         Squares in a row.
     reach : int
-        Texels by which patches go beyond their tile at most.
+        Most texels that patches extend beyond their tile.
     starts : (tiles + 1,) int64
     edges : (k,) int32
-        Half-edges within reach of each tile at which charts end:
+        Half-edges on outlines of charts within reach of each tile:
         ``edges[starts[tile]:starts[tile + 1]]``.
     """
 
@@ -72,18 +72,19 @@ class Tiles(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """A chart around a tile.
+    """A chart's surroundings of a tile.
 
     Attributes
     ----------
     nodes : (h, w) int64
-        Row times columns plus column, in the sheet, of the texel that a place has; -1: none.
+        The texel at each place: row times columns plus column in the sheet; -1: none.
     points : (h, w, 3) float32
-        The place in space, in mean texel sizes; NaN where there is no texel.
+        Position in space, in mean texel sizes; NaN where there is no texel.
     sizes : (h, w) float32
-        The length of a texel of this chart there, the root of its area, in mean texel sizes.
+        Length of this chart's texels there, the root of their area, in mean texel sizes.
     turns : (h, w, 2, 2) float32
-        What turns tangent-space normals from the texel's chart to this one; empty if not asked for.
+        Rotation of tangent-space normals from the texel's chart to this one; empty if not asked
+        for.
     """
 
     nodes: npt.NDArray[np.int64]
@@ -93,7 +94,7 @@ class Patch(NamedTuple):
 
 
 def surface_of(atlas: TextureAtlas) -> Surface:
-    """Gather what patches of an atlas are made from."""
+    """Gather the data that patches of an atlas are made from."""
     mesh = atlas.mesh
     vertices = mesh.scaled_vertices * (mesh.mean_edge_length / atlas.texel_size)
     known = atlas.sources.cells >= 0
@@ -101,7 +102,7 @@ def surface_of(atlas: TextureAtlas) -> Surface:
 
 
 def cut_tiles(atlas: TextureAtlas, size: int, reach: int) -> Tiles:
-    """Cut an atlas's sheet into tiles, with the half-edges in whose reach they are."""
+    """Cut an atlas's sheet into tiles, each with the half-edges within its reach."""
     rows, columns = (-(-length // size) for length in atlas.sheet.nodes.shape)
     borders = atlas.charts.borders
     face, k = np.divmod(borders, 3)
@@ -110,7 +111,7 @@ def cut_tiles(atlas: TextureAtlas, size: int, reach: int) -> Tiles:
     last = np.floor((sides.max(axis=0) + reach) / size).astype(np.int64)
     first, last = np.maximum(first, 0), np.minimum(last, (rows - 1, columns - 1))
     down, across = np.maximum(last - first + 1, 0).T
-    # One entry for each tile that an edge is near to.
+    # One entry for each pair of an edge and a tile near it.
     near = down * across
     edge = np.repeat(np.arange(len(borders)), near)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(near) - near, near)
@@ -123,13 +124,13 @@ def cut_tiles(atlas: TextureAtlas, size: int, reach: int) -> Tiles:
 
 @kernel
 def next_chart(surface, tiles, tile, skipped, last, box):
-    """Find the first chart after `last` that has nodes in a tile which are not skipped.
+    """Find the first chart after `last` that has nodes in a tile which are not `skipped`.
 
     Parameters
     ----------
     skipped : (rows, columns) bool
     box : (2, 2) int64
-        Set to the first rows and columns of these nodes, and to what follows the last ones.
+        Receives the first row and column of these nodes, and the ends of their ranges.
 
     Returns
     -------
@@ -158,7 +159,7 @@ def next_chart(surface, tiles, tile, skipped, last, box):
 
 @kernel
 def stretch_around(surface, tiles, chart, box):
-    """Return how many texels a chart has at most in the length of one, around a box."""
+    """Return the most texels per unit length of a chart around a box, at least 1."""
     nodes, labels = surface.sheet.nodes, surface.labels
     rows, columns = nodes.shape
     most = 1.0
@@ -180,7 +181,7 @@ def stretch_around(surface, tiles, chart, box):
 
 @kernel
 def lay_patch(surface, tiles, tile, chart, box, margin, normals):
-    """Lay out what a chart has around a tile.
+    """Lay out the surroundings of a tile for a chart.
 
     Parameters
     ----------
@@ -190,9 +191,9 @@ def lay_patch(surface, tiles, tile, chart, box, margin, normals):
     box : (2, 2) int64
         See `next_chart`.
     margin : int
-        By how many texels the patch goes beyond the box.
+        By how many texels the patch extends beyond the box.
     normals : bool
-        Whether turns are asked for.
+        Whether `turns` are computed.
 
     Returns
     -------
@@ -231,11 +232,11 @@ def lay_patch(surface, tiles, tile, chart, box, margin, normals):
         if labels[edge // 3] == chart:
             _offer(sheet.points, edge, top, left, margin, patch.nodes, squares, edges)
     b = np.empty(3)
-    turn = np.empty((2, 2))
+    rotation = np.empty((2, 2))
     for i in range(height):
         for j in range(width):
             if edges[i, j] >= 0:
-                _look_beyond(surface, edges[i, j], top, left, i, j, origin, b, turn, patch)
+                _look_beyond(surface, edges[i, j], top, left, i, j, origin, b, rotation, patch)
     return patch
 
 
@@ -256,7 +257,7 @@ def _set_point(surface, face, shares, origin, point):
 
 @kernel
 def _offer(points, edge, top, left, margin, nodes, squares, edges):
-    # Offer a half-edge to the places within the margin that are not inside the chart.
+    # Offers a half-edge to the places within the margin that are outside the chart.
     height, width = nodes.shape
     ay, ax, by, bx = ends(points, edge)
     ay -= top
@@ -266,7 +267,7 @@ def _offer(points, edge, top, left, margin, nodes, squares, edges):
     first = max(int(np.ceil(min(ay, by) - margin)), 0)
     last = min(int(np.floor(max(ay, by) + margin)), height - 1)
     for i in range(first, last + 1):
-        # Columns of the edge where its row is near i, on both sides by the margin.
+        # Columns of the edge where its row is near i, extended by the margin on both sides.
         start, stop = 0.0, 1.0
         if abs(by - ay) > 1e-9:
             one = (i - margin - ay) / (by - ay)
@@ -287,12 +288,12 @@ def _offer(points, edge, top, left, margin, nodes, squares, edges):
 
 
 @kernel
-def _look_beyond(surface, edge, top, left, i, j, origin, b, turn, patch):
-    # Find the texel of a place beyond a seam; none where the surface ends before it.
+def _look_beyond(surface, edge, top, left, i, j, origin, b, rotation, patch):
+    # Finds the texel of a place beyond a seam; none if the surface ends before it.
     sheet, metric = surface.sheet, surface.metric
     face, row, column, _, _ = walk_beyond(
         sheet.points, metric.ways, metric.shapes, metric.jacobians, edge,
-        float(top + i), float(left + j), b, turn,
+        float(top + i), float(left + j), b, rotation,
     )  # fmt: skip
     if face < 0 or _is_at_end(metric.ways, face, b):
         return
@@ -303,12 +304,12 @@ def _look_beyond(surface, edge, top, left, i, j, origin, b, turn, patch):
     patch.sizes[i, j] = _size(metric, edge // 3)
     _set_point(surface, face, (b[0], b[1], b[2]), origin, patch.points[i, j])
     if patch.turns.shape[0] > 0:
-        patch.turns[i, j] = turn
+        patch.turns[i, j] = rotation
 
 
 @kernel
 def _is_at_end(ways, face, b):
-    # Whether a walk has ended on a side of a face beyond which nothing is: before it was done.
+    # Whether a walk ended early: on a side of a face beyond which the surface ends.
     for corner in range(3):
         side = after(corner)
         if b[corner] == 0.0 and (
@@ -320,8 +321,8 @@ def _is_at_end(ways, face, b):
 
 @kernel
 def _nearest_node(surface, chart, row, column):
-    # The node nearest to a place in the sheet: of those inside the chart, else of the ghosts that
-    # have a value; -1 if there is neither.
+    # The node nearest to a place in the sheet: one inside the chart if there is any, otherwise a
+    # ghost with a value; -1 if there is neither.
     nodes = surface.sheet.nodes
     best = np.inf
     found = -1

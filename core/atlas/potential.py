@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The potential in a sheet of texels, on the surface's metric.
+"""The potential in a sheet of texels, in the metric of the surface.
 
-The scheme is that for images (`core.grid`): texels are vertices of a mesh of squares, gradients are
-constant in a cell, and lengths are measured with the metric of a face in the cell.
+The scheme is that of images (`core.grid`): texels are vertices of a mesh of squares, gradients are
+constant in a cell, and lengths are measured by the metric of a face in the cell.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ def texel_potential(
     passes : int
         Smoothing passes on the signal and on P.
     normals : bool
-        The first two channels are tangent-space directions around 1/2, which turn across seams.
+        The first two channels are tangent-space directions around 1/2; they rotate across seams.
 
     Returns
     -------
     (rows, columns) float32
     """
     guides = 1 if channels.brightness.size else channels.stop - channels.start
-    together = guides if normals else 1  # directions turn together, others go one by one
+    together = guides if normals else 1  # directions rotate together; else one channel at a time
     energy = np.zeros(atlas.sheet.nodes.shape, dtype=np.float32)
     signal = np.zeros((*energy.shape, together), dtype=np.float32)
     centre = np.float32(0.5 if normals else 0.0)
@@ -118,7 +118,7 @@ def _smooth_rows(start, stop, nodes, sources, weights, values, out):
             face = nodes[y, x]
             if face < 0:
                 continue
-            # Nodes inside are never at the sheet's rim.
+            # Inner nodes are never at the sheet's rim.
             down = weights[face, 0]
             across = weights[face, 1]
             up = down if _exists(nodes, sources, y - 1, x) else np.float32(0.0)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fine adjustment of the texels around charts, so that both sides of a seam show one value.
 
-A texel around a chart is seen by linear sampling next to the seam only. Read from across the
-seam it is right up to the error of interpolation; that error is taken out by least squares over
-samples along the seams, which weighs these texels alone.
+Such a texel is seen only by linear sampling next to the seam. Its value from across the seam is
+right up to the error of interpolation; least squares over samples along the seams remove that
+error and change only these texels.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ _SPACING = 0.5
 """Distance of the samples along a seam, in texels."""
 
 _HOLD = 0.02
-"""Weight of the texels' values as read from across the seam, per sample of weight 1."""
+"""Weight of the texels' values from across the seam, per sample of weight 1."""
 
 _TOLERANCE = 3e-2
 """Residual of the least squares, relative to its right-hand side (see `SolveReport`)."""
 
 _SLACK = 0.5
-"""How far a texel may leave the range around it, in sizes of that range. Its own centre is not
-seen; where it is seen, on the chart, the values mix to ones that both sides have."""
+"""How far a texel may leave the range around it, in multiples of that range. Its own centre is not
+seen; on the chart, where it is seen, values interpolate to ones that both sides have."""
 
 
 class SeamFit:
-    """The least squares of an atlas, for any number of textures."""
+    """The least-squares problem of an atlas, for any number of textures."""
 
     def __init__(self, atlas: TextureAtlas) -> None:
         self._atlas = atlas
@@ -65,9 +65,9 @@ class SeamFit:
     def apply(self, values: npt.NDArray[np.float32], step: float) -> None:
         """Adjust ghosts that own a texel, in place; `values` are (rows, columns, c) of the sheet.
 
-        What is seen on the charts stays in the range of what is read along the seam there, and no
-        value leaves the range of the texture. Results will be rounded to multiples of `step`,
-        which leaves as much freedom where values are alike; 0 for floats.
+        Visible values on the charts stay in the range of what is read along the seam there, and no
+        value leaves the range of the texture. Results will be rounded to multiples of `step`
+        (0 for floats), which gives at least that much freedom where values are equal.
         """
         if len(self._columns) == 0:
             return
@@ -78,7 +78,7 @@ class SeamFit:
         run(_read, len(jumps), self._reads, self._weights, flat, jumps)
         largest = np.abs(jumps).max(axis=0).astype(np.float64)
         largest[largest == 0] = 1.0
-        # Columns that are alike in size count alike, whatever the unit of the values.
+        # Scale columns to one size, so that units of the values do not matter.
         adjustment = largest * self._least_squares(jumps / largest)
         adjusted = flat[free] - adjustment.astype(np.float32)
         low = flat[free]
@@ -94,7 +94,7 @@ class SeamFit:
         flat[free] = np.clip(adjusted, low, high)
 
     def _least_squares(self, wanted: Floats) -> Floats:
-        # min |A x - wanted|^2 + hold |x|^2, all columns at once.
+        # min |A x - wanted|^2 + hold |x|^2 for all columns at once.
         message = "Filling the gutter"
         with aside(message):
             rhs = self._reading.T @ wanted
@@ -102,11 +102,11 @@ class SeamFit:
 
 
 def _seam_samples(atlas: TextureAtlas) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    # Nodes that linear sampling of the image reads on both sides, and their weights, those of
-    # the second side negative: (samples, 8). There are none where the texture does not go on, and
-    # next to borders of the mesh.
+    # Nodes that linear sampling of the image reads on both sides of seams, and their weights,
+    # negative on the second side: (samples, 8). There are no samples at closed places and next to
+    # borders of the mesh.
     borders, twins, points = atlas.charts.borders, atlas.mesh.twins.reshape(-1), atlas.charts.points
-    seams = borders[twins[borders] > borders]  # each once
+    seams = borders[twins[borders] > borders]  # each seam once
     face, k = np.divmod(np.stack([seams, twins[seams]]), 3)
     begin = points[face, k]
     along = points[face, (k + 1) % 3] - begin
@@ -158,7 +158,7 @@ def _bound(start, stop, owners, inside, values, lows, highs):
 
 @kernel
 def _widen(reads, columns, values, low, high):
-    # Extend each free node's range to what the samples that read it read.
+    # Extends each free node's range by the values of the samples that read it.
     for sample in range(reads.shape[0]):
         for c in range(values.shape[1]):
             least = most = values[reads[sample, 0], c]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which seams the texture goes on across, and which part one material from another.
+"""Seams across which a texture continues, told from borders between materials.
 
-A seam is cut into parts about a texel long. Beside each, texels on both sides are compared. Where
-the median step around a part is larger than chance and the change within each side explain, it is
-closed, as a border between materials: nothing crosses it. Stray texels and edges that cross the
-seam do not count, as parts decide together with those near them along the seam.
+A seam is cut into parts about a texel long, and texels on both sides of each are compared. Where
+the median step around a part exceeds what chance and the change within each side explain, the part
+is closed, as a border between materials: nothing crosses it. Stray texels and edges that cross the
+seam have no effect, as parts are decided together with those near them along the seam.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from .ghosts import interpolate, place_beyond, turn_direction
 from .metric import apply, frame_axis
 from .sheet import NOTHING, place_on_edge
 
-_NEAR, _FAR = 0.75, 1.75  # depths at which texels are read, in those of the coarser side
-_SLOPE = 2.0  # how much more than the change from there to there a step must be, if in line
-_MOST_TEXELS = 4.0  # that such a texel counts for on the finer side
-_LEAST = 0.25  # weight of texels in the chart below which nothing is read
-_RUN = 8.0  # texels to each side along the seam that decide together
-_MOST_PARTS = 64  # the same, in parts, which edges far shorter than a texel make many
-_UNSEEN = 0.012  # step that is not seen, of the texture's range
-_STEPS = 1.5  # the same, in steps of whole numbers
-_CHANCE = 2.0  # standard errors that are chance
-_DEVIATION = 1.86  # the error of the median of one normal number, in its median deviation
-_TOUCH = 1e-3  # texels beyond a seam from which normals are turned
-_SAMPLE = 100_000  # texels from which the range is taken
+_NEAR, _FAR = 0.75, 1.75  # depths at which texels are read, in texels of the coarser side
+_SLOPE = 2.0  # a step must exceed the change between these depths this many times, if in line
+_MOST_TEXELS = 4.0  # most texels of the finer side for one of the coarser side
+_LEAST = 0.25  # least weight of the chart's texels for a reading
+_RUN = 8.0  # texels to each side along the seam that are decided together
+_MOST_PARTS = 64  # the same as a number of parts, of which edges far below a texel make many
+_UNSEEN = 0.012  # largest invisible step, relative to the texture's range
+_STEPS = 1.5  # largest invisible step of whole numbers, in multiples of their spacing
+_CHANCE = 2.0  # standard errors that count as chance
+_DEVIATION = 1.86  # standard error of a median times root n, in median absolute deviations
+_TOUCH = 1e-3  # distance beyond a seam, in texels, from which normals are rotated
+_SAMPLE = 100_000  # texels that the range is measured from
 
 
 class _Parts(NamedTuple):
-    # Parts of seams in their order along runs of seams, which go on where two charts do: edge and
-    # share of the middle on both sides (2, k), length in texels of the coarser side, number of the
-    # run, and number within the seam.
+    # Parts of seams in their order along runs; a run continues while the charts on both sides stay
+    # the same. Edge and share of the middle on both sides (2, k), length in texels of the coarser
+    # side, number of the run, and number within the seam.
     edges: Ints
     shares: Floats
     lengths: Floats
@@ -57,25 +57,25 @@ def settle_seams(
     alpha: int = -1,
     normals: bool = False,
 ) -> TextureAtlas:
-    """Close the seams of an atlas at which its texture does not go on.
+    """Close the seams of an atlas across which its texture does not continue.
 
     Parameters
     ----------
     values : (rows, columns, c) float32
-        Values of the nodes inside charts, before they are filtered.
+        Values of the nodes inside charts before filtering.
     how : {"auto", "continue", "extend"}
-        Compare both sides, close no seam, or all of them.
+        Compare both sides, close no seam, or close all seams.
     step : float
         Values are multiples of it; 0 for floats.
     alpha : int
         The channel that is opacity; -1: none.
     normals : bool
-        The first two channels are tangent-space directions around 1/2, which turn across seams.
+        The first two channels are tangent-space directions around 1/2; they rotate across seams.
 
     Returns
     -------
     TextureAtlas
-        The same one if no seam is to be closed.
+        The same object if no seam has to be closed.
     """
     borders, twins = atlas.charts.borders, atlas.mesh.twins.reshape(-1)
     seams = borders[twins[borders] >= 0]
@@ -91,7 +91,7 @@ def settle_seams(
     closed = _differing(atlas, parts, values.reshape(-1, values.shape[2]), unseen, alpha, normals)
     if not closed.any():
         return atlas
-    # Both sides number their parts in their own direction.
+    # Each side numbers its parts in its own direction.
     np.add.at(counts, parts.edges + 1, 1)
     starts = np.cumsum(counts, dtype=np.int32)
     one, other = parts.edges
@@ -118,14 +118,14 @@ def _differing(
         steps, changes)  # fmt: skip
     closed = np.empty(count, dtype=np.bool_)
     run(_decide, count, *_around(parts, _RUN), parts.lengths, steps, changes, unseen, closed)
-    # A few alone among others are chance.
+    # Closed parts that are a minority nearby are chance.
     first, last = _around(parts, 0.5 * _RUN)
     votes = np.concatenate([[0.0], np.cumsum(np.where(closed, 1.0, -1.0) * parts.lengths)])
     return closed & (votes[last] - votes[first] > -1e-9)
 
 
 def _range(atlas: TextureAtlas, values: npt.NDArray[np.float32]) -> float:
-    # Of nearly all values in the channel that has the largest one.
+    # The range of nearly all values, in the channel where it is largest.
     nodes = atlas.sheet.nodes.reshape(-1)
     stride = nodes.size // _SAMPLE | 1
     sample = values.reshape(nodes.size, -1)[::stride][nodes[::stride] >= 0]
@@ -156,7 +156,7 @@ def _cut(atlas: TextureAtlas) -> _Parts:
 
 
 def _around(parts: _Parts, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    # The parts that lie within reach of each along its run: the first, and one past the last.
+    # The range of parts within reach of each along its run: the first, and one past the last.
     places = np.cumsum(parts.lengths) - 0.5 * parts.lengths + 4 * _RUN * parts.runs
     first = np.searchsorted(places, places - reach, side="left")
     last = np.searchsorted(places, places + reach, side="right")
@@ -166,7 +166,7 @@ def _around(parts: _Parts, reach: float) -> tuple[npt.NDArray[np.intp], npt.NDAr
 
 @kernel
 def _next(twins, ends, edge):
-    # The half-edge at which the chart ends after this one.
+    # The next half-edge along the chart's outline.
     edge = edge - edge % 3 + after(edge % 3)
     while not ends[edge]:
         edge = twins[edge]
@@ -176,7 +176,7 @@ def _next(twins, ends, edge):
 
 @kernel
 def _follow(twins, ends, edge):
-    # The seam that goes on after this one between the same charts' sides, or -1.
+    # The next seam between the sides of the same two charts, or -1.
     found = _next(twins, ends, edge)
     if twins[found] < 0 or found == twins[edge] or _next(twins, ends, twins[found]) != twins[edge]:
         return -1
@@ -185,7 +185,7 @@ def _follow(twins, ends, edge):
 
 @kernel
 def _order(seams, twins, ends, edges, runs):
-    # List the seams run by run, each as the half-edge that goes along the run.
+    # Lists the seams run by run, each as the half-edge that points along the run.
     done = np.zeros(twins.shape[0], dtype=np.bool_)
     count = 0
     number = 0
@@ -211,7 +211,7 @@ def _order(seams, twins, ends, edges, runs):
 
 @kernel
 def _steps(metric, edge):
-    # How many texels away from a half-edge one goes, down and across, for 1 on the surface.
+    # The inward step from a half-edge, in texels down and across, per unit on the surface.
     f, k = divmod(edge, 3)
     if metric.shapes[f, 2] == 0:
         return 0.0, 0.0
@@ -221,7 +221,7 @@ def _steps(metric, edge):
 
 @kernel
 def _read(atlas, values, alpha, face, y, x, out):
-    # Read the own texels of a face's chart around a place, times opacity; whether there are any.
+    # Reads the texels of a face's own chart at a place, times opacity; returns if there are any.
     sheet, labels, unknown = atlas
     rows, columns = sheet.cells.shape
     if not (0 <= y < rows - 1 and 0 <= x < columns - 1):
@@ -241,15 +241,15 @@ def _read(atlas, values, alpha, face, y, x, out):
 
 
 @kernel
-def _turn(alpha, turn, color):
-    turn_direction(turn, color, 0.5 if alpha < 0 else 0.5 * color[alpha])
+def _rotate(alpha, rotation, color):
+    turn_direction(rotation, color, 0.5 if alpha < 0 else 0.5 * color[alpha])
 
 
 @kernel
-def _look(atlas, metric, values, alpha, normals, edge, share, other, step, back, b, turn, out):
-    # Read beside a half-edge, a step inside its chart. Where the chart has no texels of its own,
-    # as slivers have none, read what lies behind it: that comes by a step back over the half-edge
-    # of the other side. Normals are turned to that side.
+def _look(atlas, metric, values, alpha, normals, edge, share, other, step, back, b, rotation, out):
+    # Reads beside a half-edge, a step inside its chart. If the chart has no texels of its own
+    # there, as in slivers, reads what lies behind them: a step `back` over the half-edge of the
+    # other side ends there. Normals are rotated to that side.
     sheet = atlas[0]
     y, x = place_on_edge(sheet.points, edge, share)
     if _read(atlas, values, alpha, edge // 3, y + step[0], x + step[1], out):
@@ -258,51 +258,51 @@ def _look(atlas, metric, values, alpha, normals, edge, share, other, step, back,
             size = max(np.sqrt(back[0] ** 2 + back[1] ** 2), 1e-9)
             place_beyond(
                 sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, other,
-                y - _TOUCH / size * back[0], x - _TOUCH / size * back[1], b, turn,
+                y - _TOUCH / size * back[0], x - _TOUCH / size * back[1], b, rotation,
             )  # fmt: skip
-            _turn(alpha, turn, out)
+            _rotate(alpha, rotation, out)
         return True
     y, x = place_on_edge(sheet.points, other, 1.0 - share)
     face, y, x, _, _ = place_beyond(
         sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, other,
-        y - back[0], x - back[1], b, turn,
+        y - back[0], x - back[1], b, rotation,
     )  # fmt: skip
     if face < 0 or not _read(atlas, values, alpha, face, y, x, out):
         return False
     if normals:
-        _turn(alpha, turn, out)
+        _rotate(alpha, rotation, out)
     return True
 
 
 @kernel
 def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, steps, changes):
     # The step from one side of each part to the other, beyond what a ramp or a soft edge across the
-    # seam explains, and how much both sides change inwards; NaN where nothing tells.
+    # seam explains, and how much both sides change inwards; NaN if that is unknown.
     colors = np.empty((2, 2, values.shape[1]))
-    ways = np.empty((2, 2))
-    turn = np.eye(2)
+    strides = np.empty((2, 2))
+    rotation = np.eye(2)
     b = np.empty(3)
     for i in range(start, stop):
         steps[i] = np.nan
         changes[i] = np.nan
         length = 0.0  # of a texel of the coarser side
         for side in range(2):
-            ways[side] = _steps(metric, edges[side, i])
-            size = np.sqrt(ways[side, 0] ** 2 + ways[side, 1] ** 2)
+            strides[side] = _steps(metric, edges[side, i])
+            size = np.sqrt(strides[side, 0] ** 2 + strides[side, 1] ** 2)
             if size > 0:
                 length = max(length, 1.0 / size)
         for side in range(2):
-            size = np.sqrt(ways[side, 0] ** 2 + ways[side, 1] ** 2)
+            size = np.sqrt(strides[side, 0] ** 2 + strides[side, 1] ** 2)
             if size > 0:
-                ways[side] *= min(length, _MOST_TEXELS / size)
+                strides[side] *= min(length, _MOST_TEXELS / size)
         complete = True
         for side in range(2):
             for n in range(2):
                 depth = _NEAR if n == 0 else _FAR
                 complete = complete and _look(
                     atlas, metric, values, alpha, normals and side == 1, edges[side, i],
-                    shares[side, i], edges[1 - side, i], depth * ways[side],
-                    depth * ways[1 - side], b, turn, colors[side, n],
+                    shares[side, i], edges[1 - side, i], depth * strides[side],
+                    depth * strides[1 - side], b, rotation, colors[side, n],
                 )  # fmt: skip
         if not complete:
             continue
@@ -320,7 +320,7 @@ def _measure(start, stop, edges, shares, atlas, metric, values, alpha, normals, 
 
 @kernel
 def _median(values, weights, count):
-    # Weighted, of the first ones, which get sorted; the mean of two that both have half the weight.
+    # Weighted median of the first ones, which are sorted; the mean of two if it lies between them.
     half = 0.0
     for i in range(count):
         value = values[i]
@@ -345,7 +345,7 @@ def _median(values, weights, count):
 
 @kernel
 def _take(values, changes, lengths, first, last, found, weights):
-    # Gather what is known of some parts, with their lengths; returns how many.
+    # Gathers the known values of some parts, with their lengths; returns their number.
     count = 0
     for i in range(first, last):
         if not np.isnan(changes[i]):
@@ -357,7 +357,7 @@ def _take(values, changes, lengths, first, last, found, weights):
 
 @kernel
 def _decide(start, stop, first, last, lengths, steps, changes, unseen, closed):
-    # Close parts around which the steps agree on more than chance would bring about.
+    # Closes parts around which the steps agree on more than chance explains.
     found = np.empty(2 * _MOST_PARTS + 1)
     weights = np.empty(2 * _MOST_PARTS + 1)
     for i in range(start, stop):

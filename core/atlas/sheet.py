@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sheet: a texture's texels laid out so that each node belongs to one chart.
 
-A node is a texel as one chart sees it, and a cell is the square between four nodes. Charts lie
+A node is a texel as seen by one chart, and a cell is the square between four nodes. Charts lie
 in the sheet as they lie in the image, except those whose nodes touch another chart's, or that
-leave the image: these are moved by whole texels to shelves below (paper B, footnote 1). So cells
-are found by their place, neighbours are next to each other, and no two charts meet.
+leave the image: these are shifted by whole texels to shelves below (paper B, footnote 1). So cells
+are addressed by row and column, neighbours are adjacent, and no two charts meet.
 
-A node is *inside* if the texel's centre lies in a face; otherwise it is a *ghost*, which takes
-its value from the surface beyond the nearest edge of its chart.
+A node is *inside* if the texel's centre lies in a face; otherwise it is a *ghost*, whose value
+comes from the surface beyond the nearest edge of its chart.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ NOTHING = -1
 """In `Sheet.nodes` and `Sheet.cells`: no chart is here."""
 
 ROWS = 32
-"""Rows of a sheet that a kernel gets at once."""
+"""Rows of a sheet that a kernel processes at once."""
 
-_GHOST = -2  # minus the ghost's number
+_GHOST = -2  # less the ghost's number
 _CLEARLY = 0.01  # in texels
 _SLACK = 1e-6
 _MOST_NODES = 1 << 31
@@ -38,30 +38,30 @@ _MOST_NODES = 1 << 31
 
 class _FacesByRows(NamedTuple):
     # First and last row of cells that each face touches: (m, 2). And the faces that touch nodes
-    # of each chunk of rows, in order: faces[start[chunk]:start[chunk + 1]].
+    # of each chunk of rows: faces[start[chunk]:start[chunk + 1]], in ascending order.
     bands: npt.NDArray[np.int64]
     start: npt.NDArray[np.int64]
     faces: Ints
 
 
 class Sheet(NamedTuple):
-    """Where the charts' texels lie in the sheet.
+    """The layout of the charts' texels in the sheet.
 
     Attributes
     ----------
     points : (m, 3, 2) float64
         Corners of the faces as (row, column) in the sheet.
     shifts : (charts, 2) int64
-        Place in the sheet minus place in the image, for each chart.
+        Offset of each chart in the sheet from its place in the image.
     nodes : (rows, columns) int32
         The face in which a node lies; `NOTHING`; or -2 - g for the ghost g.
     cells : (rows, columns) int32
-        A face that the cell with this node as its first corner touches, the one at its centre if
-        there is one, or `NOTHING`.
+        A face that touches the cell whose first corner is this node, preferably the one at its
+        centre; or `NOTHING`.
     ghosts : (g,) int32
         Row times columns plus column of the ghosts.
     ghost_edges : (g,) int32
-        The half-edge nearest to each ghost at which its chart ends.
+        The half-edge nearest to each ghost on its chart's outline.
     overlapping : (m,) bool
         Faces that share a texel's centre with another face of their chart.
     """
@@ -76,12 +76,12 @@ class Sheet(NamedTuple):
 
 
 def lay_out(charts: Charts, height: int, width: int) -> Sheet:
-    """Lay the charts of an image of `height` times `width` texels out.
+    """Lay out the charts of an image of `height` times `width` texels.
 
     Raises
     ------
     InvalidUV
-        If that takes too many texels.
+        If the sheet would need too many texels.
     """
     shifts, shape = _places(charts, height, width)
     points = charts.points + shifts[charts.labels][:, None]
@@ -130,9 +130,9 @@ def _places(
 
 
 def _clashing(charts: Charts, away: npt.NDArray, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    # Charts that share a node with one of a lower number.
+    # Charts that share a node with a chart of a lower number.
     claims = np.empty(shape, dtype=np.int32)
-    points = charts.points + 1.0  # nodes begin one row and one column before the image
+    points = charts.points + 1.0  # nodes start one row and one column before the image
     with aside("Finding texels"):
         faces = faces_by_rows(points, shape[0])
     clashes = np.zeros(len(charts.boxes), dtype=np.bool_)
@@ -150,7 +150,7 @@ def _shelve(
     height: int,
     width: int,
 ) -> tuple[npt.NDArray[np.int64], tuple[int, int]]:
-    # Shifts of all charts and the size of the sheet; tall charts first, row by row.
+    # Shifts of all charts and the size of the sheet; shelves are filled with tall charts first.
     shifts = np.ones_like(low)
     sizes = high - low + 1
     columns = max(width + 2, int(sizes[away, 1].max(initial=0)))
@@ -174,7 +174,7 @@ def faces_by_rows(points: Floats, rows: int) -> _FacesByRows:
     first = np.maximum(bands[:, 0] // ROWS, 0)
     counts = np.maximum(np.minimum((bands[:, 1] + 1) // ROWS + 1, chunks) - first, 0)
     ends = np.cumsum(counts)
-    # One entry for each face in each chunk that it touches.
+    # One entry for each pair of a face and a chunk that it touches.
     faces = np.repeat(np.arange(len(points), dtype=np.int32), counts)
     chunk = np.arange(len(faces)) - np.repeat(ends - counts - first, counts)
     ask()
@@ -185,7 +185,7 @@ def faces_by_rows(points: Floats, rows: int) -> _FacesByRows:
 
 @kernel
 def span(triangle, low, high):
-    """Lowest and highest column of the part of a triangle between two rows."""
+    """First and last column of the part of a triangle between two rows."""
     first = np.inf
     last = -np.inf
     for k in range(3):
@@ -206,7 +206,7 @@ def span(triangle, low, high):
 
 @kernel
 def _claim(start, stop, points, by_rows, labels, away, check, claims, clashes):
-    # Give each node to the lowest chart that touches it; then mark the other ones.
+    # Assigns each node to the lowest chart that touches it; the second pass marks the others.
     if not check:
         claims[start:stop] = clashes.shape[0]
     bands, listed, faces = by_rows
@@ -232,25 +232,31 @@ def _claim(start, stop, points, by_rows, labels, away, check, claims, clashes):
 
 @kernel
 def clearly_within(triangle, y, x):
-    """Whether a texel's centre lies so deep in a triangle that no other one may be there."""
+    """Whether a texel's centre is so deep in a triangle that it cannot lie in another as well."""
+    return depth_within(triangle, y, x) > _CLEARLY
+
+
+@kernel
+def depth_within(triangle, y, x):
+    """The depth of a place in a triangle, in texels; at most 0 in one without area."""
     area = (triangle[1, 1] - triangle[0, 1]) * (triangle[2, 0] - triangle[0, 0])
     area -= (triangle[1, 0] - triangle[0, 0]) * (triangle[2, 1] - triangle[0, 1])
-    turn = 1.0 if area > 0 else -1.0
+    sign = 1.0 if area > 0 else -1.0
     depth = np.inf
     for k in range(3):
         ey = triangle[after(k), 0] - triangle[k, 0]
         ex = triangle[after(k), 1] - triangle[k, 1]
         length = np.sqrt(ey * ey + ex * ex)
         if length == 0:
-            return False
+            return -np.inf
         across = ex * (y - triangle[k, 0]) - ey * (x - triangle[k, 1])
-        depth = min(depth, turn * across / length)
-    return depth > _CLEARLY
+        depth = min(depth, sign * across / length)
+    return depth
 
 
 @kernel
 def _draw_faces(start, stop, points, by_rows, nodes, cells, overlapping):
-    # Rows start .. stop - 1 of nodes and cells; of several faces, the first one stays.
+    # Rows start .. stop - 1 of nodes and cells; if faces overlap, the first one is kept.
     nodes[start:stop] = NOTHING
     cells[start:stop] = NOTHING
     bands, listed, faces = by_rows
@@ -282,8 +288,8 @@ def _draw_faces(start, stop, points, by_rows, nodes, cells, overlapping):
 
 @kernel
 def _beside(cells, y, x):
-    # One of the cells around a node that a chart touches, as a face, or NOTHING. The sheet's last
-    # row and column of cells are empty, so that -1 may stand for them.
+    # A face of one of the cells around a node that a chart touches, or NOTHING. The sheet's last
+    # row and column of cells are empty, so that index -1 is valid.
     for dy in range(2):
         for dx in range(2):
             if cells[y - dy, x - dx] != NOTHING:
@@ -301,14 +307,14 @@ def _mark_ghosts(start, stop, cells, nodes):
 
 @kernel
 def ends(points, edge):
-    """The row and column where a half-edge begins, and those where it ends."""
+    """Row and column of a half-edge's start, then of its end."""
     f, k = divmod(edge, 3)
     return points[f, k, 0], points[f, k, 1], points[f, after(k), 0], points[f, after(k), 1]
 
 
 @kernel
 def place_on_edge(points, edge, share):
-    """The row and column of a place on a half-edge."""
+    """Row and column of a place on a half-edge."""
     ay, ax, by, bx = ends(points, edge)
     return ay + share * (by - ay), ax + share * (bx - ax)
 
@@ -330,7 +336,7 @@ def nearest_on_edge(points, edge, y, x):
 
 @kernel
 def _find_edges(start, stop, borders, points, labels, nodes, cells, nearest, edges):
-    # A ghost is a corner of a cell that its chart touches, so less than 1.5 texels away.
+    # A ghost is a corner of a cell that its chart touches, so it is less than 1.5 texels away.
     reach = 1.5
     rows, columns = nodes.shape
     for edge in borders[start:stop]:
@@ -339,7 +345,7 @@ def _find_edges(start, stop, borders, points, labels, nodes, cells, nearest, edg
         first = max(int(np.ceil(min(ay, by) - reach)), 0)
         last = min(int(np.floor(max(ay, by) + reach)), rows - 1)
         for y in range(first, last + 1):
-            # Columns of the edge where its row is near y, on both sides by the reach.
+            # Columns of the edge where its row is near y, extended by the reach on both sides.
             a, b = 0.0, 1.0
             if abs(by - ay) > 1e-9:
                 a = min(max((y - reach - ay) / (by - ay), 0.0), 1.0)
@@ -360,7 +366,7 @@ def _find_edges(start, stop, borders, points, labels, nodes, cells, nearest, edg
 
 @kernel
 def shares_of_corners(points, f, y, x):
-    """Shares of a face's corners in a place in or near it, of (row, column) in the sheet."""
+    """Barycentric coordinates of a place in or near a face, (row, column) in the sheet."""
     ay = points[f, 1, 0] - points[f, 0, 0]
     ax = points[f, 1, 1] - points[f, 0, 1]
     by = points[f, 2, 0] - points[f, 0, 0]

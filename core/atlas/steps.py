@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where one comes by a step along a given flow from each node of a sheet, over seams.
+"""Steps along a given flow from each node of a sheet, across seams: where they end.
 
-Inside a chart that is arithmetic. Where a step leaves its chart, it is followed once; what lies
-around its start lies likewise around its end, as parallel transport takes it there.
+Inside a chart that is arithmetic. A step that leaves its chart is walked once; the surroundings of
+its start are mapped to those of its end by parallel transport.
 """
 
 from __future__ import annotations
@@ -14,43 +14,46 @@ import numpy.typing as npt
 
 from ..base.parallel import kernel, run
 from ..base.unfinished import MOST_STEPS
-from ..grid.walk import ENDED, UNFINISHED, Field, begin, walk_cells
+from ..grid.walk import ENDED, UNFINISHED, begin, walk_cells
 from ..mesh.triangle_mesh import Ints
 from .atlas import TextureAtlas
-from .ghosts import nearest_nodes
+from .ghosts import chart_of, nearest_nodes
 from .sheet import NOTHING, ROWS
-from .walk import MOST_SEAMS, seam_crossed, walk_across_seams
+from .walk import MOST_SEAMS, SheetFlow, seam_crossed, walk_across_seams
 
 _Singles = npt.NDArray[np.float32]
 
 
 class StepsBeyond(NamedTuple):
-    """Steps that leave their chart.
+    """Steps that leave their chart, and where they come from.
 
     Attributes
     ----------
     nodes : (k,) int32
         Row times columns plus column of the nodes at which they end.
     sources : (k, 4) int32
-        Likewise of the nodes inside charts from which steps come that are whole numbers of texels:
-        in both axes the next greater one, the next smaller one across, down, and in both;
-        `NOTHING` where the surface begins after.
+        The nodes inside charts where the step starts if it is rounded to whole texels: up in both
+        axes; down across; down in the first axis; down in both. `NOTHING` where the surface
+        begins later.
     """
 
     nodes: Ints
     sources: Ints
 
 
-def steps_beyond(atlas: TextureAtlas, flow: Field, down: _Singles, across: _Singles) -> StepsBeyond:
-    """Find where one comes from by steps that lead over seams.
+def steps_beyond(
+    atlas: TextureAtlas, flow: SheetFlow, down: _Singles, across: _Singles
+) -> StepsBeyond:
+    """Find the sources of steps that cross seams.
 
     Parameters
     ----------
     atlas : TextureAtlas
-    flow : Field
-        What is followed back for a time of 1, see `given_flow`: from where one is to where one was.
+    flow : SheetFlow
+        The flow, followed backwards for a time of 1, from the end of a step to its source; see
+        `given_flow`.
     down, across : (rows, columns) float32
-        The step to each node, straight.
+        The straight step to each node.
     """
     sheet, labels = atlas.sheet, atlas.charts.labels
     nearest = nearest_nodes(sheet, atlas.sources)
@@ -68,17 +71,12 @@ def _chart(sheet, labels, y, x):
     rows, columns = sheet.nodes.shape
     if not (0 <= y < rows and 0 <= x < columns):
         return NOTHING
-    node = sheet.nodes[y, x]
-    if node >= 0:
-        return labels[node]
-    if node == NOTHING or sheet.ghost_edges[-2 - node] < 0:
-        return NOTHING
-    return labels[sheet.ghost_edges[-2 - node] // 3]
+    return chart_of(sheet, labels, y, x)
 
 
 @kernel
 def _stays(sheet, labels, nearest, y, x, down, across):
-    # Whether a straight step from a node lies in the chart, and the nodes around its end have
+    # Whether a straight step from a node stays in the chart, and the nodes around its end have
     # values.
     label = labels[sheet.nodes[y, x]]
     parts = int(np.ceil(max(abs(down), abs(across))))
@@ -111,19 +109,19 @@ def _follow_back(
     start, stop, sheet, labels, metric, flow, most_steps, most_seams, nearest, down, across, nodes,
     sources,
 ):  # fmt: skip
-    # The flow is followed once. Whole steps differ from it by less than a texel: as they do here,
-    # they do where it comes from.
+    # The flow is followed once. Steps in whole texels differ from it by less than a texel, and
+    # this difference is mapped to the place where the flow comes from.
     columns = sheet.nodes.shape[1]
     b = np.empty(3)
-    turn, step_turn, matrix = np.empty((2, 2)), np.empty((2, 2)), np.empty((2, 2))
+    rotation, step_rotation, matrix = np.empty((2, 2)), np.empty((2, 2)), np.empty((2, 2))
     for i in range(start, stop):
         y, x = divmod(nodes[i], columns)
         end, row, column = _walk_back(
-            sheet, metric, flow, most_steps, most_seams, y, x, b, turn, step_turn
+            sheet, metric, flow, most_steps, most_seams, y, x, b, rotation, step_rotation
         )
         if end >= 0:
             _transport(
-                metric.jacobians, metric.inverse_jacobians, sheet.nodes[y, x], end, turn, matrix
+                metric.jacobians, metric.inverse_jacobians, sheet.nodes[y, x], end, rotation, matrix
             )
         step, aside = float(down[y, x]), float(across[y, x])
         for k in range(4):
@@ -145,8 +143,8 @@ def _follow_back(
 
 
 @kernel
-def _walk_back(sheet, metric, flow, most_steps, most_seams, y, x, b, turn, step_turn):
-    # The face in which the walk from a node ends, -1 where the surface ended, and the place.
+def _walk_back(sheet, metric, flow, most_steps, most_seams, y, x, b, rotation, step_rotation):
+    # The face in which the walk from a node ends, -1 if the surface ends before, and the place.
     cells = sheet.cells
     for corner in range(4):
         place = begin(y, x, corner)
@@ -156,14 +154,14 @@ def _walk_back(sheet, metric, flow, most_steps, most_seams, y, x, b, turn, step_
             flow.potential, flow.vectors, cells, flow.metrics, 1.0, most_steps, place
         )
         place, _, _, _, ending = walked
-        turn[0, 0] = turn[1, 1] = 1.0
-        turn[0, 1] = turn[1, 0] = 0.0
+        rotation[0, 0] = rotation[1, 1] = 1.0
+        rotation[0, 1] = rotation[1, 0] = 0.0
         if ending != ENDED and ending != UNFINISHED:
             edge = seam_crossed(sheet.nodes, sheet.ghost_edges, place, ending)
             if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
                 break
             place, _ = walk_across_seams(
-                flow, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn
+                flow, sheet, metric, walked, most_steps, most_seams, b, rotation, step_rotation
             )
         row, column, down, across = place
         return cells[row, column], row + down, column + across
@@ -172,7 +170,7 @@ def _walk_back(sheet, metric, flow, most_steps, most_seams, y, x, b, turn, step_
 
 @kernel
 def _nearest(nodes, nearest, row, column):
-    # The nearest node to a place that has a value, of the four around it.
+    # The nearest of the four nodes around a place that have a value.
     rows, columns = nodes.shape
     best, least = NOTHING, 8.0
     for k in range(4):
@@ -186,17 +184,17 @@ def _nearest(nodes, nearest, row, column):
 
 
 @kernel
-def _transport(jacobians, inverse_jacobians, f, g, turn, matrix):
-    # Steps in the texture at face f are those of the surface; these are told by the tangent along
-    # columns and the normal to it, in which `turn` goes from g to f; and so back in g.
+def _transport(jacobians, inverse_jacobians, f, g, rotation, matrix):
+    # Maps steps in texels at face f to steps at face g: on the surface at f, in components along
+    # the tangent of columns and its normal, by `rotation`, which maps g to f, to those at g.
     one, tangent_y, tangent_x = _tangent(jacobians, f)
     two, other_y, other_x = _tangent(jacobians, g)
     for axis in range(2):
         u, v = jacobians[f, 0, axis], jacobians[f, 1, axis]
         along = u * tangent_y + v * tangent_x
         beside = one * (v * tangent_y - u * tangent_x)
-        back = turn[0, 0] * along + turn[1, 0] * beside
-        aside = two * (turn[0, 1] * along + turn[1, 1] * beside)
+        back = rotation[0, 0] * along + rotation[1, 0] * beside
+        aside = two * (rotation[0, 1] * along + rotation[1, 1] * beside)
         u, v = back * other_y - aside * other_x, back * other_x + aside * other_y
         for k in range(2):
             matrix[k, axis] = inverse_jacobians[g, k, 0] * u + inverse_jacobians[g, k, 1] * v
@@ -204,7 +202,7 @@ def _transport(jacobians, inverse_jacobians, f, g, turn, matrix):
 
 @kernel
 def _tangent(jacobians, f):
-    # The unit vector along columns, and -1 where the texture is mirrored.
+    # The unit vector along columns, after a sign that is -1 if the texture is mirrored.
     u, v = jacobians[f, 0, 1], jacobians[f, 1, 1]
     length = np.sqrt(u * u + v * v)
     if length == 0:

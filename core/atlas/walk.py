@@ -1,32 +1,54 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walks in a sheet of texels, on the surface's metric and across seams.
+"""Walks in a sheet of texels, in the surface's metric and across seams.
 
 Inside a chart a walk is one on a grid (`core.grid.walk`): texels are nodes, and the flow is
 constant in a cell. The shock filter's flow is u = h^-1 dP / 2 with the metric h of a face there;
-other fields may be given. A walk that leaves its chart goes on where the surface does.
+other flows may be given. A walk that leaves its chart continues where the surface does.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel
 from ..errors import InvalidSignal
-from ..grid.walk import ENDED, UNFINISHED, Field, cell_velocity, ends_at_turn, walk_cells
+from ..grid.walk import ENDED, UNFINISHED, cell_velocity, ends_at_turn, walk_cells
 from ..mesh.triangle_mesh import TriangleMesh
 from .atlas import TextureAtlas
 from .ghosts import place_beyond
 from .metric import apply, store
 
 MOST_SEAMS = 10_000
-"""Seams that a walk may cross; handed to the kernels, as compiled code does not look it up."""
+"""Most seams that a walk crosses; passed to kernels, as compiled code does not read it here."""
 
 _TOUCH = 1e-6  # in texels
 
 
-def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> Field:
-    """Return the flow of the shock filter, which walks follow backwards.
+class SheetFlow(NamedTuple):
+    """What a walk on a sheet follows; its parts are those of `core.grid.walk`.
+
+    Attributes
+    ----------
+    potential : (rows, columns) float32 or None
+        None: it is a given flow.
+    vectors : (rows - 1, columns - 1, 2) array of float or None
+        None: it is the shock flow of the potential.
+    faces : (rows - 1, columns - 1) or larger array of int
+    metrics : (m, 3) or wider array of float or None
+        None for a given flow.
+    """
+
+    potential: npt.NDArray[np.float32] | None
+    vectors: npt.NDArray | None
+    faces: npt.NDArray[np.integer]
+    metrics: npt.NDArray | None
+
+
+def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> SheetFlow:
+    """Return the shock filter's flow, which walks follow backwards.
 
     Parameters
     ----------
@@ -34,18 +56,18 @@ def shock_flow(atlas: TextureAtlas, potential: npt.NDArray[np.float32]) -> Field
     potential : (rows, columns) float32
         P at the nodes; see `texel_potential`.
     """
-    return Field(potential, faces=atlas.sheet.cells, metrics=atlas.metric.inverse_metrics)
+    return SheetFlow(potential, None, atlas.sheet.cells, atlas.metric.inverse_metrics)
 
 
-def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
-    """Return a flow that is given on the surface, constant in each face; walks follow it.
+def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> SheetFlow:
+    """Return a given flow on the surface, constant in each face; walks follow it forwards.
 
     Parameters
     ----------
     atlas : TextureAtlas
     vectors : (m, 3) array of float
-        Velocity in space at each face of the mesh, in mean texel sizes; what points out of the
-        face is left out.
+        Velocity in space at each face of the mesh, in mean texel sizes; normal components are
+        ignored.
 
     Raises
     ------
@@ -60,7 +82,7 @@ def given_flow(atlas: TextureAtlas, vectors: npt.ArrayLike) -> Field:
             f" ({mesh.face_count}, 3) numbers."
         )
     steps = np.einsum("mij,mjk,mk->mi", atlas.metric.inverse_jacobians, face_axes(mesh), given)
-    return Field(vectors=np.where(cells[..., None] >= 0, steps[cells], 0.0), faces=cells)
+    return SheetFlow(None, np.where(cells[..., None] >= 0, steps[cells], 0.0), cells, None)
 
 
 def face_axes(mesh: TriangleMesh) -> npt.NDArray[np.float64]:
@@ -72,9 +94,9 @@ def face_axes(mesh: TriangleMesh) -> npt.NDArray[np.float64]:
 
 @kernel
 def seam_crossed(nodes, ghost_edges, place, axis):
-    """Return the half-edge over which a point on a side of a cell leaves its chart, or -1.
+    """Return the half-edge at which a point on a side of a cell leaves its chart, or -1.
 
-    It is that of the nearest ghost at the side's ends; `axis` is how `walk_cells` ended there.
+    It is that of the nearest ghost at the side's ends; `axis` is the ending of `walk_cells`.
     """
     row, column, down, across = place
     y = row + (down > 0.5)
@@ -89,25 +111,27 @@ def seam_crossed(nodes, ghost_edges, place, axis):
 
 
 @kernel
-def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, turn, step_turn):
-    """Go on where `walk_cells` left its chart, over as many seams as it takes.
+def walk_across_seams(
+    flow, sheet, metric, walked, most_steps, most_seams, b, rotation, step_rotation
+):
+    """Continue where `walk_cells` left its chart, over any number of seams.
 
     Where both sides of a seam flow into it, a walk of the shock filter ends; one along a given
-    field goes to and fro within a texel, and so along the seam, while time is left.
+    flow moves back and forth within a texel, and so along the seam, while time is left.
 
     Parameters
     ----------
-    field : Field
+    flow : SheetFlow
     sheet : Sheet
     metric : AtlasMetric
     walked
-        What `walk_cells` returned.
+        The result of `walk_cells`.
     most_steps, most_seams : int
-        Cells that may be crossed in a row inside a chart, and seams in all.
-    turn : (2, 2) float64
-        What turns tangent-space normals from where the walk ends to where it began; overwritten.
-    b, step_turn : (3,) and (2, 2) float64
-        Scratch.
+        Most cells crossed in a row inside a chart, and most seams in all.
+    rotation : (2, 2) float64
+        Rotation of tangent-space normals from the end of the walk to its start; overwritten.
+    b, step_rotation : (3,) and (2, 2) float64
+        Working memory.
 
     Returns
     -------
@@ -116,29 +140,29 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
     ending : int
         `ENDED` or `UNFINISHED`.
     """
-    potential, vectors, inverse_metrics = field.potential, field.vectors, field.metrics
+    potential, vectors, inverse_metrics = flow.potential, flow.vectors, flow.metrics
     place, left, vy, vx, ending = walked
-    store(turn, 1.0, 0.0, 0.0, 1.0)
+    store(rotation, 1.0, 0.0, 0.0, 1.0)
     for _ in range(most_seams):
         edge = seam_crossed(sheet.nodes, sheet.ghost_edges, place, ending)
         if edge < 0 or metric.ways.twins[edge // 3, edge % 3] < 0:
             return place, ENDED
-        # A touch before the line: should the charts' texels line up, the walk crosses it there
-        # as it would have done here.
+        # Start slightly before the line: if the charts' texels are aligned, the walk crosses it
+        # there just as inside a chart.
         speed = abs(vy) + abs(vx)
         row, column, down, across = place
         y = row + down - _TOUCH * vy / speed
         x = column + across - _TOUCH * vx / speed
         face, y, x, cosine, sine = place_beyond(
             sheet.points, metric.ways, metric.shapes, metric.jacobians, sheet.cells, edge, y, x,
-            b, step_turn,
+            b, step_rotation,
         )  # fmt: skip
         if face < 0:
             return place, ENDED
         u, v = apply(metric.jacobians, edge // 3, vy, vx)
         u, v = cosine * u - sine * v, sine * u + cosine * v
         vy, vx = apply(metric.inverse_jacobians, face, u, v)
-        _join_turns(turn, step_turn)
+        _compose(rotation, step_rotation)
         row = int(y)
         column = int(x)
         place = row, column, y - row, x - column
@@ -156,10 +180,10 @@ def walk_across_seams(field, sheet, metric, walked, most_steps, most_seams, b, t
 
 
 @kernel
-def _join_turns(turn, step):
-    # turn times step, in place.
+def _compose(rotation, step):
+    # rotation @ step, in place.
     for row in range(2):
-        a = turn[row, 0]
-        c = turn[row, 1]
-        turn[row, 0] = a * step[0, 0] + c * step[1, 0]
-        turn[row, 1] = a * step[0, 1] + c * step[1, 1]
+        a = rotation[row, 0]
+        c = rotation[row, 1]
+        rotation[row, 0] = a * step[0, 0] + c * step[1, 0]
+        rotation[row, 1] = a * step[0, 1] + c * step[1, 1]

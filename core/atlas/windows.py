@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smoothing, least and greatest values in windows of any size, on a sheet of texels.
+"""Smoothing, minima and maxima in windows of any size, on a sheet of texels.
 
-Windows reach across seams: a texel at a time, and after each step ghosts are read anew from beyond
-the seam. Lengths are in texels.
+Windows reach across seams: they grow by a texel at a time, and after each step the ghosts are read
+anew from beyond the seam. Lengths are in texels.
 """
 
 from __future__ import annotations
@@ -26,19 +26,37 @@ _VARIANCE = 2.0 * _NEIGHBOUR / (1.0 + 4.0 * _NEIGHBOUR)  # of a smoothing pass, 
 def smooth_as_far(
     atlas: TextureAtlas, values: npt.NDArray[np.float32], sigma: float
 ) -> npt.NDArray[np.float32]:
-    """Smooth nodes and ghosts about as a Gaussian does: (rows, columns, c), overwritten."""
+    """Smooth nodes and ghosts by about a Gaussian: (rows, columns, c), overwritten."""
     return smooth_texels(atlas, values, max(round(sigma**2 / _VARIANCE), 1))
 
 
 def texel_ranges(
-    atlas: TextureAtlas, values: npt.NDArray[np.float32], reach: int
+    atlas: TextureAtlas,
+    values: npt.NDArray[np.float32],
+    reach: int,
+    hidden: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return the least and the greatest values within so many texels: (rows, columns, c) each."""
+    """Return the minimum and maximum within `reach` texels: (rows, columns, c) each.
+
+    Parameters
+    ----------
+    atlas : TextureAtlas
+    values : (rows, columns, c) float32
+    reach : int
+    hidden : (rows, columns, 1) bool, optional
+        Nodes and ghosts that do not count.
+    """
     with phase(0.0, 0.5, "Measuring borders"):
-        low = _greatest(atlas, -values, reach)
+        low = -values
+        if hidden is not None:
+            np.copyto(low, low.min(), where=hidden)
+        low = _greatest(atlas, low, reach)
         np.negative(low, out=low)
     with phase(0.5, 1.0, "Measuring borders"):
-        return low, _greatest(atlas, values.copy(), reach)
+        high = values.copy()
+        if hidden is not None:
+            np.copyto(high, high.min(), where=hidden)
+        return low, _greatest(atlas, high, reach)
 
 
 def _greatest(
@@ -62,7 +80,7 @@ def _take_greatest(start, stop, nodes, sources, values, out):
                 continue
             for c in range(values.shape[2]):
                 out[y, x, c] = values[y, x, c]
-            # Nodes inside are never at the sheet's rim.
+            # Inner nodes are never at the sheet's rim.
             for dy in range(-1, 2):
                 for dx in range(-1, 2):
                     node = nodes[y + dy, x + dx]

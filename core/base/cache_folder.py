@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where compiled kernels are kept, for a host program to choose before the first is imported.
+"""The folder of compiled kernels; a host program chooses it before it imports the first kernel.
 
-Needs no numba, which takes long to import.
+Does not need numba, which takes long to import.
 """
 
 from __future__ import annotations
 
 chosen: str | None = None
-"""A folder; it is made when needed. None leaves the choice to numba, beside the sources.
+"""A folder, made when needed. With None, numba chooses: beside the sources.
 
-The environment variable ``NUMBA_CACHE_DIR`` comes first.
+The environment variable ``NUMBA_CACHE_DIR`` takes precedence.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which signals, masks and images the filters take; what is wrong with others is named."""
+"""Checks of signals, masks, images and settings; errors name what is wrong."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 
 LARGEST = 1e30
-"""Largest values of signals: flows are made of squares of squares of them."""
+"""Largest values of signals: flows hold their fourth powers, which must stay finite."""
 
 
 def as_array(values: npt.ArrayLike, what: str) -> npt.NDArray:
@@ -31,14 +31,14 @@ def as_array(values: npt.ArrayLike, what: str) -> npt.NDArray:
 
 
 def checked_word(word: str, name: str, choices: Iterable[str]) -> str:
-    """Return a word of those that there are, or raise `InvalidSettings`."""
+    """Return `word` if it is one of the choices, or raise `InvalidSettings`."""
     if not isinstance(word, str) or word not in choices:
         raise InvalidSettings(f"{name} is {word!r}; choose one of: {', '.join(choices)}.")
     return word
 
 
 def is_whole(number: object) -> TypeGuard[SupportsInt]:
-    """Whether something is a whole number of Python or numpy, whatever its type."""
+    """Whether an object is a whole number of Python or numpy, of integer or float type."""
     if isinstance(number, (bool, np.bool_)):
         return False
     if isinstance(number, (float, np.floating)):
@@ -64,7 +64,7 @@ def checked_number(number: Any, name: str, most: float = np.inf) -> float:
 
 
 def checked_flag(value: object, name: str) -> bool:
-    """Return what is true or false, or raise `InvalidSettings`."""
+    """Return a flag as a bool, or raise `InvalidSettings`."""
     if not isinstance(value, (bool, np.bool_, int)):
         raise InvalidSettings(f"{name} is {value!r}; give True or False.")
     return bool(value)
@@ -136,17 +136,17 @@ def checked_type(signal: npt.ArrayLike) -> npt.NDArray:
 
 
 SCALES = {"uint8": 1.0 / 255.0, "uint16": 1.0 / 65535.0, "float32": 1.0, "float64": 1.0}
-"""The types of images, with what brings their values to [0, 1]."""
+"""The types of images, each with the factor that brings its values to [0, 1]."""
 
 
 def is_dask(array: Any) -> TypeGuard[Any]:
-    """Whether an array is one of dask, which is not imported to find out."""
+    """Whether an array is a dask array; does not import dask to find out."""
     dask = sys.modules.get("dask.array")
     return dask is not None and isinstance(array, dask.Array)
 
 
 def refuse_with_dask(**words: Any) -> None:
-    """Raise `InvalidSettings` for a parameter that is given, and means nothing to dask arrays."""
+    """Raise `InvalidSettings` for parameters that are given but have no meaning for dask arrays."""
     for name, given in words.items():
         if given is not None:
             raise InvalidSettings(
@@ -156,7 +156,7 @@ def refuse_with_dask(**words: Any) -> None:
 
 
 BAND = 256
-"""Rows of an image that numpy gets at once."""
+"""Rows of an image that numpy processes at once."""
 
 
 def checked_image(image: npt.ArrayLike, largest: float | None = None) -> npt.NDArray:
@@ -179,7 +179,7 @@ def checked_image(image: npt.ArrayLike, largest: float | None = None) -> npt.NDA
 
 
 def check_kind_of_image(array: Any) -> None:
-    """Raise `InvalidSignal` if images of such a type or shape cannot be filtered."""
+    """Raise `InvalidSignal` if images of this type or shape cannot be filtered."""
     if array.dtype.name not in SCALES:
         raise InvalidSignal(
             f"The image is of type {array.dtype}; give uint8, uint16, float32 or float64."
@@ -189,7 +189,7 @@ def check_kind_of_image(array: Any) -> None:
 
 
 def checked_out(out: npt.NDArray | None, given: npt.NDArray, times: int = 1) -> npt.NDArray:
-    """Return where the result goes, so many times larger: a new array, or `out` if it fits."""
+    """Return the array for a result `times` as large: `out` if it fits, or a new one if None."""
     shape = (times * given.shape[0], times * given.shape[1], *given.shape[2:])
     if out is None:
         return np.empty(shape, given.dtype)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What filters find out on their way, for reports: told to whoever gathers it, without a parameter.
+"""Findings: what filters notice during a run, gathered for reports without a parameter.
 
-A front end opens ``with gathering() as findings:`` around a run; a filter calls `tell`. Only what
-the thread says that opened it is gathered. Needs neither numpy nor numba.
+A front end opens ``with gathering() as findings:`` around a run; a filter calls `tell`. Findings of
+other threads than the one that opened it are not gathered. Needs neither numpy nor numba.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 
 class Finding(NamedTuple):
-    """A sentence, with names in braces, and their values; as those of a `ShockError`."""
+    """A sentence with fields in braces and their values, as in a `ShockError`."""
 
     sentence: str
     values: dict[str, Any]
@@ -26,7 +26,7 @@ _listening: ContextVar[list[Finding] | None] = ContextVar("shock_filter_findings
 
 @contextmanager
 def gathering() -> Iterator[list[Finding]]:
-    """Gather what is told in the block; those who gather around it get it, too."""
+    """Gather the findings of the block; an enclosing `gathering` gets them, too."""
     outer = _listening.get()
     found: list[Finding] = []
     token = _listening.set(found)
@@ -39,12 +39,12 @@ def gathering() -> Iterator[list[Finding]]:
 
 
 def is_gathered() -> bool:
-    """Whether anybody listens."""
+    """Whether a `gathering` block is open."""
     return _listening.get() is not None
 
 
 def tell(text: str, **values: Any) -> None:
-    """Say what was found, once in a run."""
+    """Report a finding; each one is kept once in a run."""
     found = _listening.get()
     if found is not None and Finding(text, values) not in found:
         found.append(Finding(text, values))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compiled code on disk that may be damaged, old, foreign or shared: it can only cost time.
+"""A cache of compiled code on disk: damaged, old, foreign or shared files only cost time.
 
-numba's own files are believed: bits that a disk turned, a file cut short, or the code of one of two
-processes under the other's types end a later run, or the whole process. Here each file begins with
-a digest of all that its code depends on and a checksum of the code; what does not fit is compiled
-again. Part of that are the source files that a kernel's file imports: numba looks at the kernel's
-own file only, and its date.
+numba trusts its cache files: flipped bits, a truncated file, or the code of one of two processes
+under the other's types make a later run fail or crash the process. Here each file begins with a
+digest of all that its code depends on and a checksum of the code; code that does not match is
+compiled again. The digest covers the source files that a kernel's file imports: numba compares
+the kernel's own file only, by its date.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ _IMPORT = re.compile(r"^from (\.+)([\w.]*) import ([^(\n]+|\([^)]*\))", re.MULTI
 
 
 class _ChosenFolder(UserProvidedCacheLocator):
-    """Files go where the host program says."""
+    """Keeps files where the host program chose."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
-        self._cache_path = cache_folder.chosen  # for all kernels alike: it may move, or be copied
+        self._cache_path = cache_folder.chosen  # one for all kernels: it may be moved or copied
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:
-        """Pass on to numba's own places where nothing was chosen."""
+        """Leave the choice to numba if the host program made none."""
         chosen = cache_folder.chosen and not config.CACHE_DIR  # type: ignore[attr-defined]
         return (
             super(UserProvidedCacheLocator, cls).from_function(py_func, py_file) if chosen else None
@@ -66,7 +66,7 @@ class _Files(IndexDataCacheFile):
     """A kernel's files: one for each combination of types and each kind of processor, no index."""
 
     def load(self, key: Any) -> Any:
-        """Return what was saved under a key; None where nothing was."""
+        """Return the data saved under a key, or None."""
         try:
             content = Path(self._path(key)).read_bytes()
         except FileNotFoundError:
@@ -77,13 +77,13 @@ class _Files(IndexDataCacheFile):
         return pickle.loads(code)
 
     def save(self, key: Any, data: Any) -> None:
-        """Save what belongs to a key: whole, or not at all."""
+        """Save the data of a key: all of it, or none."""
         code = self._dump(data)
         with self._open_for_write(self._path(key)) as file:
             file.write(self._head(key, code) + code)
 
     def _path(self, key: Any) -> str:
-        types, processor, _ = key  # an edited kernel takes the place of the old one
+        types, processor, _ = key  # an edited kernel replaces the old one
         module, _ = self._source_stamp
         name = hashlib.blake2b(repr((module, types, processor)).encode(), digest_size=6)
         return self._data_path(self._data_name(int.from_bytes(name.digest(), "big")))
@@ -94,26 +94,26 @@ class _Files(IndexDataCacheFile):
 
 
 class KernelCache(FunctionCache):
-    """numba's cache of one kernel, except that no file in it can make a run fail."""
+    """numba's cache of one kernel, except that none of its files can make a run fail."""
 
     _impl_class = _Places
 
     def __init__(self, py_func: Any) -> None:
         super().__init__(py_func)
-        # Compiled code names its kernel's module, and imports it.
+        # Compiled code holds its kernel's module name and imports that module.
         stamp = py_func.__module__, _stamp(Path(py_func.__code__.co_filename))
         self._cache_file = _Files(self.cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled code for some types, or None where there is none to be used."""
+        """Return the compiled code for some types, or None if there is none that can be used."""
         try:
             return super().load_overload(sig, target_context)
-        except Exception as error:  # other versions of libraries can fail in any way
+        except Exception as error:  # other versions of libraries can raise anything
             log.info("Code in %s is compiled again: %s", self.cache_path, error)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled code, if the disk lets us."""
+        """Keep compiled code if the disk allows it."""
         try:
             super().save_overload(sig, data)
         except Exception as error:
@@ -121,7 +121,7 @@ class KernelCache(FunctionCache):
 
 
 def keep_on_disk(kernel: Any) -> Any:
-    """Give a kernel, as ``njit`` returns it, its cache; without any where none can be written."""
+    """Give a kernel, as ``njit`` returns it, its cache; leave it without if none can be written."""
     try:
         kernel._cache = KernelCache(kernel.py_func)
     except (RuntimeError, OSError) as error:  # no folder to write to, or no source to read
@@ -131,19 +131,19 @@ def keep_on_disk(kernel: Any) -> Any:
 
 @cache
 def _stamp(path: Path) -> str:
-    """Digest a source file and all that it imports from this package."""
-    found = [path]
-    for file in found:  # which grows meanwhile
-        found += _imported(file).difference(found)
+    """Digest a source file and all files of this package that it imports."""
+    files = [path]
+    for file in files:  # grows during the loop
+        files += _imported(file).difference(files)
     digest = hashlib.sha256()
-    for file in sorted(found):
+    for file in sorted(files):
         digest.update(_text(file))
     return digest.hexdigest()
 
 
 @cache
 def _imported(path: Path) -> frozenset[Path]:
-    """Find the modules that a file imports relatively, at its top."""
+    """Find the modules that a file imports relatively at its top."""
     found: set[Path] = set()
     for dots, module, names in _IMPORT.findall(_text(path).decode()):
         place = path.parents[len(dots) - 1].joinpath(*module.split("."))

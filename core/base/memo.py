@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Results that stay with what they were computed from, for the next run on it."""
+"""Memoization: results kept with the object they were computed from, for the next run on it."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ Result = TypeVar("Result")
 
 
 def kept(owner: Any, name: str, key: tuple[Any, ...], make: Callable[[], Result]) -> Result:
-    """Return what `make` returned for this owner and key, calling it if it was not kept.
+    """Return the kept result of this owner and key, or keep and return that of `make`.
 
-    The last result of each name is kept as long as the owner lives. Nobody may change it.
+    The last result of each name lives as long as the owner. Callers must not modify it.
 
     Parameters
     ----------
     owner : object
-        Such as a mesh; it does not change from now on.
+        For example a mesh; it must not change from now on.
     name : str
-        What is kept.
+        The name of the result.
     key : tuple
-        What the result depends on besides the owner; arrays count by their bits.
+        What the result depends on besides the owner; arrays are compared by their bits.
     make : callable
-        Makes the result. Threads that ask at the same time may each call it.
+        Computes the result. Threads that ask at the same time may each call it.
     """
     results: dict[str, tuple[tuple[Any, ...], Any]] = owner.__dict__.setdefault("_kept", {})
     old = results.get(name)
     if old is not None and equal(old[0], key):
         return old[1]
     result = make()
-    # Arrays of others may change later.
+    # Callers may change their arrays later.
     own = tuple(part.copy() if isinstance(part, np.ndarray) else part for part in key)
     results[name] = own, result
     return result

@@ -21,7 +21,7 @@ from .kernel_cache import keep_on_disk
 from .progress import ask
 
 LARGEST_CHUNK = 1 << 15
-"""Most indices that a kernel gets at once: few enough that cancelling acts within milliseconds."""
+"""Most indices per kernel call: few enough that cancelling takes milliseconds."""
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -30,23 +30,23 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def sum_kernel(function: Callable[..., Any]) -> Any:
-    """Compile a kernel that adds up long arrays: the order of the additions is left open."""
+    """Compile a kernel that sums long arrays: the compiler may reorder the additions."""
     compiled = njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
     return keep_on_disk(compiled(function))
 
 
 most_threads: int | None = None
-"""Threads of one run, where a host program has work for the other cores; None is one a core."""
+"""Most threads of a run; a host program sets it to keep cores free. None: one thread per core."""
 
 
 def thread_count() -> int:
-    """Threads that a run may use."""
+    """Number of threads that a run may use."""
     return most_threads or _core_count()
 
 
 @cache
 def _core_count() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # macOS and Windows
@@ -59,7 +59,7 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def chunk_size(count: int) -> int:
-    """Cut a range into 16 chunks to balance the cores, but neither tiny nor huge ones.
+    """Compute the size of chunks: 16 of a range to balance the cores, but neither tiny nor huge.
 
     The size does not depend on the number of cores, so that sums kept per chunk are the same on
     every machine.
@@ -73,7 +73,7 @@ def run_in_order(
     *arguments: Any,
     chunk: int | None = None,
 ) -> None:
-    """Do what `run` does chunk by chunk, for kernels that build on what came before."""
+    """Like `run`, but chunk by chunk in order, for kernels that build on earlier chunks."""
     chunk = chunk or chunk_size(count)
     for start in range(0, count, chunk):
         stop = min(start + chunk, count)
@@ -82,18 +82,18 @@ def run_in_order(
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Cut ``range(count)`` into slices, for numpy; asks whether to go on before each."""
+    """Cut ``range(count)`` into slices for numpy; calls `ask` before each."""
     for start in range(0, count, size):
         ask(start / count)
         yield slice(start, min(start + size, count))
 
 
-if hasattr(os, "register_at_fork"):  # a forked process has no threads of its parent's
+if hasattr(os, "register_at_fork"):  # a forked process lacks its parent's threads
     os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
 def begin(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-    """Call a function on another core, while this one goes on; it reports no progress."""
+    """Call a function on another core while this one continues; it reports no progress."""
     return _pool().submit(function, *arguments)
 
 
@@ -105,14 +105,14 @@ def run(
 ) -> None:
     """Call ``function(start, stop, *arguments)`` for all chunks of ``range(count)``.
 
-    The calling thread works too, and asks between its chunks whether to go on (see `progress`). A
-    chunk is `chunk_size` indices, unless `chunk` says otherwise.
+    The calling thread works too, and calls `ask` between its chunks (see `progress`). A chunk has
+    `chunk_size` indices unless `chunk` is given.
 
     Raises
     ------
     Cancelled
-        When the progress callback asks for it. Whatever is raised, chunks under way are finished
-        first: nobody writes to the arrays any more.
+        If the progress callback cancels. Before any exception leaves this function, running chunks
+        finish, so that no thread writes to the arrays any more.
     """
     chunk = chunk or chunk_size(count)
     chunks = -(-count // chunk)
@@ -135,9 +135,9 @@ def run(
     try:
         work()
     finally:
-        # Helpers that have not begun would find nothing to do, once another run lets them.
+        # Helpers that another run kept from starting would find no chunk left.
         futures = [future for future in futures if not future.cancel()]
         wait(futures)
     for future in futures:
         future.result()
-    ask(1.0)  # the last chunks may have been those of other threads
+    ask(1.0)  # other threads may have run the last chunks

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Progress of a run and canceling, without a parameter that every function hands on.
+"""Progress of a run and cancelling, without a parameter that every function passes on.
 
-A public function opens ``with reporting(progress):``; what it calls divides the run into phases by
-``with phase(0.2, 0.5, "Tracing flow-lines"):``, which nest; and `ask` tells how much of the phase
-is done. `parallel.run` and `parallel.blocks` ask by themselves. Only the thread that opened
-`reporting` reports. Needs neither numpy nor numba.
+A public function opens ``with reporting(progress):``; the functions that it calls divide the run
+into nested phases, ``with phase(0.2, 0.5, "Tracing flow-lines"):``, and `ask` reports how much of
+the phase is done. `parallel.run` and `parallel.blocks` call `ask` by themselves. Only the thread
+that opened `reporting` reports. Needs neither numpy nor numba.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ _current: ContextVar[_Phase | None] = ContextVar("shock_filter_phase", default=N
 
 @contextmanager
 def reporting(progress: ProgressCallback | None) -> Iterator[None]:
-    """Report what happens in the block to a callback.
+    """Report the progress of the block to a callback.
 
     Parameters
     ----------
     progress : callable or None
-        ``progress(fraction, message) -> bool``; False cancels, and nothing at all goes on. Its
-        fractions never fall. None reports to whom the caller reports.
+        ``progress(fraction, message) -> bool``; False cancels the run at once. Its fractions
+        never fall. With None, the block reports to the callback of the caller, if any.
 
     Raises
     ------
     Cancelled
-        Out of the block, when the callback asks for it.
+        If the callback cancels; it leaves the block.
     InvalidSettings
-        If it cannot be called.
+        If `progress` cannot be called.
     """
     if progress is None:
         yield
@@ -55,7 +55,7 @@ def reporting(progress: ProgressCallback | None) -> Iterator[None]:
     def report(fraction: float, message: str) -> None:
         nonlocal highest
         highest = max(highest, fraction)
-        token = _current.set(None)  # what the callback itself runs is not part of this run
+        token = _current.set(None)  # runs inside the callback are not part of this run
         try:
             answer = progress(highest, message)
         finally:
@@ -81,14 +81,14 @@ def _check(progress: object) -> None:
 
 @contextmanager
 def phase(start: float, stop: float, message: str) -> Iterator[None]:
-    """Have the block cover the fractions `start` to `stop` of the phase that it stands in.
+    """Map the progress of the block to the fractions `start` to `stop` of the enclosing phase.
 
     Parameters
     ----------
     start, stop : float
-        From 0 to 1. Where both are the same, the block asks whether to go on, and the bar rests.
+        From 0 to 1. If they are equal, the block can be cancelled, but the bar does not move.
     message : str
-        What is being done, for people.
+        What is being done, shown to people.
     """
     outer = _current.get()
     if outer is None:
@@ -105,12 +105,12 @@ def phase(start: float, stop: float, message: str) -> Iterator[None]:
 
 
 def aside(message: str) -> AbstractContextManager[None]:
-    """Have the block ask whether to go on while the bar rests, as its share is small."""
+    """Let a block of little work be cancelled without moving the bar."""
     return phase(0.0, 0.0, message)
 
 
 def ask(fraction: float = 0.0) -> None:
-    """Report how much of the current phase is done; raises `Cancelled` if that is wanted."""
+    """Report how much of the current phase is done; raises `Cancelled` if the callback cancels."""
     current = _current.get()
     if current is not None:
         current.report(current.start + fraction * (current.stop - current.start), current.message)
@@ -119,7 +119,7 @@ def ask(fraction: float = 0.0) -> None:
 def part_of(
     progress: ProgressCallback | None, first: float, last: float
 ) -> ProgressCallback | None:
-    """Return what reports a part of the whole, from one fraction to another."""
+    """Return a callback that reports to a part of the whole, from `first` to `last`."""
     if progress is None:
         return None
     _check(progress)
@@ -129,9 +129,9 @@ def part_of(
 def one_of(
     progress: ProgressCallback | None, number: int, count: int, message: str
 ) -> AbstractContextManager[None]:
-    """Report what happens in the block as one of `count` steps, for generators.
+    """Report the progress of the block as one of `count` steps, for generators.
 
-    These do not stand in their caller's phase while they wait: each step is reported by itself.
+    While a generator waits it is outside its caller's phase: each step is reported by itself.
     """
     if progress is not None:
         _check(progress)

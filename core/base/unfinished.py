@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walks that are cut off, so that none goes on for ever: counted, and told in the log."""
+"""Walks that are cut off, so that none runs forever: counted, and logged."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 MOST_STEPS = 1_000_000
-"""Cells that a walk may cross; handed to the kernels, as compiled code does not look it up."""
+"""Most cells that a walk crosses; passed to kernels, as compiled code does not read it here."""
 
 
 def warn_of_unfinished(counts: npt.NDArray) -> None:
@@ -18,7 +18,7 @@ def warn_of_unfinished(counts: npt.NDArray) -> None:
     Parameters
     ----------
     counts : (any,) array of int or bool
-        Counted apart by those who run at the same time.
+        Counts, or flags of walks; threads that run at the same time count apart.
     """
     count = np.count_nonzero(counts) if counts.dtype == np.bool_ else int(counts.sum())
     if count:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from .parallel import kernel
 
 TIE_BREAKER = (0.5842, 0.6117, 0.5333)
-"""A direction along no axis or diagonal: it decides where lengths or costs are the same."""
+"""A direction along no axis or diagonal: it decides between equal lengths or costs."""
 
 
 @kernel

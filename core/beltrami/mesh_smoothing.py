@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weighted means over meshes: the short-time kernel and the bilateral one."""
+"""Weighted means over meshes: the short-time kernel and the bilateral one.
+
+A signal I painted on a mesh makes a surface of its own, with the vertices at (X, beta I): X in
+mean edge lengths, I in [0, 1]. Each value becomes the mean of the values around it, weighted by
+``exp(-d^2 / 4 t)`` with d the geodesic distance on that surface (paper C, equations 20 to 22; the
+constant H0 is what makes the weights sum to one).
+
+The paper integrates over the surface and does not say what a vertex stands for: here, for a third
+of the area around it on the mesh, so that crowded vertices do not count more.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +18,7 @@ import numpy as np
 
 from ..base.parallel import chunk_size, kernel, run
 from ..base.progress import aside, phase
-from ..mesh.calculus import make_unit
+from ..mesh.calculus import lumped_mass, make_unit
 from ..mesh.geodesics import (
     ALL,
     Stencils,
@@ -20,6 +29,7 @@ from ..mesh.geodesics import (
     new_search,
     search,
     squared_distance,
+    stencils,
 )
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ..settings import BeltramiMeshSettings
@@ -72,6 +82,47 @@ def smooth_graph(
         run(_euclidean_means, count, settings.time, limit, most, graph, embedding, mass, values,
             out, chunk=chunk)  # fmt: skip
     return out
+
+
+def smooth_painted(
+    mesh: TriangleMesh, values: Floats, settings: BeltramiMeshSettings, *, moves: bool = False
+) -> tuple[Floats, Floats]:
+    """Apply the kernel to a signal that is painted on a mesh, as often as the settings say.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    values : (n, d) float64
+    settings : BeltramiMeshSettings
+        `time` greater than 0.
+    moves : bool
+        Whether the mesh is smoothed, too, by the same weights.
+
+    Returns
+    -------
+    points : (n, 3) float64
+        The vertices, in mean edge lengths.
+    values : (n, d) float64
+        Within the range of the input.
+    """
+    # Lengths and areas stay those of the given mesh: only so are the iterations alike. Means keep
+    # to the range of the input but for rounding.
+    with aside("Denoising"):
+        mass = lumped_mass(mesh)
+    points, beta = mesh.scaled_vertices, settings.beta
+    low, high = values.min(axis=0), values.max(axis=0)
+    for iteration in range(settings.iterations):
+        start, stop = iteration / settings.iterations, (iteration + 1) / settings.iterations
+        with phase(start, stop, "Denoising"):
+            embedding = np.concatenate([points, beta * values], axis=1)
+            with aside("Denoising"):
+                graph = stencils(mesh, embedding)
+            signal = np.concatenate([points, values], axis=1) if moves else values
+            means = smooth_graph(graph, embedding, mass, signal, settings, mesh.has_hubs)
+            if moves:
+                points, means = np.split(means, [3], axis=1)
+            values = np.clip(means, low, high)
+    return points, values
 
 
 def smooth_faces(

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command line, shared by ``shock-filter`` and Blender.
 
-A backend reads, filters and writes one file; all else (flags, several inputs, progress, messages,
-exit codes) is here. Numerics and file formats are imported when the first file is at hand.
+A backend reads, filters and writes one file; everything else (flags, several inputs, progress,
+messages, exit codes) is here. Numerics and file formats are imported with the first file.
+May use all of `core`.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
     Parameters
     ----------
     arguments : sequence of str, optional
-        The words after the program's name; those of ``sys.argv`` if left out.
+        The words after the program's name; if left out, those of ``sys.argv``.
     backend : Backend, optional
-        Who reads, filters and writes; :class:`FileBackend` if left out.
+        Reads, filters and writes; :class:`FileBackend` if left out.
 
     Returns
     -------

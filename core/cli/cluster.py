@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Many files on a Dask cluster: each is a task, whose worker reads, filters and writes it.
+"""Many files on a Dask cluster: each file is a task, whose worker reads, filters and writes it.
 
-Of pictures that may not fit into memory, chunks are the tasks instead, of one picture at a time.
+Pictures that may not fit into memory are filtered one at a time, with their chunks as tasks.
 
-Dask hands the task of a worker that is lost to another one. All else that goes wrong with a file is
-an answer like others, and so is not tried again.
+If a worker is lost, Dask gives its task to another one. All other failures of a file are ordinary
+results, and so are not retried.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ from .running import (
 )
 from .scheduler import connected
 
-_GLANCE = 0.2  # seconds between looks at what has been pressed
-_PAUSE = 1.0  # seconds between looks at which workers there are
-_AHEAD = 2  # files for each thread of the workers, so that none waits for its next one
+_GLANCE = 0.2  # seconds between checks for Ctrl-C
+_PAUSE = 1.0  # seconds between checks of the workers
+_AHEAD = 2  # files per thread of the workers, so that none waits for its next file
 
 File = tuple[str, Path]
 
 
 def run_on_cluster(job: Job, files: Iterable[File]) -> int:
-    """Have the workers of a cluster filter each input into its output; returns the exit code."""
-    # Workers have folders of their own.
+    """Let the workers of a cluster filter each input into its output; returns the exit code."""
+    # Workers run in other folders.
     named = [(str(Path(source).absolute()), target.absolute()) for source, target in files]
     with Interrupt() as interrupt:
         try:
@@ -64,13 +64,13 @@ def run_on_cluster(job: Job, files: Iterable[File]) -> int:
 
 
 class _Run:
-    """All files of a run, and what became of them."""
+    """All files of a run, and their results."""
 
     def __init__(self, client: Any, job: Job, count: int, interrupt: Interrupt) -> None:
         options = job.options
         self._client, self._job, self._count, self._interrupt = client, job, count, interrupt
         self._name = uuid.uuid4().hex
-        # Whether an output may be replaced is asked here, as a worker may be lost after writing.
+        # Overwriting is checked here, as a worker may be lost after it has written.
         self._flags = {**whole(options), "command": options.command.command, "overwrite": True}
         self._bar = Bar(options.cluster, interrupt, options.quiet)
         self._failures: list[Result] = []
@@ -89,7 +89,7 @@ class _Run:
             (divided if _is_divided(self._job, *file) else whole_ones).append(file)
         try:
             for suspect in self._filter(self._to_do(whole_ones)):
-                # Alone, as it may have been another file that ended the worker of both.
+                # Alone, as another file may have killed the worker of both.
                 for source, _ in self._filter(iter([suspect])):
                     reason = "each worker that had it was lost; has it enough memory for this?"
                     self._note(failure(source, ShockError(f"{source}: {reason}")))
@@ -120,7 +120,7 @@ class _Run:
         return f"{self._written} of {self._count} files were written"
 
     def _filter(self, waiting: Iterator[File]) -> list[File]:
-        """Filter files; returns those whose workers were lost again and again."""
+        """Filter files; returns those whose workers were lost repeatedly."""
         from distributed import CancelledError, KilledWorker
 
         under_way: dict[Any, File] = {}
@@ -141,7 +141,7 @@ class _Run:
                     suspects.append(file)
                 except (CancelledError, OSError):
                     raise
-                except Exception as error:  # which would meet all files that are left
+                except Exception as error:  # would affect all remaining files
                     raise ShockError(
                         f"A new worker cannot be used: {_reason(error)} {self._progress()}; add"
                         " --resume to go on."
@@ -149,7 +149,7 @@ class _Run:
             self._bar(self._ended / self._count, f"{self._ended} of {self._count} files")
 
     def _to_do(self, files: Iterable[File]) -> Iterator[File]:
-        """Pass on what is for workers to do."""
+        """Yield the files that workers must process."""
         for source, target in files:
             if self._job.is_done(source, target):
                 self._skipped += 1
@@ -176,8 +176,8 @@ class _Run:
         return self._client.submit(pickle.loads, call, key=f"shock-filter-{uuid.uuid4().hex}")
 
     def _divide(self, source: str, target: Path) -> Result:
-        """Filter one picture here, whose chunks the workers compute."""
-        # Workers open what flags name, and have folders of their own.
+        """Filter one picture here, with its chunks computed by the workers."""
+        # Workers open the files that flags name, from other folders.
         options = argparse.Namespace(**whole(self._job.options))
 
         def tell(fraction: float, message: str) -> bool:
@@ -187,7 +187,7 @@ class _Run:
         return filter_file(job, source, target, tell, lambda: self._interrupt.asked)
 
     def _room(self) -> int:
-        """How many files may be under way; asks now and then, as workers come and go."""
+        """How many files may be in progress; queried now and then, as workers come and go."""
         now = time.monotonic()
         if now - self._asked > _PAUSE:
             self._asked = now
@@ -206,7 +206,7 @@ class _Run:
             self._failures.append(result)
 
     def _stop(self) -> None:
-        """Have workers leave the files that they are at."""
+        """Let workers stop the files that they work on."""
         if not self._is_stopped:
             self._is_stopped = True
             self._client.run(pickle.loads, worker.call(worker.stop, self._name), on_error="ignore")
@@ -230,12 +230,12 @@ def _is_divided(job: Job, source: str, target: Path) -> bool:
 
     try:
         return is_big(Path(source), target)
-    except (ShockError, OSError):  # which a worker will meet, too
+    except (ShockError, OSError):  # a worker will report it
         return False
 
 
 def _check_target(job: Job, target: Path) -> None:
-    """Refuse to replace an output, unless that is asked for."""
+    """Refuse to replace an output unless requested."""
     may_replace = job.may_replace(target)
     if job.options.command.kind.makes_frames and job.options.kind != "lines":
         from ..files.frames import check_frames_target
@@ -246,10 +246,10 @@ def _check_target(job: Job, target: Path) -> None:
 
 
 def _check_workers(client: Any) -> None:
-    """Refuse workers that would make other results, or none."""
+    """Refuse workers that would produce other results, or none."""
     answers = client.run(pickle.loads, worker.call(worker.prepare, __version__), on_error="return")
     for address, answer in answers.items():
-        is_lost = isinstance(answer, OSError)  # just now, and others will do
+        is_lost = isinstance(answer, OSError)  # only now; others will do
         if isinstance(answer, Exception) and not is_lost:
             raise ShockError(f"The worker {address} cannot be used: {_reason(answer)}")
 

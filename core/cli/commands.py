@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The commands, and what differs between those who carry them out."""
+"""The commands, and the interface of the backends that carry them out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..files.output import Outcome
 
 Command = Filter
-"""What people may type first, `TEXTURE_MASK` too."""
+"""The names of all commands, including `TEXTURE_MASK`."""
 
 TEXTURE_MASK = Command(
     "texture_mask",
@@ -31,7 +31,7 @@ COMMANDS = (*FILTERS, TEXTURE_MASK)
 
 
 class Backend(Protocol):
-    """What differs between Blender and plain Python."""
+    """The parts that differ between Blender and plain Python."""
 
     prog: str
 

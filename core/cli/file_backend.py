@@ -39,7 +39,7 @@ _PIPELINES = {
     IMAGE: ("images", "filter_image_file"),
     TEXTURE: ("textures", "filter_texture_file"),
 }
-"""Module and name of what reads, filters and writes the files of each kind."""
+"""Module and name of the function that reads, filters and writes the files of each kind."""
 
 
 class FileBackend:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The flags of ``visualize-flow``, which has three kinds of pictures with settings of their own."""
+"""The flags of ``visualize-flow``, whose three kinds of pictures have different settings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FPS = 25.0
 
 
 class Shown(NamedTuple):
-    """What is asked for.
+    """What is shown.
 
     Attributes
     ----------
@@ -38,8 +38,8 @@ class Shown(NamedTuple):
 
 
 def add_flags(parser: argparse.ArgumentParser, add_settings: Any) -> None:
-    """Add all flags; `add_settings` makes those of a settings class, but for some."""
-    meanings = ", ".join(f"{name}: {about}" for name, (_, about) in KINDS.items())
+    """Add all flags; `add_settings` adds those of a settings class, except some."""
+    meanings = ", ".join(f"{name}: {meaning}" for name, (_, meaning) in KINDS.items())
     parser.add_argument(
         "--kind", choices=list(KINDS), default="noise", help=f"{meanings} (default noise)"
     )
@@ -106,7 +106,7 @@ def add_flags(parser: argparse.ArgumentParser, add_settings: Any) -> None:
 
 
 def read_flags(options: argparse.Namespace) -> Shown:
-    """Make the settings of the kind that was chosen, and refuse flags of others."""
+    """Make the settings of the chosen kind, and refuse flags of the others."""
     settings, _ = KINDS[options.kind]
     fields = describe(settings)
     under = NoiseSettings if options.kind == "dye" and options.over_noise else None
@@ -132,7 +132,7 @@ def read_flags(options: argparse.Namespace) -> Shown:
 
 
 def look_of(shown: Shown, options: argparse.Namespace, background: Any) -> Any:
-    """Say how frames look and are written, with a background that was read."""
+    """Return how frames look and are written, over a background that was read."""
     from ..files.flows import Look
 
     return Look(
@@ -151,7 +151,7 @@ def look_of(shown: Shown, options: argparse.Namespace, background: Any) -> Any:
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
-    """Add what says how a file of velocities is to be understood, wherever it is read."""
+    """Add the flags that say how a file of velocities is interpreted."""
     parser.add_argument(
         "--y-axis",
         choices=["up", "down"],
@@ -178,7 +178,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 
 def how_to_read(options: argparse.Namespace) -> dict[str, Any]:
-    """Collect what these flags say, for `files.velocities.How`."""
+    """Collect these flags, for `files.velocities.How`."""
     names = ("y_axis", "variables", "attribute", "material", "any_size")
     given = vars(options)
     found = {name: given[name] for name in names if name in given}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which file each input is written to."""
+"""The inputs, and the file that each is written to."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ..files.staging import tidy
 
 
 class UsageError(Exception):
-    """The command line asks for something that cannot be meant."""
+    """The command line asks for something impossible."""
 
 
 class FileName(str):
-    """The name of a file that a flag gives: the result depends on what is in it."""
+    """The name of a file in a flag; the result depends on its contents."""
 
 
 def files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
-    """Each input with what it is written to.
+    """Each input with its output.
 
-    What a killed run has left in their folders is made good before.
+    First finishes or removes what killed runs have left in the folders of both.
     """
     _tidy(options.inputs)
     pairs = _files_of(options)
@@ -41,7 +41,7 @@ def _tidy(names: Iterable[str | Path]) -> None:
 
 
 def _files_of(options: argparse.Namespace) -> list[tuple[str, Path]]:
-    if options.command.kind.makes_frames:  # into a folder all of them, and not one for each input
+    if options.command.kind.makes_frames:  # one folder for all frames, not one per input
         tidy(Path(options.output))
         return [(options.inputs[0], Path(options.output))]
     pairs = _pairs(options.inputs, options.output)
@@ -76,21 +76,21 @@ def _pairs(patterns: list[str], output: str) -> list[tuple[str, Path]]:
 
 
 def _is_folder(output: str) -> bool:
-    # Zarr arrays are folders, too, but stand for a file.
+    # Zarr arrays are folders, too, but represent a file.
     if Path(output).suffix.lower() == ".zarr":
         return False
     return os.path.isdir(output) or output.endswith(("/", os.sep))
 
 
 def _expand(pattern: str) -> list[str]:
-    # A name that cannot be found stays, to be reported as a failed input.
+    # A name that cannot be found is kept, to be reported as a failed input.
     if os.path.exists(pattern) or not glob.has_magic(pattern):
         return [pattern]
     return sorted(glob.glob(pattern, recursive=True)) or [pattern]
 
 
 def whole(options: argparse.Namespace) -> dict[str, Any]:
-    """Give all flags, their files by names that hold in any folder."""
+    """Return all flags, with file names that are valid in any folder."""
 
     def completed(value: Any) -> Any:
         if isinstance(value, list):
@@ -101,7 +101,7 @@ def whole(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def check_target(target: Path, overwrite: bool) -> None:
-    """Refuse to write to a folder or a pipe, or over a file unless that is asked for."""
+    """Refuse to write to a folder or a pipe, or over a file unless requested."""
     if not target.is_dir() or target.suffix.lower() != ".zarr":
         check_plain(target)
     if target.exists() and not overwrite:

@@ -100,15 +100,15 @@ def _add_command(commands: Any, row: Command, backend: Backend) -> None:
 
 
 def add_mask(parser: argparse.ArgumentParser, command: Command, of_meshes: str) -> None:
-    """Add the flags of a mask; `of_meshes` says what it is where no image is filtered."""
-    kind, metavar, about = str, "NAME", of_meshes
+    """Add the flags of a mask; `of_meshes` describes masks of commands without images."""
+    kind, metavar, text = str, "NAME", of_meshes
     if command.kind.is_image:
-        kind, metavar, about = (
+        kind, metavar, text = (
             FileName,
             "FILE",
             "gray image of the same size: black stays, white changes fully",
         )
-    parser.add_argument("--mask", type=kind, metavar=metavar, help=about)
+    parser.add_argument("--mask", type=kind, metavar=metavar, help=text)
     parser.add_argument("--invert-mask", action="store_true", help="use one minus the mask")
 
 
@@ -124,7 +124,7 @@ def add_gain_map(parser: argparse.ArgumentParser) -> None:
 
 
 def add_others(parser: argparse.ArgumentParser) -> None:
-    """Add the flag of further pictures."""
+    """Add the flag for further pictures."""
     parser.add_argument(
         "--with",
         type=FileName,
@@ -138,7 +138,7 @@ def add_others(parser: argparse.ArgumentParser) -> None:
 
 
 def add_sources(parser: argparse.ArgumentParser, command: Command) -> None:
-    """Add the flags that say what an image is made from, beside the mesh."""
+    """Add the flags for what an image is made from besides the mesh."""
     if command.takes_starts:
         parser.add_argument(
             "--vertices",
@@ -171,7 +171,7 @@ def add_sources(parser: argparse.ArgumentParser, command: Command) -> None:
 
 
 def sources_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Collect what these flags say; files by their names."""
+    """Collect these flags; files by their names."""
     given = vars(options)
     names = ("vertices", "painted", "along", "scale_map")
     return {name: given[name] for name in names if given.get(name) is not None}
@@ -207,33 +207,33 @@ def _add_settings(
 ) -> None:
     main_group = parser.add_argument_group(title)
     advanced = parser.add_argument_group(f"advanced {title}")
-    for name, (kind, default, about) in describe(settings).items():
+    for name, (kind, default, setting) in describe(settings).items():
         if name in known:
             continue
-        (advanced if about.advanced else main_group).add_argument(
+        (advanced if setting.advanced else main_group).add_argument(
             "--" + name.replace("_", "-"),
             dest=name,
             type=str if kind is str else _number,
-            choices=list(about.choices) or None,
-            metavar=None if about.choices else "N",
+            choices=list(setting.choices) or None,
+            metavar=None if setting.choices else "N",
             default=default,
-            help=_help(default, about).replace("%", "%%"),
+            help=_help(default, setting).replace("%", "%%"),
         )
 
 
-def _help(default: Any, about: Setting) -> str:
-    parts = [about.description + "."]
-    parts += [f"{word}: {meaning}." for word, meaning in about.choices.items()]
-    facts = [f"default {default if about.choices else format(default, 'g')}"]
-    if not about.choices:
-        facts.append(f"{about.minimum:g} to {about.maximum:g}")
-    if about.unit:
-        facts.append(about.unit)
+def _help(default: Any, setting: Setting) -> str:
+    parts = [setting.description + "."]
+    parts += [f"{word}: {meaning}." for word, meaning in setting.choices.items()]
+    facts = [f"default {default if setting.choices else format(default, 'g')}"]
+    if not setting.choices:
+        facts.append(f"{setting.minimum:g} to {setting.maximum:g}")
+    if setting.unit:
+        facts.append(setting.unit)
     return " ".join([*parts, f"({', '.join(facts)})"])
 
 
 def _number(text: str) -> float:
-    # Whether it has to be whole is for the settings to say.
+    # The settings check whether it must be whole.
     try:
         return int(text)
     except ValueError:
@@ -244,7 +244,7 @@ _number.__name__ = "number"  # argparse says "invalid number value"
 
 
 def read_settings(options: argparse.Namespace) -> Any:
-    """Make the settings that the flags say, and check what no single flag can know."""
+    """Make the settings from the flags, and check combinations of flags."""
     row = options.command
     if row.kind.makes_frames:
         return flows.read_flags(options)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is known of how outputs were made, so that a later run makes only what is missing.
+"""Records of how outputs were made, so that a later run makes only what is missing.
 
-Each output has a small file of its own, in the folder ``.shock-filter`` beside it, so that no two
-workers write the same one. It is written before the output is moved to its place, and holds
-digests: of all that the output was made from, of what it is when it is complete, and of what was
-there before. What is damaged or missing fits nothing, and costs time only.
+Each output has its own small file in the folder ``.shock-filter`` beside it, so that no two workers
+write the same one. It is written before the output is moved to its place, and holds digests: of
+everything that the output was made from, of the complete output, and of what was there before. A
+damaged or missing record matches nothing, and only costs time.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from .inputs import FileName, whole
 
 _FOLDER, _LOCK = ".shock-filter", "lock"
 _ASIDE = {"command", "inputs", "output", "overwrite", "quiet", "cluster", "resume"}
-"""What no result depends on; the command counts by its name."""
+"""Flags that results do not depend on; the command is included by its name."""
 
 
 def fingerprint(source: str, options: argparse.Namespace) -> str:
-    """Digest what an output is made from: version, command, flags, and the files as they are now.
+    """Digest everything an output is made from: version, command, flags, and the current files.
 
-    Of files count name, size and time. Those that a mesh names, such as buffers, do not.
+    Files are identified by name, size and time, without further files that a mesh names.
     """
     given = {name: value for name, value in sorted(whole(options).items()) if name not in _ASIDE}
     read = [os.path.abspath(source)]
@@ -43,7 +43,7 @@ def fingerprint(source: str, options: argparse.Namespace) -> str:
 
 
 def check_folder(target: Path) -> None:
-    """Refuse to keep records where they cannot be, before anything is written."""
+    """Refuse folders in which records cannot be kept, before anything is written."""
     folder = target.parent / _FOLDER
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise ShockError(
@@ -58,7 +58,7 @@ def check_folder(target: Path) -> None:
 
 
 def is_done(target: Path, made: str) -> bool:
-    """Whether an output is there, was made like this, and is as it was then."""
+    """Whether an output exists, was made like this, and is unchanged since."""
     found = _read(target)
     if not found or not target.exists():
         return False
@@ -66,10 +66,10 @@ def is_done(target: Path, made: str) -> bool:
 
 
 def is_ours(target: Path) -> bool:
-    """Whether an output was made here, in whatever way, and is as it was then.
+    """Whether an output was made here, with any settings, and is unchanged since.
 
-    It is, too, while it is as it was before a run that was killed. Where the record is damaged,
-    nothing speaks against it.
+    Also true if it is unchanged since before a run that was killed, or if the record is damaged,
+    as nothing contradicts it.
     """
     if not _path(target).exists():
         return False
@@ -82,10 +82,10 @@ def is_ours(target: Path) -> bool:
 
 
 class Record:
-    """Notes how an output is made: before it is moved to its place, so that no kill parts the two.
+    """Notes how an output is made before it is moved to its place, so that kills cannot part them.
 
-    Of an output that is a folder of files which come one by one, each file is noted before it is
-    moved, until all are there.
+    If an output is a folder whose files appear one by one, each file is noted before it is moved,
+    until all are there.
     """
 
     def __init__(self, target: Path, made: str) -> None:
@@ -95,7 +95,7 @@ class Record:
 
     @contextlib.contextmanager
     def guard(self, place: Path) -> Iterator[Callable[[Path], None]]:
-        """Let no other run take a place before what is to be there is noted; see `guarded`."""
+        """Keep other runs from taking a place until its new file is noted; see `guarded`."""
         folder = self._target.parent / _FOLDER
         folder.mkdir(exist_ok=True)
         with held(folder / _LOCK, wait=True):
@@ -115,29 +115,29 @@ class Record:
             stream.write("\n" + json.dumps([name, *_state(new)[0][1:]]))
 
     def complete(self) -> None:
-        """Note that all of an output is there."""
+        """Note that an output is complete."""
         if not self._is_whole:
             with self.guard(self._target):
                 _write(self._target, {"output": _digest(_state(self._target))}, self._made)
 
 
-def _write(target: Path, about: dict[str, Any], made: str) -> None:
+def _write(target: Path, fields: dict[str, Any], made: str) -> None:
     path = _path(target)
     new = path.with_suffix(".new")
-    text = json.dumps({"file": target.name, "made": made, **about})
+    text = json.dumps({"file": target.name, "made": made, **fields})
     new.write_text(text, encoding="utf-8")
     os.replace(new, path)
 
 
 def _path(target: Path) -> Path:
-    # By a digest, as the longest names leave no room for an ending.
+    # By a digest, as the longest file names have no room for an ending.
     return target.parent / _FOLDER / f"{_digest(target.name)}.json"
 
 
 def _read(target: Path) -> dict[str, Any] | None:
-    """Read a record, with the files that were noted since; None where it is damaged or not there.
+    """Read a record, with the files that were noted since; None if it is damaged or missing.
 
-    The last file is not counted if its line is cut: it was not moved.
+    The last file is ignored if its line is truncated: it was not moved.
     """
     try:
         first, *lines = _path(target).read_bytes().split(b"\n")
@@ -155,11 +155,11 @@ def _read(target: Path) -> dict[str, Any] | None:
 
 
 def _state(path: Path) -> list[tuple[str, int, int]]:
-    """Sizes and times of a file, or of all in a folder; none of what is not there."""
+    """Sizes and times of a file, or of all files in a folder; empty if it does not exist."""
     files = sorted(path.rglob("*")) if path.is_dir() else [path]
     named = [(file.relative_to(path), file) for file in files if file.is_file()]
     own = [(name, file.stat()) for name, file in named if not any(map(is_temporary, name.parts))]
-    return [(str(name), about.st_size, about.st_mtime_ns) for name, about in own]
+    return [(str(name), status.st_size, status.st_mtime_ns) for name, status in own]
 
 
 def _digest(value: Any) -> str:

@@ -34,7 +34,7 @@ class Job(NamedTuple):
     options: argparse.Namespace
 
     def is_done(self, source: str, target: Path) -> bool:
-        """Whether an earlier run has left nothing to do."""
+        """Whether an earlier run has made the output."""
         if not self.options.resume:
             return False
         return self._is_made(source, target)
@@ -42,11 +42,11 @@ class Job(NamedTuple):
     def _is_made(self, source: str, target: Path) -> bool:
         try:
             return records.is_done(target, records.fingerprint(source, self.options))
-        except OSError:  # which will be said when it is read
+        except OSError:  # reading it will report this
             return False
 
     def is_done_meanwhile(self, source: str, target: Path) -> bool:
-        """Whether another run has left nothing to do since this one began with a file."""
+        """Whether another run has made the output since this one began with the file."""
         return not self.options.overwrite and self.is_recorded and self._is_made(source, target)
 
     @property
@@ -55,18 +55,18 @@ class Job(NamedTuple):
         return self.options.resume or self.options.cluster is not None
 
     def may_replace(self, target: Path) -> bool:
-        """Whether an output may be replaced that is there."""
+        """Whether an existing output may be replaced."""
         return self.options.overwrite or (self.options.resume and records.is_ours(target))
 
 
 class Result(NamedTuple):
-    """What became of a file: whether it was written, and what is to be said about it."""
+    """The result of a file: whether it was written, and a message."""
 
     is_done: bool
     text: str
 
     def tell(self, quiet: bool) -> None:
-        """Print it."""
+        """Print the message."""
         if not self.is_done:
             say(self.text, sys.stderr)
         elif not quiet:
@@ -80,7 +80,7 @@ def run_all(job: Job, pairs: list[tuple[str, Path]]) -> int:
     quiet = job.options.quiet
     with Interrupt() as interrupt:
         for source, target in pairs:
-            if interrupt.asked:  # too late for the file before
+            if interrupt.asked:  # too late for the previous file
                 say(f"Interrupted; {target} was not written.", sys.stderr)
                 return INTERRUPTED
             if job.is_done(source, target):
@@ -98,7 +98,7 @@ def run_all(job: Job, pairs: list[tuple[str, Path]]) -> int:
 
 
 def tell_skipped(count: int, quiet: bool) -> None:
-    """Say how many files had nothing left to do."""
+    """Report how many files were done before."""
     if count and not quiet:
         say(f"Skipped, as they are done already: {count}", sys.stdout)
 
@@ -110,7 +110,7 @@ def filter_file(
     progress: Callable[[float, str], bool],
     is_stopped: Callable[[], bool],
 ) -> Result:
-    """Filter one file; says what was done, or why not."""
+    """Filter one file; the result says what was done, or why not."""
     backend, settings, options = job
     start = time.perf_counter()
     try:
@@ -129,7 +129,7 @@ def filter_file(
         if job.is_done_meanwhile(source, target):
             return Result(True, f"{source} -> {target}: made by another run meanwhile")
         return failure(source, error)
-    except Exception as error:  # unforeseen; the other files are done all the same
+    except Exception as error:  # unforeseen; the other files are processed all the same
         trace = "".join(traceback.format_exception(error))
         return Result(False, f"{trace}\nFailed: {source}: {type(error).__name__}: {error}")
     seconds = time.perf_counter() - start
@@ -140,7 +140,7 @@ def filter_file(
 
 @contextlib.contextmanager
 def _recording(job: Job, source: str, target: Path) -> Iterator[None]:
-    """Note how an output is made, where that is asked for."""
+    """Note how an output is made, if requested."""
     if not job.is_recorded:
         yield
         return
@@ -158,7 +158,7 @@ def failure(source: str, error: BaseException) -> Result:
 
 
 def say(text: str, stream: TextIO | None, end: str = "\n") -> None:
-    """Print, and never stop a run: not where nobody reads, on a full disk, or for a letter."""
+    """Print, and never stop a run: not without a reader, on a full disk, or for a character."""
     if stream is None:  # programs without a console
         return
     encoding = stream.encoding or "utf-8"
@@ -166,7 +166,7 @@ def say(text: str, stream: TextIO | None, end: str = "\n") -> None:
         known = text.encode(encoding, "backslashreplace").decode(encoding)
         print(known, file=stream, end=end, flush=True)
     except OSError:
-        # What is left in the buffer would raise again at the end of the program.
+        # Text left in the buffer would raise again at the end of the program.
         with contextlib.suppress(OSError, ValueError):
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, stream.fileno())
@@ -174,7 +174,7 @@ def say(text: str, stream: TextIO | None, end: str = "\n") -> None:
 
 
 class Interrupt:
-    """Ctrl-C asks for an end through the progress callback; the second one forces it."""
+    """Ctrl-C asks for an end through the progress callback; a second one forces it."""
 
     asked = False
 
@@ -186,7 +186,7 @@ class Interrupt:
 
     def __exit__(self, *_: object) -> None:
         if self._is_main:
-            # None: it was set from C, as Blender does.
+            # None: the handler was set from C, as Blender does.
             signal.signal(signal.SIGINT, self._before or signal.SIG_DFL)
 
     def _ask(self, _number: int, _frame: FrameType | None) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What runs in the workers of a cluster, and how it gets there."""
+"""The code that runs in the workers of a cluster, and how it gets there."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from .running import Job, Result, filter_file
 
 
 class _Call:
-    """Something that becomes the result of a call where it is unpickled.
+    """An object that becomes the result of a call when it is unpickled.
 
-    Dask itself is told of nothing but `pickle.loads`. So the scheduler needs no Shock Filter, and
-    a worker that has none can answer so: it would come to an end over a function of ours.
+    Dask itself is given nothing but `pickle.loads`. So the scheduler needs no Shock Filter, and a
+    worker without it can say so: a function of ours would make it crash.
     """
 
     def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
@@ -30,21 +30,21 @@ class _Call:
 
 
 def call(function: Callable[..., Any], *arguments: Any) -> bytes:
-    """Pack a call, for `pickle.loads` in a worker to make."""
+    """Pack a call for `pickle.loads` in a worker."""
     return pickle.dumps(_Call(function, arguments))
 
 
 _stopped: set[str] = set()
-"""Names of the runs that are to end."""
+"""Names of the runs that must stop."""
 
 
 def stop(run: str) -> None:
-    """Have the files of a run left as they are."""
+    """Stop working on the files of a run."""
     _stopped.add(run)
 
 
 def prepare(wanted: str) -> None:
-    """Refuse to work for another version; use one thread for each that the worker has."""
+    """Refuse to work for another version; use one thread for each thread of the worker."""
     from ..base import parallel
 
     parallel.most_threads = 1

@@ -45,7 +45,8 @@ from .dials import tell_widths
 from .guides import check_guide, checked_guide
 from .image_smoothing import smoothed_image
 from .image_steps import LARGEST, large_pixels, measured_each, opacity_in_range, sharpen_checked
-from .images_by_width import Measured, measured, reach_by_width
+from .images_by_width import reach_by_width
+from .measuring import Measured, measured
 from .pde import check_kind, evolved
 from .signals import step_durations
 
@@ -127,7 +128,8 @@ def sharpen_chunks(
 def measure_chunks(image: Dask, settings: ImageSettings) -> Measured:
     """Do what `measure_image` does to a dask array."""
     view: Any = _View(_checked_picture(image), settings)
-    return measured(view, channel_groups(view.shape[2], settings)[0], settings)
+    channels = channel_groups(view.shape[2], settings)[0]
+    return measured(view, channels, settings, enlarge=settings.enlarge)
 
 
 def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike | None) -> Dask:

@@ -18,7 +18,7 @@ from ..grid.channels import channel_groups
 from ..settings import ImageSettings, given_or_default
 from .guides import checked_guide
 from .image_steps import LARGEST, large_pixels, opacity_in_range, sharpen_checked
-from .images_by_width import Measured, measured
+from .measuring import Measured, measured
 
 
 def sharpen_image(
@@ -147,4 +147,5 @@ def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -
     if settings.enlarge > 1:
         pixels = large_pixels(pixels, settings)
     channels = channel_groups(pixels.shape[2], settings)[0]
-    return measured(opacity_in_range(pixels, channels.alpha), channels, settings)
+    pixels = opacity_in_range(pixels, channels.alpha)
+    return measured(pixels, channels, settings, enlarge=settings.enlarge)

@@ -19,11 +19,14 @@ from ..grid.advect import TracedPixels, advect_pixels
 from ..grid.borders import measure_borders
 from ..grid.channels import Channels, channel_groups, opacity_channel
 from ..grid.enlarge import enlarged
-from ..grid.part import Part, keep_inside
+from ..grid.part import Part
 from ..grid.pixels import copied, mix
 from ..grid.potential import flow_reach, image_potential
 from ..settings import ImageSettings
-from .images_by_width import Measured, follow_by_width, measured, sharpen_by_width
+from .domain import flow_for_time
+from .grid_domain import GridDomain
+from .images_by_width import follow_pixels_by_width, sharpen_pixels_by_width
+from .measuring import Measured, measured
 from .signals import step_durations
 
 LARGEST = 1e15
@@ -129,9 +132,12 @@ def measured_each(
     scale = SCALES[pixels.dtype.name]
     if lead is None:
         groups = channel_groups(pixels.shape[2], settings)
-        return tuple(known or measured(pixels, channels, settings) for channels in groups)
+        return tuple(
+            known or measured(pixels, channels, settings, enlarge=settings.enlarge)
+            for channels in groups
+        )
     channels, guides = _leading(pixels, lead, settings)
-    found = known or measured(lead, guides, settings)
+    found = known or measured(lead, guides, settings, enlarge=settings.enlarge)
     return found, found._replace(borders=measure_borders(pixels, scale, channels))
 
 
@@ -176,7 +182,7 @@ def _sharpen_into(
     for number, channels in enumerate(groups):
         with phase(number / len(groups), (number + 1) / len(groups), "Sharpening"):
             if settings.by_width:
-                sharpen_by_width(pixels, channels, settings, widened, found[number], part)
+                sharpen_pixels_by_width(pixels, channels, settings, widened, found[number], part)
             else:
                 _flow_channels(pixels, channels, settings, widened, part)
     if thin:
@@ -198,18 +204,12 @@ def _follow_into(
 ) -> None:
     channels, guides = _leading(pixels, lead, settings)
     if settings.by_width:
-        follow_by_width(lead, guides, pixels, channels, settings, target, found, part)
+        follow_pixels_by_width(lead, guides, pixels, channels, settings, target, found, part)
         return
-    nearest = settings.sampling == "nearest"
-    with phase(0.0, 0.2, "Computing the flow"):
-        scale = SCALES[lead.dtype.name]
-        potential = image_potential(lead, scale, guides, settings.smoothing_passes)
-    with phase(0.2, 1.0, "Tracing flow-lines"):
-        keep_inside(
-            advect_pixels(
-                pixels, channels, potential, settings.time, target, nearest=nearest, part=part
-            )
-        )
+    domain = GridDomain.of(pixels, channels, settings, part)
+    leading = GridDomain.of(lead, guides, settings, part)
+    passes = settings.smoothing_passes
+    flow_for_time(domain, pixels, leading, lead, passes, settings.time, target)
 
 
 def opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
@@ -234,17 +234,11 @@ def _flow_channels(
     scale = SCALES[pixels.dtype.name]
     nearest = settings.sampling == "nearest"
     passes = settings.smoothing_passes
-    durations = step_durations(settings)
     if settings.scheme == "fixed":
-        with phase(0.0, 0.2, "Computing the flow"):
-            potential = image_potential(pixels, scale, channels, passes)
-        with phase(0.2, 1.0, "Tracing flow-lines"):
-            keep_inside(
-                advect_pixels(
-                    pixels, channels, potential, durations[0], target, nearest=nearest, part=part
-                )
-            )
+        domain = GridDomain.of(pixels, channels, settings, part)
+        flow_for_time(domain, pixels, domain, pixels, passes, settings.time, target)
         return
+    durations = step_durations(settings)
     # Whole numbers are not rounded between steps.
     current = pixels.astype(np.float64 if pixels.dtype == np.float64 else np.float32)
     with aside("Tracing flow-lines"):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The matrix of every second node in both directions, by the Galerkin product.
+"""Galerkin coarsening: the matrix of every second node in both directions.
 
-Coarse unknowns are the nodes at even rows and columns. What has all of its coarse parents takes
-the bilinear interpolation of them, so stencils become stencils. The rest, which is beside seams,
-takes the mean of its neighbors by their couplings, and what couples it joins the seam part.
+Coarse unknowns are the nodes at even rows and columns. A node with all of its coarse parents is
+interpolated bilinearly from them, so stencils stay stencils. The others, beside seams, are averages
+of their neighbors weighted by couplings, and their couplings join the seam part.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _KEPT = 4
 """Most coarse nodes that an unknown is interpolated from."""
 
 _SWEEPS = 1
-"""Rounds of averaging after the one that reached the last unknown: more save no iterations."""
+"""Rounds of averaging after all unknowns have parents: more save no iterations."""
 
 _CANDIDATES = 64
 
@@ -30,7 +30,7 @@ _CANDIDATES = 64
 def coarsened(
     matrix: SheetMatrix, kinds: npt.NDArray[np.uint8], rows: BlockRows, number: Ints
 ) -> SheetMatrix:
-    """Make the matrix of the next level, of what `kinds_of` and `block_rows` return."""
+    """Make the matrix of the next level, from the results of `kinds_of` and `block_rows`."""
     shape = kinds.shape[0] // 2 + 1, kinds.shape[1] // 2 + 1
     labels = np.full(shape, -1, dtype=np.int32)
     even = matrix.labels[::2, ::2]
@@ -53,7 +53,7 @@ def coarsened(
 
 
 def _loose(kinds: npt.NDArray[np.uint8], rows: BlockRows) -> npt.NDArray[np.bool_]:
-    # Unknowns of the block that lack coarse parents.
+    # Which unknowns of the block lack coarse parents.
     loose = np.ones(len(rows.unknowns), dtype=bool)
     nodes = rows.unknowns[rows.unknowns < kinds.size]
     loose[: len(nodes)] = kinds.reshape(-1)[nodes] == LOOSE
@@ -63,7 +63,7 @@ def _loose(kinds: npt.NDArray[np.uint8], rows: BlockRows) -> npt.NDArray[np.bool
 def _interpolation(
     kinds: npt.NDArray[np.uint8], rows: BlockRows, number: Ints, coarse_columns: int
 ) -> tuple[Ints, Floats]:
-    # Coarse numbers and shares for each unknown of the block, -1 and 0 where there are fewer.
+    # Coarse numbers and weights for each unknown of the block, padded with -1 and 0.
     size = len(rows.unknowns)
     parents = np.full((size, _KEPT), -1, dtype=np.int32)
     shares = np.zeros((size, _KEPT))
@@ -74,7 +74,7 @@ def _interpolation(
     after, weights = parents.copy(), shares.copy()
     given = rows, number, kinds.shape[1], coarse_columns
     empty, before = free, -1
-    while len(empty) not in (0, before):  # what reaches no coarse node stays empty
+    while len(empty) not in (0, before):  # unknowns connected to no coarse node stay empty
         before = len(empty)
         run(_average, before, empty, *given, parents, shares, after, weights)
         parents[empty], shares[empty] = after[empty], weights[empty]
@@ -94,7 +94,7 @@ def _coarsen_seam(
     parents: Ints,
     shares: Floats,
 ) -> tuple[Ints, Ints, Ints, Floats]:
-    # The couplings of the seam part, and those of the stencil with a loose node.
+    # The couplings of the seam part, and those of the stencil that involve a loose node.
     size = len(rows.unknowns)
     seam = number[matrix.seam]
     of = np.repeat(np.arange(size), np.diff(rows.start))
@@ -106,7 +106,7 @@ def _coarsen_seam(
     from_seam = offset < count[of]
     moved = from_seam | loose[of] | (loose[to] & (to >= 0))
     of, to, columns, values = of[moved], to[moved], rows.columns[moved], rows.values[moved]
-    # Regular neighbors of loose nodes get numbers behind the block's.
+    # Regular neighbors of loose nodes are numbered after the block's unknowns.
     outside = to < 0
     others, place = np.unique(columns[outside], return_inverse=True)
     to[outside] = size + place
@@ -170,7 +170,7 @@ def _inherit(start, stop, which, unknowns, columns, coarse_columns, parents, sha
 def _average(
     start, stop, which, rows, number, columns, coarse_columns, parents, shares, after, weights
 ):
-    # The mean of the neighbors' interpolations, of which the largest shares are kept.
+    # The weighted mean of the neighbors' interpolations; only the largest weights are kept.
     found = np.empty(_CANDIDATES, dtype=np.int32)
     total = np.empty(_CANDIDATES)
     beside = np.empty(4, dtype=np.int32)
@@ -178,7 +178,7 @@ def _average(
     for k in range(start, stop):
         p = which[k]
         count = 0
-        for sign in (-1.0, 1.0):  # couplings of the wrong sign where there is nothing else
+        for sign in (-1.0, 1.0):  # couplings of the wrong sign only if there are no others
             for e in range(rows.start[p], rows.start[p + 1]):
                 value = sign * rows.values[e]
                 if value <= 0:
@@ -226,14 +226,14 @@ def _gather(parents, shares, value, found, total, count):
 
 @kernel
 def _kept(kinds, y, x, v, u, value):
-    # A coupling, unless the seam part takes it over.
+    # A coupling, or 0 if it belongs to the seam part.
     return value if kinds[y, x] != LOOSE and kinds[v, u] != LOOSE else np.float32(0)
 
 
 @kernel
 def _in_cell(stencil, kinds, y, x):
-    # What the couplings inside a coarse cell, whose middle is (y, x), give to its corners' pairs:
-    # upper, lower, left, right, falling, rising.
+    # The couplings that those inside a coarse cell with the middle (y, x) contribute to the pairs
+    # of its corners: upper, lower, left, right, falling, rising.
     top = stencil[2, y - 1, x]
     low = stencil[2, y, x]
     left = stencil[0, y, x - 1]
@@ -278,7 +278,7 @@ def _in_cell(stencil, kinds, y, x):
 
 @kernel
 def _coarsen_stencil(start, stop, stencil, kinds, coarse):
-    # In differences: a coupling a of i with j gives -a (P_iI - P_jI) (P_iJ - P_jJ) to I and J.
+    # In differences: a coupling a of i with j adds -a (P_iI - P_jI) (P_iJ - P_jJ) to I and J.
     rows, columns = kinds.shape
     quarter = np.float32(0.25)
     for row in range(start, stop):
@@ -322,7 +322,7 @@ def _coarsen_screen(start, stop, screen, kinds, coarse):
 
 @kernel
 def restrict(start, stop, stencil, screen, runs, b, x, coarse):
-    """Add the residual of the regular nodes up at the coarse nodes of some rows: (c, n)."""
+    """Restrict the residual of the regular nodes to the coarse nodes of some rows: (c, n)."""
     rows, columns = stencil.shape[1:]
     coarse_columns = columns // 2 + 1
     half = np.float32(0.5)
@@ -363,7 +363,7 @@ def restrict(start, stop, stencil, screen, runs, b, x, coarse):
 
 @sum_kernel
 def _subtract_row(y, stencil, screen, runs, b, x, out):
-    # The residual of a row's regular nodes, all channels; see `multiply_row`.
+    # The residual of a row's regular nodes in all channels; see `multiply_row`.
     columns = stencil.shape[2]
     for k in range(runs.start[y], runs.start[y + 1]):
         first, last = runs.columns[k]
@@ -394,7 +394,7 @@ def _subtract_row(y, stencil, screen, runs, b, x, out):
 
 @sum_kernel
 def prolong(start, stop, runs, coarse, fine, columns):
-    """Add the coarse solution to the regular nodes of some rows: (c, n)."""
+    """Prolongate the coarse solution and add it to the regular nodes of some rows: (c, n)."""
     coarse_columns = columns // 2 + 1
     half = np.float32(0.5)
     mean = np.empty(coarse_columns, dtype=np.float32)

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cut cells: the pieces into which the ends of charts cut the sheet, joined across the seams.
+"""Cut cells: the pieces into which chart outlines cut the cells of the sheet, joined across seams.
 
-A cell that no end of a chart touches holds a bilinear function of its four nodes. One that is
-touched falls apart into *pieces*: the polygons that faces and cell share. Their corners are
-points of the surface, known by exact names and never by rounded places, so that the two sides of
-a seam have theirs in common:
+A cell that no chart outline touches holds a bilinear function of its four nodes. A cut cell falls
+into *pieces*: the polygons in which faces and the cell intersect. Their corners are points of the
+surface, identified by exact names, never by rounded positions, so that both sides of a seam share
+them:
 
 - nodes of the sheet inside a chart,
 - vertices of the mesh,
-- seam points: where an edge at which charts end crosses a line of the lattice, on either side,
+- seam points: where an edge on a chart outline crosses a line of the lattice, on either side,
 - crossings: where another edge of the mesh does.
 
-Not all are free. A crossing has the linear interpolation of its neighbours on the lattice edge,
-which is what an uncut cell beside it shows. So has a seam point that is very near to the one
-before, along the seam.
+Not all are free unknowns. A crossing is interpolated linearly between its neighbours on the lattice
+edge, as an uncut cell beside it is. So is a seam point that is very near the previous one along
+the seam.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from scipy.sparse.csgraph import connected_components
 from ..atlas.atlas import TextureAtlas
 from ..atlas.charts import degenerate_faces
 from ..atlas.metric import AtlasMetric, open_places
-from ..atlas.sheet import ends, place_on_edge, span
+from ..atlas.sheet import depth_within, ends, place_on_edge, span
 from ..base.checks import Floats
 from ..base.findings import tell
 from ..base.parallel import kernel, run, run_in_order
@@ -40,45 +40,45 @@ NODE, VERTEX, SEAM, CROSSING = range(4)
 """Kinds of points."""
 
 _KIND = 60
-"""The kind stands in the bits from here on of a point's name, and below which one it is."""
+"""Bits of a point's name from here on are its kind, those below its number within the kind."""
 
 _NEAR = 1e-6
-"""Places so near to one another, in texels, are one."""
+"""Positions closer than this, in texels, are the same."""
 
 _APART = 0.2
-"""Seam points nearer than this to the one before are not free, in texels; or, on an edge shorter
-than a texel, in its lengths."""
+"""Seam points closer than this to the previous one are not free: in texels, or in edge lengths if
+the edge is shorter than a texel."""
 
 _FLAT = 1e-12
-"""Pieces of less area, in squared texels, are left out."""
+"""Pieces of smaller area, in squared texels, are left out."""
 
 _STRETCH = 1e3
-"""Most that a face is stretched in one direction against the other; beyond, the next values along
-the long one would not be seen in single precision. Areas stay."""
+"""Largest stretch of a face in one direction relative to the other; beyond it, single precision
+would lose the next values along the long direction. Areas are preserved."""
 
 _MOST_CORNERS = 256
 """Faces without area in the texture and with more corners are left out, as if the surface ended
-there: each corner is coupled with all others."""
+there, because each corner would be coupled with all others."""
 
 
 class SeamPoints(NamedTuple):
-    """Where edges at which charts end cross lines of the lattice, on either side.
+    """Where edges on chart outlines cross lines of the lattice, on either side.
 
     Attributes
     ----------
     pairs : (3 m,) int32
-        For each half-edge the number of its pair, the two sides of an edge at which charts end
-        or the one side of a border; -1 for all others.
+        For each half-edge the number of its pair: the two sides of an edge on a chart outline, or
+        the one side of a border; -1 for all others.
     first : (pairs,) int32
         The half-edge along which the points of a pair are counted.
     start : (pairs + 1,) int64
-        The first point of each pair, and their number.
+        The first point of each pair, and the total number.
     shares : (k,) float64
-        Where on that half-edge, ascending.
+        Positions along that half-edge, ascending.
     free : (k,) bool
-        The others are interpolated between their neighbours.
+        Free unknowns; the others are interpolated between their neighbours.
     split : (k,) bool
-        Whether the surface is closed there: each side has a point of its own.
+        Whether the surface is closed there, so that each side has its own point.
     """
 
     pairs: Ints
@@ -90,23 +90,23 @@ class SeamPoints(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """The polygons that faces share with cut cells; corners go around them.
+    """The polygons in which faces and cut cells intersect; corners are in order around them.
 
-    A face without area in the texture is one piece, of its corners and its seam points.
+    A face without area in the texture is one piece, with its corners and its seam points.
 
     Attributes
     ----------
     start : (p + 1,) int64
-        The first corner of each piece, and their number.
+        The first corner of each piece, and the total number.
     faces : (p,) int32
     cells : (p,) int64
         Row times columns plus column of the cell; -1 for faces without area in the texture.
     points : (v,) int64
         The number of the point at each corner.
     places : (v, 2) float64
-        Its place in the sheet, as the piece's chart sees it; NaN without area in the texture.
+        Its position in the sheet, in the piece's chart; NaN without area in the texture.
     frame : (v, 2) float64
-        Its place in the face's frame, in mean texel sizes.
+        Its position in the face's frame, in mean texel sizes.
     """
 
     start: npt.NDArray[np.int64]
@@ -118,25 +118,25 @@ class Pieces(NamedTuple):
 
 
 class CutCells(NamedTuple):
-    """How the ends of charts cut the sheet.
+    """The cells of a sheet that chart outlines cut.
 
     Attributes
     ----------
     cut : (rows, columns) bool
-        Cells that the end of a chart touches.
+        Cells that a chart outline touches.
     pieces : Pieces
     kinds : (points,) int64
         `NODE`, `VERTEX`, `SEAM` or `CROSSING`.
     unknowns : (s,) int32
         Flat numbers of the free points, ascending: of nodes row times columns plus column; all
-        others follow after the sheet's nodes, in order.
+        others follow the sheet's nodes in order.
     interpolation : (points, s) csr_matrix
-        The value of each point from those of the free ones.
+        Interpolates the values of all points from those of the free ones.
     free : (s,) int64
-        The free points, in the order of the interpolation's columns, as are the unknowns.
+        The free points, in the order of `unknowns` and of the interpolation's columns.
     hidden : (k, 2) int64
-        Nodes that are no unknowns as a point of another kind lies there, and the number of that
-        point.
+        Nodes that are not unknowns because a point of another kind coincides, and the number of
+        that point.
     """
 
     cut: npt.NDArray[np.bool_]
@@ -149,10 +149,10 @@ class CutCells(NamedTuple):
 
 
 def find_cut_cells(atlas: TextureAtlas, jacobians: Floats, jump: float = np.inf) -> CutCells:
-    """Find the cut cells of an atlas, whose faces are stretched as `jacobians` say.
+    """Find the cut cells of an atlas whose faces have the given `jacobians`.
 
-    Cells that edges of the mesh cross are cut, too, where lengths change there by more than `jump`
-    from one side to the other, over a texel.
+    Cells that edges of the mesh cross are cut, too, if lengths change across the edge by more than
+    `jump`, over a texel.
     """
     mesh, sheet, metric = atlas.mesh, atlas.sheet, atlas.metric
     flat = degenerate_faces(atlas.charts)
@@ -189,7 +189,7 @@ def find_cut_cells(atlas: TextureAtlas, jacobians: Floats, jump: float = np.inf)
 
 
 def tempered_jacobians(metric: AtlasMetric) -> Floats:
-    """Jacobians of the faces whose stretch is at most `_STRETCH`; areas stay."""
+    """Jacobians of the faces with the stretch limited to `_STRETCH`; areas are preserved."""
     jacobians = metric.jacobians.copy()
     a = np.einsum("fij,fij->f", jacobians, jacobians)
     area = np.abs(np.linalg.det(jacobians))
@@ -203,8 +203,8 @@ def tempered_jacobians(metric: AtlasMetric) -> Floats:
 
 
 def _jumps(twins: Ints, jacobians: Floats) -> Floats:
-    # How much lengths differ on both sides of each half-edge, over a texel: (3 m,). Logarithms of
-    # the stretch from one side to the other, times the longer texel.
+    # How much lengths differ between both sides of each half-edge, over a texel: (3 m,). The
+    # logarithm of the stretch from one side to the other, times the longer texel.
     f, g = np.repeat(np.arange(len(twins)), 3), twins.reshape(-1) // 3
     metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
     p, q, r = metrics[:, 0, 0], metrics[:, 0, 1], metrics[:, 1, 1]
@@ -218,7 +218,7 @@ def _jumps(twins: Ints, jacobians: Floats) -> Floats:
 
 
 def _find_seam_points(atlas: TextureAtlas, flat: npt.NDArray[np.bool_]) -> SeamPoints:
-    # All edges of faces without area in the texture count as ends of charts.
+    # All edges of faces without area in the texture count as chart outlines.
     twins, points = atlas.mesh.twins.reshape(-1), atlas.sheet.points
     sides = np.zeros(len(twins), dtype=np.bool_)
     sides[atlas.charts.borders] = True
@@ -247,10 +247,10 @@ def _find_seam_points(atlas: TextureAtlas, flat: npt.NDArray[np.bool_]) -> SeamP
 
 
 def _lines_between(points: Floats, edges: Ints) -> npt.NDArray[np.int64]:
-    # No half-edge crosses more lines of the lattice.
+    # Upper bounds of the lines of the lattice that half-edges cross.
     f, k = np.divmod(edges, 3)
-    ways = np.floor(points[f, (k + 1) % 3]) - np.floor(points[f, k])
-    return np.abs(ways).astype(np.int64).sum(axis=1) + 2
+    steps = np.floor(points[f, (k + 1) % 3]) - np.floor(points[f, k])
+    return np.abs(steps).astype(np.int64).sum(axis=1) + 2
 
 
 @kernel
@@ -304,7 +304,7 @@ def _place_seam_points(start, stop, first, twins, points, starts, shares, free):
 
 
 def _corner_points(faces: Ints, metric: AtlasMetric) -> Ints:
-    # The vertex at each corner; one of its own on each side where seams are closed.
+    # The vertex at each corner; where seams are closed, each side has its own.
     ways = metric.ways
     if not ways.closed.any():
         return faces
@@ -336,7 +336,7 @@ def _mark_cut(edges, points, flat, cut):
 
 
 class _Polygon(NamedTuple):
-    # Corners of the piece at hand, with their angles around the middle, which order them.
+    # Corners of the current piece, with their angles around the middle, which order them.
     names: npt.NDArray[np.int64]
     places: Floats
     angles: Floats
@@ -351,7 +351,7 @@ def _cut_faces(
     at_end: npt.NDArray[np.bool_],
     cut: npt.NDArray[np.bool_],
 ) -> tuple[npt.NDArray[np.int64], Pieces]:
-    # The names of the pieces' corners, and the pieces; points are not numbered yet.
+    # The names of the pieces' corners, and the pieces, whose points are not numbered yet.
     count = atlas.mesh.face_count
     surface = atlas.sheet.points, atlas.mesh.twins, flat, atlas.metric.shapes, jacobians
     given = *surface, seams, corners, at_end, cut
@@ -396,7 +396,7 @@ def _name(kind, which):
 
 @kernel
 def _seam_name(seams, n, is_first):
-    # Where the surface is closed, the second side's points follow after all others.
+    # Where the surface is closed, the second side's points are numbered after all others.
     return _name(SEAM, n if is_first or not seams.split[n] else n + seams.shares.shape[0])
 
 
@@ -411,21 +411,6 @@ def _add(polygon, count, name, y, x):
 @kernel
 def _within_cell(y, x, row, column):
     return row - _NEAR <= y <= row + 1 + _NEAR and column - _NEAR <= x <= column + 1 + _NEAR
-
-
-@kernel
-def _depth(triangle, y, x):
-    # How deep a place lies in a triangle, in texels.
-    area = (triangle[1, 1] - triangle[0, 1]) * (triangle[2, 0] - triangle[0, 0])
-    area -= (triangle[1, 0] - triangle[0, 0]) * (triangle[2, 1] - triangle[0, 1])
-    turn = 1.0 if area > 0 else -1.0
-    depth = np.inf
-    for k in range(3):
-        ey = triangle[after(k), 0] - triangle[k, 0]
-        ex = triangle[after(k), 1] - triangle[k, 1]
-        across = ex * (y - triangle[k, 0]) - ey * (x - triangle[k, 1])
-        depth = min(depth, turn * across / np.sqrt(ey * ey + ex * ex))
-    return depth
 
 
 @kernel
@@ -456,7 +441,7 @@ def _add_seam_points(polygon, count, points, seams, edge, row, column):
 
 @kernel
 def _add_lattice_crossings(polygon, count, points, twin, edge, row, column):
-    # Counted along the lower of the two half-edges, so that both faces say the same.
+    # Named along the lower of the two half-edges, so that both faces use the same name.
     ay, ax, by, bx = ends(points, edge)
     lower = edge
     if 0 <= twin < edge:
@@ -477,7 +462,7 @@ def _add_lattice_crossings(polygon, count, points, twin, edge, row, column):
             y = float(line) if axis == 0 else ay + share * (by - ay)
             x = ax + share * (bx - ax) if axis == 0 else float(line)
             off = (x if axis == 0 else y) - other
-            # At a node, the node is the corner.
+            # At a node, the node itself is the corner.
             if _NEAR < off < 1.0 - _NEAR:
                 name = _name(CROSSING, ((np.int64(lower) * 2 + axis) << 20) + line)
                 count = _add(polygon, count, name, y, x)
@@ -488,7 +473,7 @@ def _add_lattice_crossings(polygon, count, points, twin, edge, row, column):
 def _add_nodes(polygon, count, triangle, columns, row, column):
     for y in range(row, row + 2):
         for x in range(column, column + 2):
-            if _depth(triangle, y, x) < -_NEAR:
+            if depth_within(triangle, y, x) < -_NEAR:
                 continue
             taken = False
             for n in range(count):
@@ -510,7 +495,7 @@ def _sort_around(polygon, count):
         mx += places[n, 1] / count
     for n in range(count):
         angles[n] = np.arctan2(places[n, 0] - my, places[n, 1] - mx)
-    for n in range(1, count):  # a handful
+    for n in range(1, count):  # insertion sort of a few corners
         angle, name, y, x = angles[n], names[n], places[n, 0], places[n, 1]
         m = n
         while m > 0 and angles[m - 1] > angle:
@@ -532,7 +517,7 @@ def _sort_around(polygon, count):
 
 @kernel
 def _polygon_of(polygon, points, twins, seams, corners, at_end, columns, f, row, column):
-    # The piece that a face shares with a cell; returns how many corners it has, 0 for none.
+    # The intersection of a face and a cell; returns its number of corners, 0 if there is none.
     triangle = points[f]
     count = _add_corners(polygon, triangle, corners[f], at_end, columns, row, column)
     for k in range(3):
@@ -558,7 +543,7 @@ def _store(polygon, count, f, cell, piece, corner, names, pieces):
 
 @kernel
 def _shape_of(polygon, shapes, seams, corners, f):
-    # The piece that a face without area in the texture is: places are those in its frame.
+    # A face without area in the texture as a piece: places are positions in its frame.
     count = 0
     for k in range(3):
         j = after(k)
@@ -585,10 +570,12 @@ def _cut(
     sizes, first, counting, names, pieces,
 ):  # fmt: skip
     columns = cut.shape[1]
-    room = 16
+    capacity = 16
     for pair in range(seams.first.shape[0]):
-        room = max(room, 16 + 3 * (seams.start[pair + 1] - seams.start[pair]))
-    polygon = _Polygon(np.empty(room, dtype=np.int64), np.empty((room, 2)), np.empty(room))
+        capacity = max(capacity, 16 + 3 * (seams.start[pair + 1] - seams.start[pair]))
+    polygon = _Polygon(
+        np.empty(capacity, dtype=np.int64), np.empty((capacity, 2)), np.empty(capacity)
+    )
     for f in range(start, stop):
         piece, corner = 0, 0
         if not counting:
@@ -650,7 +637,7 @@ def _tie_seam_points(
     tied: npt.NDArray[np.int64],
     shares: Floats,
 ) -> None:
-    # Those that are not free lie between the next free ones of their pair, or the edge's ends.
+    # Seam points that are not free lie between the next free ones of their pair, or edge ends.
     total = len(seams.shares)
     if total == 0:
         return
@@ -678,7 +665,7 @@ def _tie_seam_points(
         places.append(np.where(found, seams.shares[neighbour], float(side)))
     low, high = places
     shares[ties] = (seams.shares[n] - low) / (high - low)
-    tied[ties[(tied[ties] < 0).any(axis=1)]] = -1  # an end that no piece shows
+    tied[ties[(tied[ties] < 0).any(axis=1)]] = -1  # an end that is in no piece
 
 
 def _tie_to_lattice(
@@ -688,7 +675,7 @@ def _tie_to_lattice(
     tied: npt.NDArray[np.int64],
     shares: Floats,
 ) -> None:
-    # Points inside charts on lattice edges lie between the next ones that others share.
+    # Points inside charts on lattice edges lie between the next points that others share.
     in_cells = np.flatnonzero(pieces.cells >= 0)
     order = in_cells[np.argsort(pieces.cells[in_cells], kind="stable")]
     cells = pieces.cells[order]
@@ -702,13 +689,13 @@ def _tie_to_lattice(
 
 @kernel
 def _tie_cells(start, stop, starts, order, pieces, columns, inner, tied, shares):
-    room = 0
+    capacity = 0
     for c in range(start, stop):
         count = 0
         for piece in order[starts[c] : starts[c + 1]]:
             count += pieces.start[piece + 1] - pieces.start[piece]
-        room = max(room, count)
-    listed = np.empty(room, dtype=np.int64)
+        capacity = max(capacity, count)
+    listed = np.empty(capacity, dtype=np.int64)
     for c in range(start, stop):
         row, column = divmod(pieces.cells[order[starts[c]]], columns)
         for side in range(4):
@@ -764,9 +751,9 @@ def _interpolation(
     columns = np.concatenate([free, tied[ties, 0], tied[ties, 1]])
     weights = np.concatenate([np.ones(len(free)), 1.0 - shares[ties], shares[ties]])
     step = scipy.sparse.csr_matrix((weights, (rows, columns)), shape=(count, count))
-    # Crossings hang on seam points, and these on free ones.
+    # Two steps: crossings depend on seam points, and these on free ones.
     interpolation = (step @ step)[:, free].tocsr()
-    # Names are in order: nodes first.
+    # Names are sorted: nodes come first.
     own = kinds[free] == NODE
     unknowns = np.where(own, which[free], nodes + np.cumsum(~own) - 1)
     return unknowns.astype(np.int32), interpolation, free

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Geodesic distance on the texels of a surface: fronts that run from polygon to polygon.
 
-The surface falls into flat polygons (see `cut`): the uncut cells of the sheet, with their mean
-metric, and the pieces of the others, which seams join. Each point gets the least length of a way
-that enters through a side of one of its polygons and goes straight on (Hopf and Lax; Bornemann,
-Rasch 2006), for as long as values fall. Along the side the front is a circle around its source,
-unfolded into the plane (Novotni, Klein 2002), whose radius goes along with the distance: so it is
-exact in the plane, for points and for straight lines, at any distance.
+The surface is divided into flat polygons (see `cut`): the uncut cells of the sheet, with their mean
+metric, and the pieces of the cut ones, which seams join. Each point receives the least length of a
+path that enters one of its polygons through a side and continues straight (Hopf and Lax; Bornemann,
+Rasch 2006), until no value falls any more. At the side the front is a circle around its source,
+unfolded into the plane (Novotni, Klein 2002), whose radius is carried along with the distance: so
+it is exact in the plane, for points and for straight lines, at any distance.
 
-Crane's heat method, which paper B takes (7.3), follows the gradient of a heat that falls by
-e^(-r/sqrt(t)): it fails beyond some hundred texels, or has to smooth the more the farther it goes.
+Crane's heat method, used in paper B (7.3), follows the gradient of a heat that falls by
+e^(-r/sqrt(t)): it fails beyond some hundred texels, or must smooth more the farther it goes.
 
 Lengths are in mean texel sizes.
 """
@@ -33,30 +33,30 @@ _FLAT = 1e6
 """Radius of a straight front."""
 
 _LEAST = 1e-5
-"""Shorter ways are not passed on unless they are shorter by this."""
+"""A new path must be at least this much shorter to be passed on."""
 
 _WIDTH = 0.5
-"""Points whose distances differ by less are visited in any order."""
+"""Points whose distances differ by less are visited in arbitrary order."""
 
 _BUCKETS = 1 << 12
 
 _ROUND = 1 << 15
-"""Points visited at once."""
+"""Points visited between two calls of `ask`."""
 
 _MOST_VISITS = 100
-"""Visits of a point on the mean; what is left then is told."""
+"""Mean visits per point after which the march stops and reports the points that are left."""
 
 _NEAR = 1e-6
 
 
 class Segments(NamedTuple):
-    """Straight lines in faces, from which distance counts; points are those of no length.
+    """Straight line segments in faces, as sources of distance; points are segments of length 0.
 
     Attributes
     ----------
     faces : (k,) int32
     ends : (k, 2, 3) float64
-        Barycentric.
+        Barycentric coordinates.
     """
 
     faces: Ints
@@ -64,25 +64,25 @@ class Segments(NamedTuple):
 
 
 class _Polygons(NamedTuple):
-    # Uncut cells and pieces. Points are the sheet's nodes, then those of pieces that are no nodes.
+    # Uncut cells and pieces. Points are the sheet's nodes, then the points of pieces that are not.
     cells: npt.NDArray[np.float32]  # see TextureSpace.mean_metrics
-    start: npt.NDArray[np.int64]  # corners of each piece
-    points: Ints  # at corners
-    frame: Floats  # of corners
-    first: Ints  # corners at each point: corners[first[i] : first[i + 1]]
+    start: npt.NDArray[np.int64]  # the first corner of each piece
+    points: Ints  # the point at each corner
+    frame: Floats  # the position of each corner
+    first: Ints  # the corners at each point: corners[first[i] : first[i + 1]]
     corners: Ints
     pieces: Ints  # the piece of each corner
 
 
 class _Fronts(NamedTuple):
-    # Distance and radius at the points, and a queue of those to visit: lists by distance.
+    # Distance and radius at the points, and a bucket queue of points to visit, by distance.
     distances: Floats
     radii: Floats
-    lists: Ints  # which list a point is in; -1: none
+    lists: Ints  # the bucket of each point; -1: none
     before: Ints
     behind: Ints
     heads: Ints
-    state: npt.NDArray[np.int64]  # the list at hand, and how many points wait
+    state: npt.NDArray[np.int64]  # the current bucket, and how many points are queued
 
 
 class SurfaceDistance:
@@ -91,7 +91,7 @@ class SurfaceDistance:
     Parameters
     ----------
     space : TextureSpace
-        Best one that tells faces apart where the metric jumps.
+        Preferably one that separates faces where the metric jumps.
     """
 
     def __init__(self, space: TextureSpace) -> None:
@@ -111,11 +111,11 @@ class SurfaceDistance:
 
     @property
     def found(self) -> bool:
-        """Whether there is any source yet."""
+        """Whether any source has been added."""
         return bool(self._fronts.state[1])
 
     def start_at_nodes(self, chosen: npt.NDArray[np.bool_]) -> None:
-        """Count from nodes of the sheet: (rows, columns) bool."""
+        """Add nodes of the sheet as sources: (rows, columns) bool."""
         labels = self._space.labels.reshape(-1)
         hidden = self._space.cut_cells.hidden
         nodes = np.flatnonzero(chosen.reshape(-1) & (labels >= 0))
@@ -123,7 +123,7 @@ class SurfaceDistance:
         _start_at(np.concatenate([nodes, points]), self._fronts)
 
     def start_at_segments(self, segments: Segments) -> None:
-        """Count from points and lines in faces."""
+        """Add points and line segments in faces as sources."""
         atlas, cut = self._space.atlas, self._space.cut_cells
         for low in range(0, len(segments.faces), _ROUND):
             part = slice(low, low + _ROUND)
@@ -133,7 +133,7 @@ class SurfaceDistance:
             ask()
 
     def spread(self) -> None:
-        """Let the fronts run until nothing falls any more."""
+        """Propagate the fronts until no distance falls any more."""
         fronts, total = self._fronts, len(self._fronts.distances)
         for done in range(0, _MOST_VISITS * total, _ROUND):
             _visit(_ROUND, self._polygons, fronts)
@@ -143,7 +143,7 @@ class SurfaceDistance:
         tell("Texels whose distance may be too large: {count}.", count=int(fronts.state[1]))
 
     def values(self) -> npt.NDArray[np.float32]:
-        """Return the distance as a function on the surface (n, 1), and inf where none comes."""
+        """Return the distance as a function on the surface (n, 1), inf where no path leads."""
         cut, labels = self._space.cut_cells, self._space.labels.reshape(-1)
         result = np.zeros((self._space.size, 1), dtype=np.float32)
         inside = np.flatnonzero(labels >= 0)
@@ -152,7 +152,7 @@ class SurfaceDistance:
         return result
 
     def at_places(self, faces: Ints, shares: Floats) -> Floats:
-        """Return the distance of places in faces, barycentric (k, 3): (k,), maybe inf."""
+        """Return the distances (k,) of places in faces, barycentric (k, 3); inf without a path."""
         atlas, cut = self._space.atlas, self._space.cut_cells
         result = np.full(len(faces), np.inf)
         for low in range(0, len(faces), _ROUND):
@@ -165,7 +165,7 @@ class SurfaceDistance:
 
 
 def _polygons_of(space: TextureSpace) -> tuple[_Polygons, Ints]:
-    # Also the number of each point of the pieces.
+    # Also returns the number of each point of the pieces.
     pieces, kinds = space.cut_cells.pieces, space.cut_cells.kinds
     with aside("Finding texels"):
         count = space.labels.size
@@ -193,8 +193,8 @@ def _polygons_of(space: TextureSpace) -> tuple[_Polygons, Ints]:
 def _cells_with_crossings(
     space: TextureSpace, cells: npt.NDArray[np.float32], numbers: Ints
 ) -> tuple[Ints, Floats, npt.NDArray[np.int64]]:
-    # Uncut cells whose sides have points that pieces beside them need: the points around them,
-    # their places in a plane, and how many each cell has.
+    # Uncut cells whose sides contain points of the pieces beside them: the points around each cell,
+    # their positions in a plane, and how many each cell has.
     cut, columns = space.cut_cells, space.labels.shape[1]
     corner = np.flatnonzero(cut.kinds[cut.pieces.points] == CROSSING)
     corner = corner[np.unique(cut.pieces.points[corner], return_index=True)[1]]
@@ -223,14 +223,14 @@ def _cells_with_crossings(
 
 @kernel
 def _metric(cell):
-    # Squared lengths of a step of one row and of one column, and their product.
+    # Squared lengths of a step of one row and of one column, and their inner product.
     return np.float64(cell[0]), np.float64(cell[2]), np.float64(cell[1])
 
 
 @kernel
 def _through(d, r, e, s, base, a, b):
-    # Distance of a point and radius there, from those at both ends of a side whose length is the
-    # root of `base`, if the way goes through the side; a and b are the squares to its ends.
+    # Distance and radius at a point, from those at both ends of a side whose squared length is
+    # `base`, if the path crosses the side; a and b are the squared distances to its ends.
     if not (d < np.inf and e < np.inf and base > 0):
         return np.inf, 0.0
     length = np.sqrt(base)
@@ -239,12 +239,12 @@ def _through(d, r, e, s, base, a, b):
     if square <= 0:
         return np.inf, 0.0
     if d == 0 and e == 0:
-        # Painted nodes side by side are a line. All around other sources has begun from these.
+        # Adjacent painted nodes form a line. The surroundings of other sources are set already.
         if r > 0 or s > 0:
             return np.inf, 0.0
         r = _FLAT
         s = _FLAT
-    # The source lies on the far side of the side, p and q from its ends.
+    # The source lies beyond the side, at the distances p and q from its ends.
     mean = 0.5 * (r + s)
     p = mean + 0.5 * (d - e)
     q = mean - 0.5 * (d - e)
@@ -277,7 +277,7 @@ def _take_out(i, lists, before, behind, heads):
 
 @kernel
 def _queue(i, distance, lists, before, behind, heads, state):
-    # Points too far away for the lists wait in the last one.
+    # Points too far away for the buckets wait in the last one.
     now = state[0]
     place = (now + min(max(int(distance / _WIDTH) - now, 0), _BUCKETS - 1)) % _BUCKETS
     if lists[i] == place:
@@ -297,7 +297,7 @@ def _queue(i, distance, lists, before, behind, heads, state):
 
 @kernel
 def _offer(i, distance, radius, fronts):
-    # Where lines join, the front is straight on either side.
+    # At equal distance the larger radius wins: where lines join, fronts are straight on both sides.
     distances, radii, lists, before, behind, heads, state = fronts
     gain = distances[i] - distance
     if gain > _LEAST or (gain > -_LEAST and radius > radii[i]):
@@ -314,7 +314,7 @@ def _start_at(points, fronts):
 
 @kernel
 def _better(found, radius, old, d, r, e, s, base, a, b):
-    # The lesser of what was found, and of the way through a side.
+    # The shorter of the best path so far and the path through a side.
     if min(d, e) < min(found, old):
         distance, far = _through(d, r, e, s, base, a, b)
         if distance < found:
@@ -324,7 +324,7 @@ def _better(found, radius, old, d, r, e, s, base, a, b):
 
 @kernel
 def _visit_node(i, polygons, fronts):
-    # Passes a node's distance on to the others of its four cells.
+    # Passes a node's distance on to the other nodes of its four cells.
     distances, radii, lists, before, behind, heads, state = fronts
     cells = polygons.cells
     columns = cells.shape[1]
@@ -368,7 +368,7 @@ def _square(frame, i, j):
 
 @kernel
 def _visit_piece(corner, polygons, fronts):
-    # Passes the distance at a corner on to the others of its piece.
+    # Passes the distance at a corner on to the other corners of its piece.
     distances, radii, lists, before, behind, heads, state = fronts
     points, frame = polygons.points, polygons.frame
     piece = polygons.pieces[corner]
@@ -422,7 +422,7 @@ def _visit(most, polygons, fronts):
 
 @kernel
 def _find_piece(faces, cells, face, cell):
-    # The piece that a face shares with a cell, or -1; they are in order.
+    # The piece of a face in a cell, or -1; pieces are sorted.
     low, high = 0, len(faces)
     while low < high:
         middle = (low + high) // 2
@@ -437,7 +437,7 @@ def _find_piece(faces, cells, face, cell):
 
 @kernel
 def _to_segment(px, py, ax, ay, bx, by, rows, across, mixed):
-    # Distance of P from the segment AB under a metric, and the radius of its front there.
+    # Distance of P from the segment AB in a metric, and the radius of its front there.
     ux, uy = bx - ax, by - ay
     vx, vy = px - ax, py - ay
     square = rows * ux * ux + across * uy * uy + 2.0 * mixed * ux * uy
@@ -488,7 +488,7 @@ def _start_in_cell(row, column, ay, ax, by, bx, polygons, fronts):
 
 @kernel
 def _start_within(face, triangle, jacobian, ay, ax, by, bx, cut, faces, cells, polygons, fronts):
-    # A segment in one cell, or at its rim.
+    # Starts from a segment in one cell, or on its boundary.
     y, x = 0.5 * (ay + by), 0.5 * (ax + bx)
     for row in range(int(np.floor(y - _NEAR)), int(np.floor(y + _NEAR)) + 1):
         for column in range(int(np.floor(x - _NEAR)), int(np.floor(x + _NEAR)) + 1):
@@ -508,7 +508,7 @@ def _start_along(which, ends, places, jacobians, shapes, cut, faces, cells, poly
         f = which[k]
         flat = _find_piece(faces, cells, f, -1)
         if flat >= 0:
-            # One without area in the texture is a piece as a whole.
+            # A face without area in the texture is one piece.
             ax, ay = _shape_place(shapes[f], ends[k, 0])
             bx, by = _shape_place(shapes[f], ends[k, 1])
             _start_in_piece(flat, ax, ay, bx, by, polygons, fronts)
@@ -518,7 +518,7 @@ def _start_along(which, ends, places, jacobians, shapes, cut, faces, cells, poly
         by, bx = _place(triangle, ends[k, 1])
         share = 0.0
         while True:
-            # On to the next line of the lattice.
+            # Continue to the next line of the lattice.
             y, x = ay + share * (by - ay), ax + share * (bx - ax)
             end = min(_share_at_line(ay, by, y), _share_at_line(ax, bx, x))
             v, u = ay + end * (by - ay), ax + end * (bx - ax)
@@ -532,7 +532,7 @@ def _start_along(which, ends, places, jacobians, shapes, cut, faces, cells, poly
 
 @kernel
 def _share_at_line(a, b, now):
-    # Where on the way from a to b the next whole number after `now` is; at most 1.
+    # The position from a to b of the next whole number after `now`; at most 1.
     if b > a:
         return min((np.floor(now + _NEAR) + 1.0 - a) / (b - a), 1.0)
     if b < a:
@@ -570,7 +570,7 @@ def _read_in_cell(row, column, y, x, polygons, fronts):
     rows, across, mixed = _metric(cell)
     columns = polygons.cells.shape[1]
     for k in range(4):
-        # The corners one after the other around the cell.
+        # The corners, one after the other around the cell.
         v, u = row + (k >> 1), column + ((k + 1 >> 1) & 1)
         t, s = row + ((k + 1 & 3) >> 1), column + ((k + 2 >> 1) & 1)
         i, j = v * columns + u, t * columns + s

@@ -2,13 +2,15 @@
 """Finite elements on the texels of a surface: mass and stiffness across seams (paper B, section 5).
 
 The unknowns are the values of the texels whose centers lie in charts, and those of points along
-the seams, which both sides share (see `cut`). Functions are bilinear in cells that no end of a
-chart touches, as linear sampling shows them; in the pieces of the others they are linear on each
-triangle of a fan around the piece's middle, whose value is the mean of the corners'. So they are
-continuous across seams, hold the constants exactly, and linear functions where the surface is flat.
+the seams, which both sides share (see `cut`). Functions are bilinear in cells that no chart outline
+touches, as linear sampling shows them; in pieces of the other cells they are linear on each
+triangle of a fan around the piece's middle, where the value is the mean of the corners' values. So
+they are continuous across seams, and reproduce constants exactly, and linear functions where the
+surface is flat.
 
-Paper B takes the exterior texels of both sides for unknowns, and quadratic elements on a
-triangulation of the cut cells. Here no texel outside a chart is one: their sums alone would count.
+Paper B uses the exterior texels of both sides as unknowns, and quadratic elements on a
+triangulation of the cut cells. Here texels outside charts are no unknowns, as only their sums
+would matter.
 """
 
 from __future__ import annotations
@@ -33,36 +35,36 @@ from .cut import NODE, CutCells, find_cut_cells, tempered_jacobians
 from .sheet_matrix import SheetMatrix
 
 _LEAST_MASS = 1e-12
-"""Least mass of an unknown, so that each has an equation, if only slivers lie around it."""
+"""Least mass of an unknown, so that each has an equation even if only slivers surround it."""
 
 _LITTLE = 1e-9
-"""Share of a cell below which a face does not count there: rounding."""
+"""Smallest share of a cell that a face must cover to count there; less is rounding."""
 
 _CHUNKS = 16
-"""Sums over all texels are taken in so many chunks, on every machine."""
+"""Number of chunks in which all texels are summed, the same on every machine."""
 
 _Single = npt.NDArray[np.float32]
 
 
 class CellWeights(NamedTuple):
-    """How much each cell counts: (rows, columns) float32; and each piece: (p,) float64."""
+    """Weights of the cells, (rows, columns) float32, and of the pieces, (p,) float64."""
 
     cells: _Single
     pieces: Floats
 
 
 class TextureSpace:
-    """Functions on the surface that the texels of an atlas hold.
+    """The function space on the surface that the texels of an atlas span.
 
-    Vectors over it are (n, c): first the sheet's nodes row by row, then the points along seams.
-    Rows that are no unknowns stay 0.
+    Its vectors are (n, c): first the sheet's nodes row by row, then the points along seams. Rows
+    that are not unknowns stay 0.
 
     Parameters
     ----------
     atlas : TextureAtlas
     jump : float
         Where lengths change by more than this from face to face, in mean texel sizes over a texel,
-        the faces are told apart within cells, too.
+        faces are also separated within cells.
 
     Attributes
     ----------
@@ -71,11 +73,11 @@ class TextureSpace:
     labels : (rows, columns) int32
         The chart of each node that is an unknown; `NOTHING` at all others.
     cells : (rows, columns, 4) float32
-        Integrals over each uncut cell of sqrt(det h) h^-1 (row row, row column, column column)
+        Integrals over each uncut cell of sqrt(det h) h^-1 (entries 11, 12 and 22, axis 1 the rows)
         and of sqrt(det h), in mean texel sizes.
     fans : (v, 4) float64
-        For each corner of the pieces the triangle to the next corner and the middle: half the
-        cotangents opposite to the sides corner-next, corner-middle and next-middle; its area.
+        For each corner of the pieces, the triangle with the next corner and the middle: half the
+        cotangents opposite the sides corner-next, corner-middle and next-middle; its area.
     cut_cells : CutCells
     """
 
@@ -104,16 +106,16 @@ class TextureSpace:
         return CellWeights(np.ones(self.labels.shape, dtype=np.float32), np.ones(pieces))
 
     def means(self, values: _Single) -> CellWeights:
-        """Weigh cells and pieces by the mean of their corners' values (n,)."""
+        """Weight cells and pieces by the mean of their corners' values (n,)."""
         cells = np.zeros(self.labels.shape, dtype=np.float32)
         run(_mean_in_cells, len(cells), self.cells, values, cells, chunk=ROWS)
         at_corners, start = self.at_corners(values[:, None])[:, 0], self.cut_cells.pieces.start
         return CellWeights(cells, _reduced(np.add, at_corners, start) / np.diff(start))
 
     def least(self, values: _Single) -> CellWeights:
-        """Weigh cells and pieces by the least of the values (n,) at nodes inside their chart.
+        """Weight cells and pieces by the minimum of the values (n,) at nodes inside their chart.
 
-        Pieces at whose cell no node lies inside have the least of their corners.
+        A piece whose cell has no node inside is weighted by the minimum of its corners.
         """
         nodes, pieces = self.atlas.sheet.nodes, self.cut_cells.pieces
         cells = np.zeros(self.labels.shape, dtype=np.float32)
@@ -123,7 +125,7 @@ class TextureSpace:
         return CellWeights(cells, on_pieces)
 
     def weighted(self, weights: CellWeights, only_mass: bool = False) -> TextureSpace:
-        """Count each cell and piece as much as its weight says; in the mass alone, if wanted."""
+        """Return the space with weighted cells and pieces; `only_mass` keeps the stiffness."""
         other = copy(self)
         first = 3 if only_mass else 0
         other.cells, other.fans = self.cells.copy(), self.fans.copy()
@@ -133,13 +135,13 @@ class TextureSpace:
         return other
 
     def diffusing(self, tensors: Floats) -> TextureSpace:
-        """Let gradients count as tensors say, in the stiffness alone: diffusion along and across.
+        """Return the space with an anisotropic stiffness; the mass stays.
 
         Parameters
         ----------
         tensors : (m, 3) float64
-            Symmetric and positive definite, in the frame of each face: first first, first second,
-            second second axis. 1, 0, 1 changes nothing.
+            Diffusion tensors, symmetric and positive definite, in the frame of each face: entries
+            11, 12 and 22. The identity 1, 0, 1 changes nothing.
         """
         other = copy(self)
         jacobians = tempered_jacobians(self.atlas.metric)
@@ -147,7 +149,7 @@ class TextureSpace:
             integrals = _integrals(jacobians, tensors)
             other.cells, _ = _integrated(self.atlas, integrals, self.cut_cells.cut)
             pieces = self.cut_cells.pieces
-            # In the frame times the tensor's inverse root, diffusion is the same in all directions.
+            # In the frame scaled by the tensor's inverse root, diffusion is isotropic.
             roots, areas = _inverse_roots(tensors)
             piece = np.repeat(pieces.faces, np.diff(pieces.start))
             frame = np.einsum("vij,vj->vi", roots[piece], pieces.frame)
@@ -158,7 +160,7 @@ class TextureSpace:
         return other
 
     def mean_metrics(self) -> _Single:
-        """The metric h (row row, row column, column column) of uncut cells, and their area."""
+        """The metric h (entries 11, 12 and 22, axis 1 the rows) of uncut cells, and their area."""
         jacobians = tempered_jacobians(self.atlas.metric)
         with aside("Measuring texels"):
             metrics = np.einsum("fki,fkj->fij", jacobians, jacobians)
@@ -168,7 +170,7 @@ class TextureSpace:
 
     @cached_property
     def _components(self) -> Ints:
-        # The connected part of the surface on which each unknown lies: (n,), -1 at no unknowns.
+        # The connected part of the surface of each unknown: (n,), -1 elsewhere.
         charts, cut = self.atlas.charts, self.cut_cells
         pieces = cut.pieces
         own = np.repeat(charts.labels[pieces.faces], np.diff(pieces.start))
@@ -185,7 +187,7 @@ class TextureSpace:
     def without_means(
         self, values: _Single, weights: npt.NDArray[np.floating], result: _Single
     ) -> None:
-        """Take the weighted mean (n,) off each column, on each connected part by itself.
+        """Subtract the weighted mean (n,) of each column, separately on each connected part.
 
         `result` may be `values`.
         """
@@ -200,7 +202,7 @@ class TextureSpace:
             run(_subtract_means, len(values), parts, means, values, result)
 
     def matrix(self, screen: float, lumped: bool = False) -> SheetMatrix:
-        """Assemble stiffness plus `screen` times mass; lumped: all of that on the diagonal."""
+        """Assemble stiffness plus `screen` times mass, which is diagonal if `lumped`."""
         rows, columns = self.labels.shape
         stencil = np.zeros((4, rows, columns), dtype=np.float32)
         screens = np.zeros(self.size, dtype=np.float32)
@@ -242,21 +244,21 @@ class TextureSpace:
     def apply_stiffness(
         self, values: _Single, weights: CellWeights | None = None, corners: Floats | None = None
     ) -> _Single:
-        """Multiply with the stiffness, in which cells and pieces count as much as weights say.
+        """Multiply by the stiffness, with weighted cells and pieces.
 
         Parameters
         ----------
         values : (n, c) float32
         weights : CellWeights, optional
         corners : (v, c) float64, optional
-            Values at the corners of the pieces, if these differ from side to side of a seam.
+            Values at the corners of the pieces, if they differ between the sides of seams.
         """
         return self._apply(_apply_stiffness, _apply_fan_stiffness, values, weights, corners)
 
     def apply_mass(
         self, values: _Single, weights: CellWeights | None = None, corners: Floats | None = None
     ) -> _Single:
-        """Multiply with the mass; see `apply_stiffness`."""
+        """Multiply by the mass; see `apply_stiffness`."""
         return self._apply(_apply_mass, _apply_fan_mass, values, weights, corners)
 
     def _apply(
@@ -308,7 +310,7 @@ def _measure_cells(
 
 
 def _integrals(jacobians: Floats, tensors: Floats | None = None) -> Floats:
-    # What a cell within each face has: see `TextureSpace.cells`.
+    # Integrals over a cell within each face: see `TextureSpace.cells`.
     areas = np.abs(np.linalg.det(jacobians))
     (a, b), (c, d) = np.moveaxis(jacobians, 0, -1)
     p, q, r = (1.0, 0.0, 1.0) if tensors is None else tensors.T
@@ -330,7 +332,7 @@ def _integrals(jacobians: Floats, tensors: Floats | None = None) -> Floats:
 def _integrated(
     atlas: TextureAtlas, integrals: Floats, cut: npt.NDArray[np.bool_]
 ) -> tuple[_Single, npt.NDArray[np.int32]]:
-    # Over uncut cells, and a face of each.
+    # Integrals over uncut cells, and a face of each cell.
     shape = atlas.sheet.nodes.shape
     cells = np.zeros((*shape, 4), dtype=np.float32)
     faces = np.full(shape, NOTHING, dtype=np.int32)
@@ -344,7 +346,7 @@ def _inverse_roots(tensors: Floats) -> tuple[npt.NDArray[np.float64], Floats]:
     # D^(-1/2) of each face, and the root of det D.
     a, b, c = tensors.T
     det = np.sqrt(a * c - b * b)
-    # The root of a matrix of two rows is it plus the root of its determinant, scaled.
+    # The root of a 2x2 matrix is the matrix plus the root of its determinant, scaled.
     scale = det * np.sqrt(a + c + 2.0 * det)
     roots = np.stack([c + det, -b, -b, a + det], axis=1).reshape(-1, 2, 2)
     return roots / scale[:, None, None], det
@@ -352,7 +354,7 @@ def _inverse_roots(tensors: Floats) -> tuple[npt.NDArray[np.float64], Floats]:
 
 @kernel
 def _add_cover(column, height, middle, parts, covers):
-    # A piece of an edge within a cell: to its right it covers so much of this one, and of all that
+    # Part of an edge within a cell: the area to its right, in this cell and in all cells that
     # follow.
     parts[column] += height * (1.0 - (middle - column))
     covers[column + 1] += height
@@ -360,7 +362,7 @@ def _add_cover(column, height, middle, parts, covers):
 
 @kernel
 def _add_edge(triangle, k, row, left, parts, covers):
-    # The part of an edge within a row of cells, of which columns are counted from `left` on.
+    # The part of an edge within a row of cells, with columns counted from `left`.
     m = after(k)
     ay, ax = triangle[k, 0] - row, triangle[k, 1] - left
     by, bx = triangle[m, 0] - row, triangle[m, 1] - left
@@ -441,7 +443,7 @@ def _measure_fans(start, stop, pieces, fans):
             fans[n, 3] = 0.5 * double
             if double < 1e-18:
                 continue
-            # Half the cotangent at a corner is the product of its sides over four times the area.
+            # Half the cotangent at a corner: inner product of its sides over 4 times the area.
             fans[n, 0] = 0.5 * (ax * bx + ay * by) / double
             fans[n, 1] = 0.5 * (bx * (bx - ax) + by * (by - ay)) / double
             fans[n, 2] = 0.5 * (ax * (ax - bx) + ay * (ay - by)) / double
@@ -512,7 +514,7 @@ def _assemble_fans(start, stop, pieces, fans, first, screen, rows, columns, entr
         n = high - low
         out = entries[first[piece] : first[piece + 1]].reshape(n, n)
         out[:] = 0.0
-        # To the middle: couplings of the corners, which share its value in equal parts.
+        # The middle's value is the mean of the corners: distribute its couplings equally.
         centre = np.zeros(n)
         total = 0.0
         total_mass = 0.0
@@ -569,8 +571,8 @@ def _subtract_means(start, stop, parts, means, values, out):
 
 @sum_kernel
 def _apply_stiffness(start, stop, cells, weights, values, out):
-    # Puts the nodes' sums in rows start .. stop - 1. Channels are taken apart row by row, so that
-    # the loops along rows become vector instructions.
+    # Writes the sums at nodes of rows start .. stop - 1. Channels are separated row by row, so
+    # that the loops along rows become vector instructions.
     rows, columns = weights.shape
     third, sixth, quarter = np.float32(1 / 3), np.float32(1 / 6), np.float32(0.25)
     given = np.zeros((2, values.shape[1], columns), dtype=np.float32)
@@ -678,7 +680,7 @@ def _put_row(sums, y, out):
 
 @sum_kernel
 def _add_behind(values, out):
-    # What cells give to the nodes on their right.
+    # The contributions of cells to the nodes on their right.
     row = out[1:]
     for x in range(len(row)):
         row[x] += values[x]

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Geometric multigrid on a sheet, with an exact solve along the seams (paper B, section 6).
 
-Every second node in both directions is a node of the next level. One sweep of Gauss-Seidel on the
-regular nodes, even rows, then odd ones (rows of one parity do not touch, so they run on all
-cores), and the exact solve of the block smooth the error; on the way up they come in reverse, so
-that the cycle is symmetric and conjugate gradients may use it. After an exact solve the block has
-no residual, and its values are about to be replaced by the next: only regular nodes take part in
-what goes between levels.
+Every second node in both directions is a node of the next level. The smoother is one sweep of
+Gauss-Seidel on the regular nodes, even rows, then odd ones (rows of one parity are not coupled, so
+they run on all cores), followed by the exact solve of the block. After the coarse correction its
+steps are reversed, so that the cycle is symmetric and serves as a preconditioner of conjugate
+gradients. After an exact solve the block has no residual, and its values are about to be replaced
+by the next solve: restriction and prolongation involve regular nodes only.
 
-Inside, vectors are (channels, n): rows become vector instructions, which takes half of the time.
+Internal vectors are (channels, n): rows become vector instructions, which takes half of the time.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ from .sheet_matrix import (
 )
 
 DIRECT = 1500
-"""Most unknowns of a level that is solved directly as a whole."""
+"""Most unknowns of a level that is solved directly."""
 
 LIMIT = 200
 """Most iterations of conjugate gradients."""
 
 _ROUNDING = float(np.finfo(np.float32).eps)
-"""Residuals below this share of the solution come from its rounding: no solution is better."""
+"""Residuals below this share of the solution are due to its rounding and cannot be reduced."""
 
 _BLOCK = 1 << 12
-"""Numbers of unknowns that vectors are cut into; what is summed up is so block by block."""
+"""Length of the blocks that vectors are cut into; sums are taken block by block."""
 
 _GAP = 32
-"""Numbers of no unknown, between two of unknowns, that cost less than a gap."""
+"""Most numbers without an unknown between two unknowns that cost less than a new span."""
 
 NODES = 1 << 16
-"""Nodes that a thread gets at once: waking it takes as long as thousands of them."""
+"""Nodes that a thread processes at once: waking it takes as long as thousands of them."""
 
 
 class _Level(NamedTuple):
@@ -72,8 +72,8 @@ class _Level(NamedTuple):
 
 
 class _Spans(NamedTuple):
-    # Runs of numbers that hold all unknowns, in blocks of `_BLOCK`: block k has those from start[k]
-    # on. And sums of the blocks, to be overwritten.
+    # Spans of numbers that cover all unknowns, in blocks of `_BLOCK`: those of block k start at
+    # start[k]. And a sum for each block, overwritten.
     start: Ints
     ranges: Ints
     sums: Floats
@@ -85,13 +85,13 @@ class _Vectors(NamedTuple):
 
 
 class SheetSolver:
-    """A matrix on a sheet with all that solving needs, for any number of right-hand sides.
+    """A matrix on a sheet, prepared to be solved for any number of right-hand sides.
 
     Parameters
     ----------
     matrix : SheetMatrix
     coarsen : bool
-        Without coarser levels there is smoothing alone: that is enough where the diagonal rules.
+        Without coarser levels there is only smoothing, enough for a dominant diagonal.
 
     Raises
     ------
@@ -112,7 +112,7 @@ class SheetSolver:
                     kinds = kinds_of(matrix, whole)
                     rows, number = block_rows(matrix, kinds)
                     inverse = inverse_diagonal(matrix, kinds, rows)
-                    # Factoring takes one core, and nothing else of the set-up needs it.
+                    # Factoring takes one core, and the rest of the set-up does not need it.
                     blocks.append(begin(SeamBlock, rows, number))
                     parts.append((matrix, rows, runs_of(kinds), inverse))
                     if len(parts[-1][2].columns) == 0 or not coarsen:
@@ -127,11 +127,11 @@ class SheetSolver:
         self._spans = _spans_of(self._levels[0].inverse)
 
     def apply(self, x: Singles, out: Singles) -> None:
-        """Put ``A x`` (n, c) into `out`; where there is no unknown, that stays as it is."""
+        """Write ``A x`` (n, c) to `out`, only at unknowns."""
         flat, product = np.zeros(x.shape[::-1], np.float32), np.zeros(x.shape[::-1], np.float32)
-        self._run(_turn, x, flat)
+        self._run(_transpose, x, flat)
         self._multiply(flat, product)
-        self._run(_turn_back, self._levels[0].inverse, product, out)
+        self._run(_transpose_back, self._levels[0].inverse, product, out)
 
     def solve(
         self,
@@ -147,15 +147,15 @@ class SheetSolver:
         ----------
         rhs : (n, c) float32
         x : (n, c) float32
-            Where to start, 0 where there is no unknown. The solution takes its place; where
-            there is no unknown, it stays. Whatever is raised, what is there can be started from.
+            Initial guess, 0 where there is no unknown. Becomes the solution at the unknowns. After
+            an exception it is still a valid initial guess.
         tolerance : float
-            Wanted residual relative to the right-hand side, where each equation counts divided
-            by the root of its diagonal entry.
+            Largest residual relative to the right-hand side, with each equation divided by the
+            root of its diagonal entry.
         limit : int
             Most iterations.
         message : str
-            What is being solved, for people.
+            What is being solved, shown to people.
 
         Returns
         -------
@@ -165,13 +165,13 @@ class SheetSolver:
         ------
         SolverError
             If the matrix is not positive definite, the right-hand side is not finite, or the
-            tolerance is not reached within `limit` iterations, though single precision could.
+            tolerance is not reached within `limit` iterations, though single precision allows it.
         """
         with aside(message):
             if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
                 self._vectors = [np.zeros(x.shape[::-1], np.float32) for _ in range(3)]
             vectors = self._vectors
-            self._run(_turn, rhs, vectors[0])
+            self._run(_transpose, rhs, vectors[0])
             scale = self._norm(vectors[0])
             if not np.isfinite(scale):
                 raise SolverError("The right-hand side of the linear system is not finite.")
@@ -209,13 +209,13 @@ class SheetSolver:
         self._cycle(0, b, x, self._buffers(len(x)))
 
     def relax(self, b: Singles, x: Singles) -> None:
-        """Bring `x` nearer to the solution of ``A x = b``, by one sweep over all: (c, n)."""
+        """Improve the solution `x` of ``A x = b`` by one smoothing sweep over all: (c, n)."""
         if len(self._levels[0].runs.columns):
             self._sweep(0, b, x)
         self._levels[0].block.solve(b, x)
 
     def residual(self, b: Singles, x: Singles) -> float:
-        """Return the residual relative to `b`, as `solve` measures both: (c, n)."""
+        """Return the residual relative to `b`, in the norm of `solve`: (c, n)."""
         r = np.zeros_like(x)
         self._multiply(x, r)
         self._run(_subtract_from, self._levels[0].inverse, b.T, r)
@@ -224,10 +224,10 @@ class SheetSolver:
     def _residual(
         self, rhs: Singles, x: Singles, vectors: list[Singles], scale: float
     ) -> tuple[float, float]:
-        # Puts it into the first vector, which holds the right-hand side as long as x is 0. Returns
-        # its size, and that which the rounding of x alone has.
+        # Writes the residual to the first vector, which holds the right-hand side while x is 0.
+        # Returns its norm, and the norm that the rounding of x alone causes.
         r, flat, _ = vectors
-        self._run(_turn, x, flat)
+        self._run(_transpose, x, flat)
         size = self._norm(flat, solution=True)
         if size > 0:
             self._multiply(flat, r)
@@ -237,7 +237,7 @@ class SheetSolver:
     def _conjugate_gradients(
         self, x: Singles, vectors: list[Singles], tolerance: float, limit: int, message: str
     ) -> tuple[int, bool]:
-        # Returns the number of iterations, and whether the matrix behaved as a positive one.
+        # Returns the number of iterations, and whether the matrix behaved as positive definite.
         r, z, p = vectors
         inverse, sums = self._levels[0].inverse, self._spans.sums
         first = self._norm(r)
@@ -247,14 +247,14 @@ class SheetSolver:
                 self.cycle(r, z)
                 product = self._dot(r, z)
                 beta = np.float32(product / before if iteration else 0.0)
-                self._run(_direct, beta, z, p)
-                change = z  # whose values are not needed any more
-                self._multiply(p, change)
-                curvature = self._dot(p, change)
+                self._run(_update_direction, beta, z, p)
+                q = z  # reuses the memory of z
+                self._multiply(p, q)
+                curvature = self._dot(p, q)
                 if not (curvature > 0 and product > 0):
                     return iteration, False
                 alpha = np.float32(product / curvature)
-                self._run(_step, alpha, inverse, p, change, x, r, sums)
+                self._run(_step, alpha, inverse, p, q, x, r, sums)
                 norm = float(np.sqrt(sums.sum()))
                 if not np.isfinite(norm):
                     return iteration + 1, False
@@ -290,7 +290,7 @@ class SheetSolver:
         self._sweep(depth, b, x)
 
     def _sweep(self, depth: int, b: Singles, x: Singles) -> None:
-        # Of the regular nodes, odd rows first.
+        # Over the regular nodes, odd rows first.
         matrix, _, _, runs, inverse = self._levels[depth]
         height, width = matrix.labels.shape
         pairs = (height + 1) // 2
@@ -307,7 +307,7 @@ class SheetSolver:
         run(multiply_block, len(rows.unknowns), rows, x, out)
 
     def _norm(self, values: Singles, solution: bool = False) -> float:
-        # Of a residual, or of a solution, in the unknowns in which the diagonal is 1.
+        # Norm of a residual, or of a solution, in unknowns scaled to a diagonal of ones.
         sums = self._spans.sums
         self._run(_add_squares, solution, self._levels[0].inverse, values, sums)
         return float(np.sqrt(sums.sum()))
@@ -317,12 +317,12 @@ class SheetSolver:
         return float(self._spans.sums.sum())
 
     def _run(self, function: Any, *arguments: Any) -> None:
-        # Over the blocks of vectors.
+        # Runs a kernel over the blocks of vectors.
         blocks = len(self._spans.sums)
         run(function, blocks, self._spans, *arguments, chunk=max(blocks // 16, 1))
 
     def _buffers(self, channels: int) -> list[_Vectors]:
-        # What the coarse levels need for some number of channels, kept.
+        # The vectors of the coarse levels for a number of channels, kept.
         if channels not in self._kept:
             self._kept[channels] = [
                 _Vectors(
@@ -345,8 +345,8 @@ def _spans_of(inverse: Singles) -> _Spans:
 
 @sum_kernel
 def _sweep_down(start, stop, runs, stencil, inverse, b, x):
-    # Gauss-Seidel from zero: the even row of each pair, and then the odd one before, as long as
-    # both are near at hand; the last odd one is left to `_sweep_between`.
+    # Gauss-Seidel from zero: the even row of each pair, then the odd row before it, while both are
+    # in the cache; the last odd row is left to `_sweep_between`.
     columns = stencil.shape[2]
     rest = np.empty((x.shape[0], columns), dtype=np.float32)
     pull = np.empty(columns, dtype=np.float32)
@@ -354,7 +354,7 @@ def _sweep_down(start, stop, runs, stencil, inverse, b, x):
         y = 2 * pair
         x[:, y * columns : min(y + 2, stencil.shape[1]) * columns] = 0
         for k in range(runs.start[y], runs.start[y + 1]):
-            # Only the node before has a value.
+            # Only the previous node of the row has a value.
             first, last = runs.columns[k]
             i = y * columns + first
             n = last - first
@@ -374,7 +374,7 @@ def _sweep_down(start, stop, runs, stencil, inverse, b, x):
 
 @sum_kernel
 def _sweep_up(start, stop, runs, stencil, inverse, b, x):
-    # The reverse: the odd row of each pair, then the even one; the first of these is left.
+    # The reverse: the odd row of each pair, then the even one; the first even row is left.
     columns = stencil.shape[2]
     rest = np.empty((x.shape[0], columns), dtype=np.float32)
     pull = np.empty(columns, dtype=np.float32)
@@ -387,7 +387,7 @@ def _sweep_up(start, stop, runs, stencil, inverse, b, x):
 
 @sum_kernel
 def _sweep_between(start, stop, chunk, backward, runs, stencil, inverse, b, x):
-    # The rows that the sweeps over chunks of pairs left out.
+    # The rows that the sweeps over chunks of pairs have left.
     columns = stencil.shape[2]
     rest = np.empty((x.shape[0], columns), dtype=np.float32)
     pull = np.empty(columns, dtype=np.float32)
@@ -401,7 +401,8 @@ def _sweep_between(start, stop, chunk, backward, runs, stencil, inverse, b, x):
 
 @sum_kernel
 def _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull):
-    # First all but the node before, then that, one by one; `rest` and `pull` are scratch.
+    # First all neighbours but the previous node, then that node by a recurrence; `rest` and `pull`
+    # are working memory.
     columns = stencil.shape[2]
     side = 0 if backward else 1
     for k in range(runs.start[y], runs.start[y + 1]):
@@ -435,8 +436,8 @@ def _relax_row(y, backward, runs, stencil, inverse, b, x, rest, pull):
 
 @sum_kernel
 def _recur(rest, pull, x, i, backward):
-    # Nodes of a run from number i on, one by one, each from the one before. Each waits for the
-    # last: three channels side by side take no longer than one.
+    # Nodes of a run from number i on, each from the previous one. Each waits for the last result:
+    # three channels side by side take no longer than one.
     n = len(pull)
     before = i + n if backward else i - 1
     j = 0
@@ -496,7 +497,7 @@ def _find_spans(start, stop, inverse, starts, ranges):
 
 
 @kernel
-def _turn(start, stop, spans, values, out):
+def _transpose(start, stop, spans, values, out):
     for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
         for j in range(values.shape[1]):
             row = out[j, first:last]
@@ -506,7 +507,7 @@ def _turn(start, stop, spans, values, out):
 
 
 @kernel
-def _turn_back(start, stop, spans, inverse, values, out):
+def _transpose_back(start, stop, spans, inverse, values, out):
     for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
         for j in range(out.shape[1]):
             row = values[j, first:last]
@@ -557,7 +558,7 @@ def _add_products(start, stop, spans, u, v, sums):
 
 
 @sum_kernel
-def _direct(start, stop, spans, beta, z, p):
+def _update_direction(start, stop, spans, beta, z, p):
     for first, last in spans.ranges[spans.start[start] : spans.start[stop]]:
         for j in range(len(p)):
             one = z[j, first:last]
@@ -571,16 +572,16 @@ def _direct(start, stop, spans, beta, z, p):
 
 @sum_kernel
 def _step(start, stop, spans, alpha, inverse, p, q, x, r, sums):
-    # Along the direction p; sums up the squares of the new residual.
+    # Moves along the direction p; sums the squares of the new residual.
     for block in range(start, stop):
         total = 0.0
         for first, last in spans.ranges[spans.start[block] : spans.start[block + 1]]:
             scale = inverse[first:last]
             for j in range(len(p)):
-                way, change = p[j, first:last], q[j, first:last]
+                direction, change = p[j, first:last], q[j, first:last]
                 solution, residual = x[first:last, j], r[j, first:last]
-                for i in range(len(way)):
-                    solution[i] += alpha * way[i]
+                for i in range(len(direction)):
+                    solution[i] += alpha * direction[i]
                     value = residual[i] - alpha * change[i]
                     residual[i] = value
                     total += np.float64(value) * value * scale[i]

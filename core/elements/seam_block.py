@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The exact solve for the unknowns of a sheet's block, a thin strip along the ends of charts.
+"""Exact solves for the unknowns of a sheet's block, a thin strip along chart outlines.
 
-Paper B's domain decomposition (section 6.2): smoothing alone leaves the error at seams.
+This is the domain decomposition of paper B (section 6.2): smoothing alone leaves error at seams.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class SeamBlock:
     """The matrix of the block, factored as ``L D L^T``.
 
     A block of more than `MOST` unknowns, of an atlas that is all seams, is not factored: a V-cycle
-    of the multigrid for any matrix takes the place of its inverse. What is solved with it is
-    still symmetric and positive, but needs more iterations.
+    of algebraic multigrid approximates its inverse. The preconditioner is still symmetric and
+    positive definite, but needs more iterations.
 
     Parameters
     ----------
     rows : BlockRows
     number : (n,) int32
-        As `block_rows` returns both.
+        The results of `block_rows`.
 
     Raises
     ------
@@ -60,10 +60,10 @@ class SeamBlock:
             self._factors, self._place = _factored(matrix.tocsc())
 
     def solve(self, b: Singles, x: Singles) -> None:
-        """Solve for the block's unknowns in `x`, all others held: (c, n)."""
+        """Solve for the block's unknowns in `x` while all others are fixed: (c, n)."""
         n = len(self._rows.unknowns)
         y: Floats = np.empty((n, len(x)))
-        # As many channels as a tuple is long: known to the compiler, which takes half of the time.
+        # A tuple tells the compiler the number of channels, which takes half of the time.
         channels = (0.0,) * len(x)
         run(_subtract_regular, n, self._rows, self._place, b, x, y, channels, chunk=_CHUNK)
         if self._factors is not None:
@@ -75,7 +75,7 @@ class SeamBlock:
 
 
 class _Factors(NamedTuple):
-    # L by columns, without its ones.
+    # L by columns, without its diagonal of ones.
     start: npt.NDArray[np.int32]
     below: npt.NDArray[np.int32]
     values: Floats
@@ -83,7 +83,7 @@ class _Factors(NamedTuple):
 
 
 def _inner(rows: BlockRows, number: Ints, scale: Floats | None = None) -> scipy.sparse.csr_matrix:
-    # The couplings within the block, as a matrix that may be scaled from both sides.
+    # The couplings within the block as a matrix, optionally scaled from both sides.
     n = len(rows.unknowns)
     to = number[rows.columns]
     entries = np.flatnonzero(to >= 0)
@@ -95,7 +95,7 @@ def _inner(rows: BlockRows, number: Ints, scale: Floats | None = None) -> scipy.
 
 
 def _factored(matrix: scipy.sparse.csc_matrix) -> tuple[_Factors, Ints]:
-    # And the place of each unknown in them.
+    # Also returns the place of each unknown in the factors.
     ask()
     try:
         factors = scipy.sparse.linalg.splu(
@@ -109,8 +109,8 @@ def _factored(matrix: scipy.sparse.csc_matrix) -> tuple[_Factors, Ints]:
     ask()
     diagonal = factors.U.diagonal()
     require_positive(diagonal)
-    require_positive(factors.perm_r == factors.perm_c)  # else a pivot was 0
-    # Its own solve takes four times as long as ours.
+    require_positive(factors.perm_r == factors.perm_c)  # otherwise a pivot was 0
+    # scipy's solve takes four times as long as ours.
     lower = factors.L
     of = np.repeat(np.arange(matrix.shape[0]), np.diff(lower.indptr))
     entries = np.flatnonzero(lower.indices != of)
@@ -136,7 +136,7 @@ def _subtract_regular(start, stop, rows, place, b, x, y, channels):
 
 @sum_kernel
 def _substitute(start, below, values, diagonal, y, channels):
-    # L comes by columns, without its ones.
+    # L is stored by columns, without its diagonal of ones.
     n = len(diagonal)
     part = np.empty(len(channels))
     for k in range(n):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A symmetric matrix over the nodes of a sheet and points along its seams, kept as couplings.
+"""A symmetric matrix over the nodes of a sheet and points along its seams, stored as couplings.
 
-Row i of A x is ``screen_i x_i`` plus the sum over j of ``a_ij (x_j - x_i)``: rounding moves no
-constant. An unknown is *regular* where the stencil alone couples it, with eight neighbors of its
-own chart. All others, a thin strip along the ends of charts, are the *block*: their rows are
+Row i of A x is ``screen_i x_i`` plus the sum over j of ``a_ij (x_j - x_i)``, so that constants stay
+exact under rounding. An unknown is *regular* if only the stencil couples it, with eight neighbors
+of its own chart. All others, a thin strip along chart outlines, are the *block*: their rows are
 gathered here, and `seam_block` solves for them.
 """
 
@@ -22,39 +22,39 @@ from ..mesh.triangle_mesh import Floats, Ints
 Singles = npt.NDArray[np.float32]
 
 NONE, REGULAR, STENCILED, LOOSE = 0, 1, 2, 3
-"""Kinds of nodes: no unknown; regular; in the block, with all of its coarse parents; without."""
+"""Kinds of nodes: no unknown; regular; in the block with all its coarse parents; without them."""
 
 _STRETCHED_NODE = 4
 _STRETCHED = 0.22
-"""Nodes with a coupling above 0 of so large a share of the diagonal are in the block, too.
+"""Nodes with a coupling above this positive share of the diagonal also belong to the block.
 
-Their texels are so stretched that smoothing hardly helps; the share is 0.25 at most.
+Their texels are so stretched that smoothing hardly helps; the share cannot exceed 0.25.
 """
 
 _MOST_STRETCHED = 0.05
-"""Share of nodes above which they are left to smoothing: the block would be no strip any more."""
+"""With a larger share of such nodes, all are left to smoothing: the block would be no strip."""
 
 
 class SheetMatrix(NamedTuple):
     """A symmetric positive matrix over the nodes of a sheet and points along its seams.
 
     Unknown ``row * columns + column`` is a node, ``rows * columns + k`` is seam point k. The
-    diagonal is not kept: it is the screen minus the sum of the couplings of both kinds.
+    diagonal is not stored: it is the screening minus the sum of the couplings of both kinds.
 
     Attributes
     ----------
     stencil : (4, rows, columns) float32
-        Couplings of the node (y, x) with (y, x + 1), (y + 1, x - 1), (y + 1, x) and
-        (y + 1, x + 1): what the matrix holds there, mostly below 0.
+        Matrix entries of the node (y, x) with (y, x + 1), (y + 1, x - 1), (y + 1, x) and
+        (y + 1, x + 1), mostly below 0.
     labels : (rows, columns) int32
-        The chart of each node that is an unknown, -1 at others. The first and last row and column
+        The chart of each node that is an unknown, -1 for others. The first and last row and column
         hold no unknown.
     screen : (n,) floating
-        Sums of the matrix's rows.
+        Screening: the row sums of the matrix.
     seam : (s,) int32
         Unknowns that the seam part couples, ascending: nodes, then all seam points.
     start, columns_, values : (s + 1,), (k,) int32, (k,) float64
-        The seam part over the numbers 0 to s - 1, symmetric and without a diagonal.
+        The seam part as a symmetric sparse matrix over the numbers 0 to s - 1, without a diagonal.
     """
 
     stencil: Singles
@@ -72,11 +72,12 @@ class BlockRows(NamedTuple):
     Attributes
     ----------
     unknowns : (b,) int32
-        Their numbers, ascending.
+        Numbers of the unknowns, ascending.
     start, middle : (b + 1,), (b,) int32
-        Row p has the entries from ``start[p]``, those from ``middle[p]`` on with regular unknowns.
+        Row p has the entries from ``start[p]`` on; those from ``middle[p]`` on couple it with
+        regular unknowns.
     columns, values : (k,) int32, float64
-        Unknowns that it is coupled with, and the couplings; some are there twice.
+        The coupled unknowns and the couplings; some occur twice.
     screen, diagonal : (b,) float64
     """
 
@@ -90,19 +91,20 @@ class BlockRows(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """Runs of regular nodes: row y has those from ``start[y]``, each ``columns[k, 0 : 2]``."""
+    """Runs of regular nodes: those of row y start at ``start[y]``; run k is ``columns[k, 0:2]``."""
 
     start: Ints
     columns: Ints
 
 
 def kinds_of(matrix: SheetMatrix, whole: bool) -> npt.NDArray[np.uint8]:
-    """Sort the nodes into kinds: (rows, columns); `whole` puts all unknowns into the block.
+    """Classify the nodes: (rows, columns); `whole` puts all unknowns into the block.
 
     Raises
     ------
     ValueError
-        If what is no unknown is coupled, or an unknown lies in the first or last row or column.
+        If a node that is not an unknown is coupled, or an unknown lies in the outermost rows or
+        columns.
     """
     rows, columns = matrix.labels.shape
     kinds = np.zeros((rows, columns), dtype=np.uint8)
@@ -123,7 +125,7 @@ def kinds_of(matrix: SheetMatrix, whole: bool) -> npt.NDArray[np.uint8]:
 
 
 def block_rows(matrix: SheetMatrix, kinds: npt.NDArray[np.uint8]) -> tuple[BlockRows, Ints]:
-    """Gather the rows of the block, and number the unknowns by their place in it, -1 outside.
+    """Gather the rows of the block, and number its unknowns; -1 for unknowns outside.
 
     Raises
     ------
@@ -170,7 +172,7 @@ def runs_of(kinds: npt.NDArray[np.uint8]) -> Runs:
 
 
 def require_positive(values: npt.NDArray) -> None:
-    """Raise `SolverError` if a value that belongs on the diagonal is not above 0."""
+    """Raise `SolverError` unless all values, entries of a diagonal, are above 0."""
     if not (np.isfinite(values) & (values > 0)).all():
         raise SolverError(
             "The matrix of the texture is not positive definite. Check the mesh and its texture"
@@ -317,11 +319,11 @@ def _find_runs(start, stop, kinds, runs):
 
 @sum_kernel
 def multiply_row(y, stencil, screen, runs, x, out):
-    """Put ``A x`` of the regular nodes of row `y` into a row, one channel."""
+    """Write ``A x`` of the regular nodes of row `y` to a row, one channel."""
     columns = stencil.shape[2]
     for k in range(runs.start[y], runs.start[y + 1]):
-        # Slices begin one node before the run where neighbors are read, so that all loops run
-        # from 0 and become vector instructions.
+        # Where neighbors are read, slices start one node before the run, so that all loops start
+        # at 0 and become vector instructions.
         first, last = runs.columns[k]
         i = y * columns + first
         n = last - first
@@ -348,7 +350,7 @@ def multiply_row(y, stencil, screen, runs, x, out):
 
 @kernel
 def multiply_rows(start, stop, stencil, screen, runs, x, out):
-    """Put ``A x`` into `out` at the regular nodes of some rows: (c, n)."""
+    """Write ``A x`` to `out` at the regular nodes of some rows: (c, n)."""
     columns = stencil.shape[2]
     for y in range(start, stop):
         for j in range(x.shape[0]):
@@ -358,7 +360,7 @@ def multiply_rows(start, stop, stencil, screen, runs, x, out):
 
 @kernel
 def multiply_block(start, stop, rows, x, out):
-    """Put ``A x`` into `out` at some unknowns of the block, by double precision: (c, n)."""
+    """Write ``A x`` to `out` at some unknowns of the block, in double precision: (c, n)."""
     for p in range(start, stop):
         i = rows.unknowns[p]
         for j in range(x.shape[0]):

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values of a texture as a function on its surface, and back (see `operators`)."""
+"""Conversion of a texture's values to a function on its surface, and back (see `matrices`)."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from ..atlas.ghosts import interpolate
+from ..atlas.ghosts import fill_ghosts, interpolate
 from ..atlas.sheet import NOTHING
 from ..base.checks import Floats
 from ..base.parallel import kernel, run
@@ -17,20 +17,20 @@ _Single = npt.NDArray[np.float32]
 
 
 def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Single:
-    """Read a sheet's values as a function on the surface.
+    """Convert a sheet's values to a function on the surface.
 
     Parameters
     ----------
     space : TextureSpace
     values : (rows, columns, c) float32
-        Of the nodes.
+        Values of the nodes.
     corners : (v, c) float64
-        Those at the corners of the pieces; see `corner_values`.
+        Values at the corners of the pieces; see `corner_values`.
 
     Returns
     -------
     (n, c) float32
-        A point on a seam has the mean of what its sides show there.
+        A point on a seam has the mean of the values on its sides.
     """
     cut = space.cut_cells
     at_points = _means(cut.pieces.points, corners, len(cut.kinds))
@@ -42,25 +42,33 @@ def surface_values(space: TextureSpace, values: _Single, corners: Floats) -> _Si
     return result
 
 
+def painted_values(space: TextureSpace, image: _Single) -> _Single:
+    """Read an image (h, w, c) as a function on the surface: (n, c)."""
+    atlas = space.atlas
+    sheet = atlas.gather(image)
+    known = fill_ghosts(atlas.sheet, atlas.sources, sheet)
+    return surface_values(space, sheet, corner_values(space, sheet, known))
+
+
 def corner_values(
     space: TextureSpace, values: _Single, known: npt.NDArray[np.bool_], alpha: int = -1
 ) -> Floats:
-    """Read a sheet's values at the corners of the pieces, as each piece's chart shows them.
+    """Interpolate a sheet's values at the corners of the pieces, each in its own chart.
 
     Parameters
     ----------
     space : TextureSpace
     values : (rows, columns, c) float32
-        Of nodes and ghosts.
+        Values of nodes and ghosts.
     known : (g,) bool
-        Ghosts that count.
+        Ghosts whose values are used.
     alpha : int
-        The channel that is opacity: other channels count as much as it says. -1: none.
+        The opacity channel, which weights the others. -1: none.
 
     Returns
     -------
     (v, c) float64
-        NaN where nothing is known: faces without area in the texture show none.
+        NaN where nothing is known, and in faces without area in the texture.
     """
     pieces = space.cut_cells.pieces
     flat = values.reshape(-1, values.shape[2])
@@ -88,7 +96,7 @@ def _read_corners(start, stop, pieces, nodes, known, values, alpha, out):
 
 
 def _means(points: npt.NDArray[np.int64], corners: Floats, count: int) -> Floats:
-    # Of the corners at each point; NaN where none is known.
+    # Mean over the corners at each point; NaN if none is known.
     known = ~np.isnan(corners[:, 0])
     numbers = np.bincount(points[known], minlength=count)
     sums = [np.bincount(points[known], column[known], count) for column in corners.T]
@@ -97,7 +105,7 @@ def _means(points: npt.NDArray[np.int64], corners: Floats, count: int) -> Floats
 
 
 def _spread(space: TextureSpace, at_points: Floats) -> None:
-    # Points without a value get the mean of those around them.
+    # Points without a value receive the mean of those around them.
     pieces = space.cut_cells.pieces
     points = pieces.points
     piece = np.repeat(np.arange(len(pieces.faces)), np.diff(pieces.start))
@@ -117,7 +125,7 @@ def _spread(space: TextureSpace, at_points: Floats) -> None:
 
 
 def sheet_values(space: TextureSpace, values: _Single, sheet: _Single) -> None:
-    """Write a function on the surface into a sheet, where it has a value: nodes inside charts.
+    """Write a function on the surface to the nodes inside charts of a sheet.
 
     Parameters
     ----------
@@ -141,19 +149,19 @@ def added_to_sheet(
     factor: float,
     alpha: int = -1,
 ) -> _Single:
-    """Return a sheet with a change of the function that was read from it.
+    """Return a sheet plus a change of the function that was read from it.
 
     Parameters
     ----------
     space : TextureSpace
     sheet : (rows, columns, c) float32
     values : (n, c) float32
-        The function; without the channel `alpha`, if there is one.
+        The function, without the channel `alpha`.
     change : (n, c) float32
-        Counts as much as `factor` says.
+        Added with the weight `factor`.
     factor : float
     alpha : int
-        A channel of the sheet that stays; -1: none.
+        A channel of the sheet that is not changed; -1: none.
     """
     result = np.empty_like(sheet)
     flat, scale = result.reshape(-1, sheet.shape[2]), np.float32(factor)

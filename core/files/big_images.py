@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images on disk that may be larger than memory: Zarr arrays and tiled TIFF files.
 
-They are read, filtered and written chunk by chunk by dask, on threads of this process, or on the
-cluster of a client that was made before.
+dask reads, filters and writes them chunk by chunk, on threads of this process, or on the cluster
+of a client that was made before.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from .staging import temporary_folder, tidy
 _TIFFS = (".tif", ".tiff")
 _ENDINGS = (ENDING, *_TIFFS)
 _SIDE = 2048
-"""About how many pixels the sides of chunks have that are filtered at once; wide ones are low."""
+"""Side of the chunks that are filtered at once, in pixels, roughly; wide chunks are lower."""
 
-_PAUSE = 0.1  # seconds between questions to a cluster
+_PAUSE = 0.1  # seconds between queries of a cluster
 
 
 def filter_big_image(
@@ -50,7 +50,7 @@ def filter_big_image(
     times: int = 1,
     upright: bool = True,
 ) -> Outcome:
-    """Do what `filter_image_file` does, to and from Zarr arrays and TIFF files of any size."""
+    """Like `filter_image_file`, for Zarr arrays and TIFF files of any size."""
     check_ending(target, _ENDINGS, "pictures of any size are not written to such files")
     dask_array = needed("dask.array", source, "cluster")
     if target.is_dir() and not is_zarr(target):
@@ -81,7 +81,7 @@ def filter_big_image(
 def _write_zarr(
     target: Path, overwrite: bool, image_file: ImageFile, result: Dask, wanted: Sequence[Dask]
 ) -> tuple[Sequence[Any], list[str]]:
-    # Writes the result; returns what else is wanted, and notes.
+    # Writes the result; returns the other wanted values, and notes.
     with staged_folder(target, overwrite) as stage:
         notes = list(image_file.notes)
         if image_file.format == "Zarr":
@@ -98,7 +98,7 @@ def _write_zarr(
 def _write_tiff(
     target: Path, overwrite: bool, image_file: ImageFile, result: Dask, wanted: Sequence[Dask]
 ) -> tuple[Sequence[Any], list[str]]:
-    # By way of a Zarr array, as tiles stand in their order in the file, however they are computed.
+    # Via a Zarr array, as tiles of the file are in order, while they are computed in any order.
     result = result[..., 0] if result.shape[2:] == (1,) else result
     with contextlib.ExitStack() as stack:
         stage = stack.enter_context(staged(target, overwrite))
@@ -115,7 +115,7 @@ def _write_tiff(
 
 
 def _read_back(path: Path, expected: Any) -> None:
-    # Make sure that a TIFF file that was just written holds what was computed.
+    # Checks that a TIFF file that was just written holds the computed pixels.
     with reading_back(path):
         written = open_tiff_tiles(path)
         if written is None or written.pixels.shape != expected.shape:
@@ -127,9 +127,9 @@ def _read_back(path: Path, expected: Any) -> None:
 
 
 def _open(path: Path, any_size: bool) -> ImageFile:
-    # With pixels that are read when they are asked for, where files allow that.
+    # With pixels that are read on demand, if the format allows it.
     ending = path.suffix.lower()
-    tidy(path.parent)  # a run that was killed may have taken a folder away
+    tidy(path.parent)  # a killed run may have moved a folder away
     if ending == ENDING:
         image_file = open_zarr(path, any_size)
         check_kind(path, image_file.pixels)
@@ -146,7 +146,7 @@ def _open(path: Path, any_size: bool) -> ImageFile:
 
 
 class _Stored:
-    """Pixels on disk, of which windows are read, here or in another process."""
+    """Pixels on disk, read by windows, here or in another process."""
 
     def __init__(self, path: Path, pixels: Any) -> None:
         self.path, self.pixels = path, pixels
@@ -159,7 +159,7 @@ class _Stored:
 
 
 def _chunks(path: Path, image_file: ImageFile, upright: bool) -> Dask:
-    # Chunks are whole numbers of those in the file, and turned with the picture.
+    # Chunks are multiples of those in the file, and rotated with the picture.
     import dask.array
 
     pixels = image_file.pixels
@@ -178,7 +178,7 @@ def _chunks_on_disk(pixels: Any) -> tuple[int, ...] | None:
 
 
 def _beside(options: Options, upright: bool) -> dict[str, Dask]:
-    # Mask and guide, if named.
+    # The mask and the guide, if named.
     words = {}
     if options.mask is not None:
         weights = _grays(Path(options.mask), options.any_size, upright)
@@ -203,14 +203,14 @@ def _grays(path: Path, any_size: bool, upright: bool) -> Dask:
 
 
 def _create(path: Path, result: Dask) -> Any:
-    # An array whose chunks have a quarter of what is filtered at once along the sides.
+    # An array whose chunks have a quarter of the sides of those that are filtered at once.
     sides = (n // 4 if n % 4 == 0 else n for n in result.chunksize[:2])
     chunks = (*sides, *result.shape[2:])[: result.ndim]
     return create_zarr(path, result.shape, result.dtype, chunks)
 
 
 def _store(array: Any, result: Dask, wanted: Sequence[Dask]) -> Sequence[Any]:
-    # Writes the result to a Zarr array, and computes on the way what else is wanted.
+    # Writes the result to a Zarr array and computes the other wanted values at the same time.
     import dask.array
 
     stored = dask.array.store(result, array, lock=False, compute=False)
@@ -218,7 +218,7 @@ def _store(array: Any, result: Dask, wanted: Sequence[Dask]) -> Sequence[Any]:
 
 
 def _computed(wanted: Sequence[Any]) -> Sequence[Any]:
-    # Computes together, and asks meanwhile whether to go on.
+    # Computes all together; can be cancelled.
     import dask
     from dask.callbacks import Callback
 
@@ -229,7 +229,7 @@ def _computed(wanted: Sequence[Any]) -> Sequence[Any]:
             left = sum(len(state[name]) for name in ("waiting", "ready", "running"))
             ask(len(state["finished"]) / (len(state["finished"]) + left))
 
-        # A pool of its own is waited for: nobody writes any more once this ends, however it does.
+        # We wait for a pool of our own: no thread writes any more once this function ends.
         threads = dask.config.get("num_workers", None) or thread_count()
         with ThreadPoolExecutor(threads) as pool, Callback(posttask=count):
             return dask.compute(*wanted, scheduler="threads", pool=pool)
@@ -254,7 +254,7 @@ def _cluster() -> Any:
 
 
 def _tiles(pixels: Any) -> Iterator[npt.NDArray[Any]]:
-    # A row of tiles is in memory at a time.
+    # Holds one row of tiles in memory at a time.
     height, width = pixels.shape[:2]
     for top in range(0, height, TILE):
         ask(top / height)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all mesh formats share: the document that a file becomes, normals, side files."""
+"""The common parts of mesh formats: the document that a file becomes, normals, side files."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ NEW_NORMALS = "normals were computed anew from the sharpened surface"
 
 
 class Document(Protocol):
-    """A file in memory: all its vertices, its triangles, and which object each belongs to."""
+    """A file in memory: all its vertices, its triangles, and the object that each belongs to."""
 
     vertices: Floats
     faces: Ints
     parts: Ints
 
     def own_files(self, target: Path) -> Collection[str]:
-        """Names of files beside it that it may replace, if written there: none by default."""
+        """Names of files beside `target` that writing it may replace: none by default."""
         return ()
 
     def save(self, path: Path, positions: Floats, moved: Bools) -> list[str]:
-        """Write it with other positions; returns notes on what changed or got lost."""
+        """Write the file with other positions; returns notes on what changed or was lost."""
 
     def read_back(self, path: Path) -> Floats | None:
-        """Positions in a file that was just written; None where their order may be another.
+        """Positions in a file that was just written; None if their order may differ.
 
-        Raises ValueError, or whatever a reader does, if not all of it can be read.
+        Raises ValueError, or whatever a reader raises, if the file cannot be read completely.
         """
 
 
@@ -46,17 +46,17 @@ class InPlaceDocument(Document, Protocol):
     """A file that keeps its format, whose vertex colors can be replaced."""
 
     def read_colors(self) -> Floats:
-        """Red, green and blue of each vertex, with 1 for the largest whole number; NaN for none."""
+        """Red, green and blue of each vertex in [0, 1], for any type; NaN without a color."""
 
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
-        """Write it with other colors; returns how many vertices changed theirs, and notes."""
+        """Write the file with other colors; returns how many vertices changed, and notes."""
 
     def read_uvs(self) -> tuple[Floats, Names]:
-        """Coordinates of the triangles' corners (t, 3, 2), v upwards, NaN for none; materials."""
+        """Coordinates of the triangles' corners (t, 3, 2), v up, NaN without any; materials."""
 
 
 def stored(values: Floats, kind: np.dtype[Any]) -> npt.NDArray[Any]:
-    """Positions as a type holds them."""
+    """Positions after rounding to a type."""
     with np.errstate(over="ignore"):
         result = values.astype(kind)
     if not np.isfinite(result).all():
@@ -70,7 +70,7 @@ def stored(values: Floats, kind: np.dtype[Any]) -> npt.NDArray[Any]:
 def joined(
     vertices: list[Floats], faces: list[Ints], parts: list[int]
 ) -> tuple[Floats, Ints, Ints]:
-    """Vertices, triangles and parts of a document of several objects; `parts` numbers these."""
+    """Vertices, triangles and parts of several objects in one document; `parts` are numbers."""
     counts = [len(triangles) for triangles in faces]
     return (
         np.vstack([np.empty((0, 3)), *vertices]),
@@ -80,7 +80,7 @@ def joined(
 
 
 def to_unit(values: npt.NDArray[Any], kind: np.dtype[Any]) -> Floats:
-    """Numbers of a type as floats, whole numbers as parts of the type's maximum."""
+    """Numbers of a type as floats; whole numbers are divided by the type's maximum."""
     return values / np.float64(np.iinfo(kind).max if kind.kind in "iu" else 1)
 
 
@@ -92,7 +92,7 @@ def from_unit(values: Floats, kind: np.dtype[Any]) -> Floats:
 def renewed_normals(positions: Floats, triangles: Ints, keys: Ints, old: Floats) -> Floats:
     """Mean normal, weighted by area, of the triangle corners that share a key.
 
-    `triangles` and `keys` are (t, 3); a key without area keeps its row of `old`, and none
+    `triangles` and `keys` are (t, 3); a key without area keeps its row of `old`, and no normal
     changes sides.
     """
     a, b, c = (positions[triangles[:, corner]] for corner in range(3))
@@ -106,31 +106,31 @@ def renewed_normals(positions: Floats, triangles: Ints, keys: Ints, old: Floats)
 
 
 def renewed_vertex_normals(before: Floats, after: Floats, triangles: Ints, old: Floats) -> Floats:
-    """New vertex normals: split vertices that shared place and normal share it again."""
+    """New vertex normals; split vertices with equal position and normal stay equal."""
     kept, key = np.unique(np.hstack([before, old]), axis=0, return_inverse=True)
     key = key.reshape(-1)
     return renewed_normals(after, triangles, key[triangles], kept[:, 3:])[key]
 
 
 def decimal(values: Iterable[float]) -> bytes:
-    """Write numbers as text, with more digits than float32 has and fewer than noise needs."""
+    """Write numbers as text, with more digits than float32 has, but not all of a float64."""
     return b" ".join(b"%.12g" % value for value in values)
 
 
 def transformed(points: npt.NDArray[Any], matrix: Floats) -> Floats:
-    """Points after a 4x4 matrix; bit for bit the same after the identity."""
+    """Apply a 4x4 matrix to points; the identity keeps them bit for bit."""
     if np.array_equal(matrix, np.eye(4)):
         return points.astype(np.float64)
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def is_invertible(matrix: Floats) -> bool:
-    """Whether points can be brought back from where a matrix takes them."""
+    """Whether a matrix can be inverted for points."""
     with np.errstate(all="ignore"):
         return bool(np.isfinite(matrix).all() and np.linalg.det(matrix))
 
 
 def unit(vectors: npt.NDArray[Any]) -> Floats:
-    """Vectors at length one; zero stays zero."""
+    """Normalize vectors; zero stays zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 0, lengths, 1.0)

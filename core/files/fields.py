@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images that are made from a mesh file alone: distances, streaks, patterns."""
+"""Images made from a mesh file alone: distances, streaks, patterns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .output import DEFAULTS, Options, Outcome
 from .textures import RAW, read_textured_mesh
 
 FILES = {"painted": "image", "scale_map": "rates"}
-"""What is given as the name of a file, and what the functions call its values."""
+"""Sources that are given as names of files, and the functions' names for their values."""
 
 
 def field_file(
@@ -31,21 +31,21 @@ def field_file(
     sources: Mapping[str, Any],
     options: Options = DEFAULTS,
 ) -> Outcome:
-    """Make an image on the surface of a mesh, and write it.
+    """Make an image on the surface of a mesh and write it.
 
     Parameters
     ----------
     function : callable
-        ``function(mesh, uv, size, atlas=, **sources)`` returns (h, w) floats, of which row 0 is at
-        v = 0; see `registry.FIELD`.
+        ``function(mesh, uv, size, atlas=, **sources)`` returns (h, w) floats with row 0 at v = 0;
+        see `registry.FIELD`.
     mesh, options
         As in :func:`shock_filter.core.files.textures.filter_texture_file`.
     target : path
-        NumPy, TIFF and EXR files hold the values, PNG 16 bits and all others 8, from 0 to 1.
+        NumPy, TIFF and EXR files hold the values; PNG files 16 bits, others 8 bits, from 0 to 1.
     size : (int, int), or path
         Height and width in texels, or an image file of the wanted size.
     sources : mapping
-        What the function wants by name; images as paths, under the names of their flags.
+        Further arguments of the function; images as paths, under the names of their flags.
     """
     target = Path(target)
     height, width = size if isinstance(size, tuple) else image_size(size, options.any_size)
@@ -71,12 +71,12 @@ def field_file(
 
 
 def field_pixels(values: Pixels, inside: Pixels, target: Path, depth: type) -> Pixels:
-    """Turn values into what the target's format holds: floats, or whole numbers of this depth.
+    """Convert values to what the target's format holds: floats, or whole numbers of `depth`.
 
     Raises
     ------
     ShockError
-        If it holds numbers from 0 to 1 only, and there are others.
+        If the format holds only numbers from 0 to 1, and there are others.
     """
     if target.suffix.lower() in RAW:
         return values
@@ -90,7 +90,7 @@ def field_pixels(values: Pixels, inside: Pixels, target: Path, depth: type) -> P
 
 
 def field_outcome(values: Pixels, inside: Pixels, notes: tuple[str, ...]) -> Outcome:
-    """Say how large the values are, and on how much of the image."""
+    """Report the range of the values, and the part of the image that they cover."""
     shown = values[inside]
     low, high = shown.min(initial=np.inf), shown.max(initial=-np.inf)
     done = f"values {low:.3g} to {high:.3g} on {{changed}} of {{total}} texels"

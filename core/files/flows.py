@@ -24,12 +24,12 @@ from .velocities import PlaneFlow, SurfaceFlow
 
 @dataclass(frozen=True)
 class Look:
-    """How a flow is shown, and its frames written; see `pictures` and `frames`.
+    """How a flow is shown and its frames are written; see `pictures` and `frames`.
 
     Attributes
     ----------
     settings : NoiseSettings, DyeSettings or ConvolutionSettings
-        Its class says whether noise, dye or lines are drawn.
+        The class selects noise, dye or lines.
     frames : int
     size : (int, int), optional
         Rows and columns; those of the background or the velocity if left out.
@@ -40,7 +40,7 @@ class Look:
     sources : sequence of sequences of points
         Where dye comes from; see `DyeSource`.
     source_width, source_every
-        Of all of them.
+        Width and period of all sources.
     under : NoiseSettings, optional
     """
 
@@ -58,7 +58,7 @@ class Look:
 
 
 def check_target_of_flow(target: Path, look: Look, overwrite: bool) -> None:
-    """Refuse a target before anything is read."""
+    """Refuse an unusable target before anything is read."""
     if not still(look.settings):
         check_frames_target(target, overwrite)
     elif is_folder(target):
@@ -68,22 +68,22 @@ def check_target_of_flow(target: Path, look: Look, overwrite: bool) -> None:
 def write_flow(
     flow: PlaneFlow | SurfaceFlow, target: Path, look: Look, options: Options = DEFAULTS
 ) -> Outcome:
-    """Show a flow, and write its frames.
+    """Show a flow and write its frames.
 
     Parameters
     ----------
     flow : PlaneFlow or SurfaceFlow
         See `read_velocity`.
     target : path
-        As in `write_frames`; for lines an image file.
+        As in `write_frames`; an image file for lines.
     look : Look
     options : Options
-        Whether to replace files, and the progress.
+        Whether to replace files, and the progress callback.
 
     Raises
     ------
     ShockError
-        As `read_velocity`, `write_frames` and what draws the frames.
+        As `read_velocity`, `write_frames` and the functions that draw the frames.
     """
     check_target_of_flow(target, look, options.overwrite)
     if isinstance(flow, SurfaceFlow):
@@ -96,7 +96,7 @@ def write_flow(
 def write_pictures(
     pictures: Iterator[Pixels], target: Path, look: Look, notes: tuple[str, ...], overwrite: bool
 ) -> Outcome:
-    """Write what shows a flow: frames, or the only picture of lines."""
+    """Write pictures of a flow: frames, or the single picture of lines."""
     if still(look.settings):
         shown = next(pictures)
         pixels = (
@@ -145,7 +145,7 @@ def _on_surface(flow: SurfaceFlow, look: Look, options: Options) -> Iterator[Pix
 
 
 def size_on_surface(look: Look) -> tuple[int, int]:
-    """Return rows and columns of the texture; refuses what is not shown on surfaces."""
+    """Return rows and columns of the texture; refuses kinds that cannot be shown on surfaces."""
     if not isinstance(look.settings, NoiseSettings):
         raise ShockError(
             "On a mesh flows are shown as noise; leave --kind out, or draw still streaks with"
@@ -164,7 +164,7 @@ def read_background(path: str | Path, any_size: bool = False) -> npt.NDArray[np.
 
 
 def background_of(pixels: Pixels) -> npt.NDArray[np.float32]:
-    """Turn the pixels of an image into a background."""
+    """Convert the pixels of an image to a background."""
     if pixels.dtype.kind == "u":
         pixels = pixels / np.float32(np.iinfo(pixels.dtype).max)
     if pixels.ndim == 3:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Frames on disk: a folder of PNG files, an animation, or a video.
 
-Frames are written as they come, and none is kept in memory.
+Frames are written one by one and not kept in memory.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from .staging import is_at_work, temporary_folder
 Frames = Iterable[npt.NDArray[Any]]
 
 FILES = (".webp", ".png", ".apng", ".mp4")
-"""Endings of files that hold all frames; what has none is a folder."""
+"""Endings of files that hold all frames; a name without an ending is a folder."""
 
 STEM = "frame_"
 _LEAST_DIGITS = 4
-_SLOWEST, _FASTEST = 0.1, 1000.0  # frames a second
+_SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second
 
 
 def is_folder(target: Path) -> bool:
@@ -38,7 +38,7 @@ def is_folder(target: Path) -> bool:
 
 
 def check_frames_target(target: Path, overwrite: bool) -> None:
-    """Refuse what cannot take frames, before any is computed."""
+    """Refuse targets that cannot hold frames, before any is computed."""
     if is_folder(target):
         if target.exists() and not target.is_dir():
             raise ShockError(f"{target} is a file; name a folder, or a file with an ending.")
@@ -74,30 +74,30 @@ def write_frames(
     Parameters
     ----------
     frames : iterable of (h, w), (h, w, 3) or (h, w, 4) array of float
-        From 0 to 1, all of one size: gray, colors, or colors with opacity.
+        Values from 0 to 1, all of one size: gray, colors, or colors with opacity.
     target : path
         A folder for PNG files named ``frame_0001.png`` and so on; or an animated WebP (.webp) or
         PNG (.png, .apng) file, or a video (.mp4), which appear when they are complete.
     count : int
-        How many frames there are.
+        Number of frames.
     fps : float
-        Frames a second, for files. Videos have no opacity: black is behind it.
+        Frames per second, for files. Videos have no opacity: transparent pixels show black.
     bits : int
-        8 or 16, of PNG.
+        8 or 16, for PNG.
     overwrite : bool
-        Replace a file, or the frames in a folder; other files in it stay.
+        Replace a file, or the frames in a folder, where other files are kept.
 
     Returns
     -------
     int
-        How many were written.
+        Number of frames written.
 
     Raises
     ------
     ShockError
         If the target cannot be written.
     Unfinished
-        If `frames` was cancelled: the frames until then are in the folder.
+        If `frames` was cancelled: the frames up to then are in the folder.
     """
     target = Path(target)
     check_frames_target(target, overwrite)
@@ -121,7 +121,7 @@ def write_frames(
 
 
 def write_folder(frames: Frames, folder: Path, count: int, bits: int = 8) -> int:
-    """Write frames as PNG files into a folder; each appears when it is complete.
+    """Write frames as PNG files to a folder; each file appears when it is complete.
 
     Frames of an earlier, longer run are removed at the end; see `write_frames`.
     """
@@ -146,7 +146,7 @@ def write_folder(frames: Frames, folder: Path, count: int, bits: int = 8) -> int
 
 
 def frame_name(number: int, count: int) -> str:
-    """Name the file of a frame, counted from 1."""
+    """Return the file name of a frame, counted from 1."""
     return f"{STEM}{number:0{max(_LEAST_DIGITS, len(str(count)))}}.png"
 
 
@@ -159,7 +159,7 @@ def _remove_later(folder: Path, count: int) -> None:
 
 @contextlib.contextmanager
 def _closing(frames: Frames) -> Iterator[None]:
-    """Free what frames are computed with, however writing them ends."""
+    """Free the resources behind the frames, however writing ends."""
     try:
         yield
     finally:
@@ -168,7 +168,7 @@ def _closing(frames: Frames) -> Iterator[None]:
 
 
 def as_numbers(frame: npt.NDArray[Any], bits: int) -> npt.NDArray[Any]:
-    """Turn values from 0 to 1 into whole numbers of so many bits; NaN is 0."""
+    """Convert values from 0 to 1 to whole numbers of `bits` bits; NaN becomes 0."""
     kind = np.uint8 if bits == 8 else np.uint16
     scaled = np.nan_to_num(frame, nan=0.0)
     scaled = np.clip(scaled, 0.0, 1.0, out=scaled) * np.float32(np.iinfo(kind).max)
@@ -176,7 +176,7 @@ def as_numbers(frame: npt.NDArray[Any], bits: int) -> npt.NDArray[Any]:
 
 
 def as_colors(frame: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    """Turn values into colors of 8 bits, gray ones too."""
+    """Convert values, gray ones too, to colors of 8 bits."""
     numbers = as_numbers(frame, 8)
     return np.repeat(numbers[..., None], 3, axis=2) if numbers.ndim == 2 else numbers
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which image formats there are, what they hold, and reading them."""
+"""The image formats: what they hold, and how they are read."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class _Format(NamedTuple):
     channels: Collection[int]
 
     def holds(self, pixels: Pixels) -> bool:
-        """Whether the pixels fit as they are."""
+        """Whether the format holds the pixels without conversion."""
         return pixels.dtype.name in self.types and channels(pixels) in self.channels
 
 
@@ -72,7 +72,7 @@ FORMATS = {
     ARRAY: _Format(_map_array, _flush_array, _TYPES, range(1, sys.maxsize)),
 }
 _LOSSY = (".jpg", ".jpeg")
-_LONGEST = {**dict.fromkeys(_LOSSY, 65500), ".webp": 16383}  # sides in pixels
+_LONGEST = {**dict.fromkeys(_LOSSY, 65500), ".webp": 16383}  # longest sides in pixels
 
 _ROWS = 256
 
@@ -84,12 +84,12 @@ def image_size(path: str | Path, any_size: bool = False, upright: bool = True) -
 
 
 def read_image(path: Path, any_size: bool, upright: bool = True) -> ImageFile:
-    """Read an image file; its pixels keep their type. By default they are turned to be shown."""
+    """Read an image file; its pixels keep their type. `upright` rotates them for display."""
     check_source(path, FORMATS)
     with reading(path, any_size):
         image_file = FORMATS[path.suffix.lower()].read(path)
         check_kind(path, image_file.pixels)
-        if not is_read_by_pillow(path, image_file.pixels):  # which is who would be asked
+        if not is_read_by_pillow(path, image_file.pixels):  # Pillow would be asked
             check_brightness(path, image_file, image_file.pixels)
     if upright:
         make_upright(image_file)
@@ -99,7 +99,7 @@ def read_image(path: Path, any_size: bool, upright: bool = True) -> ImageFile:
 
 
 def check_kind(path: Path, pixels: Any) -> None:
-    """Refuse an array that is no image, or of a type that none has."""
+    """Refuse an array that is not an image, or has a type that no image has."""
     if pixels.dtype.name not in _TYPES:
         raise ShockError(
             f"{path} holds values of type {pixels.dtype}; save it with 8 or 16 bits, or as floats."
@@ -109,13 +109,13 @@ def check_kind(path: Path, pixels: Any) -> None:
 
 
 def without_plain_opacity(ending: str, pixels: Pixels) -> Pixels:
-    """Leave out opacity that is full everywhere, where a format's encoder does so, too."""
+    """Drop opacity that is full everywhere, if the format's encoder drops it, too."""
     is_plain = ending == ".webp" and channels(pixels) == 4 and (pixels[..., 3] == 255).all()
     return np.ascontiguousarray(pixels[..., :3]) if is_plain else pixels
 
 
 def read_back(path: Path, pixels: Pixels) -> None:
-    """Make sure that a file that was just written holds these pixels."""
+    """Check that a file that was just written holds these pixels."""
     with reading_back(path):
         found = FORMATS[path.suffix.lower()].read(path).pixels
         if (found.shape, found.dtype) != (pixels.shape, pixels.dtype):
@@ -125,9 +125,9 @@ def read_back(path: Path, pixels: Pixels) -> None:
 
 
 def check_format(source: Path, ending: str, pixels: Any, times: int = 1) -> None:
-    """Refuse a format that cannot hold pixels as they are; `source` is where they come from.
+    """Refuse a format that cannot hold the pixels of `source` without conversion.
 
-    They are to be written so many times higher and wider.
+    They will be written `times` as high and wide.
     """
     side = times * max(pixels.shape[:2])
     if side > _LONGEST.get(ending, side):
@@ -145,7 +145,7 @@ def check_format(source: Path, ending: str, pixels: Any, times: int = 1) -> None
 
 def count_changed(old: Pixels, new: Pixels) -> int:
     """Count the pixels that differ."""
-    # In bands of rows, so that nothing as large as the image is made.
+    # In bands of rows, so that no array as large as the image is made.
     changed = 0
     for band in blocks(len(old), _ROWS):
         differs = old[band] != new[band]
@@ -154,7 +154,7 @@ def count_changed(old: Pixels, new: Pixels) -> int:
 
 
 def read_beside(options: Options, upright: bool = True) -> dict[str, Pixels]:
-    """Read what a filter is given by name beside the image: mask, guide and gains, if named."""
+    """Read a filter's further images, if named: mask, guide and gains."""
     words = {}
     if options.mask is not None:
         weights = read_grays(Path(options.mask), "mask", options.any_size, upright)
@@ -174,7 +174,7 @@ def read_pixels(path: str | Path, any_size: bool, upright: bool = True) -> Pixel
 
 
 def read_grays(path: Path, what: str, any_size: bool, upright: bool = True) -> Pixels:
-    """Read a gray image file, from 0 to 1; `what` is what it holds, for people."""
+    """Read a gray image file, from 0 to 1; `what` names its contents for people."""
     grays = read_image(path, any_size, upright).pixels
     if grays.ndim == 3 and grays.shape[2] == 1:
         grays = grays[..., 0]

@@ -38,7 +38,7 @@ from .reading import check_source, check_target, reading, writing
 
 TIFFS = (".tif", ".tiff")
 BIG = 1 << 28
-"""Bytes of pixels from which on TIFF files are filtered chunk by chunk."""
+"""Bytes of pixels above which TIFF files are filtered chunk by chunk."""
 
 
 def filter_image_file(
@@ -56,24 +56,24 @@ def filter_image_file(
     ----------
     function : callable
         ``function(pixels, mask=None, guide=None)`` returns an array like the pixels; see
-        `registry.Filter.function`. If it has a parameter ``out``, it is given the array for the
-        result. It gets float32 in place of float16.
+        `registry.Filter.function`. A parameter ``out`` receives the array for the result. It is
+        called with float32 in place of float16.
     source, target : path
         PNG, JPEG, TIFF, EXR, BMP, WebP or NumPy (.npy) files. `target` appears when it is
-        complete; its format must hold the values as they are, none is converted. Zarr arrays and
-        tiled TIFF files may be larger than memory.
+        complete; its format must hold the values, as none is converted. Zarr arrays and tiled
+        TIFF files may be larger than memory.
     options : Options
         Masks, and whether to replace files.
     times : int
         How many times higher and wider the function's result is.
     upright : bool
-        Turn pictures as their orientation tags say. Texture coordinates count on pixels as they
-        are stored.
+        Rotate pictures by their orientation tags. Texture coordinates refer to pixels as they are
+        stored.
 
     Returns
     -------
     Outcome
-        Counts of pixels, and notes on what did not survive.
+        Counts of pixels, and notes on what was lost.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def filter_image_file(
                 result[...] = function(pixels, **words)
 
     with staged(target, options.overwrite) as path:
-        # Arrays that are mapped from files must be gone before these can be replaced.
+        # Arrays mapped from files must be closed before these can be replaced.
         return _filter(source, path, fill, options.any_size, times, upright)
 
 
 def is_big(source: Path, target: Path) -> bool:
-    """Whether an image is filtered chunk by chunk, as it may not fit into memory."""
+    """Whether an image is filtered chunk by chunk because it may not fit into memory."""
     endings = source.suffix.lower(), target.suffix.lower()
     if ZARR in endings:
         return True
@@ -119,7 +119,7 @@ def is_big(source: Path, target: Path) -> bool:
 
 
 def write_image_file(target: Path, pixels: Pixels, overwrite: bool) -> None:
-    """Write pixels that come from no file, in the format of the target's ending."""
+    """Write pixels without a source file, in the format of the target's ending."""
     check_target(target, FORMATS)
     ending = target.suffix.lower()
     if ending != ARRAY:
@@ -170,9 +170,9 @@ def _empty(_path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
 
 
 def _new_array(path: Path, shape: tuple[int, ...], kind: np.dtype) -> Pixels:
-    """Map an array to a new file, whose room on the disk is taken for certain.
+    """Map an array to a new file whose disk space is certainly allocated.
 
-    A process that writes to a mapped place for which the disk has no room is ended by the system.
+    The system kills a process that writes to mapped pages for which the disk has no space.
     """
     result = np.lib.format.open_memmap(path, "w+", kind, shape)
     with path.open("r+b") as stream:

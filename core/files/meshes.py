@@ -3,7 +3,7 @@
 
 OBJ, PLY, GLB and glTF files that keep their format are copied with new positions and normals, or
 with new colors; everything else stays as it was (polygons, groups, materials, UVs, animations,
-unknown properties, comments). All else goes through trimesh, which knows triangles only.
+unknown properties, comments). Other files go through trimesh, which only has triangles.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ IN_PLACE: dict[str, Callable[[Path], InPlaceDocument]] = {
     ".gltf": GltfFile,
 }
 
-_ROUNDING = 1e-7  # differences of colors that come from summing in another order
+_ROUNDING = 1e-7  # differences of colors that another order of summation causes
 
 
 def filter_mesh_file(
@@ -46,8 +46,8 @@ def filter_mesh_file(
 ) -> Outcome:
     """Move the vertices of a mesh file and write it to another.
 
-    Vertices at exactly the same place move together, so that files whose vertices are split
-    along UV seams do not crack open. Objects that share no vertex are filtered on their own.
+    Vertices at exactly the same position move together, so that files whose vertices are split
+    along UV seams do not crack open. Objects that share no vertex are filtered separately.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def filter_mesh_file(
     Returns
     -------
     Outcome
-        Counts, and notes on what did not survive.
+        Counts, and notes on what was lost.
 
     Raises
     ------
@@ -92,9 +92,9 @@ def filter_colors_file(
 ) -> Outcome:
     """Change the vertex colors of a mesh file and write it to another of the same format.
 
-    Vertices at exactly the same place with the same color count as one, so that UV seams do not
-    show; where colors differ at a place, they jump, and nothing flows across. Opacity and all
-    else stay as they are.
+    Vertices at exactly the same position with the same color count as one, so that UV seams do not
+    show; where colors differ at a position, they jump, and nothing flows across. Opacity and
+    everything else stay as they are.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def filter_colors_file(
     Returns
     -------
     Outcome
-        Counts, and notes on what did not survive.
+        Counts, and notes on what was lost.
 
     Raises
     ------
@@ -150,8 +150,8 @@ def filter_colors_file(
 def read_document(
     source: Path, reader: Callable[[Path], AnyDocument], any_size: bool = False
 ) -> AnyDocument:
-    """Read a file, or say what is wrong with it."""
-    tidy(source.parent)  # a run that was killed may have replaced half of a model
+    """Read a file; raises an error that says what is wrong with it."""
+    tidy(source.parent)  # a killed run may have replaced half of a model
     check_source(source, ENDINGS)
     with reading(source, any_size):
         document = reader(source)
@@ -168,10 +168,10 @@ def read_document(
 
 
 def _read_back(document: Document, path: Path, positions: Floats) -> None:
-    """Make sure that a file that was just written holds these positions."""
+    """Check that a file that was just written holds these positions."""
     with reading_back(path):
         found = document.read_back(path)
-        rough = 1e-3 * abs(positions).max()  # for what rounding in another space does
+        rough = 1e-3 * abs(positions).max()  # for rounding in another space
         if found is not None and not (abs(found - positions) <= rough).all():
             raise ValueError("other positions")
 
@@ -180,7 +180,7 @@ def _read_back(document: Document, path: Path, positions: Floats) -> None:
 
 
 def _weld_colors(document: Document, colors: Floats) -> tuple[Ints, Ints]:
-    """Find vertices that are at one place and of one color, or of none."""
+    """Find vertices with equal positions and equal colors, or both without one."""
     places = weld(document.vertices)[1]
     kinds = weld(np.where(np.isfinite(colors).all(axis=1, keepdims=True), colors, -1.0))[1]
     return weld(np.column_stack([places, kinds, np.zeros(len(kinds))]))
@@ -193,11 +193,11 @@ def _filtered(
     weights: Floats | None,
     colors: Floats | None = None,
 ) -> Floats:
-    """Filter each group of joined objects as a mesh of its own.
+    """Filter each group of connected objects as a separate mesh.
 
-    `welded` holds the first of the vertices that are one, and the number of each vertex among
-    these. Where there are colors, these are filtered in place of the positions; faces at a vertex
-    whose color is NaN, for none, are left out.
+    `welded` holds the first of each set of merged vertices, and the index of each vertex into
+    these. If colors are given, they are filtered in place of the positions; faces at a vertex
+    without a color, NaN, are left out.
     """
     first, index = welded
     points, faces = document.vertices[first], index[document.faces]
@@ -205,7 +205,7 @@ def _filtered(
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     whole &= np.isfinite(values[faces]).all(axis=(1, 2))
     faces = faces[whole]
-    lowest = np.ones(len(first))  # weight of the vertices that are one
+    lowest = np.ones(len(first))  # least weight of the merged vertices
     if weights is not None:
         np.minimum.at(lowest, index, weights)
     result = values.copy()
@@ -217,7 +217,7 @@ def _filtered(
         except InvalidMesh:
             if len(groups) == 1:
                 raise
-            continue  # one object without a surface does not keep the others from theirs
+            continue  # an object without a surface does not stop the others
         signal = () if colors is None else (values[used],)
         mask = None if weights is None else lowest[used]
         with phase(number / len(groups), (number + 1) / len(groups), "Filtering"):
@@ -226,7 +226,7 @@ def _filtered(
 
 
 def _groups(parts: Ints, faces: Ints, vertex_count: int) -> list[Ints]:
-    """Numbers of the faces whose objects hang together by shared vertices, group by group."""
+    """Group the faces by objects that are connected through shared vertices."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

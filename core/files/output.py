@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Output files that appear complete or not at all, and what to say about them.
+"""Output files that appear complete or not at all, and the outcome that is reported.
 
-Needs no numerics, since Blender's command line chooses where kernels are kept before they load.
+Needs no numerics, since Blender's command line chooses the folder of kernels before they load.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from .staging import Move, move_all, temporary_folder
 
 @dataclass(frozen=True)
 class Options:
-    """What is asked beside the files' names.
+    """The options of a run besides the names of files.
 
     Attributes
     ----------
     mask : str, optional
-        Of meshes: a vertex property of PLY files, where 0 leaves a vertex as it is and 1 changes
-        it fully; whole numbers count in parts of their type's largest value. Of images: a gray
-        image file of the same size, where black stays and white is filtered fully.
+        For meshes: a vertex property of PLY files, where 0 leaves a vertex as it is and 1 changes
+        it fully; whole numbers are divided by their type's largest value. For images: a gray image
+        file of the same size, where black stays and white is filtered fully.
     invert_mask : bool
         Use one minus the mask.
     guide : str, optional
@@ -40,15 +40,16 @@ class Options:
         A gray image file of the same size that says where detail is raised and where it is
         smoothed; see `texture.painted_gain.gains_of`.
     gain : float
-        What white stands for there.
+        The gain of white in it.
     others : sequence of str
-        Image files like the first one, where one image is made of several.
+        Further image files, if one image is made of several.
     material : str, optional
+        Name of the material that shows the texture; if left out, all faces do.
         Name of the material that shows a texture; all faces do if left out.
     overwrite : bool
         Replace files that exist.
     any_size : bool
-        Read files whose header claims far more than their size can hold, too.
+        Also read files whose header claims far more data than their size can hold.
     progress : callable, optional
         Called with (fraction, message); returns False to cancel.
     """
@@ -70,16 +71,16 @@ DEFAULTS = Options()
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was done with a file.
+    """The result of filtering a file.
 
     Attributes
     ----------
     total, changed : int
-        Number of vertices or pixels, and of those that are not as they were.
+        Number of vertices or pixels, and of those that changed.
     notes : tuple of str
-        What a person should know: what did not survive, what was computed anew.
+        What a person should know: what was lost, what was recomputed.
     done : str
-        Says what was done, with places for both numbers.
+        Sentence with placeholders for both numbers.
     """
 
     total: int
@@ -88,12 +89,12 @@ class Outcome:
     done: str = "moved {changed} of {total} vertices"
 
     def __str__(self) -> str:
-        """Say what was done."""
+        """Return the sentence."""
         return self.done.format(changed=self.changed, total=self.total)
 
 
 class Unfinished(Cancelled):
-    """A run was cancelled after some of its files were complete, and these stay."""
+    """A run was cancelled after some of its files were complete; these stay."""
 
     def __init__(self, done: int, count: int, folder: Path) -> None:
         super().__init__(
@@ -106,7 +107,7 @@ class Unfinished(Cancelled):
 
 Announce = Callable[[Path], None]
 Guard = Callable[[Path], contextlib.AbstractContextManager[Announce]]
-"""Opened with a place that is about to be taken; gives what is called with the file for it."""
+"""Opened for a place that will be taken; yields a function to call with the new file."""
 
 
 @contextlib.contextmanager
@@ -119,7 +120,7 @@ _guard: ContextVar[Guard] = ContextVar("guard", default=_unguarded)
 
 @contextlib.contextmanager
 def guarded(guard: Guard) -> Iterator[None]:
-    """Have outputs of this thread announced before they are moved to their places."""
+    """Announce the outputs of this thread to a guard before they are moved to their places."""
     token = _guard.set(guard)
     try:
         yield
@@ -128,29 +129,29 @@ def guarded(guard: Guard) -> Iterator[None]:
 
 
 def taking(place: Path) -> contextlib.AbstractContextManager[Announce]:
-    """Announce to whom it may concern that a place is about to be taken."""
+    """Announce to the current guard that a place will be taken."""
     return _guard.get()(place)
 
 
 @contextlib.contextmanager
 def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator[Path]:
-    """Give a path to write to, and move what was written there to `target` at the end.
+    """Yield a path to write to, and move the file written there to `target` at the end.
 
-    Files written beside it (materials, textures) come along. They replace none that is there
-    already and differs, unless that is named in `own` or begins with the target's name and a dot:
-    what stands in a folder under another name may belong to another file.
+    Files written beside it (materials, textures) are moved, too. They do not replace an existing,
+    different file unless it is named in `own` or its name begins with the target's name and a dot:
+    files under other names may belong to another file.
 
-    If anything fails, or the disk is full, nothing of it is left and all is as it was. If the
-    process is killed, `target` is as it was, or a later run finishes what was begun.
+    If anything fails, or the disk is full, nothing is left of it and nothing is changed. If the
+    process is killed, `target` is unchanged, or a later run completes the moves.
 
-    Files that are replaced pass on their permissions. Where `target` is a link, what it points to
-    is replaced or made, and all else is written beside that.
+    Files that are replaced pass on their permissions. If `target` is a link, the file it points to
+    is replaced or made, and the other files are written beside that one.
     """
     real = real_place(target)
     check_plain(real)
     _check_writable(real.parent)
     is_alike = real.suffix.lower() == target.suffix.lower()
-    name = real.name if is_alike else target.name  # whose ending says what is to be written
+    name = real.name if is_alike else target.name  # its ending selects the format
     with contextlib.ExitStack() as stack:
         folder = temporary_folder(real.parent, stack)
         stage = folder / name
@@ -174,9 +175,9 @@ def staged(target: Path, overwrite: bool, own: Collection[str] = ()) -> Iterator
 
 @contextlib.contextmanager
 def staged_folder(target: Path, overwrite: bool) -> Iterator[Path]:
-    """Give a folder to make and fill, which becomes `target` at the end; as `staged` for files.
+    """Yield a folder to make and fill, which becomes `target` at the end; see `staged`.
 
-    What was there is replaced as a whole, if `overwrite` says so.
+    An existing folder is replaced as a whole if `overwrite` is set.
     """
     real = real_place(target)
     if not real.is_dir():
@@ -194,7 +195,7 @@ def staged_folder(target: Path, overwrite: bool) -> Iterator[Path]:
 
 
 def real_place(target: Path) -> Path:
-    """Where a file is written that a name means: what it points to, if it is a link."""
+    """The path that a name is written to: the target of a link, otherwise itself."""
     real = Path(os.path.realpath(target))
     if target.is_symlink() and (real.is_symlink() or not real.parent.is_dir()):
         raise ShockError(f"{target} is a link to {real}, where no file can be; remove the link.")
@@ -202,7 +203,7 @@ def real_place(target: Path) -> Path:
 
 
 def check_plain(place: Path) -> None:
-    """Refuse to put a file where something is that is none."""
+    """Refuse to put a file where something else than a file exists."""
     if place.is_dir():
         raise ShockError(f"{place} is a folder; name a file.")
     if place.exists() and not place.is_file():
@@ -219,7 +220,7 @@ def _exists(place: Path) -> ShockError:
 
 
 def _side_moves(folder: Path, stage: Path, real: Path) -> list[Move]:
-    """The files beside the one that is written, and their places without links."""
+    """The files beside the one being written, and their places without links."""
     moves: list[Move] = []
     parent, taken = real.parent, {real}
     for path in sorted(folder.rglob("*")):
@@ -242,7 +243,7 @@ def _side_moves(folder: Path, stage: Path, real: Path) -> list[Move]:
 
 
 def _check_free(name: str, is_main: bool, place: Path, main: str, own: Collection[str]) -> None:
-    """Refuse to replace a file of another one."""
+    """Refuse to replace a file that belongs to another one."""
     if is_main or not place.exists() or name in own or name.startswith(f"{main}."):
         return
     raise ShockError(
@@ -263,7 +264,7 @@ _PROBE = 1 << 16  # bytes
 
 @contextlib.contextmanager
 def room(folder: Path) -> Iterator[None]:
-    """Say so if the disk of a folder turns out to be full while or after something is written.
+    """Raise an error if the disk of a folder is full while or after something is written.
 
     Many of Blender's exporters leave half a file on a full disk and report success.
     """
@@ -282,7 +283,7 @@ def room(folder: Path) -> Iterator[None]:
 def _check_room(folder: Path) -> None:
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(os.urandom(_PROBE))  # which no disk stores in less
+            probe.write(os.urandom(_PROBE))  # incompressible
             probe.flush()
             os.fsync(probe.fileno())
     except OSError as error:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What to say of files that cannot be read.
+"""Errors about files that cannot be read or written.
 
-Needs no numerics, as :mod:`.output`.
+Needs no numerics, like :mod:`.output`.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from ..errors import ShockError
 _DAMAGE = (
     ArithmeticError, EOFError, OSError, ValueError, struct.error, tokenize.TokenError, zlib.error,
 )  # fmt: skip
-"""What the contents of a file can make any reader raise, Shock Filter's own ones too."""
+"""What any reader may raise because of a file's contents, Shock Filter's own readers too."""
 
 _FREE, _RATIO = 1 << 28, 2000
-"""Bytes that a header may claim at no charge, and beyond that for each byte of the file: twice
-what the best compression of images reaches on one color."""
+"""Bytes that any header may claim, and those it may claim per byte of the file: twice the best
+ratio that compression of images reaches on one color."""
 
 _any_size: ContextVar[bool] = ContextVar("any_size", default=False)
 
 _NO_READERS = {__name__.partition(".")[0], "numpy", *sys.stdlib_module_names}
-"""Packages that read no files for us, or of which the errors above are all that is expected."""
+"""Packages that read no files for us, or raise no other errors than those above."""
 
 
 def check_file(path: Path) -> None:
-    """Refuse a file that is not there."""
+    """Refuse a file that does not exist."""
     if path.is_dir():
         raise ShockError(f"{path} is a folder; name the files in it.")
     if not path.exists():
@@ -54,7 +54,7 @@ def check_ending(
 
 
 def check_source(path: Path, known: Collection[str]) -> None:
-    """Refuse what cannot be a file to be read."""
+    """Refuse files that cannot be read."""
     check_file(path)
     check_ending(path, known)
     if not path.stat().st_size:
@@ -62,7 +62,7 @@ def check_source(path: Path, known: Collection[str]) -> None:
 
 
 def check_target(path: Path, known: Collection[str]) -> None:
-    """Refuse a file that cannot be written, or whose folder is not there."""
+    """Refuse a file that cannot be written, or whose folder does not exist."""
     check_ending(path, known)
     if not path.absolute().parent.is_dir():
         raise ShockError(f"There is no folder {path.parent}; make it first.")
@@ -79,9 +79,9 @@ def needed(package: str, path: Path, extra: str = "files") -> Any:
 
 
 def check_claim(path: Path, claimed: float, stored: int | None = None) -> None:
-    """Refuse a file whose header claims far more bytes than it can hold, before these are taken.
+    """Refuse a file whose header claims far more bytes than it can hold, before allocating them.
 
-    `stored` are the bytes of a folder, or of a part of the file that stands for all of it.
+    `stored` are the bytes of a folder, or of the part of the file that holds the data.
     """
     size = path.stat().st_size if stored is None else stored
     if claimed > max(_FREE, _RATIO * size) and not _any_size.get():
@@ -103,12 +103,12 @@ def _claims_lifted(any_size: bool) -> Iterator[None]:
 
 @contextlib.contextmanager
 def reading_back(path: Path) -> Iterator[None]:
-    """Refuse a file that was just written and turns out not to be readable, or another.
+    """Refuse a file that was just written if it cannot be read, or differs.
 
     Raises
     ------
     ShockError
-        Instead of whatever a reader raises.
+        In place of whatever a reader raises.
     """
     try:
         with _claims_lifted(True):
@@ -123,20 +123,20 @@ def reading_back(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Say of whatever another package raises while it writes a file that it cannot.
+    """Convert whatever another package raises while it writes a file to an error that says so.
 
-    Where it is rather a mistake in Shock Filter's own code, the traceback is logged.
+    If it is rather a mistake in Shock Filter's own code, the traceback is logged.
 
     Raises
     ------
     ShockError
-        Instead. Shock Filter's own errors and those of the system pass.
+        In place of it. Shock Filter's own errors and those of the system pass.
     """
     try:
         yield
     except (ShockError, OSError):
         raise
-    except Exception as error:  # packages raise errors of their own, of no common kind
+    except Exception as error:  # packages have errors of their own, without a common base
         _log_own_mistake(error, f"The writer of {path}")
         reason = str(error) or type(error).__name__
         raise ShockError(
@@ -147,15 +147,15 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def reading(path: Path, any_size: bool = False) -> Iterator[None]:
-    """Say of whatever a reader raises that the file may be damaged.
+    """Convert whatever a reader raises to an error that says that the file may be damaged.
 
-    Where it is rather a mistake in Shock Filter's own code, the traceback is logged. `any_size`
-    lifts the limit of what headers may claim.
+    If it is rather a mistake in Shock Filter's own code, the traceback is logged. `any_size`
+    disables the limit of `check_claim`.
 
     Raises
     ------
     ShockError
-        Instead. Shock Filter's own errors and those of the system pass.
+        In place of it. Shock Filter's own errors and those of the system pass.
     """
     try:
         with _claims_lifted(any_size):
@@ -170,8 +170,8 @@ def reading(path: Path, any_size: bool = False) -> Iterator[None]:
         raise ShockError(f"{path} needs more memory than there is ({error}); free some.") from error
     except Exception as error:
         number = getattr(error, "errno", None) or -1
-        if number > 0 and number != errno.EINVAL:  # which is a place that no file can have
-            raise  # the system's: no such file, no right to read it; those of NetCDF are negative
+        if number > 0 and number != errno.EINVAL:  # EINVAL: a place that no file can have
+            raise  # the system's: no such file, no permission; those of NetCDF are negative
         _log_own_mistake(error, f"The reader of {path}")
         reason = str(error) or type(error).__name__
         raise ShockError(f"{path} cannot be read; is it damaged? ({reason})") from error
@@ -183,7 +183,7 @@ def _log_own_mistake(error: Exception, what: str) -> None:
 
 
 def _is_of_another_reader(error: Exception) -> bool:
-    # Other packages raise whatever comes at damaged files: TypeError, UnboundLocalError, ...
+    # Other packages raise anything at damaged files: TypeError, UnboundLocalError, ...
     frames = traceback.walk_tb(error.__traceback__)
     packages = {frame.f_globals.get("__name__", "").partition(".")[0] for frame, _ in frames}
     return not packages <= _NO_READERS

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The files that a mesh file names: materials, textures, buffers.
 
-Names come with the file, maybe from a stranger. So only plain files in or below the folder of the
-mesh are read: no devices, and nothing that a link or ``..`` leads to elsewhere.
+The names may come from a stranger. So only plain files in or below the folder of the mesh are read:
+no devices, and nothing elsewhere that a link or ``..`` leads to.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _MISSING = "left behind, as no plain files beside the input: {}"
 
 
 def located(folder: Path, name: str) -> PurePosixPath | None:
-    """A name as a path below the folder of a mesh, also if written on Windows; None if elsewhere.
+    """A name as a path below the folder of a mesh, also in Windows notation; None if elsewhere.
 
-    Names may be absolute, or addresses of files, as some exporters write them.
+    Names may be absolute, or file URLs, as some exporters write them.
     """
     text = name.strip()
     if text[:5].lower() == "file:":
@@ -37,25 +37,25 @@ def located(folder: Path, name: str) -> PurePosixPath | None:
 
 
 def is_absolute(name: str) -> bool:
-    """Whether a name does not depend on the folder of the mesh."""
+    """Whether a name is independent of the folder of the mesh."""
     text = name.strip().replace("\\", "/")
     return text[:5].lower() == "file:" or text.startswith("/") or bool(PureWindowsPath(text).drive)
 
 
 def find(folder: Path, name: str) -> Path | None:
-    """The plain file that a name means; None if there is none in or below the folder."""
+    """The plain file with this name; None if there is none in or below the folder."""
     try:
         place = located(folder, name)
         if place is None:
             return None
         path = (folder / place).resolve()
         return path if path.is_relative_to(folder.resolve()) and path.is_file() else None
-    except (OSError, RuntimeError, ValueError):  # too long, links in a circle, a zero in it
+    except (OSError, RuntimeError, ValueError):  # too long, circular links, a null byte
         return None
 
 
 def read(folder: Path, name: str, size: int) -> bytes:
-    """Read the first bytes of a file that the model cannot do without."""
+    """Read the first bytes of a file that the model needs."""
     path = find(folder, name)
     if path is None:
         raise ShockError(
@@ -69,7 +69,7 @@ def read(folder: Path, name: str, size: int) -> bytes:
 
 
 def copy_beside(source: Path, names: Iterable[str], stage: Path) -> tuple[list[Path], list[str]]:
-    """Copy files that a mesh file names; returns the copies, and a note on those that cannot be."""
+    """Copy files that a mesh file names; returns the copies, and a note on failures."""
     copies: dict[PurePosixPath, Path] = {}
     missing = []
     for name in dict.fromkeys(names):
@@ -84,16 +84,16 @@ def copy_beside(source: Path, names: Iterable[str], stage: Path) -> tuple[list[P
 
 
 def are_beside(source: Path, target: Path) -> bool:
-    """Whether two files have one folder, so that names beside one are names beside the other."""
+    """Whether two files are in one folder, so that relative names mean the same for both."""
     return os.path.realpath(source.parent) == os.path.dirname(os.path.realpath(target))
 
 
 class Resolver:
-    """Hands trimesh what a file names."""
+    """Gives trimesh the files that a file names."""
 
     def __init__(self, path: Path, known: dict[str, bytes]) -> None:
         self._folder = path.parent
-        self._known = known  # what was read already, by name
+        self._known = known  # files that were read already, by name
         self._missing: list[str] = []
 
     def get(self, name: str) -> bytes:
@@ -109,9 +109,9 @@ class Resolver:
     __getitem__ = get
 
     def notes(self) -> list[str]:
-        """What is to be said of files that were missing."""
+        """Notes on files that were missing."""
         return [_MISSING.format(", ".join(self._missing))] if self._missing else []
 
     def keys(self) -> list[str]:
-        """No names: what is not asked for is not looked for."""
+        """No names: only files that are asked for are read."""
         return []

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Folders that hold what is not complete yet, and the moves that put it in its place.
+"""Temporary folders for incomplete output, and the moves that put it in its place.
 
-Each folder stands beside what it is for, holds a marker, and is locked as long as its process
-lives. So a later run knows what a killed one has left, whatever else is named like that.
+Each folder is beside its target, holds a marker, and is locked while its process lives. So a later
+run recognizes what a killed run has left, whatever else has such a name.
 
-Several files cannot be replaced at once. Their moves are written down first: a later run makes
-those that are missing. Needs no numerics, as :mod:`.output`.
+Several files cannot be replaced at once. Their moves are written down first: a later run completes
+them. Needs no numerics, like :mod:`.output`.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ _PREFIX = ".shock-filter-"
 _FILES, _OLD, _MOVES, _BESIDE = "files", "old", "moves.json", "beside"
 _MARKER = "made-by-shock-filter"
 _MARK = b"Shock Filter writes here. A later run in the same folder removes what is left.\n"
-_NEW = 10.0  # seconds; what is younger may be about to be marked
+_NEW = 10.0  # seconds; a younger folder may not be marked yet
 
 Move = tuple[Path, Path]
-"""A file or folder below a temporary folder, and its place."""
+"""A file or folder below a temporary folder, and its target."""
 
 
 # ------------------------------------------------------------------------------------------ names
 
 
 def inside(name: str | PurePosixPath) -> PurePosixPath | None:
-    """A name as a path that stays in the folder where it is looked up; None if it would leave."""
+    """A name as a path that stays in the folder where it is looked up; None if it leaves."""
     text = str(name).strip().replace("\\", "/")
     path = PurePosixPath(text)
     if "\0" in text or ".." in path.parts or path.is_absolute() or PureWindowsPath(text).drive:
@@ -48,7 +48,7 @@ def inside(name: str | PurePosixPath) -> PurePosixPath | None:
 
 
 def within(folder: Path, name: str | PurePosixPath) -> Path:
-    """The path for a file of this name in a temporary folder, in which nothing may stand there.
+    """The path of a new file of this name in a temporary folder.
 
     Raises
     ------
@@ -78,13 +78,13 @@ def _taken(path: PurePosixPath) -> ShockError:
 
 
 def temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
-    """Make a folder that goes at the end, or in a later run if this one is killed."""
+    """Make a folder that is removed at the end, or by a later run if this one is killed."""
     parent = Path(os.path.realpath(parent))
     tidy(parent)
     token = secrets.token_hex(4)
     folder = parent / f"{_PREFIX}{token}{_check(token)}"
     folder.mkdir(mode=0o700)
-    # What workers of a cluster still write there is left to a later run.
+    # A later run removes what workers of a cluster still write to it.
     stack.callback(_remove, folder)
     stack.enter_context(_marked(folder))
     files = folder / _FILES
@@ -94,9 +94,9 @@ def temporary_folder(parent: Path, stack: contextlib.ExitStack) -> Path:
 
 @contextlib.contextmanager
 def beside(stage: Path, ending: str) -> Iterator[Path]:
-    """Give a file in the folder that `stage` will be moved to; removed at the end, as a stage is.
+    """Yield a file in the folder that `stage` will be moved to; removed at the end, like a stage.
 
-    For writers that note where other files are as seen from there.
+    For writers that store the names of other files relative to their own.
     """
     folder = _folder_of(stage)
     path = folder.with_name(folder.name + ending)
@@ -108,13 +108,13 @@ def beside(stage: Path, ending: str) -> Iterator[Path]:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a folder of this name was made here."""
+    """Whether a folder has the name of a temporary folder."""
     found = re.fullmatch(re.escape(_PREFIX) + "([0-9a-f]{8})([0-9a-f]{8})", name)
     return found is not None and _check(found[1]) == found[2]
 
 
 def is_at_work(parent: Path) -> bool:
-    """Whether another process holds a temporary folder in a folder."""
+    """Whether another process uses a temporary folder in a folder."""
     for folder in parent.glob(f"{_PREFIX}*"):
         with contextlib.suppress(OSError):
             if _is_marked(folder):
@@ -134,7 +134,7 @@ def _folder_of(path: Path) -> Path:
 
 @contextlib.contextmanager
 def _marked(folder: Path) -> Iterator[None]:
-    """Hold a folder, and then mark it: what is marked and free is of a process that has ended."""
+    """Lock a folder, then mark it: a folder that is marked but not locked has lost its process."""
     marker = folder / _MARKER
     marker.touch(exist_ok=False)
     with held(marker, wait=True):
@@ -150,9 +150,9 @@ def _is_marked(folder: Path) -> bool:
 
 @contextlib.contextmanager
 def held(path: Path, wait: bool = False) -> Iterator[bool | None]:
-    """Hold a file, made if need be, as long as this process lives; whether no other one does.
+    """Lock a file, made if needed, while this process lives; yields whether no other one does.
 
-    None where the system or the disk knows no locks.
+    Yields None if the system or the disk has no locks.
     """
     try:
         import fcntl
@@ -174,7 +174,7 @@ def held(path: Path, wait: bool = False) -> Iterator[bool | None]:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a temporary folder; its marker last, so that a kill leaves what can be known."""
+    """Remove a temporary folder; its marker last, so that a kill leaves a recognizable folder."""
     with contextlib.suppress(OSError):
         (folder / _MOVES).unlink(missing_ok=True)
         for name in (_FILES, _OLD):
@@ -196,8 +196,8 @@ def _remove(folder: Path) -> None:
 def move_all(moves: Sequence[Move]) -> None:
     """Move files from a temporary folder to their places: all of them, or none.
 
-    What stands there is replaced, a folder by a folder. If the system refuses a move, those before
-    it are taken back. If the process is killed in between, `tidy` makes the others.
+    Existing files are replaced, and folders by folders. If the system refuses a move, those before
+    it are undone. If the process is killed in between, `tidy` completes them.
     """
     folder = _folder_of(moves[0][0])
     replaces = [place.is_dir() for _, place in moves]
@@ -247,12 +247,12 @@ def _suppressed(remove: Any) -> None:
 def _keep_copy(path: Path, copy: Path) -> None:
     try:
         os.link(path, copy)
-    except (OSError, NotImplementedError):  # disks without links of this kind
+    except (OSError, NotImplementedError):  # disks without hard links
         shutil.copy2(path, copy)
 
 
 def _write_down(folder: Path, moves: Sequence[Move]) -> None:
-    """Note the moves that are to be made, and what is in their way now."""
+    """Note the moves to be made, and the state of the files that they replace."""
     rows = [
         (
             new.relative_to(folder / _FILES).as_posix(),
@@ -267,23 +267,23 @@ def _write_down(folder: Path, moves: Sequence[Move]) -> None:
 
 
 def _state(path: Path) -> list[int] | None:
-    """What tells a file or folder from another one of its name; None if there is none."""
+    """Distinguishes a file or folder from another one of its name; None if there is none."""
     try:
-        about = path.stat()
+        status = path.stat()
     except FileNotFoundError:
         return None
-    return [0 if path.is_dir() else about.st_size, about.st_mtime_ns]
+    return [0 if path.is_dir() else status.st_size, status.st_mtime_ns]
 
 
 # --------------------------------------------------------------------------------------- left-overs
 
 
 def tidy(parent: Path) -> None:
-    """Finish or remove what runs that were killed have left in a folder."""
+    """Finish or remove what killed runs have left in a folder."""
     _tidy(Path(os.path.realpath(parent)))
 
 
-@functools.cache  # once for each folder, since looking through it takes a while
+@functools.cache  # once per folder, since searching it takes a while
 def _tidy(parent: Path) -> None:
     for folder in sorted(parent.glob(f"{_PREFIX}*")):
         with contextlib.suppress(OSError):
@@ -296,7 +296,7 @@ def _tidy(parent: Path) -> None:
 
 
 def _remove_unmarked(folder: Path) -> None:
-    """Remove a folder whose process was killed when it had made it, and nothing in it."""
+    """Remove an empty folder whose process was killed before it was marked."""
     found = list(folder.iterdir())
     is_bare = all(path.name == _MARKER and _MARK.startswith(path.read_bytes()) for path in found)
     if is_bare and time.time() - folder.stat().st_mtime > _NEW:
@@ -306,9 +306,9 @@ def _remove_unmarked(folder: Path) -> None:
 
 
 def _finish(folder: Path) -> bool:
-    """Make the moves that a killed run has written down; whether nothing is left to be kept.
+    """Complete the moves that a killed run has noted; returns whether the folder can go.
 
-    Nothing is moved where somebody has changed what stands there since.
+    Does not move anything onto files that somebody has changed since.
     """
     if not (folder / _MOVES).exists():
         return True
@@ -326,7 +326,7 @@ def _finish(folder: Path) -> bool:
 
 
 def _may_move(folder: Path, new: Path, place: Path, state: Any) -> bool:
-    """Whether a move that is noted leads from a folder to beside it, and over what is noted."""
+    """Whether a noted move leads out of a folder to beside it, onto the noted state."""
     if new.is_symlink() or place.is_symlink() or _state(place) not in (None, state):
         return False
     is_own = new.parent.resolve().is_relative_to(folder / _FILES)
@@ -334,7 +334,7 @@ def _may_move(folder: Path, new: Path, place: Path, state: Any) -> bool:
 
 
 def _noted(folder: Path) -> list[tuple[Path, Path, Any]] | None:
-    """The moves that a folder notes; None where they are damaged or lead elsewhere."""
+    """The moves that a folder notes; None if the note is damaged or they lead elsewhere."""
     moves = []
     try:
         for new, place, state in json.loads((folder / _MOVES).read_bytes()):

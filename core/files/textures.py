@@ -22,15 +22,15 @@ from .output import DEFAULTS, Options, Outcome
 from .reading import check_ending, reading
 
 RAW = (".npy", ".tif", ".tiff", ".exr")
-"""Endings of files that hold a mask's numbers; all others hold a picture of it."""
+"""Endings of files that hold a mask's numbers; others hold a picture of it."""
 
-_EXACT = 1 << 24  # whole numbers below are exact as floats of 32 bits
-_STEP = 64  # of gray, for counts
+_EXACT = 1 << 24  # whole numbers below this are exact as 32-bit floats
+_STEP = 64  # of gray, per count
 
 
 @dataclass(frozen=True)
 class TexturedMesh:
-    """A mesh with the texture coordinates of its corners, and what is to be said about them."""
+    """A mesh with the texture coordinates of its corners, and notes on them."""
 
     mesh: TriangleMesh
     uv: Floats
@@ -50,19 +50,18 @@ def filter_texture_file(
     ----------
     function : callable
         ``function(mesh, uv, pixels, mask=None, guide=None, gain=None, atlas=None)`` returns an
-        array like the pixels, of which row 0 is at v = 0; see `registry.Filter.function`. Mask,
-        guide and gains are handed on if there are some; in place of the pixels a list, if there
-        are others.
+        array like the pixels, with row 0 at v = 0; see `registry.Filter.function`. Mask, guide
+        and gains are passed if given; with `Options.others`, a list of pixels is passed.
     mesh : path
-        OBJ, PLY, GLB or glTF file with texture coordinates. Where it is split along seams, it is
-        joined; see `core.weld_borders`.
+        OBJ, PLY, GLB or glTF file with texture coordinates. Vertices that were split along seams
+        are joined; see `core.weld_borders`.
     source, target, options
         As in :func:`shock_filter.core.files.images.filter_image_file`.
 
     Returns
     -------
     Outcome
-        Counts of pixels, and notes on the texture coordinates and on what did not survive.
+        Counts of pixels, and notes on the texture coordinates and on what was lost.
     """
     surface = read_textured_mesh(mesh, options.material, options.any_size)
     words = {word: pixels[::-1] for word, pixels in read_beside(options, upright=False).items()}
@@ -109,15 +108,15 @@ def texture_mask_file(
     size: tuple[int, int] | str | Path,
     options: Options = DEFAULTS,
 ) -> Outcome:
-    """Draw what each texel of a mesh's texture is, and write it as an image.
+    """Draw a mask of the texels of a mesh, and write it as an image.
 
     Parameters
     ----------
     mesh, options
         As in `filter_texture_file`.
     target : path
-        NumPy, TIFF and EXR files hold numbers, with -1 for no face or chart; all others a
-        picture, where faces and charts have colors that stay the same from run to run.
+        NumPy, TIFF and EXR files hold numbers, with -1 for no face or chart; others hold a
+        picture, in which the colors of faces and charts are the same in each run.
     kind : str
         A field of :class:`shock_filter.core.atlas.TextureMasks`.
     size : (int, int), or path
@@ -136,7 +135,7 @@ def texture_mask_file(
 
 
 def mask_outcome(atlas: TextureAtlas, notes: tuple[str, ...]) -> Outcome:
-    """Say how much of the image the charts cover."""
+    """Report how much of the image the charts cover."""
     total = atlas.height * atlas.width
     active = int(np.count_nonzero(atlas.masks().active))
     done = f"{atlas.report.charts} charts, {{changed}} of {{total}} texels active"
@@ -144,7 +143,7 @@ def mask_outcome(atlas: TextureAtlas, notes: tuple[str, ...]) -> Outcome:
 
 
 def mask_pixels(atlas: TextureAtlas, kind: str, ending: str) -> Pixels:
-    """Turn one of the masks into what a file with this ending holds, row 0 at v = 0."""
+    """Convert one of the masks to what a file with this ending holds, row 0 at v = 0."""
     values = getattr(atlas.masks(), kind)
     if ending == ".npy":
         return values.astype(np.uint8) if values.dtype == np.bool_ else values
@@ -160,7 +159,7 @@ def mask_pixels(atlas: TextureAtlas, kind: str, ending: str) -> Pixels:
 
 
 def _colors(numbers: Pixels) -> Pixels:
-    """Colors that tell numbers apart: (h, w, 3) uint8, black for -1."""
+    """Distinct colors for numbers: (h, w, 3) uint8, black for -1."""
     mixed = (numbers + 1).astype(np.uint32) * np.uint32(0x9E3779B1)
     mixed ^= mixed >> np.uint32(15)
     mixed *= np.uint32(0x85EBCA77)
@@ -180,7 +179,7 @@ def read_textured_mesh(
     path : path
         OBJ, PLY, GLB or glTF file.
     material : str, optional
-        Only those of this material.
+        Only the faces of this material.
     any_size : bool
         As in `Options`.
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Velocities on disk: flow maps, arrays, NetCDF and Zarr, and vectors of meshes.
 
-They are read as the core wants them: rows from top to bottom, to the right and up, key frames
-first, NaN where undefined.
+They are converted to the conventions of the core: rows from top to bottom, components to the right
+and up, key frames as the first axis, NaN where undefined.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ _NORMALS = "n"
 
 @dataclass(frozen=True)
 class How:
-    """How a file is to be understood.
+    """How a file is interpreted.
 
     Attributes
     ----------
     y_axis : str
-        ``"up"`` or ``"down"``: where the second component of flow maps and arrays points.
+        ``"up"`` or ``"down"``: the direction of the second component of flow maps and arrays.
     variables : (str, str), optional
         Names of both components in NetCDF, Zarr and .npz files.
     select : mapping
-        Which one to take of a dimension of NetCDF and Zarr files, by its name, counted from 0.
+        Index to take along a dimension of NetCDF and Zarr files, by its name, from 0.
     attribute : str, optional
         Name of the vectors in a mesh file.
     material : str, optional
@@ -90,7 +90,7 @@ class SurfaceFlow:
 
 
 def read_velocity(path: str | Path, how: How | None = None) -> PlaneFlow | SurfaceFlow:
-    """Read a velocity.
+    """Read a velocity field.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def read_velocity(path: str | Path, how: How | None = None) -> PlaneFlow | Surfa
     Raises
     ------
     ShockError
-        If the file cannot be read, or what it holds is no velocity.
+        If the file cannot be read, or does not hold a velocity.
     """
     path, how = Path(path), how or How()
     ending = path.suffix.lower()
@@ -165,7 +165,7 @@ def _of_archive(path: Path, how: How) -> Velocities:
 
 
 def _claimed_sizes(path: Path) -> dict[str, int]:
-    """Return the bytes that each array of an archive claims, in its name's place."""
+    """Return the bytes that each array of an archive claims, by its name."""
     if not zipfile.is_zipfile(path):
         raise ShockError(f"{path} is no archive of arrays; rename it to .npy if it is one array.")
     sizes = {}
@@ -216,7 +216,7 @@ def _of_mesh(path: Path, how: How) -> SurfaceFlow:
 
 
 def _triples(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Find properties that are the components of vectors, by what their names have in common."""
+    """Find properties that are components of vectors, by the common part of their names."""
     found = {}
     for first in names:
         stem = first[:-1]

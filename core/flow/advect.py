@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Advection: read a signal where the flow-lines come from (paper A, Appendix A)."""
+"""Advection: sample a signal where the flow-lines come from (paper A, Appendix A)."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def advect_faces(
     normals : (m, 3) float64
         Unit normals.
     averages : (n, 3) float64
-        Their area-weighted averages at the vertices, for interpolation.
+        Area-weighted averages of `normals` at the vertices, for interpolation.
     potential : (n,) float64
         P at the vertices.
     time : float
-        Flow time; 0 returns the normals, up to rounding, for "nearest" and "detail" sampling.
+        Flow time; 0 returns the normals, up to rounding, with "nearest" and "detail" sampling.
     sampling : {"detail", "linear", "nearest"}
         "nearest" takes the normal of the face at the traced point, "linear" interpolates vertex
         averages there (both as in paper 4.1). "detail" is not in the paper: it adds the change
@@ -58,21 +58,21 @@ def advect_faces(
 def read_points(
     mesh: TriangleMesh, values: Floats, faces: Ints, coordinates: Floats, nearest: bool
 ) -> Floats:
-    """Read vertex values at points in faces, linearly or from the nearest corner: (k, d)."""
+    """Sample vertex values at points in faces, linearly or from the nearest corner: (k, d)."""
     out = np.empty((len(faces), values.shape[1]))
     run(_read_points, len(faces), mesh.faces, values, faces, coordinates, nearest, out)
     return out
 
 
 def average_corners(mesh: TriangleMesh, corner_values: Floats, values: Floats) -> Floats:
-    """Plain means of the values of each vertex's corners ("Vertex Advection", line 9).
+    """Unweighted means of the corner values of each vertex ("Vertex Advection", line 9).
 
     Parameters
     ----------
     mesh : TriangleMesh
     corner_values : (3 m, d) float64
     values : (n, d) float64
-        Taken for vertices without faces.
+        Used for vertices without faces.
     """
     out = np.empty_like(values)
     run(_average_corners, mesh.vertex_count, *mesh.corners, corner_values, values, out)
@@ -98,7 +98,7 @@ def _read_points(start, stop, mesh_faces, values, faces, coordinates, nearest, o
                 low = min(values[a, j], values[b, j], values[c, j])
                 high = max(values[a, j], values[b, j], values[c, j])
                 value = p * values[a, j] + q * values[b, j] + r * values[c, j]
-                out[point, j] = min(max(value, low), high)  # no rounding out of the range
+                out[point, j] = min(max(value, low), high)  # rounding must not leave the range
 
 
 @kernel

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Borders in a signal on a mesh: how wide, how strong, and what lies near. Not in the papers.
+"""Borders in a signal on a mesh: their width, contrast and surroundings. Not in the papers.
 
-All lengths are in mean edge lengths; what lies within a length is counted in rings of edges.
+All lengths are in mean edge lengths; neighbourhoods of a radius are that many rings of edges.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from ..settings import WIDTH_OF_SIGMA
 from .potential import dilation, flow_potential, squared_gradient
 
 _SPREAD = 0.344
-"""Variance along each axis of one smoothing pass, where all edges are as long as the mean one."""
+"""Variance along each axis of one smoothing pass, if all edges have the mean length."""
 
 _CYCLES = 3
-"""Rounds of a long smoothing: one alone is no Gaussian, but a ring."""
+"""Rounds of a long smoothing: the kernel of a single one is a ring, not a Gaussian."""
 
 _NEAR, _FAR = 2, 8
-"""Smoothing passes after which slopes are compared: the wider a border, the less they differ."""
+"""Smoothing passes after which slopes are compared: they differ less at wider borders."""
 
 _ENDLESS = 1.005
-"""Least ratio of their squares: below, they belong to a ramp of some 50 edges or more."""
+"""Least ratio of the squared slopes: below it, they belong to a ramp of some 50 edges or more."""
 
 _QUANTILE = 0.35
-"""Of the widths of all borders, weighted by their contrasts: many look wider than they are."""
+"""Quantile of the widths, weighted by contrast: many borders look wider than they are."""
 
 _FEWEST = 8
-"""Borders of which a width can be told."""
+"""Fewest borders from which a width can be measured."""
 
 _LEAST = 0.08
 """Contrast of the faintest borders that count."""
 
 _STRAY = 4.0
-"""How many times the noise that is left after smoothing."""
+"""Least contrast of a border, in standard deviations of the noise."""
 
 _SAMPLE = 100_000
 """Most half-edges at which noise is measured."""
@@ -52,14 +52,14 @@ _MEASURING = "Measuring borders"
 
 
 class Borders(NamedTuple):
-    """What was measured of the borders in a signal.
+    """Measurements of the borders in a signal.
 
     Attributes
     ----------
     width : float
-        The typical one, from 10 to 90 percent of its contrast; 0 if there are no borders.
+        Typical width, from 10 to 90 percent of the contrast; 0 if there are no borders.
     seen : int
-        Places that told it.
+        Number of places where it was measured.
     noise : float
         Standard deviation of the noise in each channel.
     """
@@ -70,17 +70,18 @@ class Borders(NamedTuple):
 
 
 def borders_of(mesh: TriangleMesh, values: Floats) -> Borders:
-    """Do what `measured` does, and keep it with the mesh."""
+    """Return the result of `measured`, kept with the mesh."""
     return kept(mesh, "borders", (values,), lambda: measured(mesh, values))
 
 
 def measured(mesh: TriangleMesh, values: Floats) -> Borders:
-    """Measure how wide the borders in a signal (n, d) are, and its noise.
+    """Measure the width of the borders in a signal (n, d), and its noise.
 
-    Where a Gaussian has blurred a step, smoothing makes the slope the gentler the sharper it was:
-    with R the squared ratio of slopes after 2 and 8 passes, the variance is that of
-    (8 - 2 R) / (R - 1) passes. Read where the slope is greatest around; of a border that gets
-    steadily steeper along its length these are few places, so then where it is greatest across.
+    If a step is blurred by a Gaussian, smoothing lowers its slope more the sharper it was: with R
+    the ratio of the squared slopes after 2 and 8 passes, the blur's variance is that of
+    (8 - 2 R) / (R - 1) passes. R is read where the slope is greatest in its surroundings; if these
+    are too few places, as on a border that gets steadily steeper along its length, where the slope
+    is greatest across the border.
     """
     with phase(0.0, 0.3, _MEASURING):
         noise = noise_of(mesh, values)
@@ -116,7 +117,7 @@ def _widths_at(
     spread: Floats,
     limits: tuple[float, float],
 ) -> tuple[Floats, Floats]:
-    # Widths and contrasts of borders whose slope is greatest at some vertices, if that is one.
+    # Widths and contrasts of those maxima of the slope that are borders.
     gentle = np.empty(len(crests))
     run(_potential_at, len(crests), mesh.scaled_vertices, mesh.faces, mesh.areas, *mesh.corners,
         far, crests, gentle)  # fmt: skip
@@ -125,7 +126,7 @@ def _widths_at(
     ratio = steep[crests] / np.maximum(gentle, 1e-300)
     passes = np.maximum((_FAR - _NEAR * ratio) / (ratio - 1.0), 0.0)
     contrasts = np.sqrt(2.0 * math.pi * spread[crests] * (passes + _NEAR) * steep[crests])
-    # At needle-like faces slopes are far too steep.
+    # Slopes at needle-like faces are far too steep.
     contrasts = np.minimum(contrasts, limits[1])
     strong = contrasts > limits[0]
     widths = WIDTH_OF_SIGMA * np.sqrt(spread[crests] * np.maximum(passes - 0.5, 0.0))
@@ -135,8 +136,8 @@ def _widths_at(
 def noise_of(mesh: TriangleMesh, values: Floats) -> float:
     """Measure the standard deviation of the noise in the channels of a signal (n, d).
 
-    From how far the values of two faces at an edge are from lying in one plane: their quartile and
-    not the median, as borders bend, too.
+    Uses the distance of the values of two faces at an edge from lying in one plane; the quartile,
+    not the median, as borders bend as well.
     """
     step = max(3 * mesh.face_count // _SAMPLE, 1)
     chosen = np.arange(0, 3 * mesh.face_count, step)
@@ -158,7 +159,7 @@ def _spread(mesh: TriangleMesh) -> Floats:
 
 
 def nearby_range(mesh: TriangleMesh, values: Floats, distance: float) -> tuple[Floats, Floats]:
-    """The least and the greatest value of each channel within a distance: (n, d), (n, d)."""
+    """Minimum and maximum of each channel within a distance: (n, d), (n, d)."""
     rings = max(round(distance), 1)
     with aside(_MEASURING):
         neighbours = mesh.neighbours
@@ -174,16 +175,16 @@ def nearby_range(mesh: TriangleMesh, values: Floats, distance: float) -> tuple[F
 
 
 def local_contrast(mesh: TriangleMesh, values: Floats, presmooth: float, reach: float) -> Floats:
-    """How far apart values lie within a reach of each vertex, all channels together: (n,).
+    """Range of values within a reach of each vertex, all channels together: (n,).
 
     Parameters
     ----------
     mesh : TriangleMesh
     values : (n, d) float64
     presmooth : float
-        Sigma of the smoothing before, which takes away single stray values.
+        Sigma of the smoothing before, which removes single outliers.
     reach : float
-        The result is smoothed by half of it.
+        Radius; the result is smoothed by half of it.
     """
     with phase(0.0, 0.2, _MEASURING):
         calm = diffused(mesh, values, presmooth)
@@ -195,10 +196,10 @@ def local_contrast(mesh: TriangleMesh, values: Floats, presmooth: float, reach: 
 
 
 def diffused(mesh: TriangleMesh, values: Floats, sigma: float) -> Floats:
-    """Smooth values (n, d) by about a Gaussian, in far fewer passes than its variance has.
+    """Smooth values (n, d) by about a Gaussian, in far fewer passes than its variance needs.
 
-    Legendre polynomials of a smoothing pass M: as many terms as the root of twice the passes
-    (the method of Meyer, Balsara and Aslam, 2014, for long steps of diffusion).
+    Uses Legendre polynomials of a smoothing pass M, with as many terms as the root of twice the
+    number of passes (Meyer, Balsara and Aslam, 2014: super-time-stepping for diffusion).
     """
     passes = sigma * sigma / _SPREAD
     cycles = max(min(math.ceil(passes), _CYCLES), 1)
@@ -219,8 +220,8 @@ def diffused(mesh: TriangleMesh, values: Floats, sigma: float) -> Floats:
 
 @kernel
 def _is_crest(start, stop, vertices, ring_start, ring, values, steep, out):
-    # Whether no slope is greater across the border, two edges far: where values differ by as much
-    # as the slope says, within 45 degrees of it.
+    # A crest has no greater slope across the border within two edges: in directions within 45
+    # degrees of the gradient, in which values differ by as much as the slope says.
     for v in range(start, stop):
         out[v] = steep[v] > 0
         for i in range(ring_start[v], ring_start[v + 1]):
@@ -239,7 +240,7 @@ def _is_crest(start, stop, vertices, ring_start, ring, values, steep, out):
 
 @kernel
 def _potential_at(start, stop, vertices, faces, areas, corner_start, corners, values, chosen, out):
-    # What `flow_potential` without passes says at some vertices.
+    # The `flow_potential` without smoothing, at some vertices.
     for i in range(start, stop):
         v = chosen[i]
         total, area = 0.0, 0.0
@@ -266,7 +267,7 @@ def _measure_spread(start, stop, vertices, ring_start, ring, weights, out):
 def _widen_range(start, stop, ring_start, ring, low, high, new_low, new_high):
     last = low.shape[1] - 1
     for v in range(start, stop):
-        for first in range(0, last + 1, 3):  # three by three, which is faster
+        for first in range(0, last + 1, 3):  # three channels at a time, which is faster
             i, j, k = first, min(first + 1, last), min(first + 2, last)
             a, b, c = low[v, i], low[v, j], low[v, k]
             p, q, r = high[v, i], high[v, j], high[v, k]
@@ -280,8 +281,8 @@ def _widen_range(start, stop, ring_start, ring, low, high, new_low, new_high):
 
 @kernel
 def _legendre(start, stop, share, factor, newest, older, out):
-    # The next of the polynomials P_k(A), A = (1 - share) + share M, after the last two; `out` holds
-    # M applied to the last one.
+    # The next of the polynomials P_k(A), A = (1 - share) + share M, from the last two; `out`
+    # contains M applied to the last one.
     for v in range(start, stop):
         for j in range(newest.shape[1]):
             value = newest[v, j] + share * (out[v, j] - newest[v, j])
@@ -290,7 +291,7 @@ def _legendre(start, stop, share, factor, newest, older, out):
 
 @kernel
 def _bend(start, stop, vertices, faces, twins, areas, values, chosen, bends):
-    # How far the vertex across an edge is from the plane through a face's values, in standard
+    # Distance of the value across an edge from the plane through a face's values, in standard
     # deviations of the noise.
     for i in range(start, stop):
         f = chosen[i] // 3
@@ -310,7 +311,7 @@ def _bend(start, stop, vertices, faces, twins, areas, values, chosen, bends):
         of_b = heights * along + beyond
         size = np.sqrt(1.0 + heights * heights + of_a * of_a + of_b * of_b)
         for j in range(values.shape[1]):
-            # Differences, so that even values give exactly 0.
+            # Differences, so that constant values give exactly 0.
             bend = heights * (values[c, j] - values[a, j]) + values[d, j] - values[a, j]
             bend -= of_b * (values[b, j] - values[a, j])
             bends[i, j] = abs(bend) / size

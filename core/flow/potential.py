@@ -22,7 +22,7 @@ def flow_field(
     settings: ShockSettings | None = None,
     progress: ProgressCallback | None = None,
 ) -> tuple[Floats, Floats]:
-    """Compute where a signal's values will be pulled.
+    """Compute the flow that pulls a signal's values together.
 
     The potential is P = sum over channels of the squared gradient; the flow is half its
     gradient and points towards the edges of the signal.
@@ -33,7 +33,7 @@ def flow_field(
     signal : (n,) or (n, d) array of float
         Values at the vertices; all channels share one flow.
     settings : ShockSettings, optional
-        Only `smoothing_passes` is used; 0 smooths nothing.
+        Only `smoothing_passes` is used; 0 disables smoothing.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -57,7 +57,7 @@ def flow_field(
 
     Examples
     --------
-    Along a soft step, P is largest in the middle, and the flow points there.
+    Along a soft step, P is largest in the middle, and the flow points there:
 
     >>> import numpy as np
     >>> from shock_filter import core
@@ -91,7 +91,7 @@ def flow_from_potential(mesh: TriangleMesh, potential: Floats) -> Floats:
 
 
 def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
-    """Compute the potential P at the vertices, smoothed before and after: (n, d) -> (n,)."""
+    """Compute the potential P, smoothed before and after: (n, d) -> (n,)."""
     message = "Computing the flow"
     with phase(0.0, 0.5, message):
         smooth = smooth_vertices(mesh, signal, passes)
@@ -105,7 +105,7 @@ def flow_potential(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
 
 
 def bending(mesh: TriangleMesh, passes: int) -> tuple[Floats, Floats]:
-    """The normals' averages at the vertices, (n, 3), and their potential; kept for the next run."""
+    """Vertex averages of the normals, (n, 3), and their potential, (n,); kept for the next run."""
 
     def compute() -> tuple[Floats, Floats]:
         with phase(0.0, 0.2, "Computing the flow"):
@@ -124,22 +124,22 @@ def above_surroundings(
 ) -> Floats:
     """Keep the part of a potential that stands out from its surroundings.
 
-    Not in the paper, which facets gently curved surfaces where their triangles are coarse: there
-    the flow follows the mesh's noise. With s = sqrt(P), this returns max(0, s - threshold b)^2,
-    where b is the level around a vertex: the morphological opening of s over a few rings, which
-    takes away peaks and ridges and keeps plateaus, then smoothed. Flow-lines end where s falls
-    to threshold times that level.
+    Not in the paper, which facets gently curved surfaces with coarse triangles: there the flow
+    follows the noise of the mesh. With s = sqrt(P), this returns max(0, s - threshold b)^2, where
+    b is the level around a vertex: the morphological opening of s over a few rings, which removes
+    peaks and ridges and keeps plateaus, smoothed. Flow-lines end where s falls to threshold times
+    that level.
 
     Parameters
     ----------
     mesh : TriangleMesh
     potential : (n,) float64
     threshold : float
-        0 returns the potential.
+        0 returns the potential unchanged.
     time : float
-        Flow time. The width of the features that it can pull together grows with its fourth
-        root (P falls with the square of the width, and the flow is its gradient); the rings
-        looked at grow alike, from 2 at 256 and below to 8 at most.
+        Flow time. The width of the features that it can pull together grows with its fourth root
+        (P falls with the square of the width, and the flow is its gradient); so does the number of
+        rings, from 2 at times up to 256 to 8 at most.
 
     Returns
     -------
@@ -156,12 +156,12 @@ def above_surroundings(
 
 
 def opening(mesh: TriangleMesh, values: Floats, rings: int) -> Floats:
-    """Morphological opening of values at the vertices: ridges narrower than 2 * rings go."""
+    """Morphological opening of vertex values: removes ridges narrower than 2 * rings."""
     return dilation(mesh, -dilation(mesh, -values, rings), rings)
 
 
 def dilation(mesh: TriangleMesh, values: npt.NDArray, rings: int) -> npt.NDArray:
-    """The greatest value within so many edges of each vertex, of any number type: (n,) -> (n,)."""
+    """Maximum within a number of rings around each vertex, of any number type: (n,) -> (n,)."""
     message = "Finding features"
     with aside(message):
         start, ring = mesh.neighbours
@@ -176,7 +176,7 @@ def dilation(mesh: TriangleMesh, values: npt.NDArray, rings: int) -> npt.NDArray
 
 @kernel
 def _ring_maximum(start, stop, ring_start, ring, values, out):
-    # The greatest value of a vertex and its neighbours.
+    # The maximum of a vertex and its one-ring.
     for v in range(start, stop):
         greatest = values[v]
         for i in range(ring_start[v], ring_start[v + 1]):
@@ -192,7 +192,7 @@ def _energy(start, stop, vertices, faces, areas, values, energy):
 
 @kernel
 def squared_gradient(f, vertices, faces, areas, values):
-    """Square the gradients of all channels in a face, and add them up."""
+    """Sum of the squared gradients of all channels in a face."""
     # From differences along two edges and their metric.
     total = 0.0
     if areas[f] > 0:

@@ -16,7 +16,7 @@ from .walk import (
     AROUND_HUB,
     CUT_OFF,
     MOST_AROUND,
-    Field,
+    MeshFlow,
     Triangles,
     find_given_rates,
     find_shock_rates,
@@ -26,20 +26,20 @@ from .walk import (
 log = logging.getLogger(__name__)
 
 OFFSET = 0.001
-"""The paper's epsilon: how far towards the face's centre the trace of a vertex begins."""
+"""The paper's epsilon: how far from its vertex, towards the face's centre, a trace begins."""
 
 
 _FEW = 128
-"""Walks in a row where each may cross many faces around a hub: hundredths of a second."""
+"""Most consecutive walks in a chunk if each may cross many faces around a hub: 0.01 seconds."""
 
 
 def face_centres(mesh: TriangleMesh) -> tuple[Ints, Floats]:
-    """The centre of each face, to trace from: faces (m,), barycentric coordinates (m, 3)."""
+    """The centres of the faces as points: faces (m,), barycentric coordinates (m, 3)."""
     return _in_each_face(mesh, np.full((1, 3), 1.0 / 3.0))
 
 
 def corner_offsets(mesh: TriangleMesh) -> tuple[Ints, Floats]:
-    """A point in each face beside each of its corners: faces (3 m,), coordinates (3 m, 3)."""
+    """A point in each face next to each of its corners: faces (3 m,), coordinates (3 m, 3)."""
     return _in_each_face(mesh, (1.0 - OFFSET) * np.eye(3) + OFFSET / 3.0)
 
 
@@ -61,26 +61,26 @@ def trace(
     potential : (n,) float64
         P at the vertices; lengths are in mean edge lengths.
     time : float or (k,) float64
-        Flow time, of all points or of each; infinity walks until the flow ends.
+        Flow time, of all points or of each; with infinity, walks go on until the flow ends.
     faces : (k,) int32
         The face of each point; overwritten.
     coordinates : (k, 3) float64
         Its barycentric coordinates; overwritten.
     """
     rates = _rates(mesh, find_shock_rates, potential)
-    _walk(mesh, Field(rates, potential), time, faces, coordinates)
+    _walk(mesh, MeshFlow(rates, potential), time, faces, coordinates)
 
 
 def follow(
     mesh: TriangleMesh, vectors: Floats, time: float, faces: Ints, coordinates: Floats
 ) -> None:
-    """Move points for `time` along given vectors, or up to a border, in place.
+    """Move points for `time` along given vectors, at most up to a border, in place.
 
     Parameters
     ----------
     mesh : TriangleMesh
     vectors : (m, 3) float64
-        A velocity in each face, in mean edge lengths per unit of time; its tangential part counts.
+        Velocity in each face, in mean edge lengths per unit of time; normal components are ignored.
     time : float
         Finite.
     faces, coordinates
@@ -88,11 +88,11 @@ def follow(
     """
     if not np.isfinite(time):
         raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
-    _walk(mesh, Field(_rates(mesh, find_given_rates, vectors)), time, faces, coordinates)
+    _walk(mesh, MeshFlow(_rates(mesh, find_given_rates, vectors)), time, faces, coordinates)
 
 
 def trace_faces(mesh: TriangleMesh, potential: Floats, time: float) -> tuple[Ints, Floats]:
-    """Trace from the centre of each face; see `trace`. Returns faces (m,), coordinates (m, 3)."""
+    """Call `trace` on the centre of each face. Returns faces (m,), coordinates (m, 3)."""
     with aside("Tracing flow-lines"):
         faces, coordinates = face_centres(mesh)
     trace(mesh, potential, time, faces, coordinates)
@@ -113,12 +113,12 @@ def _rates(mesh: TriangleMesh, find_rates: Callable[..., None], values: Floats) 
 
 
 def _walk(
-    mesh: TriangleMesh, field: Field, time: float | Floats, faces: Ints, coordinates: Floats
+    mesh: TriangleMesh, flow: MeshFlow, time: float | Floats, faces: Ints, coordinates: Floats
 ) -> None:
     times = np.atleast_1d(np.asarray(time, dtype=np.float64))
     endings = np.zeros(len(faces), dtype=np.uint8)
     with phase(0.1, 1.0, "Tracing flow-lines"):
-        run(walk_exactly, len(faces), _triangles(mesh), field, times, MOST_STEPS, faces,
+        run(walk_exactly, len(faces), _triangles(mesh), flow, times, MOST_STEPS, faces,
             coordinates, endings, chunk=_FEW if mesh.has_hubs else None)  # fmt: skip
     warn_of_unfinished(endings == CUT_OFF)
     around = np.count_nonzero(endings == AROUND_HUB)

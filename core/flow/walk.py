@@ -2,17 +2,17 @@
 """Walks along the flow-lines of a triangle mesh (paper A, Appendix A, "Tracing Flow-Lines").
 
 The flow is constant in a face. It is the shock flow of a potential, v = -u = -grad(P) / 2 (values
-flow with u, so what arrives at a point is found by walking against it), or a given tangent vector
-in each face. A walk ends when its time is used up or at a border; one along the shock flow also
+move with u, so the walk against it finds what arrives at a point), or a given tangent vector in
+each face. A walk ends when its time is used up or at a border; along the shock flow it also ends
 where the flow turns by a right angle or more.
 
-The walk goes straight from edge to edge. Where both faces of an edge flow into it, it slides along
-the edge with the combination of both flows that stays on the edge (Filippov); the part of the shock
-flow along the edge is the same on both sides, half the fall of P. At a vertex it leaves in the
-direction of steepest descent; along a given field, in the one straightest on among those that lead
-away. This is the limit of the paper's small steps, which zigzag along the edges on which the exact
-walk slides (see `benchmarks/literal_walk.py`). About borders the paper is silent: the walk ends
-there.
+The walk goes straight from edge to edge. Where both faces of an edge flow into it, the walk slides
+along the edge with the convex combination of both flows that stays on the edge (Filippov); the
+component of the shock flow along the edge is the same on both sides, half the slope of P. A walk
+leaves a vertex in the direction of steepest descent; along a given field, in the straightest of the
+outgoing directions. This is the limit of the paper's small steps, which zigzag along the edges on
+which the exact walk slides (see `benchmarks/literal_walk.py`). The paper does not say what happens
+at borders: here the walk ends.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from ..mesh.triangle_mesh import Floats, Ints
 _MOST_RESTS = 30
 
 _ROUNDING = 1e-9
-"""Relative difference that rounding may make: of where an edge is crossed, and of steepness."""
+"""Relative difference that counts as rounding: of where an edge is crossed, and of steepness."""
 
 MOST_AROUND = 1000
-"""Faces around a vertex that a walk looks at or crosses; it ends at, or around, one with more."""
+"""Most faces around a vertex that a walk looks at or crosses; around larger hubs it ends."""
 
 CUT_OFF, AROUND_HUB = 1, 2
-"""How walks end that did not get to their end: after `most_steps`, or by `MOST_AROUND`."""
+"""How unfinished walks end: after `most_steps`, or by `MOST_AROUND`."""
 
 
 class Triangles(NamedTuple):
-    """What walks read of a mesh; see `TriangleMesh`."""
+    """The arrays of a mesh that walks read; see `TriangleMesh`."""
 
     vertices: Floats  # scaled
     faces: Ints
@@ -47,18 +47,18 @@ class Triangles(NamedTuple):
     areas: Floats
     normals: Floats
     crowded: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
-    """The vertices of more than `MOST_AROUND` faces; empty if there are none."""
+    """Vertices of more than `MOST_AROUND` faces; empty if there are none."""
 
 
-class Field(NamedTuple):
-    """What a walk follows.
+class MeshFlow(NamedTuple):
+    """The flow that a walk on a mesh follows.
 
     Attributes
     ----------
     rates : (m, 3) float64
-        The flow in each face, as the rates of the barycentric coordinates.
+        The flow in each face, as rates of the barycentric coordinates.
     potential : (n,) float64 or None
-        P at the vertices, of which it is the shock flow; None: it is a given field.
+        P at the vertices if the field is its shock flow; None for a given field.
     """
 
     rates: Floats
@@ -69,8 +69,8 @@ class Field(NamedTuple):
 def find_shock_rates(start, stop, triangles, potential, rates):
     """Compute d(barycentric coordinates)/dt under v = -grad(P) / 2.
 
-    They are minus half the inner products of grad(P) with the gradients of the coordinates, all
-    from edge vectors.
+    They are minus half the inner products of grad(P) with the gradients of the coordinates,
+    computed from edge vectors.
     """
     vertices, faces, _, areas, _, _ = triangles
     for f in range(start, stop):
@@ -106,7 +106,7 @@ def find_given_rates(start, stop, triangles, vectors, rates):
 @kernel
 def _clear_tiny(rates, f):
     if max(abs(rates[f, 0]), abs(rates[f, 1]), abs(rates[f, 2])) < 1e-100:
-        rates[f] = 0.0  # so that crossing times stay finite
+        rates[f] = 0.0  # keeps crossing times finite
 
 
 @kernel
@@ -125,8 +125,8 @@ def _sides(vertices, faces, f, k):
 
 @kernel
 def _sliding(potential, triangles, rates, f, k):
-    # Inner product of half-edge k of a face, into which both its faces flow, with the combination
-    # of both flows that stays on it.
+    # Inner product of half-edge k of a face, into which both its faces flow, with the convex
+    # combination of both flows that stays on it.
     if potential is not None:
         return 0.5 * (potential[triangles.faces[f, k]] - potential[triangles.faces[f, after(k)]])
     t = triangles.twins[f, k]
@@ -141,8 +141,8 @@ def _sliding(potential, triangles, rates, f, k):
 
 @kernel
 def _edge_away(potential, triangles, rates, f, k):
-    # Inner product of half-edge k and a flow along it that leads away from its first corner;
-    # 0 if there is none.
+    # Inner product of half-edge k with a flow along it that leaves its first corner; 0 if there
+    # is none.
     if potential is not None:
         a, b = triangles.faces[f, k], triangles.faces[f, after(k)]
         return 0.5 * (potential[a] - potential[b]) if potential[b] < potential[a] else 0.0
@@ -159,10 +159,10 @@ def _edge_away(potential, triangles, rates, f, k):
 def _leave_vertex(triangles, field, f, k, arrival):
     # Where to go from corner k of face f, around its vertex: along the shock flow in the direction
     # of steepest descent, along a given field in the one closest to straight on. `arrival` is the
-    # angle, from the half-edge that leaves the corner, under which the walk came through the face.
-    # Returns (face, corner, kind): kind 0 nothing, 1 into the face, 2 along the half-edge that
-    # leaves the corner. Of directions that are as steep, TIE_BREAKER decides, not the order of
-    # faces.
+    # angle, from the half-edge that leaves the corner, at which the walk came through the face.
+    # Returns (face, corner, kind): kind 0 nowhere, 1 into the face, 2 along the half-edge that
+    # leaves the corner. TIE_BREAKER, not the order of faces, decides between equally steep
+    # directions.
     vertices, faces, twins, areas, _, crowded = triangles
     if crowded.size and crowded[faces[f, k]]:
         return -1, -1, 0
@@ -175,7 +175,7 @@ def _leave_vertex(triangles, field, f, k, arrival):
     best_side = 0.0
     best_face, best_corner, kind = -1, -1, 0
     g, c = f, k
-    for _ in range(MOST_AROUND):  # twins pair up, so the round ends at its begin or at a border
+    for _ in range(MOST_AROUND):  # twins are paired: the loop closes, or ends at a border
         if areas[g] == 0:
             return -1, -1, 0
         u, w = _sides(vertices, faces, g, c)
@@ -214,9 +214,9 @@ def _leave_vertex(triangles, field, f, k, arrival):
         return -1, -1, 0
     if kind == 0:
         return -1, -1, 0
-    # Straight on is half the vertex's total angle away from where the walk came from.
-    turn = abs(best_angle - arrival) / total
-    if given or 0.25 < turn < 0.75:
+    # Straight on is half of the vertex's total angle from the direction of arrival.
+    share = abs(best_angle - arrival) / total
+    if given or 0.25 < share < 0.75:
         return best_face, best_corner, kind
     return -1, -1, 0
 
@@ -230,7 +230,7 @@ def _is_better(merit, side, best, best_side):
 
 @kernel
 def _straightness(angle, arrival, around):
-    # 1 straight on, above 0 elsewhere.
+    # 1.5 straight on, 0.5 straight back.
     return 1.5 - abs(2.0 * abs(angle - arrival) / around - 1.0)
 
 
@@ -242,7 +242,7 @@ def _corner_angle(triangles, f, k):
 
 @kernel
 def _angle_of_arrival(triangles, rates, f, k):
-    # The angle, from the half-edge that leaves corner k, under which the face's flow comes to it.
+    # The angle, from the half-edge that leaves corner k, at which the face's flow arrives there.
     u, w = _sides(triangles.vertices, triangles.faces, f, k)
     r, s = max(-rates[f, after(k)], 0.0), max(-rates[f, after(after(k))], 0.0)
     return np.arctan2(s * 2 * triangles.areas[f], r * dot(u, u) + s * dot(u, w))
@@ -250,7 +250,7 @@ def _angle_of_arrival(triangles, rates, f, k):
 
 @kernel
 def _angle_around(triangles, f, k):
-    # The sum of the angles at the vertex of corner k, up to a border if it lies on one.
+    # The sum of the angles at the vertex of corner k; up to the border if it lies on one.
     total = 0.0
     g, c = f, k
     for _ in range(MOST_AROUND):
@@ -269,9 +269,9 @@ def _angle_around(triangles, f, k):
 def walk_exactly(
     start, stop, triangles, field, times, most_steps, point_faces, coordinates, endings
 ):
-    """Walk from edge to edge; parameters as in `flow.trace`, and `endings` is 0 at first.
+    """Walk from edge to edge; parameters as in `flow.trace`. `endings` must be 0 before.
 
-    `times` has one for each point, or one for all.
+    `times` has one entry for each point, or one for all.
     """
     vertices, faces, twins, areas, _, crowded = triangles
     rates, potential = field
@@ -284,9 +284,9 @@ def walk_exactly(
             left = 0.0
         slide = -1  # the half-edge along which the walk slides
         last = np.inf
-        rests = 0  # steps in a row that took no time
+        rests = 0  # consecutive steps that took no time
         steps = 0
-        around = 0  # edges in a row that were crossed at crowded vertices
+        around = 0  # consecutive edges crossed at crowded vertices
         while left > 0:
             if steps == most_steps:
                 endings[point] = CUT_OFF
@@ -295,10 +295,10 @@ def walk_exactly(
             rests = rests + 1 if left == last else 0
             last = left
             if rests > _MOST_RESTS and potential is None:
-                break  # around a vertex to which all faces flow
+                break  # circles around a vertex to which all faces flow
             corner, arrival = -1, 0.0
             if slide < 0:
-                # Straight on to the edge that is reached first.
+                # Straight to the edge that is reached first.
                 exit_corner = -1
                 first = left
                 for c in range(3):
@@ -326,7 +326,7 @@ def walk_exactly(
                 along = b[after(k)] / (b[k] + b[after(k)])
                 at_vertex = along < _ROUNDING or along > 1.0 - _ROUNDING
                 if potential is not None and at_vertex:
-                    # Not to the side of it that rounding chose.
+                    # Not into the face that rounding chose.
                     corner = k if along < 0.5 else after(k)
                     arrival = _angle_of_arrival(triangles, rates, f, corner)
                 elif inward > 0:
@@ -348,12 +348,12 @@ def walk_exactly(
                     # times the squared length of the edge, tells whether the shock flow turns back.
                     sliding = _sliding(potential, triangles, rates, f, k)
                     across = (rates[f, exit_corner] * areas[f]) * (inward * areas[g])
-                    turned = potential is not None and sliding * sliding - 4 * across <= 0
-                    if turned or sliding == 0:
+                    turns_back = potential is not None and sliding * sliding - 4 * across <= 0
+                    if turns_back or sliding == 0:
                         b[k] = 1.0 - along
                         b[after(k)] = along
                         break
-                    # fall through with `along` measured from corner k
+                    # go on below, with `along` measured from corner k
             else:
                 f = slide // 3
                 k = slide - 3 * f

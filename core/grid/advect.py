@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Advection on images: values are read where the flow-lines come from (paper A, Appendix A).
+"""Advection on images: sample values where the flow-lines come from (paper A, Appendix A).
 
-What is kept beside the image is P alone, one float32 a pixel: the flow is taken from it on the fly,
+Only P is stored beside the image, one float32 per pixel: the flow is computed from it on the fly,
 and values are read from the image itself, whatever its type. So an image that is mapped from disk
-costs 8 bytes a pixel while it is filtered.
+takes 8 bytes per pixel while it is filtered.
 """
 
 from __future__ import annotations
@@ -30,31 +30,31 @@ def advect_pixels(
     nearest: bool = False,
     part: Part | None = None,
 ) -> npt.NDArray[np.int64]:
-    """Read the image where the flow-lines come from ("Vertex Advection", on squares).
+    """Sample the image where the flow-lines come from ("Vertex Advection", on squares).
 
     From each pixel a trace begins in each adjacent cell; the pixel's new value is the mean of
-    the values at their ends, each as much as it is opaque.
+    the values at their ends, weighted by opacity.
 
     Parameters
     ----------
     image : (h, w, c) array
     channels : Channels
-        The others are left as they are in `out`.
+        Only these channels of `out` are written.
     potential : (h, w) float32
     time : float or (h, w) float32
-        Flow time, or that of each pixel; infinity walks until the flow ends.
+        Flow time, of all pixels or of each; infinity walks until the flow ends.
     out : (h, w, c) array
-        Where the result goes, in the image's range; whole numbers are rounded.
+        Receives the result, in the image's range; whole numbers are rounded.
     nearest : bool
         Take the nearest pixel's value at the ends instead of interpolating linearly.
     part : Part, optional
-        What is wanted, if the image is a part of another one.
+        The wanted pixels, if the image is a part of another one.
 
     Returns
     -------
     (rows,) int64
-        For each row that is wanted: up to how far from where the known flow ends pixels have
-        traces that leave it, and so a wrong value; 0 where none has.
+        For each wanted row, the largest distance from the end of the known flow of a pixel whose
+        traces leave it, so that its value is wrong; 0 if there is none.
     """
     part = part or Part.whole(image.shape)
     unfinished = np.zeros(len(image), dtype=np.int64)
@@ -70,14 +70,14 @@ def advect_pixels(
 def split_time(
     time: float | npt.NDArray[np.float32],
 ) -> tuple[float, npt.NDArray[np.float32]]:
-    """Give kernels one time for all, and those of each node, which are none if it is one."""
+    """Split a time for kernels into (time of all, times of each node); `times` is empty for one."""
     if isinstance(time, np.ndarray):
         return 0.0, time
     return float(time), np.empty((0, 0), np.float32)
 
 
 class TracedPixels:
-    """Where each pixel's values come from, while flows that change lead on (paper A, 3.3).
+    """Where each pixel's values come from, traced through several flows (paper A, 3.3).
 
     Holds the ends of all traces, 48 bytes a pixel.
     """
@@ -90,7 +90,7 @@ class TracedPixels:
     def trace(
         self, potential: npt.NDArray[np.float32], time: float, part: Part | None = None
     ) -> npt.NDArray[np.int64]:
-        """Trace on from where the traces ended; parameters and result as in `advect_pixels`."""
+        """Continue the traces from their ends; parameters and result as in `advect_pixels`."""
         part = part or Part.whole(potential.shape)
         unfinished = np.zeros(len(potential), dtype=np.int64)
         depths = np.zeros(part.rows.stop - part.rows.start, dtype=np.int64)
@@ -103,7 +103,7 @@ class TracedPixels:
     def read(
         self, image: npt.NDArray, channels: Channels, out: npt.NDArray, *, nearest: bool = False
     ) -> None:
-        """Read the image at the traces' ends; parameters as in `advect_pixels`."""
+        """Sample the image at the traces' ends; parameters as in `advect_pixels`."""
         run(_read_rows, len(image), image, channels, self._cells, self._places, nearest,
             _rounds(out), out, chunk=ROWS)  # fmt: skip
 
@@ -120,7 +120,7 @@ def _exists(place, height, width):
 
 @kernel
 def _is_lost(place, window):
-    """Whether the picture goes on beside a cell where a trace left the known flow."""
+    """Whether the picture continues beyond the cell where a trace left the known flow."""
     row, column, _, _ = place
     return (
         row <= window.first_row or row >= window.last_row
@@ -130,7 +130,7 @@ def _is_lost(place, window):
 
 @kernel
 def _depth(y, x, window):
-    """How far a pixel is from where the known flow ends, counted from 1."""
+    """Distance of a pixel from the end of the known flow, counted from 1."""
     down = min(y - window.first_row, window.last_row + 1 - y)
     across = min(x - window.first_column, window.last_column + 1 - x)
     return min(down, across) + 1

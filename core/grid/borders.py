@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How wide an image's borders are, how much noise it has, and how much of it is flat.
+"""Measurements of an image: the width of its borders, its noise, and its even areas.
 
-Borders are looked for where the slope is greatest across itself. From there the profile is followed
-both ways while it still rises, which gives its contrast; contrast over slope is the width. Large
-images are measured in tiles that lie all over them.
+Borders are found where the slope is greatest across itself. From there the profile is followed in
+both directions while it rises, which gives its contrast; contrast over slope is the width. Large
+images are measured in tiles spread all over them.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from .windows import Plane, gaussian, least_and_greatest, smooth
 
 _TILE = 192
 _MOST_TILES = 16
-_FEW_TILES = 8
-_ALL_TILES = 256  # where those hold too few borders
+_FEW_TILES = 8  # for rough measurements
+_ALL_TILES = 256  # if those of _MOST_TILES hold too few borders
 _MOST_BORDERS = 8000
 _FEWEST_BORDERS = 30
-_REACH = 24  # pixels that a profile is followed each way
+_REACH = 24  # pixels that a profile is followed in each direction
 _STEP = 0.5
-_BLURRED = 3  # pixels that smoothing carries values
-_RIM = 4  # pixels from the image's rim where none is looked for
-_RISING = 0.06  # of the greatest slope: where a profile ends
-_CLEAR = 0.08  # contrast of borders that count
-_QUANTILE = 0.35  # narrow borders tell the blur: wide ones may have been soft before
-_PRESMOOTHED = (0.8, 1.6, 3.0)  # sigmas; wider ones where noise hides the borders
+_BLURRED = 3  # pixels that smoothing spreads values
+_RIM = 4  # pixels at the image's rim without borders
+_RISING = 0.06  # share of the greatest slope at which a profile ends
+_CLEAR = 0.08  # least contrast of borders that count
+_QUANTILE = 0.35  # of the widths, as narrow borders tell the blur: wide ones may have been soft
+_PRESMOOTHED = (0.8, 1.6, 3.0)  # sigmas; the larger ones are used if noise hides the borders
 _CELL = 0.15  # what reading between pixels adds to the squared sigma
-_ALIKE = 1.5, 1.3  # most that widths of a drawing's borders spread, narrow and wide ones
-_MOSTLY = 0.45  # share of a drawing between its borders that is even
-_EVEN = 0.02  # of the contrast of clear borders
-_BORDER = 0.35  # of it: where more lies within the borders' width, one is near
+_ALIKE = 1.5, 1.3  # largest spread of a drawing's border widths, at narrow and at wide ones
+_MOSTLY = 0.45  # least even share of a drawing between its borders
+_EVEN = 0.02  # range that counts as even, of the contrast of clear borders
+_BORDER = 0.35  # range within the borders' width that tells a border, of the same contrast
 _NEAR = 2
 _LEVEL = 0.004  # of a byte
 _SEEN_NOISE = 0.8  # what smoothing leaves of noise, as a range of neighbours
@@ -48,21 +48,21 @@ _PLENTY = 200
 
 
 class Borders(NamedTuple):
-    """What was measured.
+    """Measurements of the borders in an image.
 
     Attributes
     ----------
     width : float
-        Of the borders, from 10 to 90 percent, in pixels; 0 if there are too few.
+        Width of the borders from 10 to 90 percent, in pixels; 0 if there are too few.
     number : int
-        How many borders were looked at.
+        Number of borders that were measured.
     noise : float
         Standard deviation of the noise.
     contrast : float
-        Of clear borders.
+        Contrast of clear borders.
     spread : float
-        How many times wider the widest quarter of the strong borders is than the narrowest one,
-        where a pixel more or less counts little.
+        Ratio of the widths of the widest and the narrowest quarter of the strong borders, in which
+        a pixel more or less counts little.
     """
 
     width: float = 0.0
@@ -80,7 +80,7 @@ def measure_borders(
     inside: npt.NDArray[np.bool_] | None = None,
     roughly: bool = False,
 ) -> Borders:
-    """Measure an image.
+    """Measure the borders and the noise of an image.
 
     Parameters
     ----------
@@ -88,11 +88,11 @@ def measure_borders(
     scale : float
         Factor that brings values to [0, 1].
     channels : Channels
-        Colors count as much as they are opaque.
+        Colors are weighted by opacity.
     inside : (h, w) bool, optional
-        What is looked at.
+        The pixels to look at.
     roughly : bool
-        Look at half of the places.
+        Look at half of the tiles.
     """
     tiles = _tiles(image.shape[:2], inside)
     some = _spread_out(tiles, _FEW_TILES if roughly else _MOST_TILES)
@@ -110,14 +110,14 @@ def is_drawing(
     borders: Borders,
     inside: npt.NDArray[np.bool_] | None = None,
 ) -> bool:
-    """Tell drawings from photos: borders are alike, and what lies between them is even.
+    """Tell drawings from photos: their borders are alike, and the areas between them are even.
 
     Parameters
     ----------
     image, scale, channels, inside
         As in `measure_borders`.
     borders : Borders
-        What was measured there.
+        Result of `measure_borders`.
     """
     # The wider a blur is, the more alike it makes all borders.
     if borders.spread > np.interp(borders.width, (4.0, 8.0), _ALIKE):
@@ -139,7 +139,7 @@ def is_drawing(
 def guide_planes(
     image: npt.NDArray, scale: float, channels: Channels, rows: slice, columns: slice = slice(None)
 ) -> npt.NDArray[np.float32]:
-    """Return what guides the flow in a part of an image, as opaque as it is: (k, h, w)."""
+    """Return the guiding channels of a part of an image, weighted by opacity: (k, h, w)."""
     part = image[rows, columns]
     chosen = part[..., channels.start : channels.stop]
     planes = np.moveaxis(chosen, -1, 0).astype(np.float32)
@@ -155,7 +155,7 @@ def guide_planes(
 def _tiles(
     shape: tuple[int, ...], inside: npt.NDArray[np.bool_] | None
 ) -> list[tuple[int, int, int, int]]:
-    # First and last row and column of each that has something inside.
+    # First and last row and column of each tile that has something inside.
     def cuts(length: int) -> list[tuple[int, int]]:
         count = max(round(length / _TILE), 1)
         places = [length * i // count for i in range(count + 1)]
@@ -175,7 +175,7 @@ def _seen(
     columns: slice,
     planes: npt.NDArray[np.float32],
 ) -> npt.NDArray[np.bool_]:
-    # Where nothing outside is near.
+    # Pixels that have nothing outside nearby.
     if inside is None:
         return np.ones(planes.shape[1:], dtype=np.bool_)
     high = inside[rows, columns].astype(np.float32)
@@ -189,7 +189,7 @@ def _spread_out(
 ) -> list[tuple[int, int, int, int]]:
     if len(tiles) <= most:
         return tiles
-    golden = 0.5 * (math.sqrt(5.0) - 1.0)  # every n-th tile would lie in the same columns
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)  # every n-th tile could lie in the same columns
     order = sorted(range(len(tiles)), key=lambda i: i * golden % 1.0)
     return [tiles[i] for i in sorted(order[:most])]
 
@@ -236,7 +236,7 @@ def _around(tile: tuple[int, int, int, int], shape: tuple[int, ...]) -> tuple[sl
 
 
 def _noise(planes: npt.NDArray[np.float32], seen: npt.NDArray[np.bool_]) -> float:
-    # Immerkaer's mask leaves what is linear; the median leaves what is rare, such as borders.
+    # Immerkaer's mask removes linear values; the median removes rare ones, such as borders.
     inner = seen[1:-1, 1:-1]
     if not inner.any():
         return 0.0
@@ -251,7 +251,7 @@ def _noise(planes: npt.NDArray[np.float32], seen: npt.NDArray[np.bool_]) -> floa
 def _count_even(
     planes: npt.NDArray[np.float32], borders: Borders, seen: npt.NDArray[np.bool_]
 ) -> tuple[int, int]:
-    # Pixels whose surroundings are even, and all, of those that lie between borders.
+    # Number of pixels with even surroundings, and of all, among those between borders.
     near = _ranges(planes, 1.0, _NEAR)
     wide = _ranges(planes, 0.7, math.ceil(0.7 * max(borders.width, 1.0)) + 1)
     between = seen & (wide < _BORDER * borders.contrast)
@@ -359,7 +359,7 @@ def _slope(planes, y, x):
 
 @kernel
 def _ridges(planes, seen, top, bottom, left, right, steepness):
-    """List where the slope is greatest across itself: (n, 5), y, x, direction, slope."""
+    """List the maxima of the slope across itself: (n, 5), y, x, direction, slope."""
     height, width = planes.shape[1:]
     slopes = np.empty((height, width), np.float32)
     for y in range(height):
@@ -402,7 +402,7 @@ def _between(plane, y, x):
 def _profiles(planes, seen, ridges, sigma):
     """Follow the profile through each ridge: (n, 2), width and contrast.
 
-    The contrast is 0 where the profile goes on to what is not seen.
+    The contrast is 0 where the profile leads to pixels that are not seen.
     """
     steps = int(_REACH / _STEP)
     found = np.empty((len(ridges), 2), np.float64)
@@ -445,7 +445,7 @@ def _is_seen(seen, y, x):
 
 @kernel
 def _take_color(planes, y, x, down, across, color):
-    # The direction in which the planes' values change, as a unit vector.
+    # The direction in color space in which the planes change, as a unit vector.
     height, width = planes.shape[1:]
     total = np.float32(0.0)
     for c in range(len(planes)):

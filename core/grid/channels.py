@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The channels of an image: which are filtered, which is opacity, and which guide the flow."""
+"""The channels of an image: which are filtered, which is opacity, which guide the flow."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Channels(NamedTuple):
     alpha : int
         The channel that is opacity, or -1.
     brightness : (k,) float32
-        Weights of the channels in one guiding brightness; empty: each channel guides.
+        Weights of the channels in one guiding brightness; if empty, each channel guides.
     """
 
     start: int
@@ -39,12 +39,12 @@ def opacity_channel(channels: int, alpha: str) -> int:
 
 
 def brightness_weights(count: int) -> npt.NDArray[np.float64]:
-    """Weights of `count` colors in their brightness; the mean where they are not RGB: (k,)."""
+    """Weights of `count` colors in the brightness, equal if they are not RGB: (k,)."""
     return LUMINANCE if count >= 3 else np.full(count, 1.0 / count)
 
 
 def channel_groups(count: int, settings: ImageSettings | TextureSettings) -> list[Channels]:
-    """Tell which of `count` channels follow one flow."""
+    """Group `count` channels by the flow that they follow."""
     alpha = opacity_channel(count, settings.alpha)
     colors = count - (alpha >= 0)
     none = np.empty(0, dtype=np.float32)

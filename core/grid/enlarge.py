@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Enlarging images by a whole number, bicubically, without values that were not nearby."""
+"""Bicubic enlarging of images by a whole number, without values that were not nearby."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ _ROWS = 32
 
 
 def enlarged(pixels: npt.NDArray, times: int, scale: float = 1.0, alpha: int = -1) -> npt.NDArray:
-    """Enlarge an image by Catmull and Rom's cubic, kept between the 16 pixels around.
+    """Enlarge an image by the Catmull-Rom cubic, clamped to the range of the 16 pixels around.
 
     Parameters
     ----------
     pixels : (h, w, c) array
     times : int
-        How many pixels become of one, along each side.
+        How many pixels one pixel becomes, along each side.
     scale : float
-        What values are multiplied by.
+        Factor of the values.
     alpha : int
         The channel that is opacity, or -1; transparent pixels lend no color to others.
 
     Returns
     -------
     (times * h, times * w, c) array
-        float64 if `pixels` are, else float32.
+        float64 if `pixels` are, otherwise float32.
     """
     height, width, channels = pixels.shape
     kind = np.float64 if pixels.dtype == np.float64 else np.float32
@@ -37,8 +37,8 @@ def enlarged(pixels: npt.NDArray, times: int, scale: float = 1.0, alpha: int = -
 
 
 def _weights(times: int) -> npt.NDArray[np.float64]:
-    # For each of the new pixels in an old one: weights of the old one's neighbors, from two before
-    # it to two behind, of which one is 0.
+    # For each new pixel within an old one: weights of the old pixel's neighbors, from two before
+    # to two behind, one of which is 0.
     places = (np.arange(times) + 0.5) / times - 0.5
     away = np.abs(places[:, None] - np.arange(-2, 3))
     near = 1.0 + away**2 * (1.5 * away - 2.5)

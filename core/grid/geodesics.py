@@ -2,15 +2,15 @@
 """Geodesic distances on images and other grids of points, by fast marching from one pixel.
 
 A grid of points in space is a surface: an image's pixels at (x, y, beta I), or the points of a
-parametric manifold with beta I as further coordinates. Each pixel has eight neighbours; between
-two that touch lies a triangle through which the front reaches the pixel. Triangles are known by
-the lengths of their sides in space, so their angles are those of the metric.
+parametric manifold with beta I as further coordinates. Each pixel has eight neighbours; it forms
+a triangle with each two of them that touch, through which its distance is updated. Triangles are
+given by their side lengths in space, so their angles are those of the metric.
 
 References
 ----------
 A. Spira, R. Kimmel: An Efficient Solution to the Eikonal Equation on Parametric Manifolds, 2004:
-the march on a grid with a metric, and how obtuse triangles are split there. M. Novotni, R. Klein:
-Computing Geodesic Distances on Triangular Meshes, 2002: fronts that are circles.
+fast marching on a grid with a metric, and the splitting of obtuse triangles. M. Novotni, R. Klein:
+Computing Geodesic Distances on Triangular Meshes, 2002: circular fronts.
 
 Cells are the pixels of a band of rows with a frame of one cell around them, numbered row by row.
 """
@@ -30,33 +30,33 @@ _RIGHT = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 
 _STENCIL = 40  # numbers per cell: eight lengths to neighbours, four for each of eight triangles
 MOST_SPLITS = 16
-"""Most triangles that an obtuse one is split into; beyond, distances through it are too long."""
+"""Most parts of a split obtuse triangle; with more needed, distances through it are too long."""
 
 FARTHEST_SPLIT = MOST_SPLITS + 1
-"""Most pixels, along each axis, to the corners of these parts."""
+"""Largest distance in pixels, along each axis, of the corners of these parts."""
 
 MEASURED = np.float32(-1.0)
-"""Says that the lengths of a guide are measured in units that differ from place to place."""
+"""As `spacing`: the guide is measured in units that differ from place to place."""
 
-_CELL = 0xFFFFFFFF  # masking shows the compiler that an index is not negative
+_CELL = 0xFFFFFFFF  # masking tells the compiler that an index is not negative
 
 
 class Band(NamedTuple):
-    """What `march` needs to know of the surface in a band of rows."""
+    """The surface in a band of rows, as `march` needs it."""
 
     offsets: npt.NDArray[np.int64]  # from a cell to its eight neighbours
     stencils: npt.NDArray[np.float32]  # per cell: see `_fill_stencils`
-    ends: npt.NDArray[np.int64]  # where the ways end that lead from a cell through split triangles
-    targets: npt.NDArray[np.int32]  # per way: see `_fill_splits`
-    ways: npt.NDArray[np.float32]
-    unsplit: int  # obtuse triangles that were not split to the end, for want of `MOST_SPLITS`
+    ends: npt.NDArray[np.int64]  # ends of each cell's links: the paths through split triangles
+    targets: npt.NDArray[np.int32]  # per link: see `_list_splits`
+    links: npt.NDArray[np.float32]
+    unsplit: int  # obtuse triangles that needed more parts than `MOST_SPLITS`
 
 
 class BandFront(NamedTuple):
-    """What `march` works on, and what it finds, per cell of a band."""
+    """Working memory and result of `march`, per cell of a band."""
 
-    final: npt.NDArray[np.float32]  # squared distances, infinite where the front was not
-    tentative: npt.NDArray[np.float32]  # negative where the front was or must not go
+    final: npt.NDArray[np.float32]  # squared distances, infinite where the front has not been
+    tentative: npt.NDArray[np.float32]  # negative where the front has been or must not go
     queue: npt.NDArray[np.int64]
     reached: npt.NDArray[np.int32]
 
@@ -68,18 +68,19 @@ def _fill_stencils(guide, spacing, first, last, squares, obtuse, stencils):
     Parameters
     ----------
     guide : (h, w, k) float32
-        The coordinates of the points; all but x and y if these are the pixel's.
+        The coordinates of the points, without x and y if these are the pixel's.
     spacing : float32
         See `chord`.
     first, last : int
     squares : (cells, 4) float32
-        Filled with squared lengths to the right, lower right, lower and lower left; NaN where
-        there is no such neighbour.
+        Receives squared lengths to the right, lower right, lower and lower left; NaN where there
+        is no such neighbour.
     obtuse : (cells,) uint8
-        Filled with a bit for each triangle that is obtuse at the pixel.
+        Receives a bit for each triangle that is obtuse at the pixel.
     stencils : (cells, _STENCIL) float32
-        Filled. A triangle has its side away from the pixel at y = 0 with the axis neighbour at
-        x = 0: half of the side, half of its inverse, and x and y of the pixel.
+        Receives the lengths and triangles. A triangle has its side away from the pixel at y = 0
+        with the axis neighbour at x = 0: half of the side, half of its inverse, and x and y of the
+        pixel.
     """
     columns = guide.shape[1]
     width = columns + 2
@@ -111,18 +112,18 @@ def _fill_stencils(guide, spacing, first, last, squares, obtuse, stencils):
 
 @kernel
 def chord(guide, spacing, y, x, down, right):
-    """Compute the squared distance of two pixels straight through space.
+    """Compute the squared Euclidean distance of two pixels in space.
 
     Parameters
     ----------
     guide : (h, w, k) float32
         The coordinates of the points.
     spacing : float32
-        Squared distance of pixels along the axes in the plane of the image; 0 if `guide` has
-        all coordinates; `MEASURED` if the last four are a place in space, and what lengths in
-        space are multiplied with there.
+        Squared distance of pixels along the axes in the plane of the image; 0 if `guide` holds
+        all coordinates; `MEASURED` if its last four are a position in space and the local factor
+        of lengths in space.
     y, x, down, right : int
-        Rows and columns of the two.
+        Rows and columns of the two pixels.
     """
     total = np.float32(0.0)
     count = guide.shape[2]
@@ -142,7 +143,7 @@ def chord(guide, spacing, y, x, down, right):
 
 @kernel
 def _sides(j):
-    # The neighbours, along an axis and diagonal, of triangle j.
+    # The axis neighbour and the diagonal neighbour of triangle j.
     return (j + 1) & 6, j | 1
 
 
@@ -159,13 +160,13 @@ def _opposite(squares, width, cell, j):
     # The squared length of the side of triangle j away from the cell.
     axis = (j + 1) & 6
     corner = cell + _DOWN[axis] * width + _RIGHT[axis]
-    turn = 2 if j & 1 == 0 else 6  # a quarter turn from the axis to the diagonal's side
-    return _square(squares, width, corner, (axis + turn) & 7)
+    quarter = 2 if j & 1 == 0 else 6  # a quarter turn from the axis to the diagonal's side
+    return _square(squares, width, corner, (axis + quarter) & 7)
 
 
 @kernel
 def _place_triangle(near, far, side, placed):
-    # From squared lengths: pixel to the corner at x = 0, to the other one, and between them.
+    # From squared lengths: pixel to the corner at x = 0, pixel to the other corner, the side.
     length = _root(side)
     half = np.float32(0.5)
     along = half * (near + side - far) / length
@@ -176,26 +177,27 @@ def _place_triangle(near, far, side, placed):
 
 
 @kernel
-def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, targets, ways):
-    """List, for each cell, the ways that lead from it through splits of obtuse triangles.
+def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, targets, links):
+    """List, for each cell, the links that lead from it through parts of obtuse triangles.
 
     Parameters
     ----------
     guide, spacing, first, last, squares, obtuse
         As in `_fill_stencils`.
     limit : float32
-        Squared distance beyond which nothing matters.
+        Squared distance beyond which nothing is needed.
     cursors : (cells,) int64
-        Where the next way from each cell goes; the number of its ways is added.
-    targets : (ways, 2) int32
-        The cell a way leads to, and the third cell of the triangle. Empty: ways are only counted.
-    ways : (ways, 5) float32
-        The way's length, and the triangle as in `_fill_stencils`, this cell at x = 0.
+        The place of each cell's next link; advanced by the number of its links.
+    targets : (links, 2) int32
+        The cell a link leads to, and the third cell of the triangle. If empty, links are only
+        counted.
+    links : (links, 5) float32
+        The link's length, and the triangle as in `_fill_stencils`, this cell at x = 0.
 
     Returns
     -------
     int
-        Triangles that were not split to the end.
+        Number of triangles that needed more parts than `MOST_SPLITS`.
     """
     unsplit = 0
     columns = guide.shape[1]
@@ -214,36 +216,36 @@ def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, t
                 for i in range(count):
                     near = _cell(y + corners[i, 0], x + corners[i, 1], first, last, width)
                     far = _cell(y + corners[i, 2], x + corners[i, 3], first, last, width)
-                    for turned in range(2):
-                        start, other = (far, near) if turned else (near, far)
+                    for swapped in range(2):
+                        start, other = (far, near) if swapped else (near, far)
                         place = cursors[start]
                         cursors[start] += 1
                         if targets.size == 0:
                             continue
                         targets[place, 0] = cell
                         targets[place, 1] = other
-                        way = ways[place]
-                        way[0] = _root(lengths[i, turned])
+                        link = links[place]
+                        link[0] = _root(lengths[i, swapped])
                         _place_triangle(
-                            lengths[i, turned], lengths[i, 1 - turned], lengths[i, 2], way[1:]
+                            lengths[i, swapped], lengths[i, 1 - swapped], lengths[i, 2], link[1:]
                         )
     return unsplit
 
 
 @kernel
 def _cell(y, x, first, last, width):
-    # The first cell, in the frame, where no front comes, stands for all beyond the band: so bands
-    # of other rows find the same distances.
+    # Cell 0 lies in the frame, where no front comes, and stands for all cells beyond the band: so
+    # bands of other rows find the same distances.
     return (y - first + 1) * width + x + 1 if first <= y < last else 0
 
 
 @kernel
 def _split(guide, spacing, limit, first, last, squares, y, x, j, corners, lengths):
-    # Splits triangle j, which is obtuse at the pixel, by unfolding those beyond it (Kimmel and
-    # Sethian): the sum of two corners' offsets is the next point between them. Returns the
-    # number of parts, whose corners are at offsets `corners` and whose squared `lengths` are to
-    # the first corner, to the second, and between them; 0 if it cannot be split. And whether more
-    # parts would have been needed.
+    # Splits triangle j, obtuse at the pixel, by unfolding the triangles beyond it (Kimmel and
+    # Sethian): the sum of two corners' offsets is the next point between them. Returns the number
+    # of parts, or 0 if it cannot be split, and whether more parts would be needed. The parts'
+    # corners are at offsets `corners`; `lengths` are squared: to the first corner, to the second,
+    # and between them.
     width = guide.shape[1] + 2
     cell = (y - first + 1) * width + x + 1
     axis, diagonal = _sides(j)
@@ -300,18 +302,18 @@ def open_band(guide, spacing, limit, first, last):
     Parameters
     ----------
     guide : (h, w, k) float32
-        The coordinates of the points; all but x and y if these are the pixel's.
+        The coordinates of the points, without x and y if these are the pixel's.
     spacing : float32
         See `chord`.
     limit : float32
-        The greatest squared distance that marches will go.
+        The largest squared distance of the marches.
     first, last : int
 
     Returns
     -------
     band : Band
     front : BandFront
-        All values are infinite, but `tentative` is negative where there are no pixels.
+        All values are infinite, but `tentative` is negative in the frame.
     """
     columns = guide.shape[1]
     width = columns + 2
@@ -323,39 +325,39 @@ def open_band(guide, spacing, limit, first, last):
     ends = np.zeros(cells + 1, np.int64)
     for _ in range(2):  # count, then fill
         targets = np.empty((ends[cells], 2), np.int32)
-        ways = np.empty((ends[cells], 5), np.float32)
+        links = np.empty((ends[cells], 5), np.float32)
         cursors = ends[:-1].copy()
         unsplit = _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors,
-                               targets, ways)  # fmt: skip
+                               targets, links)  # fmt: skip
         ends[1:] = np.cumsum(cursors - ends[:-1])
     final = np.full(cells, np.inf, np.float32)
     tentative = np.full(cells, -1.0, np.float32)
     for row in range(1, last - first + 1):
         tentative[row * width + 1 : row * width + 1 + columns] = np.inf
-    # Each way into a cell puts it into the queue at most once.
+    # Each path into a cell puts it into the queue at most once.
     queue = np.empty(8 * cells + ends[cells] + 1, np.int64)
-    band = Band(_DOWN * width + _RIGHT, stencils, ends, targets, ways, unsplit)
+    band = Band(_DOWN * width + _RIGHT, stencils, ends, targets, links, unsplit)
     return band, BandFront(final, tentative, queue, np.empty(cells, np.int32))
 
 
 @kernel
 def march(source, limit, band, front):
-    """Find the cells within a squared distance of `limit` from a cell, nearest first.
+    """Find the cells within the squared distance `limit` of a cell, nearest first.
 
     Parameters
     ----------
     source : int
     limit : float32
     band, front : Band, BandFront
-        From `open_band`. In the cells that are reached, ``final`` becomes the squared distance
-        and ``tentative`` negative. Where it is negative already the front does not go.
+        From `open_band`. For cells that are reached, ``final`` becomes the squared distance and
+        ``tentative`` negative. The front does not enter cells where it is negative already.
 
     Returns
     -------
     int
-        How many cells were put into ``reached``.
+        Number of cells written to ``reached``.
     """
-    offsets, stencils, ends, targets, ways, _ = band
+    offsets, stencils, ends, targets, links, _ = band
     final, tentative, queue, reached = front
     infinite = np.float32(np.inf)
     count = 0
@@ -366,22 +368,22 @@ def march(source, limit, band, front):
         head += 1
         cell = entry & _CELL
         if tentative[cell] < 0:
-            continue  # was found on a shorter way
+            continue  # reached by a shorter path before
         square = np.int32(entry >> 32).view(np.float32)
         final[cell] = square
         tentative[cell] = np.float32(-1.0)
         reached[count] = cell
         count += 1
         distance = _root(square)
-        # All triangles here have a corner at a neighbour along an axis.
+        # Each triangle here has an axis neighbour as a corner.
         before = final[(cell + offsets[6]) & _CELL]
         here = final[(cell + offsets[0]) & _CELL]
         for k in range(0, 8, 2):
             after = final[(cell + offsets[(k + 2) & 7]) & _CELL]
             to = (cell + offsets[k]) & _CELL
             if tentative[to] >= 0:
-                way = distance + stencils[cell, k]
-                best = way * way
+                path = distance + stencils[cell, k]
+                best = path * path
                 if before < infinite:
                     best = min(best, _through(stencils, to, 8 + 4 * (k ^ 4), square, before))
                 if after < infinite:
@@ -389,8 +391,8 @@ def march(source, limit, band, front):
                 tail = _offer(to, best, limit, tentative, queue, head, tail)
             to = (cell + offsets[k + 1]) & _CELL
             if tentative[to] >= 0:
-                way = distance + stencils[cell, k + 1]
-                best = way * way
+                path = distance + stencils[cell, k + 1]
+                best = path * path
                 if here < infinite:
                     best = min(best, _through(stencils, to, 8 + 4 * ((k + 5) & 7), here, square))
                 if after < infinite:
@@ -400,19 +402,19 @@ def march(source, limit, band, front):
         for e in range(ends[cell], ends[cell + 1]):
             to = targets[e, 0] & _CELL
             if tentative[to] >= 0:
-                way = distance + ways[e, 0]
-                best = way * way
+                path = distance + links[e, 0]
+                best = path * path
                 other = final[targets[e, 1] & _CELL]
                 if other < infinite:
-                    best = min(best, _through(ways, e, 1, square, other))
+                    best = min(best, _through(links, e, 1, square, other))
                 tail = _offer(to, best, limit, tentative, queue, head, tail)
     return count
 
 
 @kernel
 def _through(triangles, row, place, near, far):
-    # The squared distance of a pixel, through the triangle that stands in a row from a place on,
-    # with the squared distances of its other corners; infinite if the way there passes beside it.
+    # The squared distance of a pixel through a triangle, stored from a place in a row on, given
+    # the squared distances of the other corners; infinite if the straight line misses the side.
     # The front is a circle around a point in the triangle's plane. No branches: they cost more.
     half = triangles[row, place]
     x, y = triangles[row, place + 2], triangles[row, place + 3]
@@ -427,18 +429,18 @@ def _through(triangles, row, place, near, far):
 
 @kernel
 def _root(square):
-    # A power is compiled to one instruction, where numba's square root calls a function.
+    # A power compiles to one instruction, where numba's square root calls a function.
     return square ** np.float32(0.5)
 
 
 @kernel
 def _offer(cell, square, limit, tentative, queue, head, tail):
-    # Puts a cell among the sorted entries ``head <= i < tail``, if the way there is a shorter one;
-    # it mostly belongs near their end. Returns the new tail.
+    # Inserts a cell into the sorted entries ``head <= i < tail`` if this path is shorter; it mostly
+    # belongs near their end. Returns the new tail.
     if not (square < tentative[cell] and square <= limit):
         return tail
     tentative[cell] = square
-    # Squares are not negative, so their bits are in their order.
+    # The bits of nonnegative floats sort like the floats.
     entry = (np.int64(np.float32(square).view(np.int32)) << 32) | cell
     place = tail
     while place > head and queue[(place - 1) & _CELL] > entry:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parts of a picture that are filtered by themselves, and give what the whole picture would.
+"""Parts of a picture that are filtered alone, with the same result as in the whole picture.
 
-A part is cut out with more around it. What is near a side where the picture goes on comes out
-wrong, as neighbors lack there: so far inwards is its margin. A flow-line that leaves the rest shows
-that too little was cut out.
+A part is cut out with a surrounding of further pixels. Near its cut sides results are wrong, as
+neighbors are missing; the width of that zone is its margin. A flow-line that leaves the rest shows
+that the surrounding was too small.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _FAR = 1 << 40  # no row or column
 
 
 class LeftPart(Exception):
-    """A flow-line leaves what is known of the picture; cut out more."""
+    """A flow-line leaves the known flow of a part; cut out more around it."""
 
 
 class Part(NamedTuple):
@@ -26,13 +26,13 @@ class Part(NamedTuple):
     Attributes
     ----------
     shape : (int, int)
-        Height and width of what was cut out.
+        Height and width of the pixels that were cut out.
     rows, columns : slice
-        What of it is wanted.
+        The wanted pixels among them.
     cut : (bool, bool, bool, bool)
-        Whether the picture goes on above, below, to the left and to the right.
+        Whether the picture continues above, below, to the left and to the right.
     margin : int
-        Pixels from these sides where the flow is not known.
+        Width of the zone along these sides where the flow is not known.
     """
 
     shape: tuple[int, int]
@@ -43,13 +43,13 @@ class Part(NamedTuple):
 
     @classmethod
     def whole(cls, shape: tuple[int, ...]) -> Part:
-        """All of a picture."""
+        """The part that is the whole picture."""
         height, width = shape[:2]
         return cls((height, width), slice(0, height), slice(0, width))
 
     @property
     def halo(self) -> float:
-        """Pixels from what is wanted to the nearest side where the picture goes on."""
+        """Least distance in pixels from the wanted ones to a side where the picture continues."""
         (height, width), (rows, columns) = self.shape, (self.rows, self.columns)
         beside = rows.start, height - rows.stop, columns.start, width - columns.stop
         return min(
@@ -57,7 +57,7 @@ class Part(NamedTuple):
         )
 
     def known(self) -> tuple[slice, slice]:
-        """Rows and columns where the flow is known."""
+        """Rows and columns in which the flow is known."""
         (height, width), (top, bottom, left, right) = self.shape, self.cut
         return (
             slice(top * self.margin, height - bottom * self.margin),
@@ -65,12 +65,12 @@ class Part(NamedTuple):
         )
 
     def without(self, margin: int) -> Part:
-        """Want all that lies so far from the sides where the picture goes on.
+        """Return the part with this margin, in which all that is known is wanted.
 
         Raises
         ------
         LeftPart
-            If this lacks some of what is wanted now.
+            If the margin covers wanted pixels.
         """
         if margin > self.halo:
             raise LeftPart
@@ -79,7 +79,7 @@ class Part(NamedTuple):
         return part._replace(rows=rows, columns=columns)
 
     def enlarged(self, times: int) -> Part:
-        """Return the same part of the picture that is so many times larger."""
+        """Return the same part of the picture enlarged by a whole number."""
         rows, columns = (
             slice(times * each.start, times * each.stop) for each in (self.rows, self.columns)
         )
@@ -87,7 +87,7 @@ class Part(NamedTuple):
         return Part(shape, rows, columns, self.cut, times * self.margin)
 
     def window(self) -> Window:
-        """Tell kernels about it."""
+        """Return the part as kernels need it."""
         (rows, columns), (top, bottom, left, right) = self.known(), self.cut
         return Window(
             self.rows.start,
@@ -103,16 +103,17 @@ class Part(NamedTuple):
 
 
 class Window(NamedTuple):
-    """What kernels need to know of a part.
+    """A part, as kernels need it.
 
     Attributes
     ----------
     row, column, end : int
-        The first row and column that are wanted, and the end of the columns.
+        The first wanted row and column, and the end of the wanted columns.
     top, left : int
         The first row and column where the flow is known.
     first_row, last_row, first_column, last_column : int
-        Cells of the known flow beyond which the picture goes on; far away where it does not.
+        The outermost cells of the known flow on sides where the picture continues; far away on
+        other sides.
     """
 
     row: int
@@ -127,6 +128,6 @@ class Window(NamedTuple):
 
 
 def keep_inside(depths: npt.NDArray[np.int64]) -> None:
-    """Raise `LeftPart` if a flow-line of what is wanted was lost; see `advect_pixels`."""
+    """Raise `LeftPart` if a trace of a wanted pixel left the known flow; see `advect_pixels`."""
     if depths.any():
         raise LeftPart

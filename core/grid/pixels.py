@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Copying and mixing images in bands of rows, so that those mapped from disk stay there."""
+"""Copying and blending images in bands of rows, so that those mapped from disk stay there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..base.parallel import blocks
 
 
 def copied(pixels: npt.NDArray) -> npt.NDArray:
-    """Copy an image, asking whether to go on."""
+    """Copy an image band by band; can be cancelled."""
     copy = np.empty_like(pixels, order="C")
     for band in blocks(len(pixels), BAND):
         copy[band] = pixels[band]
@@ -19,12 +19,12 @@ def copied(pixels: npt.NDArray) -> npt.NDArray:
 
 
 def mix(pixels: npt.NDArray, weights: npt.NDArray, target: npt.NDArray) -> None:
-    """Mix the result in `target` with the input; a weight of 0 keeps the input bit for bit."""
+    """Blend the result in `target` with the input; a weight of 0 keeps the input bit for bit."""
     for band in blocks(len(pixels), BAND):
         weight = weights[band, :, None]
         old = pixels[band].astype(np.float64)
         mixed = old + weight * (target[band] - old)
         if target.dtype.kind == "u":
             mixed = np.rint(mixed)
-        same = (weight == 0) | (target[band] == pixels[band])  # to the last bit, the sign of 0 too
+        same = (weight == 0) | (target[band] == pixels[band])  # equal bits, also the sign of 0
         target[band] = np.where(same, pixels[band], mixed)

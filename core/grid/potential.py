@@ -13,7 +13,7 @@ from ..base.progress import phase
 from .channels import Channels
 
 ROWS = 16
-"""Rows of an image that a kernel gets at once."""
+"""Rows of an image that a kernel processes at once."""
 
 _NEIGHBOUR = math.exp(-1.0)  # the Gaussian umbrella's weight at distance 1
 
@@ -30,7 +30,7 @@ def image_potential(
     scale : float
         Factor that brings values to [0, 1], such as 1 / 255.
     channels : Channels
-        Colors count as much as they are opaque.
+        Colors are weighted by opacity.
     passes : int
         Smoothing passes on the signal and on P.
 
@@ -53,7 +53,7 @@ def image_potential(
 
 
 def flow_reach(passes: int) -> int:
-    """How far around a pixel an image counts for P there."""
+    """Distance in pixels within which the image affects P at a pixel."""
     return 2 * passes + 1
 
 
@@ -101,7 +101,7 @@ def _potential_rows(start, stop, image, scale, channels, passes, potential):
         for x in range(width):
             left = max(x - 1, 0)
             right = min(x, width - 2)
-            # At borders the same square counts twice, which leaves the mean of those there are.
+            # At borders the same square counts twice, so that the mean is of the existing ones.
             total = energy[above, left] + energy[above, right]
             total += energy[below, left] + energy[below, right]
             potential[y, x] = min(np.float32(0.25) * total, np.float32(1e30))

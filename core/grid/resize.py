@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images of one size at another: the mean of what a pixel covers, or linear between pixels."""
+"""Resizing of images: weighted means when shrinking, linear interpolation when enlarging."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Pixels = npt.NDArray[np.float32]
 
 
 def resized(pixels: Pixels, size: tuple[int, int]) -> Pixels:
-    """Bring an image to another height and width.
+    """Resize an image to another height and width.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def resized(pixels: Pixels, size: tuple[int, int]) -> Pixels:
 
 
 def _weights(new: int, old: int) -> csr_matrix:
-    # A tent around each new pixel's place, as wide as the larger of both kinds of pixels.
+    # A tent around each new pixel's centre, as wide as the larger of new and old pixels.
     reach = max(old / new, 1.0)
     places = (np.arange(new) + 0.5) * old / new - 0.5
     first = np.floor(places - reach).astype(int)

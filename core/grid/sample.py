@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values of an image between its pixels, where colors count as much as they are opaque."""
+"""Values of an image between its pixels, with colors weighted by opacity."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..base.parallel import kernel
 
 @kernel
 def add_value(image, channels, place, nearest, total):
-    """Add the values of some channels at a place, times opacity, to `total`; return the opacity."""
+    """Add some channels at a place, times opacity, to `total`; return the opacity."""
     first, last, alpha, _ = channels
     row, column, down, across = place
     if nearest:
@@ -39,7 +39,7 @@ def add_value(image, channels, place, nearest, total):
 
 @kernel
 def put_mean(image, y, x, channels, total, opacity, rounded, out):
-    """Set a pixel's channels to `total` over `opacity`; to its own where that is zero."""
+    """Set a pixel's channels to `total` over `opacity`, or to its own values if that is zero."""
     for c in range(channels.start, channels.stop):
         if opacity > 0:
             value = total[c] / opacity

@@ -1,19 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Walks along the flow-lines of a grid of square cells (paper A, Appendix A).
 
-Nodes, such as pixels, are the corners of the cells, and the flow is constant in a cell. A walk has
-three parts: `cell_velocity` is the field, which is that of the shock filter or given;
-`ends_at_turn` is the rule by which a walk ends early; `walk_cells` goes from cell to cell. Lengths
-are in steps between nodes.
+Nodes, such as pixels, are the corners of the cells, and the flow is constant in each cell. A walk
+has three parts: `cell_velocity` is the field, the shock flow or a given one; `ends_at_turn` is the
+rule by which a walk ends early; `walk_cells` goes from cell to cell. Lengths are in distances of
+neighbouring nodes.
 
-These take the parts of a `Field` one by one: numba compiles them for those that are not None, and
-counts references each time that an array is taken from a tuple, which would slow short walks by
-a third. A place is (row, column, down, across): a cell's first node, and how far in it from 0 to 1.
+Kernels take the parts of a flow one by one, and None for those that it lacks: numba compiles
+them for the others, and counts references each time that an array is taken from a tuple, which
+would slow short walks by a third. The parts are
+
+potential : (h, w) float32
+    P at the nodes; v = -grad(P) / 2 is followed until it turns by a right angle or more.
+vectors : (h - 1, w - 1, 2) array of float
+    Velocity (down, across) in each cell, followed for the whole time; excludes `potential`.
+faces : (h - 1, w - 1) or larger array of int
+    The face of a surface under each cell; negative if the cell is closed. None: all are open.
+metrics : (m, 3) or wider array of float
+    The inverse metric of each face: entries 11, 12 and 22, axis 1 the rows. None: the plane.
+
+A place is (row, column, down, across): a cell's first node, and offsets in it from 0 to 1.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +31,7 @@ from ..base.parallel import kernel, run
 from ..base.unfinished import MOST_STEPS, warn_of_unfinished
 
 ENDED, LEFT_DOWN, LEFT_ACROSS, UNFINISHED = range(4)
-"""How a walk ended: by itself; at a closed cell along the first axis, or the second; not at all."""
+"""How a walk ends: by itself; at a closed cell along the first axis or the second; cut off."""
 
 OFFSET = 0.001
 """How far into each adjacent cell the trace of a node begins: the paper's epsilon."""
@@ -30,31 +39,10 @@ OFFSET = 0.001
 _MOST_RESTS = 8
 
 
-class Field(NamedTuple):
-    """What a walk follows: the shock flow of a potential, or a given field.
-
-    Attributes
-    ----------
-    potential : (h, w) float32 or None
-        P at the nodes; v = -grad(P) / 2 is followed until it turns by a right angle or more.
-    vectors : (h - 1, w - 1, 2) array of float or None
-        A velocity (down, across) in each cell; followed while time is left. It or the potential.
-    faces : (h - 1, w - 1) or larger array of int or None
-        The face of a surface under each cell; negative: the cell is closed. None: all are open.
-    metrics : (m, 3) or wider array of float or None
-        The inverse metric of each face: row row, row column, column column. None: the plane.
-    """
-
-    potential: npt.NDArray[np.float32] | None = None
-    vectors: npt.NDArray | None = None
-    faces: npt.NDArray[np.integer] | None = None
-    metrics: npt.NDArray | None = None
-
-
 def follow(
     vectors: npt.NDArray, time: float, points: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Follow given vectors from points on, or up to the border.
+    """Follow given vectors from points, at most up to the border.
 
     Parameters
     ----------
@@ -63,7 +51,7 @@ def follow(
     time : float
         Finite.
     points : (k, 2) float64
-        Where to start: (row, column) in 0 to h - 1 and w - 1.
+        Start points: (row, column) in 0 to h - 1 and w - 1.
 
     Returns
     -------
@@ -79,12 +67,12 @@ def follow(
 
 
 @kernel
-def cell_velocity(potential, vectors, faces, metrics, i, j, turned):
-    """Compute the flow in a cell: (down, across), and its product with the metric likewise.
+def cell_velocity(potential, vectors, faces, metrics, i, j, transposed):
+    """Compute the flow in a cell, (down, across), and its product with the metric likewise.
 
-    The axes are exchanged where `turned` is true, those of (i, j), too.
+    If `transposed`, the axes are exchanged, those of (i, j) too.
     """
-    row, column = (j, i) if turned else (i, j)
+    row, column = (j, i) if transposed else (i, j)
     v = w = p = q = 0.0
     # numba drops branches for arguments that are None, and only those.
     if potential is not None:
@@ -102,22 +90,22 @@ def cell_velocity(potential, vectors, faces, metrics, i, j, turned):
     if vectors is not None:
         v = p = float(vectors[row, column, 0])
         w = q = float(vectors[row, column, 1])
-    return (w, v, q, p) if turned else (v, w, p, q)
+    return (w, v, q, p) if transposed else (v, w, p, q)
 
 
 @kernel
 def ends_at_turn(vectors, v, w, p, q):
     """The shock filter's rule: a walk along (v, w) ends where the flow turns by a right angle.
 
-    (p, q) is the product of the metric and the flow ahead. Given fields may turn as they like.
+    (p, q) is the product of the metric and the flow ahead. Given fields may turn by any angle.
     """
     return vectors is None and v * p + w * q <= 0
 
 
 @kernel
-def _is_open(potential, vectors, faces, i, j, turned):
-    """Tell whether a walk may go into a cell; the axes are exchanged where `turned` is true."""
-    row, column = (j, i) if turned else (i, j)
+def _is_open(potential, vectors, faces, i, j, transposed):
+    """Tell whether a walk may enter a cell; the axes are exchanged if `transposed`."""
+    row, column = (j, i) if transposed else (i, j)
     if faces is not None:
         return faces[row, column] >= 0
     rows = columns = 0
@@ -130,7 +118,7 @@ def _is_open(potential, vectors, faces, i, j, turned):
 
 @kernel
 def begin(y, x, corner):
-    """The place beside node (y, x) in one of its four cells where its trace begins."""
+    """The start of the trace of node (y, x) in one of the four cells around it."""
     up = corner >> 1
     left = corner & 1
     down = 1.0 - 0.5 * OFFSET if up else 0.5 * OFFSET
@@ -155,21 +143,21 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
     Parameters
     ----------
     potential, vectors, faces, metrics
-        A `Field`.
+        The parts of a flow; see this module's beginning.
     time : float
     most_steps : int
-        How many cells may be crossed.
+        Most cells to cross.
     place
-        Where the walk begins.
+        The start of the walk.
 
     Returns
     -------
     place
-        Where the walk ends.
+        The end of the walk.
     left : float
-        The time that is left there.
+        The remaining time.
     v, w : float
-        The velocity (down, across) there.
+        The velocity (down, across) at the end.
     ending : int
         `ENDED`, `LEFT_DOWN`, `LEFT_ACROSS` or `UNFINISHED`.
     """
@@ -181,19 +169,19 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
     if 0.0 < y < 1.0 and 0.0 < x < 1.0:
         return (row, column, y, x), 0.0, v, w, ENDED
     # The walk crosses the lines between cells along the first axis; i, a and v belong to it.
-    # To cross along the other one, both are exchanged.
+    # To cross along the other one, the axes are exchanged.
     i, j, a, b = row, column, down, across
-    turned = False
+    transposed = False
     sliding = False  # along a line between cells, that is, along the second axis
     last = left
-    rests = 0  # steps in a row that took no time
+    rests = 0  # consecutive steps that took no time
     ending = ENDED
     for _ in range(most_steps):
         if vectors is not None:
             rests = rests + 1 if left == last else 0
             last = left
             if rests > _MOST_RESTS:
-                break  # around a node to which all cells flow
+                break  # circles around a node to which all cells flow
         if not sliding:
             reach_a = reach(a, v)
             reach_b = reach(b, w)
@@ -203,7 +191,7 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
                     b += w * left
                 break
             if reach_b < reach_a:
-                turned = not turned
+                transposed = not transposed
                 i, j, a, b, v, w = j, i, b, a, w, v
                 reach_a = reach_b
             left -= reach_a
@@ -211,11 +199,11 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
             a = 1.0 if v > 0 else 0.0
             b = min(max(b + w * reach_a, 0.0), 1.0)
             beyond = i + ahead
-            if not _is_open(potential, vectors, faces, beyond, j, turned):
+            if not _is_open(potential, vectors, faces, beyond, j, transposed):
                 ending = LEFT_DOWN
                 break
             next_v, next_w, p, q = cell_velocity(
-                potential, vectors, faces, metrics, beyond, j, turned
+                potential, vectors, faces, metrics, beyond, j, transposed
             )
             if ends_at_turn(vectors, v, w, p, q):
                 break
@@ -224,8 +212,8 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
                 a = 1.0 - a
                 v, w = next_v, next_w
                 continue
-            # Both cells flow into the line between them: slide on it, at the combination of
-            # both flows that stays there (Filippov). The line belongs to the lower cell.
+            # Both cells flow into the line between them: slide on it with the convex combination
+            # of both flows that stays on the line (Filippov). The line belongs to the lower cell.
             share = -next_v / (v - next_v)
             w = share * w + (1.0 - share) * next_w
             v = 0.0
@@ -241,18 +229,18 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
         ahead = 1 if w > 0 else -1
         b = 1.0 if w > 0 else 0.0
         beyond = j + ahead
-        if not _is_open(potential, vectors, faces, i, beyond, turned) or not _is_open(
-            potential, vectors, faces, i + 1, beyond, turned
+        if not _is_open(potential, vectors, faces, i, beyond, transposed) or not _is_open(
+            potential, vectors, faces, i + 1, beyond, transposed
         ):
             ending = LEFT_ACROSS
             break
         j = beyond
         b = 1.0 - b
-        # Past a node: the cells on both sides of the line decide.
+        # Beyond the node, the cells on both sides of the line decide.
         came = w
-        v, w, _, q = cell_velocity(potential, vectors, faces, metrics, i, j, turned)
+        v, w, _, q = cell_velocity(potential, vectors, faces, metrics, i, j, transposed)
         next_v, next_w, _, next_q = cell_velocity(
-            potential, vectors, faces, metrics, i + 1, j, turned
+            potential, vectors, faces, metrics, i + 1, j, transposed
         )
         if v >= 0 and next_v <= 0:
             total = v - next_v
@@ -270,7 +258,7 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
             break
     else:
         ending = UNFINISHED
-    if turned:
+    if transposed:
         if ending == LEFT_DOWN or ending == LEFT_ACROSS:
             ending = LEFT_DOWN + LEFT_ACROSS - ending
         return (j, i, b, a), left, w, v, ending

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Smoothing, least and greatest values in windows of any size, on planes of an image.
+"""Gaussian smoothing, minima and maxima in windows of any size, on planes of an image.
 
-A plane is (h, w) float32. Windows are square and filters separable, so that what a pixel costs
+A plane is (h, w) float32. Windows are square and filters separable, so that the cost per pixel
 hardly depends on the window's size. Each function is compiled, serial and without the GIL: threads
-take bands of an image, with as many rows around them as the window reaches.
+process bands of an image, with as many rows around them as the window reaches.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _TAIL = 3.5  # sigmas; beyond, a Gaussian's weights count as nothing
 
 
 def gaussian(sigma: float) -> npt.NDArray[np.float32]:
-    """Make the weights of a Gaussian, from its middle outwards."""
+    """Compute the weights of a Gaussian, from its middle outwards."""
     distances = np.arange(max(math.ceil(_TAIL * sigma), 1) + 1)
     weights = np.exp(-0.5 * (distances / max(sigma, 1e-6)) ** 2)
     return (weights / (2.0 * weights.sum() - weights[0])).astype(np.float32)
@@ -66,10 +66,10 @@ def smooth(plane, weights):
 
 @kernel
 def least_and_greatest(low, high, reach):
-    """Take the least of `low` and the greatest of `high` within `reach`, in place: (h, w) each.
+    """Take the minimum of `low` and the maximum of `high` within `reach`, in place: (h, w) each.
 
-    By van Herk's and Gil and Werman's running extrema: blocks as long as the window are run through
-    both ways, and a window is the end of one block and the beginning of the next.
+    Uses the running extrema of van Herk and of Gil and Werman: blocks as long as the window are
+    accumulated in both directions, and a window is the end of one block and the start of the next.
     """
     height, width = low.shape
     if reach == 0:
@@ -106,7 +106,7 @@ def _run_row(sign, row, reach, line, to_end):
 
 @kernel
 def _run_columns(sign, plane, reach):
-    # The same for all columns at once; only two blocks of rows are held.
+    # The same for all columns at once; holds only two blocks of rows.
     size = 2 * reach + 1
     height, width = plane.shape
     lines = np.full((size, width), np.float32(-np.inf))
@@ -114,7 +114,7 @@ def _run_columns(sign, plane, reach):
     ahead = np.empty((size, width), np.float32)
     _take_rows(sign, plane, -reach, lines)
     for first in range(0, height, size):
-        # Rows first .. first + size - 1 of the result: windows begin in this block of lines.
+        # Rows first .. first + size - 1 of the result: their windows begin in this block.
         for x in range(width):
             to_end[size - 1, x] = lines[size - 1, x]
         for i in range(size - 2, -1, -1):

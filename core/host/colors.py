@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ..base.checks import LARGEST
 from ..base.progress import ProgressCallback, aside, reporting
-from ..color.signals import width_to_close
+from ..color.signal_sharpening import width_to_close
 from ..errors import InvalidSignal
 from ..mesh.calculus import group_means
 from .applying import applied

@@ -14,7 +14,7 @@ from ..base.memo import kept
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
 from ..color.image_sharpening import measure_image
-from ..color.images_by_width import Measured
+from ..color.measuring import Measured
 from ..grid.enlarge import enlarged
 from ..settings import BY_WIDTH
 from .applying import applied

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Conjugate gradients over our own kernels, for any number of columns.
+"""Preconditioned conjugate gradients over our own kernels, for any number of columns.
 
-All columns are one long vector: the matrix is read once an iteration for all, and turning the
-axes of three turns the solution. The preconditioner is the diagonal where that converges quickly,
-in single precision with a residual checked in double, and one V-cycle of smoothed-aggregation
-multigrid, in double precision, where it does not.
+All columns form one long vector: an iteration reads the matrix once for all of them, and rotating
+three coordinates rotates the solution. The preconditioner is the diagonal where that converges
+quickly, in single precision with the residual checked in double precision; elsewhere it is one
+V-cycle of smoothed-aggregation multigrid, in double precision.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ PATIENCE = 400
 """Iterations with the diagonal after which multigrid takes over."""
 
 PATIENCE_AT_HUBS = 100
-"""The same where there are hubs (see `LinearSystem`), around which it may need thousands."""
+"""The same for matrices with hubs (see `LinearSystem`), around which it may need thousands."""
 
 LIMIT = 1000
 """Most iterations with multigrid."""
 
 
 class SolveReport(NamedTuple):
-    """How a solve went.
+    """Statistics of a solve.
 
     Attributes
     ----------
     iterations : int
         Iterations of conjugate gradients.
     residual : float
-        Norm of the residual of all columns, relative to the right-hand side's; each equation
-        counts divided by the root of its diagonal entry, so that their units do not matter.
+        Norm of the residual of all columns, relative to that of the right-hand side; each equation
+        is divided by the root of its diagonal entry, so that units do not matter.
     multigrid : bool
         Whether the multilevel preconditioner was used.
     """
@@ -67,20 +67,20 @@ def solve(
     rhs : (n,) or (n, k) float64
         Any number of columns. Rows of fixed unknowns do not count.
     tolerance : float
-        Wanted residual, relative as in `SolveReport`: columns of a much smaller size than others
-        are to be scaled, or solved apart.
+        Largest residual, relative as in `SolveReport`: scale columns that are much smaller than
+        others, or solve for them separately.
     multigrid : bool
         Use the multilevel preconditioner from the start instead of the diagonal.
     precise : bool
-        Iterate in double precision, which takes longer: where rounding would grow later on.
+        Iterate in double precision, which takes longer: for results whose rounding would grow.
     message : str
-        What is being solved, for people.
+        What is being solved, shown to people.
 
     Returns
     -------
     x : array like `rhs`
-        0 at fixed unknowns. Where constants are free, as neither a screen nor a fixed unknown
-        holds them, it is right up to one for each connected part.
+        0 at fixed unknowns. In a connected part where neither screening nor a fixed unknown
+        determines the constant, it is right up to a constant.
     report : SolveReport
 
     Raises
@@ -91,17 +91,17 @@ def solve(
 
     Notes
     -----
-    With values `known` at fixed unknowns, or near the solution, solve for what is missing:
+    With values `known` at fixed unknowns, or an initial guess, solve for the correction:
     ``x = known + solve(system, system.residual(known, rhs), tolerance)[0]``.
     """
-    given = np.ascontiguousarray(rhs, dtype=np.float64)
-    right = np.empty((len(given), given.size // max(len(given), 1)))
+    columns = np.ascontiguousarray(rhs, dtype=np.float64)
+    right = np.empty((len(columns), columns.size // max(len(columns), 1)))
     with aside(message):
-        run(_scale, len(right), system.inverse_root, given.reshape(right.shape), right)
+        run(_scale, len(right), system.inverse_root, columns.reshape(right.shape), right)
         norm = _norm(right)
     if not np.isfinite(norm):
         raise SolverError("The right-hand side of the linear system is not finite.")
-    # In scaled unknowns and equations, until the residual is below tolerance * norm.
+    # In scaled unknowns and equations, iterate until the residual is below tolerance * norm.
     y, residual = np.zeros(right.shape), right.copy()
     relative = 1.0 if norm > 0 else 0.0
     iterations, patience = 0, PATIENCE_AT_HUBS if system.has_hubs else PATIENCE
@@ -130,7 +130,7 @@ def solve(
         if relative <= tolerance:
             break
         if not multigrid and (patience <= 0 or relative > 0.5 * before):
-            multigrid, patience = True, LIMIT  # the diagonal does not get there
+            multigrid, patience = True, LIMIT  # the diagonal does not converge
         elif multigrid and not sound:
             break
     if not relative <= tolerance:
@@ -143,13 +143,13 @@ def solve(
         )
     with aside(message):
         run(_scale, len(y), system.inverse_root, y, y)
-    return y.reshape(given.shape), SolveReport(iterations, relative, multigrid)
+    return y.reshape(columns.shape), SolveReport(iterations, relative, multigrid)
 
 
 def roughly(system: LinearSystem, rhs: Floats, iterations: int, message: str) -> Floats:
-    """Solve ``A x = rhs`` by some iterations, however far they come.
+    """Solve ``A x = rhs`` by a fixed number of iterations, without a tolerance.
 
-    Parameters and result are as in `solve`; a preconditioner for what is near to `system`.
+    Parameters and result are as in `solve`; serves as a preconditioner for matrices near `system`.
     """
     right = np.empty_like(rhs)
     run(_scale, len(rhs), system.inverse_root, rhs, right)
@@ -160,7 +160,7 @@ def roughly(system: LinearSystem, rhs: Floats, iterations: int, message: str) ->
 
 
 def _norm(values: Floats) -> float:
-    # Not numpy's, whose threads get into the way of ours.
+    # Not numpy's norm, whose threads compete with ours.
     flat = values.reshape(-1)
     size = chunk_size(len(flat))
     sums = np.zeros(-(-len(flat) // size))
@@ -176,12 +176,12 @@ def _conjugate_gradients(
     limit: int,
     message: str,
 ) -> tuple[npt.NDArray[np.floating], int, bool]:
-    # In the precision of the matrix. Returns the solution from zero, the number of iterations,
-    # and whether the matrix behaved as a positive definite one.
+    # In the precision of the matrix, from the initial guess zero. Returns the solution, the number
+    # of iterations, and whether the matrix behaved like a positive definite one.
     n, columns = residual.shape
     r = residual.astype(matrix[2].dtype)
     kind = r.dtype.type
-    # Not zeros_like, which writes the zeros here, and not where they are needed.
+    # Not zeros_like, which writes the zeros now and in this thread.
     x, p, q = (np.zeros(r.shape, r.dtype) for _ in range(3))
     flat = [array.reshape(-1) for array in (x, p, q, r)]
     size = chunk_size(n)
@@ -203,8 +203,9 @@ def _conjugate_gradients(
                 z = hierarchy.cycle(r).reshape(-1)
                 product = float(np.vdot(r, z))
             beta = product / before if iteration else 0.0
-            # Adds the last step to x, too, while p is at hand.
-            run(_direct, columns * n, kind(alpha), kind(beta), z, flat[0], flat[1], chunk=wide)
+            # Also adds the last step to x, while p is in the cache.
+            run(_update_direction, columns * n, kind(alpha), kind(beta), z, flat[0], flat[1],
+                chunk=wide)  # fmt: skip
             if norm <= tolerance * scale or iteration == limit:
                 break
             run(apply, n, size, *matrix, p, q, sums, chunk=size)
@@ -249,7 +250,7 @@ def _reduce(start, stop, chunk, alpha, q, r, sums):
 
 
 @kernel
-def _direct(start, stop, alpha, beta, z, x, p):
+def _update_direction(start, stop, alpha, beta, z, x, p):
     # x += alpha p; p = z + beta p
     z = z[start:stop]
     x = x[start:stop]
@@ -262,8 +263,8 @@ def _direct(start, stop, alpha, beta, z, x, p):
 
 @kernel
 def _apply_three(start, stop, chunk, row_start, columns, values, p, q, sums):
-    # q = A p with a diagonal of ones, and the sum of p q. Columns are unsigned, which spares a
-    # test for negative indices; they must not be mixed with signed numbers.
+    # q = A p for a diagonal of ones, and the sum of p q. Unsigned columns spare a test for
+    # negative indices; do not mix them with signed numbers.
     curvature = 0.0
     last = row_start[start]
     for i in range(start, stop):
@@ -284,7 +285,7 @@ def _apply_three(start, stop, chunk, row_start, columns, values, p, q, sums):
 
 @kernel
 def _apply(start, stop, chunk, row_start, columns, values, p, q, sums):
-    # The same for any number of columns, two by two, which takes half of the time.
+    # The same for any number of columns, in pairs, which takes half of the time.
     curvature = 0.0
     last = row_start[start]
     for i in range(start, stop):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Smoothed-aggregation multigrid (Vanek, Mandel, Brezina 1996), as a preconditioner.
 
-Our own: pyamg takes one right-hand side at a time, and would be one more wheel in each extension.
+Our own, as pyamg solves for one right-hand side at a time and would be one more wheel to ship.
 """
 
 from __future__ import annotations
@@ -20,44 +20,44 @@ Csr = tuple[npt.NDArray, npt.NDArray, npt.NDArray]
 """Starts of rows, columns and values of a sparse matrix."""
 
 _ROWS = 1 << 16
-"""Rows of a matrix that scipy gets at once."""
+"""Rows of a matrix that scipy processes at once."""
 
 _DENSE = 400
-"""Most unknowns of a level that is solved densely."""
+"""Most unknowns of a level that is solved by a dense matrix."""
 
 HUB = 100
-"""Most couplings of unknowns that are aggregated with their neighbours.
+"""Most couplings of an unknown that is aggregated with its neighbours.
 
-A hub couples weakly with each of very many, which would all become one aggregate.
+A hub has more, each of them weak; all its neighbours would become one aggregate.
 """
 
 _NOTHING = 1e-14
-"""Diagonal entries of coarse levels, and eigenvalues of the coarsest, that count as 0.
+"""Diagonal entries of coarse levels, and eigenvalues of the coarsest one, that count as 0.
 
-The finest diagonal is 1. Only what the matrix leaves alone but for rounding gets there: the
-constants of a part that next to nothing holds, which the right-hand side does not ask for.
+The finest diagonal is 1. Only the null space of the matrix comes so low, up to rounding: the
+constants of a part that hardly any screening holds, which the right-hand side does not contain.
 """
 
 
 class Multigrid:
-    """A hierarchy of ever smaller matrices, and the V-cycle over it.
+    """A hierarchy of coarser and coarser matrices, and the V-cycle over it.
 
-    Aggregates are whole neighbourhoods; the prolongation is smoothed by one Jacobi step; the
-    smoother is one damped Jacobi sweep before and after, which also serves unknowns that are
-    coupled to no other (fixed ones, and what small components shrink to); a small coarsest level
-    is solved densely.
+    Aggregates are whole neighbourhoods; one Jacobi step smooths the prolongation; the smoother is
+    one damped Jacobi sweep before and after, which also solves for unknowns that are coupled to no
+    other (fixed ones, and small components on coarse levels); a small coarsest level is solved
+    by a dense matrix.
 
     Parameters
     ----------
     matrix : Csr
-        Scaled to a diagonal of ones, and without it.
+        Scaled to a diagonal of ones, and without this diagonal.
     inverse_root : (n,) float64
         Inverse square root of the diagonal before it was scaled; 0 at fixed unknowns.
     """
 
     def __init__(self, matrix: Csr, inverse_root: Floats) -> None:
-        # In scaled unknowns, what a Laplacian leaves alone is not the constant but D^(1/2), and
-        # 1 at fixed unknowns.
+        # In scaled unknowns, the null space of a Laplacian is not the constant but D^(1/2); 1
+        # at fixed unknowns.
         start, columns, values = matrix
         n = len(inverse_root)
         off = scipy.sparse.csr_matrix((values, columns.view(np.int32), start), shape=(n, n))
@@ -81,7 +81,7 @@ class Multigrid:
         self._diagonal = _divisors(a.diagonal())[:, None]
 
     def cycle(self, rhs: Floats, depth: int = 0) -> Floats:
-        """Solve approximately for `rhs` by one V-cycle from zero, from this level down."""
+        """Solve approximately for `rhs` by one V-cycle from this level down, from zero."""
         if depth == len(self._levels):
             if self._inverse is None:
                 return rhs / self._diagonal
@@ -114,10 +114,10 @@ def _divisors(diagonal: Floats) -> Floats:
 def _coarsen(
     a: scipy.sparse.csr_matrix, smooth: Floats, hubs: npt.NDArray
 ) -> tuple[_Level, scipy.sparse.csr_matrix, Floats, npt.NDArray]:
-    # `smooth` is the vector that coarse levels must be able to represent.
+    # `smooth` is the near-null-space vector that coarse levels must represent.
     n = a.shape[0]
     aggregates = np.full(n, -1, dtype=np.int32)
-    strong = _spared(a, smooth, hubs) if len(hubs) else a
+    strong = _without_hubs(a, smooth, hubs) if len(hubs) else a
     size = _aggregate(strong.indptr, strong.indices, strong.data, aggregates)
     aggregates[hubs] = np.arange(size, size + len(hubs))
     size += len(hubs)
@@ -129,7 +129,7 @@ def _coarsen(
     )
     # Gershgorin bounds the spectrum of D^-1 A; 4/3 of its inverse is the usual damping.
     ask()
-    # At hubs, where one row may be far off the others, it bounds that of M^-1 A by 1, M the sums.
+    # With hubs, one row may be far off the others: M, the row sums, bounds that of M^-1 A by 1.
     if len(hubs):
         damping = 4.0 / 3.0 / _divisors(abs(a) @ smooth / smooth)
     else:
@@ -147,10 +147,10 @@ def _coarsen(
     return level, coarse, norms, hubs[np.diff(coarse.indptr)[hubs] > HUB]
 
 
-def _spared(
+def _without_hubs(
     a: scipy.sparse.csr_matrix, smooth: Floats, hubs: npt.NDArray
 ) -> scipy.sparse.csr_matrix:
-    # Without the couplings to hubs, which count on the diagonal as if both were as smooth.
+    # Drops the couplings to hubs; adds them to the diagonal as if both ends were as smooth.
     is_hub = np.zeros(a.shape[0], dtype=bool)
     is_hub[hubs] = True
     rows = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
@@ -175,7 +175,7 @@ def _arrays(a: scipy.sparse.csr_matrix) -> Csr:
 
 @kernel
 def _add_product(start, stop, factor, row_start, columns, values, x, before, out):
-    # out = before + factor * matrix x; both may be the same array.
+    # out = before + factor * matrix x; `before` and `out` may be the same array.
     for i in range(start, stop):
         for j in range(x.shape[1]):
             out[i, j] = before[i, j]
@@ -187,8 +187,8 @@ def _add_product(start, stop, factor, row_start, columns, values, x, before, out
 
 @kernel
 def _aggregate(row_start, columns, values, aggregates):
-    # Whole neighbourhoods first; what is left joins the strongest neighbouring aggregate. Rows
-    # with nothing but their diagonal belong to none.
+    # First whole neighbourhoods; each remaining row joins its most strongly coupled aggregate.
+    # Rows with only a diagonal belong to none.
     n = aggregates.shape[0]
     size = 0
     for i in range(n):
@@ -216,7 +216,7 @@ def _aggregate(row_start, columns, values, aggregates):
                 best = abs(values[e])
                 joined = neighbour
         if joined >= 0:
-            aggregates[i] = -2 - joined  # joined, but not to be joined through
+            aggregates[i] = -2 - joined  # others must not join through this one
         else:
             aggregates[i] = size
             size += 1

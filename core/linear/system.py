@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A symmetric linear system, set up once and solved as often as there are right-hand sides."""
+"""A symmetric linear system, set up once and solved for many right-hand sides."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ _ROUNDING = 8 * np.finfo(np.float64).eps
 
 
 class LinearSystem:
-    """A symmetric matrix, and which unknowns are fixed.
+    """A symmetric matrix with some unknowns fixed.
 
-    Row i of A x is screen_i x_i + sum over j of weight_ij (x_i - x_j). Kept as differences, so
-    that rounded weights still leave constants alone. What `solve` derives from the matrix stays
-    with it, so that further right-hand sides cost less. See `from_csr` for other matrices.
+    Row i of A x is screen_i x_i + sum over j of weight_ij (x_i - x_j). It is stored as these
+    differences, so that constants stay exact under rounded weights. What `solve` derives from the
+    matrix is kept with it for further right-hand sides. See `from_csr` for other matrices.
 
     Parameters
     ----------
     start : (n + 1,) int32
         Row i has the entries from ``start[i]`` to ``start[i + 1]``.
     columns, weights : (k,) int32, float64
-        The symmetric off-diagonal part with its sign turned; repeated entries add up.
+        The symmetric off-diagonal part, negated; repeated entries add up.
     screen : (n,) float64
-        Sums of the matrix's rows: 0 for a pure Laplacian.
+        Screening: the row sums of the matrix; 0 for a pure Laplacian.
     diagonal : (n,) float64
-        Screen plus sum of weights, above 0 where unknowns are free.
+        Screening plus sum of weights, above 0 where unknowns are free.
     fixed : (n,) bool, optional
-        Unknowns that stay 0; none if left out. `solve` says how other values are kept.
+        Unknowns that stay 0; none if left out. See `solve` for other fixed values.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class LinearSystem:
         Raises
         ------
         SolverError
-            If the matrix is not square, finite and symmetric, or as in the class.
+            If the matrix is not square, finite and symmetric; or see the class.
         """
         matrix = scipy.sparse.csr_matrix(matrix, dtype=np.float64)
         sizes = abs(matrix)
@@ -91,7 +91,7 @@ class LinearSystem:
         return cls(start, columns, -off.data, screen, diagonal, fixed)
 
     def part(self, rows: npt.NDArray[np.integer]) -> LinearSystem:
-        """Make the system of some unknowns, in their order, while all others stay 0."""
+        """Make the system of some unknowns, in the order given, while all others stay 0."""
         number = np.full(len(self.screen), -1, dtype=np.int32)
         number[rows] = np.arange(len(rows), dtype=np.int32)
         start = np.zeros(len(rows) + 1, dtype=np.int32)
@@ -108,7 +108,7 @@ class LinearSystem:
     def inverse_root(self) -> Floats:
         """Inverse square root of the diagonal, 0 at fixed unknowns: (n,).
 
-        With unknowns and equations scaled by it, the diagonal is 1 and needs no reading.
+        Scaled by it, unknowns and equations have a diagonal of ones, which need not be read.
         """
         return np.where(self.fixed, 0.0, 1.0 / np.sqrt(np.where(self.fixed, 1.0, self.diagonal)))
 
@@ -124,7 +124,7 @@ class LinearSystem:
 
     @cached_property
     def double(self) -> Csr:
-        """The same in double precision."""
+        """The scaled matrix without its diagonal, in double precision."""
         return self._scaled(np.float64)
 
     def _scaled(self, precision: type) -> Csr:
@@ -139,14 +139,14 @@ class LinearSystem:
         return Multigrid(self.double, self.inverse_root)
 
     def residual(self, x: Floats, rhs: Floats) -> Floats:
-        """Compute ``rhs - A x`` (n, k); the rows of fixed unknowns mean nothing."""
+        """Compute ``rhs - A x`` (n, k); rows of fixed unknowns are meaningless."""
         out = np.empty_like(rhs)
         run(_residual, len(x), self.start, self.columns, self.weights, self.screen,
             np.ones(len(x)), x, rhs, out)  # fmt: skip
         return out
 
     def scaled_residual(self, y: Floats, rhs: Floats, out: Floats) -> None:
-        """Put ``rhs - D A D y`` into `out`, D the inverse root; rows of fixed unknowns stay."""
+        """Write ``rhs - D A D y`` to `out`, D the inverse root; skips rows of fixed unknowns."""
         run(_residual, len(y), self.start, self.columns, self.weights, self.screen,
             self.inverse_root, y, rhs, out)  # fmt: skip
 

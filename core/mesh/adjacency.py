@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which corners, half-edges and vertices of a triangle mesh lie side by side.
+"""Adjacency of the corners, half-edges and vertices of a triangle mesh.
 
 A half-edge is numbered ``3 * face + k`` and runs from corner k of its face to corner
 ``(k + 1) % 3``; a corner has the number of the half-edge that leaves it.
@@ -20,7 +20,7 @@ Ints = npt.NDArray[np.int32]
 
 
 def count_sort(keys: Ints, count: int) -> tuple[Ints, Ints]:
-    """Sort indices by their keys, which are below `count`, stably; returns (start, order).
+    """Sort indices stably by their keys, all below `count`; returns (start, order).
 
     The indices with key k are ``order[start[k]:start[k + 1]]``.
     """
@@ -35,22 +35,22 @@ def count_sort(keys: Ints, count: int) -> tuple[Ints, Ints]:
 def wound_twins(
     faces: Ints, vertex_count: int
 ) -> tuple[Ints, npt.NDArray[np.bool_], tuple[Ints, Ints]]:
-    """Pair half-edges, and turn faces that are wound against their neighbours, in place.
+    """Pair half-edges, and flip faces that are wound against their neighbours, in place.
 
     Parameters
     ----------
     faces : (m, 3) int32
-        Changed where the surface can be wound consistently and is not; the majority of each
+        Changed if the surface is orientable but not consistently wound; the majority of each
         connected part keeps its winding.
     vertex_count : int
 
     Returns
     -------
     twins : (m, 3) int32
-        The half-edge on the other side of each half-edge; -1 at borders, where more than two faces
-        meet, and where no winding fits.
+        The opposite half-edge of each half-edge; -1 at borders, where more than two faces meet,
+        and where the surface is not orientable.
     flipped : (m,) bool
-        The faces that were turned.
+        The faces that were flipped.
     corners : (n + 1,) int32, (3 m,) int32
         Corners at each vertex, from `count_sort`.
     """
@@ -58,16 +58,16 @@ def wound_twins(
     corners = count_sort(faces.reshape(-1), vertex_count)
     twins, consistent = _twins(faces, corners)
     if not consistent:
-        _turn_faces(faces, twins.reshape(-1), flipped)
+        _flip_faces(faces, twins.reshape(-1), flipped)
         ask()
         corners = count_sort(faces.reshape(-1), vertex_count)
         twins, _ = _twins(faces, corners)
-        twins[twins < -1] = -1  # what stays is not orientable: a border
+        twins[twins < -1] = -1  # still inconsistent: not orientable, so a border
     return twins, flipped, corners
 
 
 def _twins(faces: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, bool]:
-    # Half-edges that run in the same direction get -2 - twin, and False is returned.
+    # Twins that run in the same direction get -2 - twin; then False is returned.
     twins = np.full(faces.shape, -1, dtype=np.int32)
     same = np.zeros(1, dtype=np.int64)
     run(_pair, len(corners[0]) - 1, faces, *corners, twins.reshape(-1), same)
@@ -75,8 +75,8 @@ def _twins(faces: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, bool]:
 
 
 def rings(faces: Ints, twins: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
-    """Neighbours of each vertex, as in `TriangleMesh.neighbours`: (start, vertices)."""
-    # One for each corner, and one for each half-edge that arrives along a border.
+    """One-ring of each vertex, as in `TriangleMesh.neighbours`: (start, vertices)."""
+    # One neighbour for each corner, and one for each half-edge that arrives along a border.
     count = len(corners[0]) - 1
     face, side = np.divmod(np.flatnonzero(twins < 0), 3)
     ask()
@@ -157,7 +157,7 @@ def _pair(start, stop, faces, corner_start, corners, twins, same):
             j = i + 1
             while j < count and far[j] == far[i]:
                 j += 1
-            if j - i == 2:  # one face: a border; more than two: not a surface there
+            if j - i == 2:  # one face: a border; more than two: not manifold
                 a, b = half[i], half[i + 1]
                 if faces[a // 3, a % 3] != faces[b // 3, b % 3]:
                     twins[a] = b
@@ -175,7 +175,7 @@ def connected_parts(neighbours: tuple[Ints, Ints]) -> tuple[Ints, int]:
     Returns
     -------
     part : (n,) int32
-        The part of each vertex, in the order of their lowest vertices.
+        The part of each vertex; parts are ordered by their lowest vertices.
     count : int
     """
     vertices = len(neighbours[0]) - 1
@@ -205,7 +205,7 @@ def _flood(start, stop, ring_start, ring, part, count, queue):
 
 
 @kernel
-def _turn_faces(faces, twins, flipped):
+def _flip_faces(faces, twins, flipped):
     # Flood each component from its lowest face; the majority keeps its winding.
     count = faces.shape[0]
     seen = np.zeros(count, np.bool_)
@@ -215,7 +215,7 @@ def _turn_faces(faces, twins, flipped):
             continue
         seen[seed] = True
         queue[0] = seed
-        head, tail, turned = 0, 1, 0
+        head, tail, flips = 0, 1, 0
         while head < tail:
             f = queue[head]
             head += 1
@@ -230,10 +230,10 @@ def _turn_faces(faces, twins, flipped):
                 if not seen[g]:
                     seen[g] = True
                     flipped[g] = flipped[f] != against
-                    turned += flipped[g]
+                    flips += flipped[g]
                     queue[tail] = g
                     tail += 1
-        if 2 * turned > tail:
+        if 2 * flips > tail:
             for i in range(tail):
                 flipped[queue[i]] = not flipped[queue[i]]
     for f in range(count):

@@ -2,7 +2,7 @@
 """Calculus on triangle meshes: gradient, divergence, cotangent stiffness, averages, smoothing.
 
 All lengths are in mean edge lengths of the mesh (`TriangleMesh.scaled_vertices`). Faces without
-area carry nothing: their gradients, weights and stiffness are zero.
+area have zero gradients, weights and stiffness.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
 def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
     """Integrate the divergence of face vectors against each vertex's hat function.
 
-    The transposed gradient with face areas, with a minus: ``divergence(gradient(x))`` is minus
-    the stiffness times x.
+    This is minus the transposed `gradient` weighted by face areas: ``divergence(gradient(x))`` is
+    minus the stiffness times x.
 
     Parameters
     ----------
@@ -72,14 +72,14 @@ def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
 def cotangents(mesh: TriangleMesh) -> Floats:
     """Half the cotangent of the angle opposite each half-edge: (m, 3), zero if degenerate.
 
-    Needle-like faces (cotangents above 1000, angles below 0.06 degrees) are weakened as a whole
+    Needle-like faces (cotangents above 1000, angles below 0.06 degrees) are scaled down as a whole
     to that bound, which keeps the stiffness positive and linear solves possible.
     """
     return cotangents_of(mesh.scaled_vertices, mesh.faces, mesh.areas)
 
 
 def cotangents_of(vertices: Floats, faces: Ints, areas: Floats) -> Floats:
-    """The same of any faces, with their areas: (k, 3)."""
+    """The `cotangents` of any faces, given their areas: (k, 3)."""
     out = np.empty((len(faces), 3))
     run(_cotangents, len(faces), vertices, faces, areas, out)
     return out
@@ -101,7 +101,7 @@ def stiffness_weights(
     ----------
     mesh : TriangleMesh
     halves : (m, 3) float64
-        Its `cotangents`.
+        The `cotangents` of the mesh.
     screen : (n,) float64
 
     Returns
@@ -109,7 +109,7 @@ def stiffness_weights(
     start, columns : (n + 1,) int32, (k,) int32
         ``mesh.neighbours``.
     weights : (k,) float64
-        Of each neighbour, symmetric: minus the entry of the matrix.
+        One per neighbour, symmetric: the matrix entry, negated.
     diagonal : (n,) float64
     """
     start, columns = mesh.neighbours
@@ -122,8 +122,8 @@ def stiffness_weights(
 def stiffness_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
     """The cotangent stiffness L, positive semidefinite: (n, n).
 
-    ``L @ x`` is minus `divergence` of `gradient` of x, but for needle-like faces (see
-    `cotangents`). With the `mass_matrix` M, ``M + t * L`` is an implicit step of heat.
+    ``L @ x`` is minus the `divergence` of the `gradient` of x, except at needle-like faces (see
+    `cotangents`). With the `mass_matrix` M, ``M + t * L`` is an implicit step of heat diffusion.
     """
     n = mesh.vertex_count
     start, columns, weights, diagonal = stiffness_weights(mesh, cotangents(mesh), np.zeros(n))
@@ -137,9 +137,9 @@ def mass_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
 
 
 def gradient_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
-    """The `gradient` as a matrix: (3 m, n), the three components of each face in turn.
+    """The `gradient` as a matrix (3 m, n); rows are grouped by face, three components each.
 
-    With A the areas, each three times, ``G.T @ A @ G`` is the `stiffness_matrix`.
+    With A the areas, each repeated three times, ``G.T @ A @ G`` is the `stiffness_matrix`.
     """
     corners = mesh.scaled_vertices[mesh.faces]
     opposite = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
@@ -184,26 +184,26 @@ def greatest_to_vertices(mesh: TriangleMesh, values: npt.NDArray) -> npt.NDArray
 
 
 def cosines(one: Floats, other: Floats) -> Floats:
-    """Inner products of two vectors for each face: (m, 3) -> (m,)."""
+    """Inner products of two vectors per face: (m, 3) -> (m,)."""
     out = np.empty(len(one))
     run(_cosines, len(one), one, other, out)
     return out
 
 
 def blended_normals(mesh: TriangleMesh, old: Floats, new: Floats, weights: Floats) -> Floats:
-    """Mix normals of the faces by weights (n,) of the vertices; opposite ones may become zero."""
+    """Blend face normals by vertex weights (n,); blends of opposite normals may become zero."""
     out = np.empty_like(old)
     run(_blend, mesh.face_count, mesh.faces, old, new, weights, out)
     return out
 
 
 def group_means(groups: npt.NDArray[np.integer], rows: npt.NDArray, out: npt.NDArray) -> None:
-    """Put the mean of each group's rows into `out`, where others stay as they are.
+    """Write the mean of each group's rows to `out`; rows of `out` without a group stay.
 
     Parameters
     ----------
     groups : (k,) int
-        The row of `out` that each row counts for.
+        The row of `out` that each row contributes to.
     rows : (k, d) array of float
     out : (n, d) array of float
     """
@@ -223,7 +223,7 @@ def smooth_vertices(mesh: TriangleMesh, signal: Floats, passes: int) -> Floats:
     mesh : TriangleMesh
     signal : (n, d) float64
     passes : int
-        0 returns the signal itself.
+        With 0 the signal itself is returned.
     """
     if passes == 0:
         return signal
@@ -290,7 +290,7 @@ def _cotangents(start, stop, vertices, faces, areas, out):
 
 @kernel
 def needle_share(u, v, w, area):
-    """How much of a face with these edges and this area counts: 1, but for needle-like ones."""
+    """The weight of a face with these edges and this area: 1, less for needle-like ones."""
     largest = 0.25 * max(abs(dot(u, v)), abs(dot(v, w)), abs(dot(w, u))) / area
     return 500.0 / largest if largest > 500.0 else 1.0
 
@@ -369,9 +369,15 @@ def _blend(start, stop, faces, old, new, weights, out):
         make_unit(out[f])
 
 
+def unit_vectors(vectors: Floats, least: float = 1e-12) -> Floats:
+    """Divide vectors (..., 3) by their lengths; those no longer than `least` become zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > least, length, np.inf)
+
+
 @kernel
 def make_unit(vector):
-    """Divide a vector by its length, in place; one of no length becomes zero."""
+    """Normalize a vector in place; a vector of zero length becomes zero."""
     length = np.sqrt(dot(vector, vector))
     if not length > 1e-12:
         length = np.inf
@@ -381,7 +387,7 @@ def make_unit(vector):
 
 @kernel
 def make_unit_or(vector, old):
-    """Divide a vector by its length, in place; it becomes `old` if either has no length."""
+    """Normalize a vector in place; it becomes `old` if either has zero length."""
     length = np.sqrt(dot(vector, vector))
     if not length > 1e-12 or (old[0] == 0 and old[1] == 0 and old[2] == 0):
         vector[:] = old
@@ -392,10 +398,10 @@ def make_unit_or(vector, old):
 
 @kernel
 def _umbrella(start, stop, ring_start, ring, weights, values, out):
-    # The ring is unsigned, which spares a test for negative indices at each number.
+    # Unsigned ring indices spare a test for negative ones in each access.
     last = values.shape[1] - 1
     for v in range(start, stop):
-        for j in range(0, last + 1, 4):  # four by four, which is faster
+        for j in range(0, last + 1, 4):  # four channels at a time, which is faster
             k, p, q = min(j + 1, last), min(j + 2, last), min(j + 3, last)
             a, b, c, d = values[v, j], values[v, k], values[v, p], values[v, q]
             total = 1.0

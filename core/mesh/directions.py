@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Directions on a mesh, such as streaks follow: line fields, in which signs do not matter.
+"""Line fields on a mesh, for example for streaks: directions whose sign does not matter.
 
-They are averaged as tensors d d^T, which are the same for d and -d.
+They are averaged as tensors d d^T, which are equal for d and -d.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..base.checks import Floats, as_array, checked_count, checked_flag, checked_word
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
-from .calculus import average_to_vertices, gradient, smooth_vertices
+from .calculus import average_to_vertices, gradient, smooth_vertices, unit_vectors
 from .triangle_mesh import TriangleMesh, check_mesh
 
 _LITTLE = 1e-12
@@ -35,22 +35,22 @@ def principal_directions(
     ----------
     mesh : TriangleMesh
     which : {"least", "most"}
-        Along a limb or around it.
+        "least" runs along a limb, "most" around it.
     passes : int
-        How often the curvature is smoothed: 0 shows all that the mesh has, 50 large shapes only.
+        Smoothing passes of the curvature: 0 keeps all detail, 50 only large shapes.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     (n, 3) float64
-        Tangent vectors at the vertices, as long as the directions are clear: 1 on a cylinder, 0
-        where the surface bends alike in all directions, as on a plane or a ball.
+        Tangent vectors at the vertices; the length says how clear a direction is: 1 on a cylinder,
+        0 where the curvature is equal in all directions, as on a plane or a sphere.
 
     Raises
     ------
     InvalidSettings
-        If `which` is another word, or `passes` no whole number from 0 to 100,000.
+        If `which` is another word, or `passes` is not a whole number from 0 to 100,000.
     Cancelled
         If `progress` returned False.
 
@@ -71,8 +71,8 @@ def principal_directions(
     passes = checked_count(passes, "passes", most=_MOST_PASSES)
     with reporting(progress), phase(0.0, 1.0, "Finding directions"):
         normals = average_to_vertices(mesh, mesh.normals)
-        normals = _unit(normals)
-        # How the normal changes in each face, within its plane.
+        normals = unit_vectors(normals)
+        # The shape operator of each face, in its plane.
         change = _tangential(mesh.normals, gradient(mesh, normals))
         ask()
         rows = 0.5 * (change + change.transpose(0, 2, 1)).reshape(-1, 9)
@@ -80,7 +80,7 @@ def principal_directions(
         one, two = _frames(normals)
         a, b, c = _in_frames(one, two, rows.reshape(-1, 3, 3))
         ask()
-        # The larger one of both curvatures, by size, has the sign of their mean.
+        # The principal curvature of larger magnitude has the sign of the mean curvature.
         angle = 0.5 * np.arctan2(2.0 * b, a - c)
         angle += 0.5 * np.pi * ((a + c < 0) != (which == "least"))
         apart, mean = np.hypot(a - c, 2.0 * b), np.abs(a + c)
@@ -90,7 +90,7 @@ def principal_directions(
 
 
 def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool = False) -> Floats:
-    """Find the direction in which a signal rises in each face, or the one of equal values.
+    """Find the direction in which a signal rises in each face, or that of its level lines.
 
     Parameters
     ----------
@@ -98,13 +98,13 @@ def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool 
     signal : (n,) or (m, 3) array of float
         At the vertices, or at the corners of the faces that the mesh was made from.
     turned : bool
-        By a right angle: along lines of equal values.
+        Rotate by a right angle: along level lines.
 
     Returns
     -------
     (m, 3) float64
-        Unit vectors, 0 where the signal does not change or a value is not finite, as distance
-        where no way leads.
+        Unit vectors, 0 where the signal is constant or not finite, as a distance is where no path
+        leads.
 
     Raises
     ------
@@ -135,29 +135,29 @@ def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool 
     corners /= np.maximum(np.abs(corners).max(axis=1, keepdims=True), 1e-300)
     places = mesh.scaled_vertices[mesh.faces]
     sides = np.roll(places, 1, axis=1) - np.roll(places, -1, axis=1)
-    along = np.einsum("fk,fkx->fx", corners, sides)  # of equal values
-    return _unit(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
+    along = np.einsum("fk,fkx->fx", corners, sides)  # along level lines
+    return unit_vectors(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
 
 
 def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = False) -> Floats:
-    """Lay a direction in space onto each face, or the one of the face that is square to it.
+    """Project a direction in space onto each face, optionally rotated by a right angle.
 
     Parameters
     ----------
     mesh : TriangleMesh
     axis : (3,) array of float
     turned : bool
-        By a right angle: around the axis.
+        Rotate by a right angle: around the axis.
 
     Returns
     -------
     (m, 3) float64
-        Unit vectors, 0 where the axis stands upright on the face.
+        Unit vectors, 0 where the axis is perpendicular to the face.
 
     Raises
     ------
     InvalidSignal
-        If the axis is no direction.
+        If the axis is not three finite numbers, or all are 0.
 
     Examples
     --------
@@ -174,22 +174,24 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = Fals
         raise InvalidSignal("The axis has no length; give another one.")
     wanted = given / np.abs(given).max()
     around = np.cross(mesh.normals, wanted)
-    return _unit(around if checked_flag(turned, "turned") else np.cross(around, mesh.normals))
+    return unit_vectors(
+        around if checked_flag(turned, "turned") else np.cross(around, mesh.normals)
+    )
 
 
 def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
-    """Find the directions that a word means, one of those in `registry.WAYS`.
+    """Find the directions that a word of `registry.WAYS` stands for.
 
     Returns
     -------
     (n, 3) or (m, 3) float64
     {"vertices", "faces"}
-        Where they are.
+        Where the directions are.
 
     Raises
     ------
     InvalidSettings
-        If it is another word.
+        If there is no such word.
     """
     if way in ("flat", "bending"):
         return principal_directions(mesh, "least" if way == "flat" else "most"), "vertices"
@@ -200,21 +202,21 @@ def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
 
 
 def at_corners(mesh: TriangleMesh, vectors: Floats, at: str | None, what: str) -> Floats:
-    """Return vectors at faces or vertices as those at the corners of faces.
+    """Return vectors of faces or vertices as vectors at the corners of faces.
 
     Parameters
     ----------
     mesh : TriangleMesh
     vectors : (m, 3) or (n, 3) float64
     at : {"faces", "vertices"} or None
-        Where they are; None tells by their number.
+        Where the vectors are; with None their number tells.
     what : str
-        Subject and verb of errors about their shape, such as "field has".
+        Subject and verb of messages about their shape, such as "field has".
 
     Returns
     -------
     (m, 1, 3) or (m, 3, 3) float64
-        One for all corners of a face, or one for each.
+        One vector for all corners of a face, or one for each.
 
     Raises
     ------
@@ -255,11 +257,11 @@ def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
     Returns
     -------
     (m, 3) float64
-        First first, first second, second second axis: the first one along the edge of corners 0
-        and 1, the second one towards corner 2.
+        The entries 11, 12 and 22 of the symmetric tensor: axis 1 runs along the edge from corner 0
+        to corner 1, axis 2 towards corner 2.
     """
     corners = mesh.vertices[mesh.faces]
-    one = _unit(corners[:, 1] - corners[:, 0])
+    one = unit_vectors(corners[:, 1] - corners[:, 0])
     two = np.cross(mesh.normals, one)
     tensors = np.zeros((mesh.face_count, 3))
     for given in directions.swapaxes(0, 1):
@@ -272,13 +274,8 @@ def _dots(one: Floats, other: Floats) -> Floats:
     return np.einsum("ix,ix->i", one, other)
 
 
-def _unit(vectors: Floats) -> Floats:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(length > _LITTLE, length, np.inf)
-
-
 def _tangential(normals: Floats, change: Floats) -> Floats:
-    # Both sides of matrices (k, 3, 3) without what is along the normal.
+    # Removes the normal components on both sides of matrices (k, 3, 3).
     keep = np.eye(3) - normals[:, :, None] * normals[:, None]
     return keep @ change @ keep
 
@@ -287,7 +284,7 @@ def _frames(normals: Floats) -> tuple[Floats, Floats]:
     # Two unit vectors at right angles to each other and to the normal.
     off = np.zeros_like(normals)
     off[np.arange(len(normals)), np.argmin(np.abs(normals), axis=1)] = 1.0
-    one = _unit(np.cross(normals, off))
+    one = unit_vectors(np.cross(normals, off))
     return one, np.cross(normals, one)
 
 

@@ -3,11 +3,11 @@
 
 References
 ----------
-R. Kimmel, J. Sethian: Computing Geodesic Paths on Manifolds, 1998: the march, and obtuse
-corners, split by unfolding the faces that lie across. M. Novotni, R. Klein: Computing Geodesic
-Distances on Triangular Meshes, 2002: fronts that are circles.
+R. Kimmel, J. Sethian: Computing Geodesic Paths on Manifolds, 1998: fast marching, with obtuse
+corners split by unfolding the faces opposite to them. M. Novotni, R. Klein: Computing Geodesic
+Distances on Triangular Meshes, 2002: circular fronts.
 
-The mesh may be embedded in any number of dimensions: only lengths of edges are read.
+The mesh may be embedded in any number of dimensions: only edge lengths are used.
 """
 
 from __future__ import annotations
@@ -28,54 +28,54 @@ UNFOLDED = 30
 """Most faces that are unfolded to split one obtuse corner."""
 
 ALL = np.iinfo(np.int64).max
-"""No limit to how many vertices a march reaches."""
+"""As `most`: a march reaches any number of vertices."""
 
 _TIMES = 4
-"""How many times over faces may be come to in one `search` of all."""
+"""How often a `search` over all faces may visit a face, on average."""
 
 _ACUTE, _AT_BORDER, _GIVEN_UP = -1, -2, -3  # why a corner is not split
 
 
 class Stencils(NamedTuple):
-    """The triangles through which distances travel, seen from the vertices that they leave.
+    """The triangles that distances are updated through, listed by the vertices they start from.
 
-    Row v, ``start[v]:start[v + 1]``, holds a triangle (v, other, target) for each way in which
-    v and `other` can hand their distances on to `target`.
+    Row v, ``start[v]:start[v + 1]``, holds a triangle (v, other, target) for each pair in which
+    v and `other` can update the distance of `target`.
     """
 
     start: npt.NDArray[np.int64]
     targets: Ints
     others: Ints
-    shapes: npt.NDArray[np.float32]  # length of v-other; target's place along it and beside it
+    shapes: npt.NDArray[np.float32]  # length of v-other; the target's place along and beside it
 
 
 class Steps(NamedTuple):
-    """The faces across the edges of each face, and how far it is to them: infinitely at borders."""
+    """The faces across the edges of each face, and the distances to them: infinite at borders."""
 
     targets: npt.NDArray[np.uint32]
     lengths: npt.NDArray[np.float32]
 
 
 class Front(NamedTuple):
-    """What `march` works on, and what it finds.
+    """Working memory and result of `march`.
 
-    The vertices that were reached are ``reached[:count]``, nearest first, with their squared
-    distances in `squares`. All else are the march's own notes.
+    The vertices reached are ``reached[:count]``, nearest first, with their squared distances in
+    `squares`. All other fields are working memory.
     """
 
     reached: Ints
     squares: Floats
     stamps: Ints
     heap: Ints
-    slots: Ints  # where in the heap each vertex is
+    slots: Ints  # the place of each vertex in the heap
 
 
 def stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
-    """Prepare marching on a mesh whose vertices lie at `embedding` (n, any number).
+    """Prepare marching on a mesh whose vertices are embedded at `embedding` (n, any number).
 
-    Each corner takes its distance from the opposite edge. An obtuse corner may be reached before
-    both ends of it: faces across that edge are unfolded into its plane until a vertex appears
-    that cuts the angle into two acute ones, and the two virtual triangles serve, too.
+    Each corner is updated from its opposite edge. The front may reach an obtuse corner before both
+    ends of that edge: the faces across it are unfolded into the corner's plane until a vertex
+    splits the angle into two acute ones, and the two virtual triangles are used as well.
     """
     count, faces = mesh.face_count, mesh.faces
     splits = np.empty(3 * count, dtype=np.int32)
@@ -95,7 +95,7 @@ def stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
 def face_stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     """Prepare marching from face to face, their centres at `embedding` (m, any number).
 
-    Distances run straight from centre to centre: between faces there are no triangles to go
+    Distances run straight from centre to centre: there are no triangles between faces to update
     through.
     """
     start = np.zeros(mesh.face_count + 1, dtype=np.int64)
@@ -114,7 +114,7 @@ def face_steps(mesh: TriangleMesh, centres: Floats, guide: Floats, beta: float) 
 
 
 def _empty_stencils(start: npt.NDArray[np.int64]) -> Stencils:
-    # From the number of triangles in each row, which `start` holds one place further.
+    # `start` holds the number of triangles in each row, one place further.
     np.cumsum(start, out=start)
     count = start[-1]
     shapes = np.zeros((count, 3), dtype=np.float32)
@@ -123,7 +123,7 @@ def _empty_stencils(start: npt.NDArray[np.int64]) -> Stencils:
 
 @kernel
 def new_front(count):
-    """Make a `Front` for a mesh of `count` vertices; untouched pages of memory cost nothing."""
+    """Make a `Front` for `count` vertices; pages of memory that are never touched cost nothing."""
     reached = np.empty(count, np.int32)
     squares = np.empty(count, np.float64)
     stamps = np.zeros(count, np.int32)
@@ -131,27 +131,27 @@ def new_front(count):
 
 
 @kernel
-def march(source, turn, limit, most, graph, front):
-    """March from `source` up to the distance `limit`; return how many vertices were reached.
+def march(source, stamp, limit, most, graph, front):
+    """March from `source` up to the distance `limit`; return the number of vertices reached.
 
     Parameters
     ----------
     source : int
-    turn : int
-        Another number above zero for each march with the same front, so that nothing need be
+    stamp : int
+        A different number above 0 for each march with the same front, so that nothing has to be
         cleared.
     limit : float
     most : int
-        How many vertices to reach, the nearest ones; of those with more triangles than this, some
-        are left out, evenly. `ALL` for all.
+        How many vertices to reach, the nearest ones; at a vertex with more triangles than this,
+        some are left out evenly. `ALL` sets no limit.
     graph : Stencils
     front : Front
-        Gets the vertices and their distances.
+        Receives the vertices and their distances.
     """
-    start, targets, others, shapes = graph  # once: reading a field counts its references
+    start, targets, others, shapes = graph  # once: each access to a field counts references
     reached, squares, stamps, heap, slots = front
     # A vertex is far while its stamp is below `close`, then close (in the heap), then accepted.
-    close, accepted = 2 * turn, 2 * turn + 1
+    close, accepted = 2 * stamp, 2 * stamp + 1
     count, size = 0, 0
     farthest = limit * limit
     squares[source] = 0.0
@@ -177,7 +177,7 @@ def march(source, turn, limit, most, graph, front):
                 found = _across(square, squares[other], length, along, beside)
             if found == np.inf:
                 found = (np.sqrt(square) + np.sqrt(along * along + beside * beside)) ** 2
-            if not found <= farthest:  # nor NaN, where lengths overflow
+            if not found <= farthest:  # also NaN, where lengths overflow
                 continue
             if stamps[target] != close:
                 stamps[target] = close
@@ -191,7 +191,7 @@ def march(source, turn, limit, most, graph, front):
 
 @kernel
 def new_search(count):
-    """Make `reached` and `left` of `search` for `count` faces; untouched memory costs nothing."""
+    """Make `reached` and `left` of `search` for `count` faces; untouched pages cost nothing."""
     return np.empty(_TIMES * count, np.uint32), np.zeros(count, np.float32)
 
 
@@ -199,22 +199,22 @@ def new_search(count):
 def search(source, limit, most, targets, lengths, reached, left):
     """Find the faces nearer than `limit` to a face; return how many places of `reached` they take.
 
-    Distances are those that `march` finds on `face_stencils`. Faces follow in the order in which
-    they are come to, and again where a shorter way comes later: near a face that is rare, and costs
-    less than keeping them sorted.
+    Distances equal those of `march` on `face_stencils`. Faces are listed in the order of visits,
+    and again when a shorter path is found later: near a face that is rare, and costs less than
+    keeping them sorted.
 
     Parameters
     ----------
     source : int
     limit : float
     most : int
-        How many to come to, those that some are come to again included.
+        Most visits, repeated ones included.
     targets, lengths : (m, 3) uint32, (m, 3) float32
         See `Steps`.
     reached : (k,) uint32
-        Gets the faces, some repeatedly.
+        Receives the faces, some repeatedly.
     left : (m,) float32
-        Gets by how much each face is nearer than the limit. Has to be 0 before, all over.
+        Receives how much nearer each face is than the limit. Must be 0 everywhere before.
     """
     most = min(most, reached.shape[0])
     left[source] = limit
@@ -227,7 +227,7 @@ def search(source, limit, most, targets, lengths, reached, left):
         for k in range(3):
             g = targets[f, k]
             there = here - lengths[f, k]
-            if there > left[g] and count < most:  # NaN, where lengths overflow, is not
+            if there > left[g] and count < most:  # false for NaN, where lengths overflow
                 left[g] = there
                 reached[count] = g
                 count += 1
@@ -236,10 +236,10 @@ def search(source, limit, most, targets, lengths, reached, left):
 
 @kernel
 def _across(from_v, from_other, length, along, beside):
-    # All in squares. The distance that reaches the target through the edge, from a point behind
-    # it that lies as far from both ends as they say: exact on what unfolds to a plane, where the
-    # planar front of Kimmel and Sethian is up to a fifth too far next to the source (Novotni and
-    # Klein 2002). Infinite if the straight way misses the edge.
+    # All in squares. The distance of the target through the edge from a virtual source behind the
+    # edge, at the given distances from both ends: exact on surfaces that unfold to a plane, where
+    # the planar front of Kimmel and Sethian is up to a fifth too far near the source (Novotni and
+    # Klein 2002). Infinite if the straight line misses the edge.
     if beside <= 0.0:
         return np.inf
     x = 0.5 * (from_v - from_other + length * length) / length
@@ -297,7 +297,7 @@ def _pop(size, heap, slots, squares):
 
 @kernel
 def squared_distance(points, a, b):
-    """Compute the squared straight distance of two of the points (n, any number)."""
+    """Compute the squared Euclidean distance of two of the points (n, any number)."""
     total = 0.0
     for j in range(points.shape[1]):
         step = points[a, j] - points[b, j]
@@ -307,7 +307,7 @@ def squared_distance(points, a, b):
 
 @kernel
 def _apex(ax, ay, bx, by, square_ac, square_bc):
-    # Where c lies, right of the way from a to b, given its squared distances.
+    # The position of c, right of the line from a to b, given its squared distances.
     ux, uy = bx - ax, by - ay
     square = ux * ux + uy * uy
     if square <= 0.0:
@@ -437,7 +437,7 @@ def _put(a, b, c, square_ab, square_ac, square_bc, cursors, targets, others, sha
     if length > 0.0:
         along = 0.5 * (square_ac - square_bc + square_ab) / length
         beside = np.sqrt(max(square_ac - along * along, 0.0))
-    for turn in range(2):
+    for direction in range(2):
         i = cursors[a]
         cursors[a] += 1
         targets[i] = c
@@ -445,6 +445,6 @@ def _put(a, b, c, square_ab, square_ac, square_bc, cursors, targets, others, sha
         shapes[i, 0] = length
         shapes[i, 1] = along
         shapes[i, 2] = beside
-        if turn == 0:
+        if direction == 0:
             a, b = b, a
             along = length - along

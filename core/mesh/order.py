@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory order: sort a mesh along a space-filling curve, so that neighbours lie close by.
+"""Memory order: sort a mesh along a space-filling curve, so that neighbours are close in memory.
 
-On large meshes whose vertices and faces come in random order, every kernel waits for memory;
-sorting first makes them several times faster.
+On large meshes whose vertices and faces are in random order, every kernel waits for memory;
+sorting first makes kernels several times faster.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from .adjacency import count_sort
 from .triangle_mesh import Floats, TriangleMesh
 
 _SMALL = 100_000
-"""Faces below which everything fits into the processor's caches anyway."""
+"""Meshes of fewer faces fit into the processor's caches anyway."""
 
 _RUN, _BLOCK = 256, 16
-"""Faces that follow each other, and vertices that do, which a processor fetches together."""
+"""Lengths of runs of consecutive faces, and of blocks of vertices that are fetched together."""
 
 
 def is_scattered(mesh: TriangleMesh) -> bool:
-    """Tell whether faces of a large mesh that follow each other have vertices all over memory.
+    """Tell whether consecutive faces of a large mesh have vertices scattered over memory.
 
-    Long runs are looked at: where a mesh was subdivided, the children of a face follow each other
-    whatever the order of the whole.
+    It looks at long runs: in a subdivided mesh the children of a face are consecutive, whatever
+    the order of the whole.
     """
     if mesh.face_count < _SMALL:
         return False
@@ -43,15 +43,15 @@ def is_scattered(mesh: TriangleMesh) -> bool:
 def in_good_order(
     mesh: TriangleMesh, function: Callable[..., Floats], weights: Floats | None
 ) -> Floats:
-    """Call a function on a mesh, sorted along a curve for that if it is scattered.
+    """Call a function on a mesh, which is sorted along a curve first if it is scattered.
 
     Parameters
     ----------
     mesh : TriangleMesh
     function : callable
-        ``function(mesh, weights)`` gives each vertex a row (n, d).
+        ``function(mesh, weights)`` returns a row per vertex (n, d).
     weights : (n,) float64 or None
-        Of the vertices.
+        Weights of the vertices.
 
     Returns
     -------
@@ -75,8 +75,8 @@ def sorted_along_curve(
     Returns
     -------
     ordered : TriangleMesh
-        The same surface; ``ordered.vertices == mesh.vertices[vertex_order]``, and face i of it
-        is face ``face_order[i]`` of `mesh`.
+        The same surface; ``ordered.vertices == mesh.vertices[vertex_order]``, and its face i is
+        face ``face_order[i]`` of `mesh`.
     vertex_order : (n,) int
     face_order : (m,) int32
     """
@@ -96,7 +96,7 @@ def sorted_along_curve(
 
 
 def _morton_codes(mesh: TriangleMesh) -> npt.NDArray[np.uint64]:
-    # 21 bits of each coordinate, interleaved; loose vertices far away go to the border.
+    # 21 bits per coordinate, interleaved; distant loose vertices are clipped to the border.
     low, high = mesh.box
     size = float((high - low).max())
     codes = np.zeros(mesh.vertex_count, dtype=np.uint64)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tangent frames of texture coordinates, as tangent-space normal maps count in them.
+"""Tangent frames of texture coordinates, for tangent-space normal maps.
 
-They are those of MikkTSpace (Mikkelsen 2008), which Blender and most game engines share: at each
-corner the direction in which the first coordinate grows, averaged by angles over the faces around
-the vertex that hang together there in the texture and are not mirrored against one another.
+They are those of MikkTSpace (Mikkelsen 2008), which Blender and most game engines use: at each
+corner the direction in which the first coordinate grows, averaged with angle weights over the faces
+around the vertex that are connected in the texture and not mirrored against one another.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats
 from ..base.progress import ask
+from .calculus import unit_vectors
 from .triangle_mesh import TriangleMesh
 
 _LITTLE = 1e-30
@@ -24,8 +25,8 @@ _LITTLE = 1e-30
 class Frames(NamedTuple):
     """Frames at the corners of faces.
 
-    The third direction is ``signs * cross(normals, tangents)``; between the corners all are
-    interpolated and not made unit length again.
+    The third direction is ``signs * cross(normals, tangents)``; between the corners all three are
+    interpolated linearly, without normalizing.
 
     Attributes
     ----------
@@ -40,13 +41,13 @@ class Frames(NamedTuple):
 
 
 def smooth_normals(mesh: TriangleMesh) -> Floats:
-    """Normals for smooth shading at the corners, weighted by angles: (m, 3, 3)."""
+    """Normals for smooth shading at the corners, weighted by corner angles: (m, 3, 3)."""
     weights = _angles(mesh.vertices[mesh.faces])
     sums = np.zeros((mesh.vertex_count, 3))
     for x in range(3):
         weighted = weights * mesh.normals[:, x, None]
         sums[:, x] = np.bincount(mesh.faces.reshape(-1), weighted.reshape(-1), mesh.vertex_count)
-    return _unit(sums)[mesh.faces]
+    return unit_vectors(sums, _LITTLE)[mesh.faces]
 
 
 def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None) -> Frames:
@@ -56,7 +57,7 @@ def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None
     ----------
     mesh : TriangleMesh
     uv : (m, 3, 2) float64
-        At the corners of `mesh.faces`.
+        Coordinates at the corners of `mesh.faces`.
     normals : (m, 3, 3) float64, optional
         Unit vectors at the corners; smooth ones if left out.
     """
@@ -70,23 +71,23 @@ def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None
     ask()
     flat = along[:, None] - np.einsum("fx,fkx->fk", along, normals)[..., None] * normals
     weights = np.where(area == 0, 0.0, 1.0)[:, None] * _angles_about(corners, normals)
-    rows = (weights[..., None] * _unit(flat)).reshape(-1, 3)
+    rows = (weights[..., None] * unit_vectors(flat, _LITTLE)).reshape(-1, 3)
     groups = _groups(mesh, uv, normals, signs)
     ask()
     sums: Floats = np.stack([np.bincount(groups, column) for column in rows.T], axis=1)
-    tangents = _unit(sums)[groups].reshape(-1, 3, 3)
-    # Where no face of the group has area in the texture, any direction will do.
+    tangents = unit_vectors(sums, _LITTLE)[groups].reshape(-1, 3, 3)
+    # If no face of a group has area in the texture, any direction will do.
     lost = ~tangents.any(axis=2)
     axis = np.eye(3)[np.argmin(np.abs(normals[lost]), axis=1)]
-    tangents[lost] = _unit(np.cross(normals[lost], axis))
+    tangents[lost] = unit_vectors(np.cross(normals[lost], axis), _LITTLE)
     return Frames(normals, tangents, signs)
 
 
 def _groups(
     mesh: TriangleMesh, uv: Floats, normals: Floats, signs: Floats
 ) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
-    # Numbers the corners that share a frame: those of faces on both sides of edges where
-    # coordinates and normals agree.
+    # Numbers the corners so that those with one frame share a number: those of the two faces at an
+    # edge where coordinates and normals agree.
     half = np.flatnonzero(mesh.twins.reshape(-1) > np.arange(3 * mesh.face_count))
     f, k = np.divmod(half, 3)
     g, j = np.divmod(mesh.twins.reshape(-1)[half], 3)
@@ -105,22 +106,17 @@ def _groups(
 
 
 def _angles(corners: Floats) -> Floats:
-    # At the corners of triangles: (m, 3).
-    ahead = _unit(np.roll(corners, -1, axis=1) - corners)
-    back = _unit(np.roll(corners, 1, axis=1) - corners)
+    # The angles at the corners of triangles: (m, 3).
+    ahead = unit_vectors(np.roll(corners, -1, axis=1) - corners, _LITTLE)
+    back = unit_vectors(np.roll(corners, 1, axis=1) - corners, _LITTLE)
     return np.arccos(np.clip(np.einsum("fkx,fkx->fk", ahead, back), -1.0, 1.0))
 
 
 def _angles_about(corners: Floats, normals: Floats) -> Floats:
-    # The same, as seen along the normals.
+    # The angles at the corners, projected along the normals.
     sides = []
-    for turn in (-1, 1):
-        side = np.roll(corners, turn, axis=1) - corners
+    for shift in (-1, 1):
+        side = np.roll(corners, shift, axis=1) - corners
         along = np.einsum("fkx,fkx->fk", side, normals)
-        sides.append(_unit(side - along[..., None] * normals))
+        sides.append(unit_vectors(side - along[..., None] * normals, _LITTLE))
     return np.arccos(np.clip(np.einsum("fkx,fkx->fk", *sides), -1.0, 1.0))
-
-
-def _unit(vectors: Floats) -> Floats:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > _LITTLE, length, np.inf)

@@ -19,15 +19,15 @@ from ..errors import InvalidMesh
 from .adjacency import Ints, rings, wound_twins
 
 HUB = 100
-"""Most faces at a vertex of ordinary meshes, on which nothing is left out."""
+"""Most faces around a vertex of ordinary meshes; up to this, no algorithm leaves any out."""
 
 
 class TriangleMesh:
     """A triangle mesh with its connectivity.
 
     Any set of triangles is accepted: open borders, several components, loose vertices,
-    zero-area faces, edges with three faces and more (they count as borders). Faces that are
-    wound against their neighbours are turned, where the surface allows it: see `flipped`.
+    zero-area faces, edges with three or more faces (they count as borders). Faces that are
+    wound against their neighbours are flipped if the surface is orientable: see `flipped`.
 
     Parameters
     ----------
@@ -36,18 +36,18 @@ class TriangleMesh:
     faces : (m, 3) array of int
         Vertex indices of each triangle. Never modified.
     progress : callable, optional
-        ``progress(fraction, message) -> bool``; False cancels. Only the constructor asks it.
+        ``progress(fraction, message) -> bool``; False cancels. Only the constructor calls it.
 
     Attributes
     ----------
     vertices : (n, 3) float64
-        The positions as given.
+        The positions, as passed in.
     faces : (m, 3) int32
         Vertex indices, consistently wound.
     flipped : (m,) bool
-        True for faces that were turned against the input's winding.
+        True for faces whose winding was reversed.
     twins : (m, 3) int32
-        The half-edge on the other side of each half-edge, -1 at borders.
+        The opposite half-edge of each half-edge, -1 at borders.
     corners : (n + 1,) int32, (3 m,) int32
         Corners at each vertex: ``corners[start[v]:start[v + 1]]``; as (start, corners).
 
@@ -109,8 +109,8 @@ class TriangleMesh:
     def has_hubs(self) -> bool:
         """Whether more than `HUB` faces meet at some vertex.
 
-        Around a hub, all lie near all: what visits everything near each face or vertex has to
-        leave some out, or its work grows with the square of the hub's faces.
+        Around a hub, every face is near every other: an algorithm that visits all neighbours of a
+        face or vertex must leave some out, or its work grows with the square of the hub's faces.
         """
         return bool(np.diff(self.corners[0]).max() > HUB)
 
@@ -118,8 +118,8 @@ class TriangleMesh:
     def neighbours(self) -> tuple[Ints, Ints]:
         """One-ring neighbours: ``vertices[start[v]:start[v + 1]]``; returns (start, vertices).
 
-        Around a vertex they follow its corners: the next vertex of each face, and the previous
-        one where no face lies beyond.
+        Around a vertex they follow the order of its corners: the next vertex of each face, and
+        the previous one if the edge to it is a border.
         """
         with aside(_PREPARING):
             return rings(self.faces, self.twins, self.corners)
@@ -155,7 +155,7 @@ class TriangleMesh:
 
     @cached_property
     def scaled_vertices(self) -> Floats:
-        """Positions from the bounding box's centre, in mean edge lengths: (n, 3)."""
+        """Positions relative to the bounding box's centre, in mean edge lengths: (n, 3)."""
         low, high = self.box
         scaled = self.vertices - (low + 0.5 * (high - low))
         scaled /= self.mean_edge_length
@@ -180,9 +180,9 @@ class TriangleMesh:
         return self._normals_and_areas[1]
 
     def own_corners(self, corners: npt.NDArray) -> npt.NDArray:
-        """Exchange second and third corners (m, 3, ...) of turned faces, to `faces` or back.
+        """Exchange the second and third corners (m, 3, ...) of flipped faces, to `faces` or back.
 
-        Where no face was turned, `corners` itself is returned.
+        If no face was flipped, `corners` itself is returned.
         """
         if not self.flipped.any():
             return corners
@@ -214,7 +214,7 @@ class TriangleMesh:
 
 
 def check_mesh(mesh: object) -> None:
-    """Raise `InvalidMesh` unless something is a `TriangleMesh`."""
+    """Raise `InvalidMesh` unless `mesh` is a `TriangleMesh`."""
     if not isinstance(mesh, TriangleMesh):
         raise InvalidMesh(f"mesh is of type {type(mesh).__name__}; give a TriangleMesh.")
 
@@ -272,7 +272,7 @@ def _checked_faces(faces: npt.ArrayLike, vertex_count: int) -> Ints:
 
 
 _PREPARING = "Preparing the mesh"
-_LARGEST = 1e100  # beyond, products of lengths leave the range of floats
+_LARGEST = 1e100  # beyond it, products of lengths overflow
 _MOST_FACES = (2**31 - 1) // 3
 _SUM_CHUNK = 1 << 15
 
@@ -302,7 +302,7 @@ def _sum_edges(start, stop, vertices, faces, twins, sums):
     count = 0
     for f in range(start, stop):
         for k in range(3):
-            if twins[f, k] < 3 * f + k:  # borders are -1: each edge once
+            if twins[f, k] < 3 * f + k:  # each edge once; borders have the twin -1
                 e = edge(vertices, faces[f, k], faces[f, after(k)])
                 total += np.sqrt(dot(e, e))
                 count += 1
@@ -319,7 +319,7 @@ def _measure_faces(start, stop, vertices, faces, normals, areas):
         n = cross(u, v)
         double = np.sqrt(dot(n, n))
         longest = max(dot(u, u), dot(v, v), dot(w, w))
-        # Flatter than this, the direction of the normal is rounding noise.
+        # If the face is flatter, the direction of its normal is rounding noise.
         if double > 1e-10 * longest and double > 1e-14:
             for x in range(3):
                 normals[f, x] = n[x] / double

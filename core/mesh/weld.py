@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Join vertices that lie at one place, and cut a mesh open where a signal jumps."""
+"""Welding: join vertices at the same place; and cut a mesh open where a signal jumps."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .triangle_mesh import HUB, Floats, TriangleMesh, checked_vertices
 def weld(
     vertices: npt.ArrayLike, progress: ProgressCallback | None = None
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Find vertices at exactly the same place.
+    """Find vertices at exactly the same position.
 
-    Files split vertices along UV seams; filtering such a mesh would open cracks. Filter
+    Files split vertices along UV seams, where filtering would open cracks. Filter
     ``vertices[representatives]`` with ``index[faces]`` instead, and take ``result[index]``.
 
     Parameters
@@ -29,9 +29,9 @@ def weld(
     Returns
     -------
     representatives : (k,) int
-        The first vertex at each place, in the order of the input.
+        The first vertex at each position, in the order of the input.
     index : (n,) int
-        The number in `representatives` that stands for each vertex.
+        The index into `representatives` of each vertex.
 
     Raises
     ------
@@ -62,10 +62,10 @@ def weld_borders(
     faces: npt.ArrayLike,
     progress: ProgressCallback | None = None,
 ) -> Ints:
-    """Join a surface that was split along seams, and only there.
+    """Join a surface along the seams where it was split, and nowhere else.
 
-    Vertices at exactly the same place become one if they lie on borders of the surface. Where
-    sheets lie on each other, as the two sides of a leaf do, only their rims are joined.
+    Vertices at exactly the same position are merged if they lie on borders of the surface. Of
+    sheets that lie on each other, such as the two sides of a leaf, only the rims are merged.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def weld_borders(
     Returns
     -------
     (m, 3) int32
-        The faces with other vertex indices: the first of those that are one.
+        The faces, with each merged vertex replaced by the first one at its position.
 
     Raises
     ------
@@ -110,21 +110,21 @@ def weld_borders(
 def split_at_jumps(mesh: TriangleMesh, signal: Floats) -> tuple[TriangleMesh, Floats]:
     """Cut a mesh open where the values of a corner signal jump.
 
-    Corners at one vertex that share a value stay one vertex; others become vertices of their
-    own, so that edges between faces that disagree turn into borders.
+    Corners at one vertex with the same value share a vertex; others become vertices of their own,
+    so that edges between faces that disagree become borders.
 
     Parameters
     ----------
     mesh : TriangleMesh
     signal : (3 m, d) float64
-        Values of the corners in the order of ``mesh.faces``.
+        Values at the corners, in the order of ``mesh.faces``.
 
     Returns
     -------
     cut : TriangleMesh
-        With the faces of `mesh`, in order, and possibly more vertices.
+        The faces of `mesh` in their order, with possibly more vertices.
     values : (n', d) float64
-        The values at its vertices.
+        The values at the vertices of `cut`.
     """
     leaders = np.empty(3 * mesh.face_count, dtype=np.int32)
     with aside("Finding jumps"):
@@ -141,7 +141,7 @@ def split_at_jumps(mesh: TriangleMesh, signal: Floats) -> tuple[TriangleMesh, Fl
 
 @kernel
 def _number_places(start, stop, bits, table, places, first, index):
-    # The table holds the number of each place, at the first free slot from its hash on.
+    # A hash table with linear probing; it holds the number of each place.
     last = np.uint64(table.shape[0] - 1)
     count = places[0]
     for v in range(start, stop):
@@ -170,12 +170,12 @@ def _number_places(start, stop, bits, table, places, first, index):
 
 @kernel
 def _lead_corners(start, stop, corner_start, corners, signal, leaders):
-    # The first corner at the same vertex with the same values leads.
+    # The first corner at the same vertex with the same values is the leader.
     keys = np.empty(0)
     for v in range(start, stop):
         around = corners[corner_start[v] : corner_start[v + 1]]
         is_hub = len(around) > HUB
-        if is_hub:  # have those of the same values lie together, still in order
+        if is_hub:  # sort equal values together, stably
             keys = _keys(signal, around)
             order = np.argsort(keys, kind="mergesort")
             around, keys = around[order], keys[order]
@@ -198,7 +198,7 @@ def _lead_corners(start, stop, corner_start, corners, signal, leaders):
 
 @kernel
 def _keys(signal, rows):
-    # A number for each of the rows: the same one for the same values.
+    # A hash of each row: equal for equal values.
     keys = np.zeros(len(rows))
     for i in range(len(rows)):
         for j in range(signal.shape[1]):

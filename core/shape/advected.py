@@ -55,11 +55,11 @@ def _mollified(mesh: TriangleMesh, normals: Floats, passes: int) -> Floats:
         smooth = smooth_vertices(mesh, averages, passes)
     with phase(0.9, 1.0, "Mollifying"):
         mollified = average_to_faces(mesh, smooth)
-        run(_make_unit, mesh.face_count, mollified, normals)
+        run(_make_unit_or, mesh.face_count, mollified, normals)
     return mollified
 
 
 @kernel
-def _make_unit(start, stop, vectors, fallback):
+def _make_unit_or(start, stop, vectors, old):
     for f in range(start, stop):
-        make_unit_or(vectors[f], fallback[f])
+        make_unit_or(vectors[f], old[f])

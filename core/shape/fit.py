@@ -255,8 +255,8 @@ def refitted(
         The displacement, in the unit of `mesh.vertices`.
     """
     moved, current = np.zeros((0, 3)), mesh
-    for turn in range(settings.repeat):
-        with phase(turn / settings.repeat, (turn + 1) / settings.repeat, message):
+    for iteration in range(settings.repeat):
+        with phase(iteration / settings.repeat, (iteration + 1) / settings.repeat, message):
             with phase(0.0, 0.6, message):
                 normals = new_normals(current)
             if weights is not None:
@@ -265,15 +265,19 @@ def refitted(
             last = 1.0 if mend is None else 0.9
             with phase(0.6, last, "Fitting the surface"):
                 step, _ = displacement(current, normals, settings, weights, steps, freedom)
+<<<<<<< HEAD
             if mend is not None:
                 with phase(last, 1.0, "Fitting the surface"):
                     step = mend(current, normals, step)
         moved = step if turn == 0 else moved + step
+=======
+        moved = step if iteration == 0 else moved + step
+>>>>>>> main
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)
         if limit > 0 or unfolds:
             unfold(mesh, moved)
-        if turn + 1 < settings.repeat:
+        if iteration + 1 < settings.repeat:
             current = mesh.moved_to(mesh.vertices + moved)
     return moved
 

@@ -153,8 +153,9 @@ def smoothed_normals(
     with aside("Denoising"):
         centres = average_to_faces(mesh, mesh.scaled_vertices)
     normals, beta = mesh.normals, settings.beta / noise.size
-    for turn in range(settings.iterations):
-        with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
+    count = settings.iterations
+    for iteration in range(count):
+        with phase(iteration / count, (iteration + 1) / count, "Denoising"):
             with aside("Denoising"):
                 guide = _means(mesh, normals, settings.mollify_passes, MOLLIFIED * noise.size)
             ask()
@@ -169,8 +170,9 @@ def _smoothed_scan(mesh: TriangleMesh, settings: BeltramiGeometrySettings, noise
         return _smoothed_relief(mesh, settings, spread)
     everywhere = np.ones(mesh.face_count, dtype=np.bool_)
     normals = mesh.normals
-    for turn in range(settings.iterations):
-        with phase(turn / settings.iterations, (turn + 1) / settings.iterations, "Denoising"):
+    count = settings.iterations
+    for iteration in range(count):
+        with phase(iteration / count, (iteration + 1) / count, "Denoising"):
             # Distances are those between the normals of even patches: creases become straight.
             with phase(0.0, 0.5, "Denoising"):
                 guide = consistent_normals(mesh, normals, everywhere, 1)

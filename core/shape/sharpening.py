@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_mask
+from ..base.checks import by_keyword, checked_mask
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
 from ..flow.potential import flow_from_potential
@@ -23,9 +23,11 @@ from .results import tell_lost, without_worse
 from .sides import consistent_normals, turned_zone
 
 
+@by_keyword
 def sharpen_normals(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,
+    *,
     progress: ProgressCallback | None = None,
 ) -> Floats:
     """Sharpen the face normals of a mesh (paper A, section 4.1).
@@ -77,9 +79,11 @@ def sharpen_normals(
     return normals
 
 
+@by_keyword
 def sharpen_geometry(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:
@@ -148,9 +152,11 @@ def sharpen_geometry(
             return moved_vertices(mesh, moved)
 
 
+@by_keyword
 def geometry_flow(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,
+    *,
     progress: ProgressCallback | None = None,
 ) -> tuple[Floats, Floats]:
     """Compute where `sharpen_geometry` will pull the normals of a mesh.

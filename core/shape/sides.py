@@ -39,12 +39,12 @@ def consistent_normals(
     """
     around = grown(mesh, zone)
     means, uneven = np.empty_like(normals), np.empty(len(normals))
-    for turn in range(passes):
+    for iteration in range(passes):
         out = np.empty_like(normals)
-        with phase(turn / passes, (turn + 0.5) / passes, "Aligning creases"):
+        with phase(iteration / passes, (iteration + 0.5) / passes, "Aligning creases"):
             run(_patches, mesh.face_count, mesh.faces, *mesh.corners, around, normals, mesh.areas,
                 means, uneven)  # fmt: skip
-        with phase((turn + 0.5) / passes, (turn + 1) / passes, "Aligning creases"):
+        with phase((iteration + 0.5) / passes, (iteration + 1) / passes, "Aligning creases"):
             run(_choose, mesh.face_count, mesh.faces, *mesh.corners, zone, normals, means, uneven,
                 _PULL, out)  # fmt: skip
         normals = out

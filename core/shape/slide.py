@@ -162,23 +162,23 @@ def _cut_out(
 
 
 def _descend(piece: _Piece, moved: Floats, steps: int, message: str) -> Floats:
-    still = np.zeros(moved.shape)
+    zeros = np.zeros(moved.shape)
     residual = _downhill(piece, piece.vertices, moved)
-    way, change, product = still.copy(), residual, np.inf
-    for turn in range(1, steps):
-        with phase((turn - 1) / (steps - 1), turn / (steps - 1), message):
+    direction, change, product = zeros.copy(), residual, np.inf
+    for iteration in range(1, steps):
+        with phase((iteration - 1) / (steps - 1), iteration / (steps - 1), message):
             step = roughly(piece.system, residual, _INNER, message)
-            onward = max(_sum(_dot, step, change) / product, 0.0)
-            product = _sum(_turn_way, step, residual, way, onward)
-            change = _downhill(piece, still, way)
-            curvature = -_sum(_dot, change, way)
+            beta = max(_sum(_dot, step, change) / product, 0.0)
+            product = _sum(_next_direction, step, residual, direction, beta)
+            change = _downhill(piece, zeros, direction)
+            curvature = -_sum(_dot, change, direction)
             if not (product > 0 and curvature > 0):
                 break
-            length = _sum(_dot, residual, way) / curvature
-            farthest = _of_chunks(_go, way, length, change, moved, residual).max()
+            length = _sum(_dot, residual, direction) / curvature
+            farthest = _of_chunks(_go, direction, length, change, moved, residual).max()
             if farthest < _SETTLED:
                 break
-            if turn % _EVENED == 0:
+            if iteration % _EVENED == 0:
                 moved = _evened(piece, moved, 1)
                 residual = _downhill(piece, piece.vertices, moved)
                 product = np.inf
@@ -321,23 +321,23 @@ def _dot(start, stop, one, other, sums):
 
 
 @kernel
-def _turn_way(start, stop, step, residual, way, onward, sums):
-    # The next way from the last one; sums up step times residual.
+def _next_direction(start, stop, step, residual, direction, beta, sums):
+    # The next search direction from the last one; sums up step times residual.
     total = 0.0
     for v in range(start, stop):
         total += dot(step[v], residual[v])
         for x in range(3):
-            way[v, x] = step[v, x] + onward * way[v, x]
+            direction[v, x] = step[v, x] + beta * direction[v, x]
     sums[start // _CHUNK] = total
 
 
 @kernel
-def _go(start, stop, way, length, change, moved, residual, farthest):
+def _go(start, stop, direction, length, change, moved, residual, farthest):
     # Finds how far a coordinate goes at most.
     most = 0.0
     for v in range(start, stop):
         for x in range(3):
-            step = length * way[v, x]
+            step = length * direction[v, x]
             moved[v, x] += step
             most = max(most, abs(step))
             change[v, x] *= length

@@ -10,12 +10,18 @@ from ..atlas import TextureAtlas
 from ..base.checks import LARGEST, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..beltrami.texel_smoothing import smooth_texels_once
-from ..errors import InvalidSignal
-from ..grid.channels import opacity_channel
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import BeltramiTextureSettings, given_or_default
-from .texels import Texture, checked_atlas, gathered, mix_texels, read_ghosts, written
+from .texels import (
+    Texture,
+    checked_atlas,
+    checked_content,
+    gathered,
+    mix_texels,
+    read_ghosts,
+    written,
+)
 
 
 def beltrami_texture(
@@ -96,7 +102,7 @@ def beltrami_texture(
     settings = given_or_default(settings, BeltramiTextureSettings)
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
-    alpha, normals = _checked_content(settings, pixels.shape[2])
+    alpha, normals = checked_content(pixels, settings)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
             texture = Texture(checked_atlas(atlas, mesh, uv, pixels), pixels, alpha, normals)
@@ -129,13 +135,3 @@ def _smoothed(
             smooth_texels_once(atlas, old, settings, new, alpha=alpha, normals=normals)
     mix_texels(atlas, values, 1.0, weights, new)
     return new
-
-
-def _checked_content(settings: BeltramiTextureSettings, channels: int) -> tuple[int, bool]:
-    normals = settings.content == "normals"
-    if normals and channels not in (3, 4):
-        raise InvalidSignal(
-            f"A texture of normals needs three channels, or four with opacity; this one has"
-            f" {channels}."
-        )
-    return opacity_channel(channels, settings.alpha), normals

@@ -14,11 +14,10 @@ from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.fronts import Segments, SurfaceDistance
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
-from ..elements.surface_values import sheet_values
 from ..errors import InvalidSignal
 from ..mesh.triangle_mesh import Ints, TriangleMesh, check_mesh
-from ..settings import DilateSettings, DistanceSettings, given_or_default
-from .texels import Texture, checked_atlas, written
+from ..settings import DistanceSettings, given_or_default
+from .texels import Texture, checked_atlas, drawn
 
 _TOLERANCE = 1e-4
 """Residual of the smoothed distance relative to the right-hand side."""
@@ -127,10 +126,8 @@ def geodesic_distance(
             if settings.smoothing > _SHORTEST:
                 values = _smoothed(space, values, settings.smoothing)
         with phase(0.9, 1.0, "Filling the gutter"):
-            sheet = np.zeros((*space.labels.shape, 2), dtype=np.float32)
-            sheet_values(space, np.concatenate([values, reached], axis=1), sheet)
-            gutter = DilateSettings(gutter=settings.gutter)
-            found = written(texture, sheet, gutter, None)
+            both = np.concatenate([values, reached], axis=1)
+            found = drawn(texture, space, both, settings.gutter)
             distances = np.maximum(found[..., 0], 0.0) * np.float32(texture.atlas.texel_size)
             distances[found[..., 1] < 0.5] = np.inf
             distances = _shown(distances, texture.atlas.inside, settings)

@@ -18,7 +18,12 @@ from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..elements.matrices import CellWeights, TextureSpace
 from ..elements.multigrid import SheetSolver
-from ..elements.surface_values import added_to_sheet, corner_values, surface_values
+from ..elements.surface_values import (
+    added_to_sheet,
+    corner_values,
+    painted_values,
+    surface_values,
+)
 from ..errors import InvalidSignal
 from ..grid.channels import opacity_channel
 from ..mesh.triangle_mesh import TriangleMesh
@@ -234,7 +239,7 @@ class TextureSolver:
         # The values of nodes.
         change, factor = self._change, 1.0
         if gains.ndim:
-            shares = self._on_surface(gains - np.float32(1.0))
+            shares = painted_values(self._space, (gains - np.float32(1.0))[..., None])[:, 0]
             if "_of_unit" in vars(self):
                 run(_foresee, len(shares), shares, self._shares, self._of_unit, change)
             self._shares = shares
@@ -243,14 +248,6 @@ class TextureSolver:
             change, factor = self._of_unit, float(gains) - 1.0
         alpha = self._texture.alpha
         return added_to_sheet(self._space, self._values, self._input, change, factor, alpha)
-
-    def _on_surface(self, painted: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        # Painted values (h, w) as a function on the surface: (n,).
-        sheet, sources = self._texture.atlas.sheet, self._texture.atlas.sources
-        on_nodes = self._texture.atlas.gather(painted[..., None])
-        known = fill_ghosts(sheet, sources, on_nodes)
-        corners = corner_values(self._space, on_nodes, known)
-        return surface_values(self._space, on_nodes, corners)[:, 0]
 
     @cached_property
     def _of_unit(self) -> npt.NDArray[np.float32]:

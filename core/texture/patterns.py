@@ -8,19 +8,18 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from ..atlas import TextureAtlas
-from ..atlas.ghosts import fill_ghosts
 from ..base.checks import Floats, as_array, checked_size
 from ..base.parallel import run, sum_kernel
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
-from ..elements.surface_values import corner_values, sheet_values, surface_values
+from ..elements.surface_values import painted_values
 from ..errors import InvalidSignal
 from ..mesh.directions import face_tensors
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings, ReactionSettings, given_or_default
-from .streaks import checked_directions
-from .texels import Texture, checked_atlas, written
+from ..settings import ReactionSettings, given_or_default
+from .along_directions import checked_directions, clearness, stretched
+from .texels import Texture, checked_atlas, drawn
 
 _Single = npt.NDArray[np.float32]
 
@@ -150,19 +149,16 @@ def reaction_diffusion(
             space = TextureSpace(texture.atlas)
             if first is None:
                 first = _spots(texture.atlas, settings)
-            values = _on_surface(space, first)
+            values = painted_values(space, first)
         with phase(0.05, 0.97, "Growing a pattern"):
             if settings.steps:
                 if given is not None:
                     space = space.diffusing(_tensors(mesh, given, settings.stretch))
                 if factors is not None:
-                    space = _varied(space, _on_surface(space, factors[..., None])[:, 0])
+                    space = _varied(space, painted_values(space, factors[..., None])[:, 0])
                 _grow(space, values, settings)
         with phase(0.97, 1.0, "Filling the gutter"):
-            sheet = np.zeros((*space.labels.shape, 2), dtype=np.float32)
-            sheet_values(space, values, sheet)
-            image = written(texture, sheet, DilateSettings(gutter=settings.gutter), None)
-            return np.clip(image, 0.0, 1.0)
+            return np.clip(drawn(texture, space, values, settings.gutter), 0.0, 1.0)
 
 
 class _Diffusion:
@@ -231,13 +227,6 @@ def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
         us[i], vs[i] = u + more_u, v + more_v
 
 
-def _on_surface(space: TextureSpace, image: _Single) -> _Single:
-    atlas = space.atlas
-    sheet = atlas.gather(image)
-    known = fill_ghosts(atlas.sheet, atlas.sources, sheet)
-    return surface_values(space, sheet, corner_values(space, sheet, known))
-
-
 def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     # At random places of the surface, however it is cut.
     mesh = atlas.mesh
@@ -265,14 +254,9 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
 
 def _tensors(mesh: TriangleMesh, directions: Floats, stretch: float) -> Floats:
     # Diffusion by the stretch along, and as much less across.
-    a, b, c = face_tensors(mesh, directions).T
-    apart, trace = np.hypot(a - c, 2.0 * b), a + c
-    clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
-    most, least = stretch**clear, stretch**-clear
-    mean, half = 0.5 * (most + least), 0.5 * (most - least)
-    turn = np.maximum(apart, 1e-300)
-    cosine, sine = (a - c) / turn, 2.0 * b / turn
-    return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
+    tensors = face_tensors(mesh, directions)
+    clear = clearness(tensors)
+    return stretched(tensors, stretch**clear, stretch**-clear)
 
 
 def _varied(space: TextureSpace, factors: _Single) -> TextureSpace:

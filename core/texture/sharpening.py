@@ -9,22 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..atlas.advect import advect_texels
 from ..atlas.ghosts import fill_ghosts
-from ..atlas.potential import texel_potential
 from ..atlas.seams import settle_seams
-from ..atlas.walk import shock_flow
 from ..base.checks import LARGEST, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
+from ..color.domain import flow_for_time
 from ..color.guides import checked_guide
 from ..errors import InvalidSignal
 from ..grid.channels import channel_groups, opacity_channel
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, TextureSettings, given_or_default
+from .sheet_domain import SheetDomain
 from .texels import (
     Texture,
     checked_atlas,
+    checked_content,
     gathered,
     least_step,
     mix_texels,
@@ -115,7 +115,11 @@ def sharpen_texture(
     settings = given_or_default(settings, TextureSettings)
     pixels = given.reshape(*given.shape[:2], -1)
     weights = checked_weights(mask, given)
-    alpha, normals = _checked_content(settings, pixels)
+    alpha, normals = checked_content(pixels, settings)
+    if normals and settings.channels != "coupled":
+        raise InvalidSignal(
+            f"A texture of normals needs channels 'coupled'; these are {settings.channels!r}."
+        )
     lead = checked_guide(None if guide is None else checked_image(guide, LARGEST), given, settings)
     with reporting(progress):
         with phase(0.0, 0.3, "Finding texels"):
@@ -228,15 +232,9 @@ def _sharpened(
             if settings.by_width:
                 sharpen_texels_by_width(atlas, values, channels, settings, result, normals=normals)
                 continue
-            with phase(0.0, 0.4, "Computing the flow"):
-                potential = texel_potential(
-                    atlas, values, channels, settings.smoothing_passes, normals=normals
-                )
-            with phase(0.4, 1.0, "Tracing flow-lines"):
-                flow = shock_flow(atlas, potential)
-                advect_texels(atlas, values, channels, flow, settings.time, result,
-                              nearest=settings.sampling == "nearest",
-                              normals=normals)  # fmt: skip
+            domain = SheetDomain(atlas, channels, settings.sampling == "nearest", normals)
+            passes = settings.smoothing_passes
+            flow_for_time(domain, values, domain, values, passes, settings.time, result)
     mix_texels(atlas, values, settings.amount, weights, result)
     return result
 
@@ -261,22 +259,8 @@ def _following(
             atlas, leading, guides, values, channels, settings, result, normals=normals
         )
     else:
-        with phase(0.0, 0.4, "Computing the flow"):
-            potential = texel_potential(atlas, leading, guides, settings.smoothing_passes)
-        with phase(0.4, 1.0, "Tracing flow-lines"):
-            flow = shock_flow(atlas, potential)
-            advect_texels(atlas, values, channels, flow, settings.time, result,
-                          nearest=settings.sampling == "nearest", normals=normals)  # fmt: skip
+        domain = SheetDomain(atlas, channels, settings.sampling == "nearest", normals)
+        guiding, passes = SheetDomain(atlas, guides), settings.smoothing_passes
+        flow_for_time(domain, values, guiding, leading, passes, settings.time, result)
     mix_texels(atlas, values, settings.amount, weights, result)
     return result
-
-
-def _checked_content(settings: TextureSettings, pixels: npt.NDArray) -> tuple[int, bool]:
-    channels = pixels.shape[2]
-    normals = settings.content == "normals"
-    if normals and (channels not in (3, 4) or settings.channels != "coupled"):
-        raise InvalidSignal(
-            f"A texture of normals needs three channels, or four with opacity, and channels"
-            f" 'coupled'; this one has {channels}, and channels {settings.channels!r}."
-        )
-    return opacity_channel(channels, settings.alpha), normals

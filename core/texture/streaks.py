@@ -7,17 +7,16 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import Floats, as_array, checked_size, checked_word
+from ..base.checks import Floats, checked_size
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
-from ..elements.surface_values import sheet_values
-from ..errors import InvalidSignal
-from ..mesh.directions import PLACES, at_corners, face_tensors, principal_directions
+from ..mesh.directions import face_tensors, principal_directions
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings, StreakSettings, given_or_default
-from .texels import Texture, checked_atlas, written
+from ..settings import StreakSettings, given_or_default
+from .along_directions import checked_directions, clearness, stretched
+from .texels import Texture, checked_atlas, drawn
 
 _Single = npt.NDArray[np.float32]
 
@@ -118,9 +117,7 @@ def surface_line_convolution(
         with phase(0.75, 0.9, "Drawing streaks"):
             _even_out(space, settings, values)
         with phase(0.9, 1.0, "Filling the gutter"):
-            sheet = np.zeros((*space.labels.shape, 1), dtype=np.float32)
-            sheet_values(space, values, sheet)
-            image = written(texture, sheet, DilateSettings(gutter=settings.gutter), None)
+            image = drawn(texture, space, values, settings.gutter)
             return np.clip(image[..., 0], 0.0, 1.0)
 
 
@@ -169,38 +166,14 @@ def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) ->
 def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings) -> Floats:
     # Those of diffusion: in each direction the square of how far it goes, against the length.
     directions = principal_directions(mesh)[mesh.faces] if given is None else given
-    a, b, c = face_tensors(mesh, directions).T
-    trace, apart = a + c, np.hypot(a - c, 2.0 * b)
-    clear = np.where(trace > 1e-12, apart / np.maximum(trace, 1e-12), 0.0)
+    tensors = face_tensors(mesh, directions)
+    clear = clearness(tensors)
     if given is None:
+        trace = tensors[:, 0] + tensors[:, 2]
         clear *= np.minimum(np.sqrt(trace) * 2.0, 1.0)
     across = max(settings.width / settings.length, _LEAST_WIDTH)
     # The same area is smoothed over everywhere, which keeps the noise as strong.
-    most, least = across ** (1.0 - clear), across ** (1.0 + clear)
-    turn = np.maximum(apart, 1e-300)
-    mean, half = 0.5 * (most + least), 0.5 * (most - least)
-    cosine, sine = (a - c) / turn, 2.0 * b / turn
-    return np.stack([mean + half * cosine, half * sine, mean - half * cosine], axis=1)
-
-
-def checked_directions(
-    mesh: TriangleMesh, directions: npt.ArrayLike | None, at: str | None
-) -> Floats | None:
-    """Return directions as unit vectors at the corners of faces; raises `InvalidSignal`."""
-    if directions is None:
-        if at is not None:
-            checked_word(at, "at", PLACES)
-        return None
-    given = as_array(directions, "directions")
-    at_corners(mesh, given, at, "directions have")
-    if given.dtype.kind not in "iuf" or not np.isfinite(given).all():
-        raise InvalidSignal("The directions hold NaN, infinity or no numbers; give vectors.")
-    vectors = given.astype(np.float64)
-    largest = np.abs(vectors).max(axis=1, keepdims=True)
-    vectors /= np.where(largest > 0, largest, 1.0)
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    vectors /= np.where(length > 0, length, 1.0)
-    return at_corners(mesh, vectors, at, "directions have")
+    return stretched(tensors, across ** (1.0 - clear), across ** (1.0 + clear))
 
 
 @kernel

@@ -19,10 +19,21 @@ from ..base.checks import BAND, SCALES, Floats
 from ..base.parallel import blocks, run
 from ..base.progress import aside, phase
 from ..color.signals import mix_rows
+from ..elements.matrices import TextureSpace
+from ..elements.surface_values import sheet_values
 from ..errors import InvalidSignal
+from ..grid.channels import opacity_channel
 from ..grid.pixels import copied
 from ..mesh.triangle_mesh import TriangleMesh
-from ..settings import DilateSettings, FilterSettings, StitchSettings
+from ..settings import (
+    BeltramiTextureSettings,
+    DilateSettings,
+    FilterSettings,
+    StitchSettings,
+    TextureSettings,
+)
+
+_WithContent = BeltramiTextureSettings | FilterSettings | StitchSettings | TextureSettings
 
 
 class Texture(NamedTuple):
@@ -72,10 +83,24 @@ def normals_of(
     return texture._replace(frames=frames, unit=True)
 
 
-def check_content(pixels: npt.NDArray, settings: FilterSettings | StitchSettings) -> None:
+def check_content(pixels: npt.NDArray, settings: _WithContent) -> None:
     """Raise `InvalidSignal` if an image cannot hold what the settings say."""
     if settings.content != "values":
         check_channels(pixels)
+
+
+def checked_content(
+    pixels: npt.NDArray, settings: BeltramiTextureSettings | TextureSettings
+) -> tuple[int, bool]:
+    """Tell the channel of opacity, and whether the others are tangent-space normals.
+
+    Raises
+    ------
+    InvalidSignal
+        If an image cannot hold what the settings say.
+    """
+    check_content(pixels, settings)
+    return opacity_channel(pixels.shape[2], settings.alpha), settings.content == "normals"
 
 
 def check_channels(pixels: npt.NDArray) -> None:
@@ -190,6 +215,13 @@ def written(
         output = Output(texture, settings)
     with phase(0.6, 1.0, "Filling the gutter"):
         return output.written(values, keep)
+
+
+def drawn(texture: Texture, space: TextureSpace, values: npt.NDArray, gutter: int) -> npt.NDArray:
+    """Return an image of a function on the surface: (n, c) -> (h, w, c) float32."""
+    sheet = np.zeros((*space.labels.shape, values.shape[1]), dtype=np.float32)
+    sheet_values(space, values, sheet)
+    return written(texture, sheet, DilateSettings(gutter=gutter), None)
 
 
 def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:

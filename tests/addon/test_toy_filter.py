@@ -60,11 +60,11 @@ def invert_texture(mesh, uv, image, settings=None, progress=None, atlas=None):
 
 FILTERS = """
 FILTERS += (
-    Filter("invert_vertex_signal", "filters.inverting", _settings.InvertSettings, COLORS,
+    Filter("invert_vertex_signal", "color.inverting", _settings.InvertSettings, COLORS,
            "invert-colors", "invert the vertex colors of meshes", corners="invert_corner_signal"),
-    Filter("invert_image", "filters.inverting", _settings.InvertSettings, IMAGE,
+    Filter("invert_image", "color.inverting", _settings.InvertSettings, IMAGE,
            "invert-image", "invert images"),
-    Filter("invert_texture", "filters.inverting", _settings.InvertSettings, TEXTURE,
+    Filter("invert_texture", "color.inverting", _settings.InvertSettings, TEXTURE,
            "invert-texture", "invert textures", takes_mask=False),
 )
 """
@@ -92,7 +92,7 @@ def tree(tmp_path_factory):
         shutil.copy(ROOT / name, root)
     for name in ("core", "shock_addon"):
         shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
-    (root / "core" / "filters" / "inverting.py").write_text(MODULE)
+    (root / "core" / "color" / "inverting.py").write_text(MODULE)
     for path, words in (
         ("core/settings.py", SETTINGS),
         ("core/registry.py", FILTERS),

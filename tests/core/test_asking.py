@@ -22,7 +22,16 @@ CHUNK = 64
 MOST = 4 * CHUNK
 """Indices that a kernel may run over between two questions."""
 
-SHORT = {"_bound", "_sum_edges", "_apply", "_direct", "_reduce", "_dot", "_turn_way", "_go"}
+SHORT = {
+    "_bound",
+    "_sum_edges",
+    "_apply",
+    "_update_direction",
+    "_reduce",
+    "_dot",
+    "_next_direction",
+    "_go",
+}
 """Kernels of sums, whose chunks have a size of their own: as large as the largest of others."""
 
 

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -192,9 +191,7 @@ def test_help_is_quick_and_loads_no_numerics():
         "except SystemExit: pass\n"
         "print({'numpy', 'numba', 'scipy', 'trimesh', 'PIL', 'dask'} & set(sys.modules))"
     )
-    start = time.perf_counter()
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert time.perf_counter() - start < 2  # 0.05 s on an idle machine
     assert run.stdout.splitlines()[-1] == "set()", run.stderr
     assert "exit codes" in run.stdout
 

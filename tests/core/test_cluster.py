@@ -15,6 +15,7 @@ import urllib.request
 from collections import Counter
 from pathlib import Path
 
+import dask
 import numpy as np
 import psutil
 import pytest
@@ -31,6 +32,8 @@ HERE = Path(__file__).parent
 PRELOAD = str(HERE / "cluster_worker.py")
 FEW_TRIES = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # as each takes a second
 OUT = r"\bout\S*"
+PATIENCE = 30.0
+"""Seconds in which a command without a scheduler must end; alone it takes 4."""
 
 
 def environment():
@@ -301,7 +304,8 @@ def test_no_scheduler_is_said_within_seconds(folder, capsys, monkeypatch, listen
         address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
         start = time.monotonic()
         assert sharpen("in/a.png", "out/", "--cluster", address) == 1
-        assert time.monotonic() - start < 5
+        assert time.monotonic() - start < PATIENCE
+    assert dask.config.get("scheduler", None) is None  # of the process, for all that comes later
     (line,) = failures(capsys)
     assert line.startswith(f"Failed: There is no Dask scheduler at {address}")
     assert line.endswith("start one with dask scheduler, or use --cluster local.")
@@ -384,7 +388,7 @@ def test_a_scheduler_that_is_gone_is_said(folder, capsys):
         killing.start()
         start_time = time.monotonic()
         assert sharpen("in/a.png", "out/", "--cluster", address) == 1
-        assert time.monotonic() - start_time < 5
+        assert time.monotonic() - start_time < PATIENCE
         killing.join()
     finally:
         stop(worker)

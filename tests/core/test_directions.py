@@ -7,7 +7,7 @@ from shapes import grid, icosphere, rotation
 from shock_filter import core
 from shock_filter.core.advection.surface import checked_vectors
 from shock_filter.core.mesh.directions import at_corners, face_tensors
-from shock_filter.core.texture.streaks import checked_directions
+from shock_filter.core.texture.along_directions import checked_directions
 
 
 def bent_sheet(n=16, radius=10.0, saddle=False):

@@ -196,6 +196,23 @@ def test_edges_and_borders_are_lines():
     assert np.abs(distance - expected)[inside].max() < 0.02
 
 
+def test_along_a_line_that_leans_a_little_the_front_is_straight():
+    # Lines are cut from texel to texel: beside each joint, a texel's nearest point lies on one part
+    # and hardly beyond the end of the other, from which the front would be round.
+    leaning = 1e-3
+    for sign in (-1, 1):
+        for high in (8.1, 15.9):
+            ends = high - sign * 12 * leaning, high + sign * 12 * leaning
+            vertices = np.array([[0, 0], [24, 0], [24, ends[1]], [24, 24], [0, 24], [0, ends[0]]])
+            faces = np.array([[0, 1, 2], [0, 2, 5], [5, 2, 3], [5, 3, 4]])
+            mesh = core.TriangleMesh(np.pad(vertices, ((0, 0), (0, 1))), faces)
+            uv = vertices[faces] / 24
+            found = core.geodesic_distance(mesh, uv, (24, 24), edges=[[5, 2]])
+            y, x = np.mgrid[:24, :24] + 0.5
+            expected = np.abs(y - high - sign * leaning * (x - 12)) / np.hypot(1, leaning)
+            assert np.abs(found - expected)[:, 1:-1].max() < 1e-3
+
+
 def test_seams_are_the_borders_of_charts():
     mesh, uv, size = square(64)
     atlas = core.TextureAtlas(mesh, uv, size, size)

@@ -12,6 +12,7 @@ from shapes import icosphere
 from shock_filter import core
 from shock_filter.core.base import parallel
 from shock_filter.core.elements.matrices import TextureSpace
+from shock_filter.core.elements.surface_values import painted_values
 from shock_filter.core.texture import patterns as rd
 from surface_spaces import in_full, square
 from test_geodesic_distance import plain
@@ -41,7 +42,7 @@ def test_a_step_is_that_of_a_direct_solve(layout, scale):
     image = core.reaction_diffusion(mesh, uv, (size, size), settings, start, atlas=atlas)
     stiffness, used = in_full(space, 0.0)
     masses = in_full(space, 1.0)[0].sum(axis=1).A1
-    before = rd._on_surface(space, start.astype(np.float32))[used]
+    before = painted_values(space, start.astype(np.float32))[used]
     wanted = react(before, settings.feed, settings.kill)
     for k, diffusion in enumerate(rd._DIFFUSION):
         matrix = scipy.sparse.diags(masses) + diffusion * (scale / rd._SCALE) ** 2 * stiffness
@@ -149,7 +150,7 @@ def test_values_stay_in_their_range(layout):
     mesh, uv, size = square(48, charts, angle, change)
     space = TextureSpace(core.TextureAtlas(mesh, uv, size, size))
     settings = core.ReactionSettings(steps=150, scale=10)
-    values = rd._on_surface(space, rd._spots(space.atlas, settings))
+    values = painted_values(space, rd._spots(space.atlas, settings))
     rd._grow(space, values, settings)
     assert values[:, 1].max() > 0.2
     assert values.min() > -1e-3 and values.max() < 1 + 1e-3

@@ -110,9 +110,9 @@ def invert_vertex_signal(mesh, signal, settings=None, mask=None, progress=None):
     return settings.white - signal
 """
 NEW_ROWS = """
-    Filter("invert_image", "filters.invert", _settings.InvertSettings, IMAGE, "invert-image",
+    Filter("invert_image", "color.invert", _settings.InvertSettings, IMAGE, "invert-image",
            "turn images to their negatives"),
-    Filter("invert_vertex_signal", "filters.invert", _settings.InvertSettings, COLORS,
+    Filter("invert_vertex_signal", "color.invert", _settings.InvertSettings, COLORS,
            "invert-colors", "turn colors to their negatives"),
 """
 
@@ -124,7 +124,7 @@ def test_a_new_filter_is_settings_a_module_and_a_row(tmp_path):
         shutil.copy(ROOT / name, package)
     with (package / "core" / "settings.py").open("a") as file:
         file.write(NEW_SETTINGS)
-    (package / "core" / "filters" / "invert.py").write_text(NEW_MODULE)
+    (package / "core" / "color" / "invert.py").write_text(NEW_MODULE)
     table = package / "core" / "registry.py"
     before, start, after = table.read_text().partition("FILTERS: tuple[Filter, ...] = (")
     table.write_text(before + start + NEW_ROWS + after)

@@ -194,6 +194,14 @@ def test_shades_and_noise_go_on_across_changes_of_density(density, cells):
     assert squares.closed(apart + rng.normal(size=gray.shape) * 0.08).all()
 
 
+def test_where_noise_is_a_step_by_chance_nothing_closes():
+    # In some of these, the noise of a few texels alone would pass for a step.
+    squares = Squares()
+    for seed in range(40):
+        noise = 0.08 * np.random.default_rng(seed).normal(size=(SIZE, SIZE, 3))
+        assert not squares.closed(squares.draw(plain(GRAY), plain(GRAY)) + noise).any()
+
+
 def test_small_steps_count_if_they_can_be_seen():
     squares = Squares()
     steps = {0.005: False, 0.05: True}

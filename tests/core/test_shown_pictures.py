@@ -350,12 +350,12 @@ def test_nothing_but_notes_is_printed():
 def test_a_picture_that_others_see_otherwise_replaces_nothing(target, monkeypatch):
     np.save("in.npy", COLORS)
     Path(target).write_bytes(b"kept")
-    row = images._FORMATS[Path(target).suffix]
+    row = images.FORMATS[Path(target).suffix]
 
     def write(path, image_file, pixels):
         return row.write(path, image_file, pixels // 4)
 
-    monkeypatch.setitem(images._FORMATS, Path(target).suffix, row._replace(write=write))
+    monkeypatch.setitem(images.FORMATS, Path(target).suffix, row._replace(write=write))
     monkeypatch.setattr(images, "_read_back", lambda path, pixels: None)
     with pytest.raises(core.ShockError, match=f"{target}: its mean brightness is"):
         sharpen_image_file("in.npy", target, core.ImageSettings(time=1), overwrite=True)

@@ -153,7 +153,7 @@ IMAGES = {
     ending: np.full((4, 4, 3), 0.5, np.float32)
     if ending == ".exr"
     else np.full((4, 4, 3), 128, np.uint8)
-    for ending in images._FORMATS
+    for ending in images.FORMATS
 }
 
 
@@ -528,7 +528,7 @@ def test_where_records_cannot_be_kept_nothing_is_written(folder, kind, capsys):
 
 def test_what_another_run_makes_meanwhile_is_no_failure(folder, capsys, monkeypatch):
     pictures(1)
-    row, is_first = images._FORMATS[".png"], [True]
+    row, is_first = images.FORMATS[".png"], [True]
 
     def meanwhile(*words):
         if is_first:
@@ -536,7 +536,7 @@ def test_what_another_run_makes_meanwhile_is_no_failure(folder, capsys, monkeypa
             assert cli.main(PICTURES) == 0
         return row.write(*words)
 
-    monkeypatch.setitem(images._FORMATS, ".png", row._replace(write=meanwhile))
+    monkeypatch.setitem(images.FORMATS, ".png", row._replace(write=meanwhile))
     assert cli.main(PICTURES) == 0
     shown = capsys.readouterr()
     assert "made by another run meanwhile" in shown.out

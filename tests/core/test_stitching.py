@@ -128,6 +128,27 @@ def test_what_nobody_knows_is_filled_smoothly():
     assert np.abs(np.diff(row, 2)).max() < 0.2 * np.ptp(row)
 
 
+def test_a_change_fades_across_faces_without_texels():
+    # Between two squares lies a strip that has no area in the texture. What takes away the step
+    # within the first square fades on the strip as it does elsewhere, and so reaches the second.
+    n, gap, radius = 24, 12.0, 12.0
+    vertices, faces = grid(3, 1)
+    column = vertices[:, 0].astype(int)
+    uv = np.stack([np.array([0.0, 0.5, 0.5, 1.0])[column], vertices[:, 1]], axis=-1)[faces]
+    x = np.array([0.0, n, n + gap, 2 * n + gap])
+    mesh = core.TriangleMesh(np.stack([x[column], n * vertices[:, 1], 0 * column], axis=-1), faces)
+    bright = np.tile(np.arange(2 * n) >= n // 2, (n, 1))
+    image = np.where(bright, 0.7, 0.3)
+    settings = core.StitchSettings(radius=radius)
+    result = core.stitch_textures(mesh, uv, image, settings, labels=bright.astype(int))
+    place = np.arange(2 * n) + 0.5 + np.where(np.arange(2 * n) >= n, gap, 0.0)
+    shape = np.cosh((x[-1] - place) / radius)  # u'' = u / radius^2, and u' = 0 at the end
+    change = (result - image).mean(axis=0)
+    ratio = change / change[n - 1] / (shape / shape[n - 1])
+    assert np.abs(ratio[n // 2 + 2 :] - 1).max() < 0.05
+    assert np.abs(change[-1]) > 0.005
+
+
 def test_opacity_says_what_is_known():
     mesh, uv = plain()
     image = np.tile(np.linspace(0.1, 0.5, 32), (32, 1))

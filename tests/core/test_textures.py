@@ -179,8 +179,33 @@ def test_a_surface_whose_faces_all_lie_apart_has_no_seams():
     assert seam_jump(mesh, uv, flat) > 0.03
 
 
+def test_whole_numbers_meet_better_at_seams_than_rounded_fractions():
+    # Where a texture is nearly even, texels around charts may leave its range by one whole number.
+    mesh = core.TriangleMesh(*icosphere(2, radius=8.0))
+    uv, size = apart(mesh, texels_per_length=6.0)
+    atlas = core.TextureAtlas(mesh, uv, size, size)
+    at = 0.3 * atlas.bake(mesh.vertices[mesh.faces])
+    waves = np.sin(at[..., :1] + 0.5) * np.sin(at[..., 1:2] + 1.0) * [1.6, 4.0, 8.0]
+    image = np.rint(np.where(atlas.inside[..., None], 128 + waves, 0))
+    settings = core.DilateSettings(seams="continue")
+    whole, exact = (
+        core.dilate_texture(mesh, uv, given, settings, atlas=atlas).astype(np.float64)
+        for given in (image.astype(np.uint8), image / 255)
+    )
+    rounded = np.rint(255 * exact)
+    assert 0 < np.abs(whole - rounded).max() <= 1
+    jumps = [rms(np.subtract(*both_sides(mesh, uv, each))) for each in (whole, rounded)]
+    assert jumps[0] < 0.98 * jumps[1]
+
+
 def seam_jump(mesh, uv, image):
     """Mean difference of linear samples on both sides of all inner edges."""
+    one, other = both_sides(mesh, uv, image)
+    return np.abs(one - other).mean()
+
+
+def both_sides(mesh, uv, image):
+    """Linear samples along all inner edges, as the faces on their two sides show them."""
     half = np.flatnonzero(mesh.twins.ravel() > np.arange(3 * mesh.face_count))
     twin = mesh.twins.ravel()[half]
     share = np.linspace(0.05, 0.95, 9)[:, None, None]
@@ -188,7 +213,7 @@ def seam_jump(mesh, uv, image):
     for edge, t in ((half, share), (twin, 1 - share)):
         a, b = uv[edge // 3, edge % 3], uv[edge // 3, (edge % 3 + 1) % 3]
         sides.append(sample(image, a + t * (b - a)))
-    return np.abs(sides[0] - sides[1]).mean()
+    return sides
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])

@@ -38,8 +38,8 @@ IMPORT_DATA = """
 import importlib, pkgutil, sys
 for name in ("numba", "scipy"):
     sys.modules[name] = None
-from shock_filter.core.host import (arrows, crop, dials, edge_marks, inputs, mosaic, patch,
-                                    recolored, screen_colors)
+from shock_filter.core.host import edge_marks, inputs, mosaic, recolored
+from shock_filter.core.preview import arrows, crop, dials, patch, screen_colors
 """
 
 

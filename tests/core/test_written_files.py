@@ -79,7 +79,7 @@ def test_damaged_chunks_of_a_png_are_left_behind():
 def test_an_image_that_cannot_be_read_back_replaces_nothing(name, fault, monkeypatch):
     write(name, picture(3, "float32" if name == "in.exr" else "uint8"))
     before = Path(name).read_bytes()
-    kind = images._FORMATS[Path(name).suffix]
+    kind = images.FORMATS[Path(name).suffix]
 
     def spoil(path, image_file, pixels):
         other = pixels[:, :-1] if name == "in.jpg" else pixels[::-1]
@@ -88,8 +88,7 @@ def test_an_image_that_cannot_be_read_back_replaces_nothing(name, fault, monkeyp
             path.write_bytes(path.read_bytes()[:-200])
         return notes
 
-    spoiled = images._FORMATS | {Path(name).suffix: kind._replace(write=spoil)}
-    monkeypatch.setattr(images, "_FORMATS", spoiled)
+    monkeypatch.setitem(images.FORMATS, Path(name).suffix, kind._replace(write=spoil))
     with pytest.raises(core.ShockError, match=f"{name} was not written: .* read back"):
         sharpen_image_file(name, name, STRONG, overwrite=True)
     assert Path(name).read_bytes() == before
@@ -386,8 +385,8 @@ def test_too_little_memory_is_not_called_damage(monkeypatch):
     def run_short(path):
         raise MemoryError
 
-    kind = images._FORMATS[".png"]._replace(read=run_short)
-    monkeypatch.setattr(images, "_FORMATS", images._FORMATS | {".png": kind})
+    kind = images.FORMATS[".png"]._replace(read=run_short)
+    monkeypatch.setitem(images.FORMATS, ".png", kind)
     with pytest.raises(core.ShockError, match=r"in\.png needs more memory than there is") as caught:
         sharpen_image_file("in.png", "out.png", STRONG)
     assert "damaged" not in str(caught.value)

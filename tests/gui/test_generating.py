@@ -3,7 +3,6 @@
 
 import pytest
 
-SLOWEST = 15.0  # seconds; on two quiet cores about one
 TARGETS = ["distance", "streaks", "pattern"]
 
 
@@ -25,7 +24,6 @@ def test_the_model_shows_what_is_tried_and_follows_the_mouse(report, target, cap
         print(f"\n{target}, dragged: {seen['seconds']:.2f} s")
     assert seen["drawn"] > 5000
     assert seen["dragged"] > 500
-    assert seen["seconds"] < SLOWEST
 
 
 @pytest.mark.parametrize("target", TARGETS)

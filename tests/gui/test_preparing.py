@@ -21,7 +21,6 @@ OPERATORS = [
     "generate_streaks",
     "generate_pattern",
 ]
-LONGEST_PRESS = 3.0  # on two quiet cores at most 0.3
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +65,6 @@ def test_the_first_press_compiles_nothing(report, operator, capsys):
         print(f"\nfirst {operator}: {seen['seconds']:.2f} s")
     assert seen["result"] == ["FINISHED"]
     assert seen["compiled"] == 0
-    assert seen["seconds"] < LONGEST_PRESS
 
 
 def test_once_prepared_it_is_so_in_the_next_session(play, capsys):
@@ -78,4 +76,3 @@ def test_once_prepared_it_is_so_in_the_next_session(play, capsys):
         with capsys.disabled():
             print(f"\n{operator} in the next session: {report[operator]['seconds']:.2f} s")
         assert report[operator]["compiled"] == 0
-        assert report[operator]["seconds"] < LONGEST_PRESS

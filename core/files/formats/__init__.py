@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Formats of files, in a room for each kind of data. May use what all of `core.files` stands on."""
+"""File formats, one room per kind of data. May use the modules that all of `core.files` uses."""

@@ -15,7 +15,7 @@ from ..arrays import check_same
 from ..skipped import Skipped
 from . import meshes, shading, shape_keys
 from .masks import color_mask
-from .targets import MeshTarget
+from .targets import MeshTarget, find
 
 if TYPE_CHECKING:
     from ....core.host.geometry import Reshaped
@@ -97,7 +97,7 @@ def write_geometry(
     Skipped
         If the object was removed or its shape has changed since it was read.
     """
-    obj = meshes.find(target)
+    obj = find(target)
     place, old, mask = target.place, target.surface.positions, target.surface.mask
     check_same(_source(obj, place), old)
     if place.output == "SHAPE_KEY":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Formats of arrays: NetCDF, HDF5, Zarr, and what their metadata may hold.
+"""Formats of arrays: NetCDF, HDF5, Zarr, and checks of their metadata.
 
-May use `core.files.reading`.
+May use only `core.files.reading` of `core.files`.
 """

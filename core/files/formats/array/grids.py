@@ -22,10 +22,10 @@ _PAIRS = (
     ("u", "v"), ("U", "V"), ("u10", "v10"), ("uo", "vo"), ("ugos", "vgos"), ("uas", "vas"),
     ("ua", "va"), ("water_u", "water_v"), ("vx", "vy"), ("velocity_x", "velocity_y"),
 )  # fmt: skip
-"""Names of both components, those first that count most."""
+"""Names of both components, in the order of preference."""
 
 _TURNS = (("eastward", "northward"), ("x_", "y_"))
-"""What differs between both components' standard names."""
+"""Words in which both components' standard names differ."""
 
 _AXES = {
     "x": ({"longitude", "projection_x_coordinate", "grid_longitude"}, {"lon", "longitude", "x"}),
@@ -34,13 +34,13 @@ _AXES = {
 }
 """Standard names and names of coordinates."""
 
-_EVEN = 0.01  # of a step of time
+_EVEN = 0.01  # largest deviation from even times, in steps
 
 
 def read_grid(
     path: Path, variables: Sequence[str] | None, select: Mapping[str, int], any_size: bool
 ) -> tuple[npt.NDArray[np.float32], tuple[str, ...]]:
-    """Read (h, w, 2) or (k, h, w, 2) velocities, from the top down, and notes on them."""
+    """Read (h, w, 2) or (k, h, w, 2) velocities, rows from the top down, and notes on them."""
     xarray = needed("xarray", path, "fields")
     with reading(path, any_size), _opened(xarray, path) as (data, stored):
         names = _names(path, data, variables)
@@ -69,16 +69,16 @@ def read_grid(
 
 @contextmanager
 def _opened(xarray: Any, path: Path) -> Iterator[tuple[Any, int | None]]:
-    """Open a file after looking at what that would do, and say how many bytes a folder holds.
+    """Open a file after checking what that would read, and count the bytes of a folder.
 
-    xarray gets a store or an absolute path, as it takes some names for addresses on the network.
+    xarray gets a store or an absolute path, as it takes some names for network addresses.
     """
     words: dict[str, Any]
     if path.suffix.lower() == ".zarr":
         zarr = needed("zarr", path, "fields")
         stored = check_zarr(path)
         source = zarr.storage.LocalStore(path.absolute(), read_only=True)
-        # What a folder's consolidated metadata say may differ from what its arrays say.
+        # A folder's consolidated metadata may differ from those of its arrays.
         words = {"engine": "zarr", "consolidated": False}
     else:
         check_source(path, GRIDS)
@@ -91,7 +91,7 @@ def _opened(xarray: Any, path: Path) -> Iterator[tuple[Any, int | None]]:
 
 
 def _claimed_at_once(netcdf: Any, path: Path) -> float:
-    """Count the bytes of coordinates, named as their only dimension: opening reads them."""
+    """Count the bytes of coordinates, named like their only dimension, which opening reads."""
     with netcdf.Dataset(str(path.absolute())) as data:
         return sum(
             float(np.dtype(variable.dtype).itemsize) * variable.size
@@ -109,13 +109,13 @@ def _check_numbers(path: Path, pair: Sequence[Any]) -> None:
 
 
 def _loaded(parts: Sequence[Any]) -> npt.NDArray[np.float32]:
-    """Read both components, a moment at a time, so that memory holds no more than the result."""
+    """Read both components, one time at a time, so that memory holds only the result."""
     first, _ = parts
     velocity = np.empty((*first.shape, 2), np.float32)
     for component, values in enumerate(parts):
         moments = range(len(values)) if values.ndim == 3 else [slice(None)]
         for moment in moments:
-            with np.errstate(over="ignore"):  # infinity is refused with a sentence, later
+            with np.errstate(over="ignore"):  # infinity is refused later, in a sentence
                 velocity[moment, ..., component] = values[moment].values
     return velocity
 
@@ -164,10 +164,10 @@ def _chosen(path: Path, values: Any, select: Mapping[str, int]) -> dict[str, int
 
 
 def _order(path: Path, values: Any) -> list[str]:
-    """Order the dimensions that count: time if there are several moments, rows, columns."""
+    """Order the dimensions in use: time if there are several, rows, columns."""
     axes = {name: _axis(values, name) for name in values.dims}
     plane = [next((name for name, axis in axes.items() if axis == wanted), None) for wanted in "yx"]
-    if None in plane:  # curved grids, and those without coordinates
+    if None in plane:  # curvilinear grids, and those without coordinates
         others = [name for name, axis in axes.items() if axis != "t"]
         if len(others) < 2:
             raise ShockError(f"{path}: velocities are given at {_told(values)}; they need a plane.")
@@ -184,19 +184,19 @@ def _order(path: Path, values: Any) -> list[str]:
 
 
 def _axis(values: Any, name: str) -> str:
-    """Tell whether a dimension is x, y or t, from its coordinate or else from its name."""
-    about = values.coords[name].attrs if name in values.coords else {}
-    stated = str(about.get("axis", "")).lower()
+    """Tell whether a dimension is x, y or t, from its coordinate or otherwise from its name."""
+    attributes = values.coords[name].attrs if name in values.coords else {}
+    stated = str(attributes.get("axis", "")).lower()
     if stated in _AXES:
         return stated
     for axis, (standard, plain) in _AXES.items():
-        if about.get("standard_name") in standard or str(name).lower() in plain:
+        if attributes.get("standard_name") in standard or str(name).lower() in plain:
             return axis
-    return "t" if " since " in str(about.get("units", "")) else ""
+    return "t" if " since " in str(attributes.get("units", "")) else ""
 
 
 def _places(values: Any, name: str) -> npt.NDArray[np.float64]:
-    """Return where a dimension's samples lie; counted if nothing says so."""
+    """Return the coordinates of a dimension's samples; their numbers if there are none."""
     if name in values.coords and values.coords[name].dtype.kind in "fiu":
         places = values.coords[name].values.astype(np.float64)
         if np.isfinite(places).all():
@@ -205,14 +205,14 @@ def _places(values: Any, name: str) -> npt.NDArray[np.float64]:
 
 
 def _sorted(velocity: npt.NDArray, axis: int, places: npt.NDArray) -> npt.NDArray:
-    """Order rows from the top down, which is from the largest coordinate, columns from the left."""
+    """Order rows from the top down, by descending coordinate, and columns from the left."""
     falls = len(places) > 1 and places[-1] < places[0]
     wanted = axis == -3
     return velocity if falls == wanted else np.flip(velocity, axis)
 
 
 def _evenly(velocity: npt.NDArray, times: npt.NDArray) -> tuple[npt.NDArray, list[str]]:
-    """Bring key frames to moments that lie evenly in time."""
+    """Interpolate key frames to even times."""
     steps = np.diff(times)
     if not ((steps > 0).all() or (steps < 0).all()):
         return velocity, ["its times do not rise: taken as even"]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What HDF5 files, NetCDF-4 among them, take from other files: links, raw data, virtual datasets.
+"""References of HDF5 files (also NetCDF-4) to other files: links, raw data, virtual datasets.
 
-The library follows these wherever they lead. A file from a stranger could show any file of its
-reader as numbers, so they may lead to the file's own folder only.
+The library follows these anywhere. A stranger's file could present any file of its reader as
+numbers, so references may only lead to the file's own folder.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _UNPACK = {1, 4, 307, 32000, 32001, 32004, 32015, 32026}
 
 
 def check_hdf5(path: Path) -> None:
-    """Refuse an HDF5 file that takes something from outside its folder; others pass.
+    """Refuse an HDF5 file that reads anything outside its folder; accept other files.
 
     Raises
     ------
     ShockError
-        Naming what it would read, or if its chunks are packed several times over.
+        If it does, naming the file, or if its chunks are compressed several times over.
     """
     h5py = needed("h5py", path, "fields")
     waiting, seen = [path], set()
@@ -64,7 +64,7 @@ def _objects(opened: Any) -> Iterator[Any]:
 
 
 def _named_files(thing: Any) -> Iterator[str]:
-    """Walk over all that a group or dataset names of other files, without following it."""
+    """Yield the names of other files that a group or dataset holds, without following them."""
     import h5py
 
     if isinstance(thing, h5py.Dataset):
@@ -77,26 +77,26 @@ def _named_files(thing: Any) -> Iterator[str]:
 
 
 def _found_inside(path: Path, file: Path, name: str) -> list[Path]:
-    """Return the files that a name can mean; refuse those beyond the folder, there or not."""
+    """Return the files that a name can mean; refuse any outside the folder, existing or not."""
     if name in _SAME_FILE:
         return []
     inside = path.parent.resolve()
     beside = [folder / name for folder in (file.parent, file.resolve().parent)]
-    # Raw data are looked for from the working directory, the rest from there last.
+    # Raw data are searched from the working directory, other files from there last.
     here = Path.cwd() / name
     places = [*beside, here] if here.exists() else beside
-    # A "%" stands for numbers, which the library puts in.
+    # The library replaces "%" by numbers.
     if "%" in name or not all(place.resolve().is_relative_to(inside) for place in places):
         raise ShockError(
             f"{path} takes data from {name}, which is not in its folder; copy them into the"
             " file, for example with h5repack or nccopy."
         )
-    # Where there is no such file, one of that name in the folder is taken.
+    # If there is no such file, the library uses one of that name in the folder.
     return [*places, *(place.parent / Path(name).name for place in (file, file.resolve()))]
 
 
 def _check_packed(path: Path, dataset: Any) -> None:
-    """Refuse what is packed twice: a few bytes would then unpack to any size."""
+    """Refuse data compressed twice: a few bytes could then unpack to any size."""
     filters = dataset.id.get_create_plist()
     numbers = [filters.get_filter(index)[0] for index in range(filters.get_nfilters())]
     if sum(number in _UNPACK for number in numbers) > 1:

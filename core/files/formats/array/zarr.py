@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Zarr arrays, which are folders, as pictures of any size."""
+"""Zarr arrays, which are folders, as images of any size."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ _ABOUT = (*FILES, ".zattrs", ".zmetadata")
 
 @dataclass(frozen=True)
 class _Place:
-    """The folder that was opened, and where the picture is in it; empty for the folder itself."""
+    """The folder that was opened, and the picture's path in it; empty for the folder itself."""
 
     folder: Path
     name: str
 
 
 def open_zarr(path: Path, any_size: bool = False) -> ImageFile:
-    """Open a folder that is an array, or a group of one picture; the pixels are Zarr's array.
+    """Open a folder that is an array or a group with one picture; pixels stay a Zarr array.
 
     Raises
     ------
     ShockError
-        As `check_zarr`, and if a group has no picture or several.
+        As `check_zarr`, and if a group has no picture or several pictures.
     """
     with reading(path, any_size):
         check_zarr(path)
@@ -44,7 +44,7 @@ def open_zarr(path: Path, any_size: bool = False) -> ImageFile:
     with reading(path):
         found = zarr.open(zarr.storage.LocalStore(path.absolute(), read_only=True), mode="r")
         arrays = dict(found.arrays()) if isinstance(found, zarr.Group) else {"": found}
-    # Arrays of one axis are the coordinates of the picture's axes.
+    # Arrays of one axis are coordinates of the picture's axes.
     pictures = {name: array for name, array in arrays.items() if not name or array.ndim > 1}
     if len(pictures) != 1:
         raise ShockError(
@@ -65,10 +65,10 @@ def create_zarr(path: Path, shape: tuple[int, ...], kind: np.dtype, chunks: tupl
 def create_zarr_like(
     path: Path, source: ImageFile, shape: tuple[int, ...]
 ) -> tuple[Any, list[str]]:
-    """Make an empty array like the source's, with all that stands beside it.
+    """Make an empty array like the source's, with its metadata and the arrays beside it.
 
-    The metadata are those of the source, but for the shape: names of dimensions, fill value,
-    codecs, shards, attributes, and the group with its own. Coordinates are copied, unless the shape
+    The metadata equal those of the source, except for the shape: names of dimensions, fill value,
+    codecs, shards, attributes, and the group with its own. Coordinates are copied unless the shape
     differs.
 
     Returns
@@ -100,13 +100,13 @@ def create_zarr_like(
     notes = [f"{', '.join(left)} did not fit the new size: left behind"] if left else []
     with reading(place.folder):
         array = zarr.open_array(zarr.storage.LocalStore(path.absolute() / place.name), mode="r+")
-        # Not all codecs that can be read can be written; the store writes this pixel anew.
+        # Not all codecs that can be read can be written: try one pixel, overwritten later.
         array[(0,) * array.ndim] = 0 if array.fill_value else 1
     return array, notes
 
 
 def _resize(path: Path, name: str, shape: tuple[int, ...], left: list[str]) -> None:
-    """Write another shape into all metadata of an array, and take out those that were left."""
+    """Write another shape to all metadata of an array, and remove the metadata of `left`."""
     for file in ("zarr.json", ".zarray"):
         if (path / name / file).is_file():
             with _edited(path / name / file) as array:

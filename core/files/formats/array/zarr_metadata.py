@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the metadata of a Zarr folder ask for, looked at before any library acts on it.
+"""Checks of the metadata of a Zarr folder, before any library acts on them.
 
-Metadata name the codecs that decode chunks, and a library runs what is registered under a name.
-Some codecs run code that the chunk holds (``pickle``). So each codec and each type has to be on a
+Metadata name the codecs that decode chunks, and a library runs whatever is registered under a
+name. Some codecs run code from the chunk (``pickle``). So each codec and each type must be on a
 list.
 """
 
@@ -21,14 +21,14 @@ from ....errors import ShockError
 from ...reading import check_claim
 
 FILES = ("zarr.json", ".zarray", ".zgroup")
-"""Each node of a hierarchy has one of these."""
+"""Each node of a hierarchy has one of these files."""
 
 _CONSOLIDATED = ".zmetadata"
 _OF_ARRAYS = {
     "chunk_grid", "chunks", "codecs", "compressor", "data_type", "dtype", "filters", "shape",
 }  # fmt: skip
 _MOST_METADATA = 1 << 26
-"""Bytes of one metadata file; the largest stores have some megabytes."""
+"""Most bytes of one metadata file; the largest stores have a few megabytes."""
 
 _COMPRESSORS = {"blosc", "bz2", "gzip", "lz4", "lzma", "zlib", "zstd"}
 _FILTERS = {
@@ -39,7 +39,7 @@ _SERIALIZERS = {"bytes", "endian", "sharding_indexed", "transpose", "vlen-bytes"
 CODECS = frozenset(_COMPRESSORS | _FILTERS | _SERIALIZERS)
 _RUN_CODE = {"pickle"}
 
-# Types of format 2, and of format 3.
+# Types of format 2 and of format 3.
 _PLAIN_TYPE = re.compile(r"[<>|=]?(?:[biufc]\d{1,2}|[SUV]\d{1,9}|[mM]8(?:\[\d*\w+\])?)")
 _TYPES = re.compile(
     r"bool|u?int(?:8|16|32|64)|b?float(?:16|32|64)|complex(?:64|128)|r\d{1,9}|string|bytes|raw_bytes"
@@ -50,14 +50,14 @@ _TYPES = re.compile(
 
 @dataclass(frozen=True)
 class ArrayClaim:
-    """What the metadata say of an array's size.
+    """The size of an array, as claimed by its metadata.
 
     Attributes
     ----------
     name : str
-        Where it is in the hierarchy; empty for the folder itself.
+        Path in the hierarchy; empty for the folder itself.
     shape, chunk : tuple of int
-        Of the array, and of what is decoded at once.
+        Shapes of the array, and of the unit that is decoded at once.
     item : int
         Bytes of an element.
     """
@@ -69,12 +69,12 @@ class ArrayClaim:
 
     @property
     def size(self) -> float:
-        """Return the bytes of the whole array, or of a chunk that is larger."""
+        """Return the bytes of the whole array, or of a chunk if that is larger."""
         return float(max(math.prod(self.shape), math.prod(self.chunk))) * self.item
 
 
 def check_zarr(path: Path) -> int:
-    """Refuse a Zarr folder that runs code, leads elsewhere, or claims more than it can hold.
+    """Refuse a Zarr folder that runs code, leads elsewhere, or claims more data than it holds.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def check_zarr(path: Path) -> int:
     Raises
     ------
     ShockError
-        If it is no Zarr folder, its metadata cannot be read, a codec or a type is not on the list,
-        a link leads out of the folder, or the arrays are far larger than what is stored.
+        If it is not a Zarr folder, its metadata cannot be read, a codec or a type is not on the
+        list, a link leads out of the folder, or the arrays are far larger than the stored data.
     """
     if not path.exists():
         raise ShockError(f"There is no file {path}; check its name and folder.")
@@ -100,7 +100,7 @@ def check_zarr(path: Path) -> int:
     stored = 0
     for file in _files(path):
         stored += file.lstat().st_size
-        # Some systems do not tell capitals apart.
+        # Some systems ignore the case of names.
         if file.name.lower() in (*FILES, _CONSOLIDATED):
             for claim in _Metadata(path, file).arrays():
                 known = found.get(claim.name, claim)
@@ -115,11 +115,11 @@ def is_zarr(path: Path) -> bool:
 
 
 def _files(path: Path) -> Iterator[Path]:
-    """Walk over all files in a folder; refuse links that lead out, and what is no file."""
+    """Yield all files in a folder; refuse links that lead out, and anything but files."""
     inside = path.resolve()
 
     def stop(error: OSError) -> None:
-        raise error  # what cannot be listed may well be opened
+        raise error  # a folder that cannot be listed may still be opened
 
     for folder, folders, names in os.walk(path, onerror=stop):
         for name in (*folders, *names):
@@ -145,7 +145,7 @@ class _Metadata:
         self._name = "" if inner == "." else inner
 
     def arrays(self) -> Iterator[ArrayClaim]:
-        """Check all that the file says, and return what it says of arrays."""
+        """Check the whole file, and yield its claims on arrays."""
         document = self._read()
         try:
             if self._file.name.lower() == _CONSOLIDATED:
@@ -176,7 +176,7 @@ class _Metadata:
                 yield from self._node(str(PurePosixPath(self._name, name)), inner)
 
     def _node(self, name: str, node: dict[str, Any]) -> Iterator[ArrayClaim]:
-        """Check an array or a group, by the format that it names, whatever file it stands in."""
+        """Check an array or a group, by the format that it names, whatever file it is in."""
         if node.get("node_type") == "array" or not _OF_ARRAYS.isdisjoint(node):
             if node.get("zarr_format") == 2:
                 yield self._array_of_format_2(name, node)
@@ -223,7 +223,7 @@ class _Metadata:
         return ArrayClaim(_clean(name), *sizes, item)
 
     def _check_codecs(self, codecs: Any) -> int:
-        """Check a chain of codecs, inner ones too, and count those that unpack."""
+        """Check a chain of codecs, nested ones too, and count those that decompress."""
         if not isinstance(codecs, list):
             raise self._broken("has no list of codecs")
         packed = 0
@@ -237,7 +237,7 @@ class _Metadata:
         return packed
 
     def _check_packed(self, times: int) -> None:
-        """Refuse what is packed twice: a few bytes would then unpack to any size."""
+        """Refuse data compressed twice: a few bytes could then unpack to any size."""
         if times > 1:
             raise ShockError(
                 f"{self._root}: its chunks are packed {times} times over; save it with one"
@@ -245,7 +245,7 @@ class _Metadata:
             )
 
     def _check_codec(self, name: Any, configuration: dict[str, Any]) -> bool:
-        """Check a codec, and return whether it unpacks."""
+        """Check a codec, and return whether it decompresses."""
         if not isinstance(name, str) or name not in CODECS:
             raise self._refused("codec", str(name))
         for key in ("dtype", "astype", "encode_dtype", "decode_dtype"):
@@ -254,7 +254,7 @@ class _Metadata:
         return name in _COMPRESSORS
 
     def _check_type(self, kind: Any) -> int:
-        """Check a type as numpy writes it, and return its bytes."""
+        """Check a type in numpy's notation, and return its bytes."""
         if isinstance(kind, str) and _PLAIN_TYPE.fullmatch(kind):
             digits = re.search(r"\d+", kind)
             size = int(digits[0]) if digits else 1
@@ -264,7 +264,7 @@ class _Metadata:
         raise self._refused("type", str(kind))
 
     def _named(self, value: Any, where: str) -> tuple[str, dict[str, Any]]:
-        """Return name and configuration of an extension point of format 3."""
+        """Return the name and the configuration of an extension point of format 3."""
         if isinstance(value, str):
             return value, {}
         found = self._mapping(value, where)

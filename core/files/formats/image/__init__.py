@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Formats of images and animations, one module for each, or for the package that knows it.
+"""Formats of images and animations, one module per format, or per package that reads several.
 
-May use `core.files.reading`.
+May use only `core.files.reading` of `core.files`.
 """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """PNG frames and animated PNG, encoded here, and animated WebP, whose frames Pillow encodes.
 
-Frames are written as they come, so that none is kept, which Pillow's own animations do; and PNG
-can be written where Pillow is not, as in Blender.
+Frames are written one by one and not kept in memory, as Pillow's own animations are; and PNG works
+without Pillow, as in Blender.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from .pillow import SIGNATURE, chunk
 
 _Pixels = npt.NDArray[Any]
 
-_COLORS = {1: 0, 2: 4, 3: 2, 4: 6}  # the standard's number for so many channels
-_LEFT = 1  # values are stored as differences to those of the pixel on the left
+_COLORS = {1: 0, 2: 4, 3: 2, 4: 6}  # the standard's color type of each number of channels
+_LEFT = 1  # the filter that stores differences to the pixel on the left
 _MOST_WEBP = 1 << 14  # pixels along a side
 _QUALITY = 80
-_TOP_DOWN = 0x02  # in the flags of a WebP frame: it replaces what is below
+_TOP_DOWN = 0x02  # flag of a WebP frame: it replaces the one below
 _ANIMATED, _CLEAR = 0x02, 0x10
 
 
@@ -39,7 +39,7 @@ def encoded_png(pixels: _Pixels) -> bytes:
 
 
 def write_apng(path: Path, frames: Iterable[_Pixels], count: int, fps: float) -> None:
-    """Write an animated PNG file, which repeats for ever."""
+    """Write an animated PNG file, which repeats forever."""
     delay = Fraction(1.0 / fps).limit_denominator(1000)
     numbers = iter(range(2 * count))
     with path.open("wb") as stream:
@@ -49,8 +49,8 @@ def write_apng(path: Path, frames: Iterable[_Pixels], count: int, fps: float) ->
                 stream.write(chunk(b"acTL", struct.pack(">II", count, 0)))
             height, width = pixels.shape[:2]
             times = min(delay.numerator, 65535), delay.denominator
-            about = struct.pack(">IIIIIHHBB", next(numbers), width, height, 0, 0, *times, 0, 0)
-            stream.write(chunk(b"fcTL", about))
+            control = struct.pack(">IIIIIHHBB", next(numbers), width, height, 0, 0, *times, 0, 0)
+            stream.write(chunk(b"fcTL", control))
             data = _compressed(pixels)
             if index == 0:
                 stream.write(chunk(b"IDAT", data))
@@ -60,7 +60,7 @@ def write_apng(path: Path, frames: Iterable[_Pixels], count: int, fps: float) ->
 
 
 def write_webp_frames(path: Path, frames: Iterable[_Pixels], fps: float) -> None:
-    """Write an animated WebP file, which repeats for ever."""
+    """Write an animated WebP file, which repeats forever."""
     needed("PIL", path)
     with path.open("wb") as stream:
         for index, pixels in enumerate(frames):
@@ -93,18 +93,18 @@ def _header(pixels: _Pixels) -> tuple[bytes, bytes]:
 def _compressed(pixels: _Pixels) -> bytes:
     big = pixels.astype(pixels.dtype.newbyteorder(">"), copy=False)
     rows = np.ascontiguousarray(big).view(np.uint8).reshape(len(pixels), -1)
-    step = rows.shape[1] // pixels.shape[1]  # bytes of a pixel
+    step = rows.shape[1] // pixels.shape[1]  # bytes per pixel
     stored = np.empty((len(rows), 1 + rows.shape[1]), dtype=np.uint8)
     stored[:, 0] = _LEFT
     stored[:, 1 : 1 + step] = rows[:, :step]
     np.subtract(rows[:, step:], rows[:, :-step], out=stored[:, 1 + step :])
-    # Noise repeats nothing but single values: half the time of a search, and a little smaller.
+    # Noise repeats only single values: half the time of a search, and slightly smaller.
     packer = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
     return packer.compress(stored.data) + packer.flush()
 
 
 def _webp_frame(pixels: _Pixels) -> bytes:
-    """Return the parts that hold the pixels of a WebP file of one picture."""
+    """Return the chunks that hold the pixels of a WebP file of one picture."""
     from PIL import Image
 
     stream = io.BytesIO()

@@ -24,7 +24,7 @@ _WINDOWS = ("dataWindow", "displayWindow", "preview")
 
 
 def read_exr(path: Path) -> ImageFile:
-    """Read the channels RGBA, RGB or Y, whichever come first; the others are kept beside them."""
+    """Read the channels RGBA, RGB or Y, whichever exist first; others are kept beside them."""
     openexr = needed("OpenEXR", path)
     with path.open("rb") as stream:
         if stream.read(4) != _MAGIC:
@@ -38,7 +38,7 @@ def read_exr(path: Path) -> ImageFile:
             check_claim(path, 4 * width * height * len(file.header()["channels"]))
         with openexr.File(str(path)) as file:
             parts = len(file.parts)
-            header = dict(file.header())  # closing the file empties the original
+            header = dict(file.header())  # a copy, as closing the file clears the original
             pixels = {name: channel.pixels for name, channel in file.channels().items()}
     except RuntimeError as error:
         raise ValueError(str(error)) from error
@@ -92,21 +92,21 @@ def _of_luminance(
     blue: npt.NDArray[Any],
     header: dict[str, Any],
 ) -> npt.NDArray[Any]:
-    """Return colors of luminance Y and chroma, (R - Y) / Y and (B - Y) / Y, on a coarser grid.
+    """Return the colors of luminance Y and chroma, (R - Y) / Y and (B - Y) / Y, on a coarser grid.
 
-    The weights of luminance are those of the file's primaries, by default of Rec. 709.
+    The luminance weights are those of the file's primaries, by default of Rec. 709.
     """
     y = luminance.astype(np.float32)
     chroma = [_resampled(each.astype(np.float32), y.shape) for each in (red, blue)]
     of_red, of_green, of_blue = _luminance_weights(header.get("chromaticities"))
-    with np.errstate(invalid="ignore", over="ignore"):  # where the file holds infinity
+    with np.errstate(invalid="ignore", over="ignore"):  # the file may hold infinity
         r, b = ((each + 1) * y for each in chroma)
         g = (y - of_red * r - of_blue * b) / of_green
         return np.dstack([r, g, b]).astype(luminance.dtype)
 
 
 def _resampled(values: npt.NDArray[Any], shape: tuple[int, ...]) -> npt.NDArray[Any]:
-    """Interpolate linearly; the first samples of both grids are in the same place."""
+    """Interpolate linearly between grids whose first samples coincide."""
     for axis in (0, 1):
         places = np.arange(shape[axis]) * (values.shape[axis] / shape[axis])
         before = np.minimum(places.astype(np.intp), values.shape[axis] - 1)
@@ -117,7 +117,7 @@ def _resampled(values: npt.NDArray[Any], shape: tuple[int, ...]) -> npt.NDArray[
 
 
 def _luminance_weights(chromaticities: Any) -> tuple[float, float, float]:
-    """Return what red, green and blue add to luminance, from the places of primaries and white."""
+    """Return the luminance weights of red, green and blue, from the primaries and white."""
     if chromaticities is None:
         return _REC_709
     places = np.asarray(tuple(chromaticities), float).reshape(4, 2)
@@ -128,7 +128,7 @@ def _luminance_weights(chromaticities: Any) -> tuple[float, float, float]:
 
 
 def write_exr(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
-    """Write half or float channels, with header and other channels of the source."""
+    """Write half or float channels, with the header and the other channels of the source."""
     openexr = needed("OpenEXR", path)
     if image_file.format == "EXR":
         header, all_channels, name = image_file.own

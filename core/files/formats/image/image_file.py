@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all image formats share: the picture that a file becomes, and what it says beside pixels."""
+"""The common class of image formats: the picture that a file becomes, and its metadata."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ class ImageFile:
 
     Attributes
     ----------
-    pixels : (h, w) or (h, w, c) array, or what reads windows of one
-        Two or four channels end with opacity.
+    pixels : (h, w) or (h, w, c) array, or an object that reads windows of one
+        The last of two or four channels is opacity.
     format : str
         Name of the format it was read from.
     about : dict
-        What most formats know: ICC profile, EXIF and XMP as bytes, resolution as pixels an inch.
+        Metadata of most formats: ICC profile, EXIF and XMP as bytes, resolution in pixels an inch.
     notes : list of str
-        What could not be taken from the file as it is.
+        What could not be read unchanged.
     own : Any
-        What only its own format understands.
+        Data that only the file's own format understands.
     only_own : list of str
-        Names of that, as far as another format leaves it behind.
+        Names of the parts of `own` that other formats leave behind.
     orientation : int
-        How the pixels are to be turned to be shown, as TIFF and EXIF number it; 1 is upright.
+        How the pixels must be rotated for display, as numbered by TIFF and EXIF; 1 is upright.
     premultiplied : bool
-        Whether opacity is multiplied into the colors.
+        Whether the colors are multiplied by opacity.
     """
 
     pixels: Any
@@ -45,7 +45,7 @@ class ImageFile:
 
 
 def lost(image_file: ImageFile, target: Path, kept: set[str], name: str = "") -> list[str]:
-    """A note on what a format, of this name, cannot hold."""
+    """Notes on metadata that a format of this name cannot hold."""
     missing = set(image_file.about) - kept
     if image_file.format != name:
         missing |= set(image_file.only_own)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which way up a picture is shown: the tag of TIFF and EXIF, and what XMP says of the same.
+"""The orientation in which a picture is shown: the tag of TIFF and EXIF, and its copy in XMP.
 
-Pixels are turned and the tags set to upright, since not all formats keep the tags.
+Pixels are rotated and the tags set to upright, since not all formats keep the tags.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ ORIENTATION = 274
 """The tag's code, in TIFF and in EXIF."""
 
 UPRIGHT = 1
-_TRANSPOSED = 5  # from here on, rows are columns
+_TRANSPOSED = 5  # from this number on, rows and columns are exchanged
 _MIRRORED_ROWS, _MIRRORED_COLUMNS = (3, 4, 7, 8), (2, 3, 6, 7)
 _ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 _ENTRY, _SHORT = 12, 3
@@ -22,12 +22,12 @@ _IN_XMP = re.compile(rb"(tiff:Orientation(?:\s*=\s*[\"']|>))([1-8])(?=[\"'<])")
 
 
 def is_transposed(orientation: int) -> bool:
-    """Whether what is stored as a row is shown as a column."""
+    """Whether stored rows are shown as columns."""
     return orientation >= _TRANSPOSED
 
 
 def turned(pixels: Any, orientation: int) -> Any:
-    """Return an array, or one of dask, as it is to be shown."""
+    """Return an array, of numpy or dask, rotated for display."""
     if is_transposed(orientation):
         pixels = pixels.swapaxes(0, 1)
     if orientation in _MIRRORED_ROWS:
@@ -36,18 +36,18 @@ def turned(pixels: Any, orientation: int) -> Any:
 
 
 def checked(value: Any) -> int:
-    """Return a tag's value, or upright if it is none that is defined."""
+    """Return a tag's value, or upright if it is undefined."""
     return value if isinstance(value, int) and UPRIGHT <= value <= 8 else UPRIGHT
 
 
 def exif_orientation(exif: bytes) -> int | None:
-    """Return what EXIF data say, if anything."""
+    """Return the orientation in EXIF data, if any."""
     place = _place(exif)
     return None if place is None else checked(struct.unpack_from(*place)[0])
 
 
 def upright_exif(exif: bytes) -> bytes:
-    """Return EXIF data that call a picture upright; all else stays in its place."""
+    """Return EXIF data with an upright orientation; all else stays in its place."""
     place = _place(exif)
     if place is None:
         return exif
@@ -57,7 +57,7 @@ def upright_exif(exif: bytes) -> bytes:
 
 
 def _place(exif: bytes) -> tuple[str, bytes, int] | None:
-    """Return where the number stands, as `struct` takes it."""
+    """Return the place of the number, in the arguments of `struct`."""
     order = _ORDERS.get(exif[:4])
     if order is None:
         return None
@@ -68,17 +68,17 @@ def _place(exif: bytes) -> tuple[str, bytes, int] | None:
             if struct.unpack_from(f"{order}HHI", exif, place) == (ORIENTATION, _SHORT, 1):
                 struct.unpack_from(f"{order}H", exif, place + 8)
                 return f"{order}H", exif, place + 8
-    except struct.error:  # cut short
+    except struct.error:  # truncated
         pass
     return None
 
 
 def xmp_orientation(xmp: bytes) -> int | None:
-    """Return what XMP data say, if anything."""
+    """Return the orientation in XMP data, if any."""
     found = _IN_XMP.search(xmp)
     return int(found[2]) if found else None
 
 
 def upright_xmp(xmp: bytes) -> bytes:
-    """Return XMP data that call a picture upright."""
+    """Return XMP data with an upright orientation."""
     return _IN_XMP.sub(rb"\g<1>1", xmp)

@@ -21,7 +21,7 @@ from .image_file import EXIF, ICC, RESOLUTION, XMP, ImageFile, lost
 from .orientation import UPRIGHT, exif_orientation, upright_exif, xmp_orientation
 from .thumbnails import without_exif_thumbnail, without_photoshop_thumbnail
 
-logging.getLogger("PIL").addHandler(logging.NullHandler())  # else it prints what it notices
+logging.getLogger("PIL").addHandler(logging.NullHandler())  # otherwise it prints warnings
 
 _READABLE = ("PNG", "JPEG", "BMP", "DIB", "WEBP")
 _INFO = {ICC: "icc_profile", RESOLUTION: "dpi", EXIF: "exif", XMP: "xmp"}
@@ -33,11 +33,11 @@ _KEPT = {
 }
 _PLAIN_MODES = ("L", "LA", "RGB", "RGBA")
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-# Parts of a PNG that say how values are meant, so that they stay true for other values.
+# Chunks of a PNG that say what values mean, and also hold for other values.
 _MEANING = (b"cHRM", b"gAMA", b"iCCP", b"sRGB", b"cICP", b"mDCV", b"cLLI")
 _CARRIED = (b"iCCP", b"pHYs", b"eXIf")
 _XMP_KEY = b"XML:com.adobe.xmp"
-# What else is read of a JPEG's parts, or tells how it is stored.
+# Parts of a JPEG that are read elsewhere, or only say how it is stored.
 _KNOWN_JPEG = (
     *(b"JFIF", b"Exif\0", b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0", b"MPF\0"),
     *(b"Adobe", b"Photoshop 3.0\0"),
@@ -80,7 +80,7 @@ def read_pillow(path: Path) -> ImageFile:
                     image_file.notes.append(f"{what} ({_kinds(kinds)}): left behind")
             image_file.only_own = _only_png(image_file.own)
             bits, is_gray = data[24], data[25] == 0
-            # Pillow takes the transparent color of fewer than 8 bits as one of 8.
+            # Pillow takes a transparent color of fewer than 8 bits for one of 8 bits.
             if bits == 16 or (bits < 8 and is_gray and "transparency" in image.info):
                 if "transparency" in image.info:
                     image_file.notes.append(_CLEAR_COLOR)
@@ -106,8 +106,8 @@ def read_pillow(path: Path) -> ImageFile:
 def opened(path: Path, png: _PngBytes | None = None) -> Any:
     """Read the header of an image of any size.
 
-    Pillow refuses large images, since servers open what strangers send; here a person named it.
-    Its limit and warnings are those of all threads.
+    Pillow refuses large images, as servers open files of strangers; here a person named the file.
+    Its limit and its warnings are shared by all threads.
     """
     needed("PIL", path)
     from PIL import Image
@@ -122,7 +122,7 @@ def opened(path: Path, png: _PngBytes | None = None) -> Any:
 
 
 def _orientation(about: dict[str, Any]) -> int:
-    """Return what EXIF says, and where it says nothing, XMP."""
+    """Return the orientation of EXIF data, or if there is none, of XMP data."""
     stated = exif_orientation(about.get(EXIF, b""))
     return stated or xmp_orientation(about.get(XMP, b"")) or UPRIGHT
 
@@ -150,9 +150,9 @@ def _plain(image: Any, path: Path, notes: list[str]) -> Any:
 
 
 class _PngBytes:
-    """A PNG file in memory: all of it, and without texts and profiles, which may be of any size.
+    """A PNG file in memory: complete, and without texts and profiles, which may have any size.
 
-    Libraries refuse a text of more than a megabyte, as photo editors write them.
+    Libraries refuse texts of more than a megabyte, which photo editors write.
     """
 
     def __init__(self, path: Path, data: bytes) -> None:
@@ -177,7 +177,7 @@ class _PngBytes:
         self.pixels = b"".join([*kept, data[place:]])
 
     def about(self) -> dict[str, Any]:
-        """Return profile, EXIF and XMP, as far as they can be read."""
+        """Return those of profile, EXIF and XMP that can be read."""
         _, _, profile = self._profile.partition(b"\0")
         found = {ICC: self._inflated(profile[1:]), EXIF: self._exif}
         rest = self._xmp[len(_XMP_KEY) + 1 :]
@@ -209,7 +209,7 @@ def _read_png_bytes(path: Path) -> _PngBytes | None:
 
 
 def write_png(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
-    """Write 8 or 16 bits; what the source PNG says beside its pixels is kept."""
+    """Write 8 or 16 bits; the metadata of a PNG source are kept."""
     if pixels.dtype == np.uint16:
         data = needed("imagecodecs", path).png_encode(pixels)
     else:
@@ -235,10 +235,10 @@ def _encoded_png(pixels: npt.NDArray[Any], about: dict[str, Any] | None = None) 
 
 
 def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]:
-    """The parts of a PNG file that stay true when its pixels change.
+    """The chunks of a PNG file that stay true when its pixels change.
 
-    Also the kinds of damaged parts, and of those that are true for the old pixels only. What stands
-    behind the file's end is none of it.
+    Also the kinds of damaged chunks, and of those that hold for the old pixels only. Data behind
+    the file's end are ignored.
     """
     found, damaged, stale, place = [], [], [], len(SIGNATURE)
     while place + 12 <= len(data):
@@ -246,7 +246,7 @@ def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]
         if kind == b"IEND":
             break
         whole = data[place : place + 12 + length]
-        optional, safe = kind[0:1].islower(), kind[3:4].islower()  # as the standard defines
+        optional, safe = kind[0:1].islower(), kind[3:4].islower()  # defined by the standard
         if kind in _MEANING or (optional and safe and kind != b"fdAT"):
             if whole == chunk(kind, whole[8 : 8 + length]):
                 if kind == b"eXIf":
@@ -254,14 +254,14 @@ def _lasting_chunks(data: bytes) -> tuple[list[bytes], list[bytes], list[bytes]]
                 found.append(whole)
             else:
                 damaged.append(kind)
-        elif optional and kind != b"tRNS":  # which became opacity
+        elif optional and kind != b"tRNS":  # tRNS became opacity
             stale.append(kind)
         place += 12 + length
     return found, damaged, stale
 
 
 def make_chunks_upright(image_file: ImageFile, was_transposed: bool) -> None:
-    """Let a PNG's own parts call a picture upright, which was turned."""
+    """Set the orientation in a PNG's own chunks to upright, after its pixels were rotated."""
     chunks = []
     for whole in image_file.own:
         kind, content = whole[4:8], whole[8:-4]
@@ -280,7 +280,7 @@ def _kinds(kinds: list[bytes]) -> str:
 
 
 def _only_png(chunks: list[bytes]) -> list[str]:
-    """What other formats leave behind of a PNG's lasting parts."""
+    """Names of a PNG's lasting chunks that other formats leave behind."""
     others = (each for each in chunks if each[4:8] not in _CARRIED and _XMP_KEY not in each[8:40])
     return list({chunk[4:8].decode() for chunk in others})
 
@@ -294,7 +294,7 @@ def chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def _jpeg_options(image: Any) -> tuple[dict[str, Any], bool]:
-    """What makes the copy as fine as the original, and whether an old thumbnail was left out."""
+    """Options for a copy of the original's quality, and whether an old thumbnail was left out."""
     from PIL import JpegImagePlugin
 
     options: dict[str, Any] = {"qtables": image.quantization}
@@ -305,14 +305,14 @@ def _jpeg_options(image: Any) -> tuple[dict[str, Any], bool]:
         options["comment"] = image.info["comment"]
     blocks = [data for _, data in image.applist if data.startswith(b"Photoshop 3.0\0")]
     cleaned = [without_photoshop_thumbnail(data) for data in blocks]
-    if blocks:  # of captions and copyright (IPTC)
+    if blocks:  # IPTC: captions and copyright
         parts = (b"\xff\xed" + struct.pack(">H", len(data) + 2) + data for data, _ in cleaned)
         options["extra"] = b"".join(parts)
     return options, any(had for _, had in cleaned)
 
 
 def write_jpeg(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
-    """Write with the source's quality if it is a JPEG too."""
+    """Write with the source's quality if the source is a JPEG too."""
     options = {"quality": 95, "subsampling": 0}
     if image_file.format in ("JPEG", "MPO"):
         options = image_file.own
@@ -321,12 +321,12 @@ def write_jpeg(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> l
 
 
 def write_webp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
-    """Write without loss."""
+    """Write lossless WebP."""
     return _save(path, "WEBP", image_file, pixels, lossless=True, exact=True)
 
 
 def write_bmp(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
-    """Write without compression; opacity by the fourth version of the header."""
+    """Write without compression; opacity needs the fourth version of the header."""
     if pixels.ndim == 2 or pixels.shape[2] == 3:
         return _save(path, "BMP", image_file, pixels)
     height, width = pixels.shape[:2]
@@ -353,7 +353,7 @@ def _save(
 
 
 def _options(about: dict[str, Any], name: str) -> dict[str, Any]:
-    """What Pillow has to be told of a picture, as far as a format keeps it."""
+    """Pillow's options for a picture's metadata, as far as a format keeps them."""
     options = {_INFO[key]: value for key, value in about.items() if key in _KEPT[name]}
     if "exif" in options:
         options["exif"] = _EXIF_MARK + options["exif"]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether other programs see a picture as we do: as bright, before and after a filter.
+"""A check whether other programs see a picture as we do: equally bright, before and after a filter.
 
-Formats leave to the reader what values mean: which one is white, whether they are luminance and
-chroma or numbers of a palette, whether opacity is multiplied into colors. A mistake about that
-makes a picture dark or colored, and reading it back by the same means shows nothing. So libtiff is
-asked about TIFF files, and Pillow about others, each about what is to be shown.
+Formats leave the meaning of values to the reader: which one is white, whether they are luminance
+and chroma or indices of a palette, whether opacity is multiplied into colors. A mistake there makes
+a picture dark or colored, and reading it back with the same code does not show it. So libtiff reads
+TIFF files, and Pillow others, and both results are compared.
 """
 
 from __future__ import annotations
@@ -26,45 +26,45 @@ from .pillow import opened
 from .tiff import is_unstated
 from .tiff_sample import sample_tiff
 
-_MOST = 1 << 28  # values
+_MOST = 1 << 28  # values to compare
 _BITS, _COMPRESSION = 258, 259
-_PLAIN = 1  # else Pillow asks libtiff, too, which prints what it does not know
+_PLAIN = 1  # for other values Pillow asks libtiff, too, which prints what it does not know
 _COMPARED = 1 << 22
 _SLACK, _SHARE = 0.02, 0.1
-"""Differences that decoders may have, of white and of the brightness itself."""
+"""Differences that decoders may have, relative to white and to the brightness itself."""
 
 _LOSSY_SLACK = 0.1
 _TIFFS, _LOSSY = (".tif", ".tiff"), (".jpg", ".jpeg")
 _OTHERS = (".png", ".bmp", ".webp", *_LOSSY)
 _KNOWN = (1, 5, 7, 8, 32773, 32946, 34925, 50000, 50001)
-"""Compressions of TIFF that libtiff has; at others, it returns black."""
+"""Compressions of TIFF that libtiff decodes; for others it returns black."""
 
 _UNREADABLE = (
     OSError, ValueError, SyntaxError, TypeError, KeyError, IndexError, AttributeError, struct.error,
 )  # fmt: skip
-"""What Pillow raises at files that it does not know."""
+"""What Pillow raises for files that it does not know."""
 
 Means = npt.NDArray[np.float64]
 
 
 def check_brightness(path: Path, image_file: ImageFile, pixels: Any) -> None:
-    """Refuse to go on if another reader sees a file much brighter or darker than we do.
+    """Raise an error if another reader sees a file much brighter or darker than we do.
 
-    What it cannot read passes, and so do floats.
+    Files that it cannot read pass, and so do floats.
 
     Parameters
     ----------
     path : Path
         A file that was just read or written.
     image_file : ImageFile
-        What was read.
-    pixels : (h, w) or (h, w, c) array, or what reads windows of one
-        What was read or written, as it is stored: not turned.
+        The result of reading it.
+    pixels : (h, w) or (h, w, c) array, or an object that reads windows of one
+        The pixels that were read or written, as stored: not rotated.
 
     Raises
     ------
     ShockError
-        If both differ by more than decoders may.
+        If the readers differ by more than decoders may.
     """
     ending = path.suffix.lower()
     if pixels.dtype.kind != "u" or 0 in pixels.shape:
@@ -89,7 +89,7 @@ def check_brightness(path: Path, image_file: ImageFile, pixels: Any) -> None:
 
 
 def is_read_by_pillow(path: Path, pixels: Any) -> bool:
-    """Whether pixels of a file are those of the reader that would be asked about it."""
+    """Whether the pixels of a file came from the reader that would check it."""
     return path.suffix.lower() in _OTHERS and pixels.dtype == np.uint8
 
 
@@ -100,14 +100,14 @@ def _told(means: Means) -> str:
 def _seen_by_libtiff(
     path: Path, image_file: ImageFile, pixels: Any
 ) -> tuple[list[Means], Means] | None:
-    """Return what may be the means of some parts of a file, and those that libtiff finds."""
+    """Return possible means of some parts of a file, and those that libtiff finds."""
     sample = sample_tiff(path, _KNOWN)
     if sample is None:
         return None
     data, windows = sample
     try:
         shown = needed("imagecodecs", path).tiff_decode(data, asrgb=True)
-    except (RuntimeError, ValueError, IndexError):  # what libtiff does not know
+    except (RuntimeError, ValueError, IndexError):  # unknown to libtiff
         shown = _odd_depth(data)
     if shown is None:
         return None
@@ -125,10 +125,10 @@ def _seen_by_libtiff(
     colors = 1 if is_gray else 3
     possible = _possible(ours, colors)
     values = np.concatenate(seen)
-    if ours.shape[1] == 4 and not is_gray:  # otherwise libtiff may leave out opacity
+    if ours.shape[1] == 4 and not is_gray:  # libtiff may leave out opacity of gray
         is_stated = not (is_own and is_unstated(image_file))
         possible = possible[1:] if is_stated else possible[:1]
-        if is_stated:  # in colors that are multiplied, some may be beyond their opacity
+        if is_stated:  # premultiplied colors may exceed their opacity
             values[:, :3] = np.minimum(values[:, :3], values[:, 3:])
     return possible, _flat(values, colors)
 
@@ -152,12 +152,12 @@ def _odd_depth(data: bytes) -> npt.NDArray[np.uint16] | None:
 
 
 def _seen_by_pillow(path: Path, pixels: npt.NDArray[Any]) -> tuple[list[Means], Means] | None:
-    """Return what are the means of a file, and those that Pillow finds, of its largest pixels."""
+    """Return possible means of a file, and those of its largest picture in Pillow."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with opened(path) as image:
-                # Pillow takes the transparent color of fewer than 8 bits as one of 8.
+                # Pillow takes a transparent color of fewer than 8 bits for one of 8 bits.
                 is_gray = image.mode in ("1", "L") and "transparency" in image.info
                 is_plain = image.mode in ("L", "RGB", "RGBA", "I;16")
                 plain = image if is_plain else image.convert("L" if is_gray else "RGBA")
@@ -167,7 +167,7 @@ def _seen_by_pillow(path: Path, pixels: npt.NDArray[Any]) -> tuple[list[Means], 
     step = max(math.isqrt(pixels.shape[0] * pixels.shape[1] // _COMPARED), 1)
     ours, theirs = (_listed(each[::step, ::step]) for each in (pixels, shown))
     colors = 1 if ours.shape[1] < 3 else 3
-    if theirs.shape[1] == 1:  # opacity, if there is some, is not known to Pillow
+    if theirs.shape[1] == 1:  # Pillow does not know about opacity, if there is any
         return [_flat(ours, colors)], _flat(theirs, 1)
     return _possible(ours, colors)[-1:], _possible(theirs, 3)[-1][:colors]
 
@@ -179,7 +179,7 @@ def _listed(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def _possible(values: npt.NDArray[Any], colors: int) -> list[Means]:
-    """Return the mean of each color, and that on black if there is opacity."""
+    """Return the mean of each color, and that over black if there is opacity."""
     flat = _flat(values, colors)
     if values.shape[1] == colors:
         return [flat]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small pictures inside of metadata, which would show the old pixels: EXIF and Photoshop blocks."""
+"""Removal of thumbnails in metadata, which would show the old pixels: EXIF and Photoshop blocks."""
 
 from __future__ import annotations
 
@@ -16,13 +16,10 @@ _THUMBNAILS = {0x0409, 0x040C}
 
 
 def without_exif_thumbnail(exif: bytes) -> tuple[bytes, bool]:
-    """Return EXIF data whose second directory, the thumbnail's, is gone, and whether there was one.
+    """Return EXIF data without the second directory, the thumbnail's, and whether there was one.
 
-    The first one leads to the third instead.
-
-    The first one then leads to the third, if there is one.
-
-    All else stays in its place, since notes of makers count on that.
+    The first directory then leads to the third, if there is one. All else stays in its place, since
+    makers' notes rely on that.
     """
     order = _ORDERS.get(exif[:4])
     if order is None:
@@ -54,16 +51,16 @@ def without_exif_thumbnail(exif: bytes) -> tuple[bytes, bool]:
                 stop = min(start + size, len(data))
                 data[start:stop] = bytes(max(stop - start, 0))
         third = int.from_bytes(exif[end : end + 4], "little" if order == "<" else "big")
-        if third not in (first, second):  # which would lead in a circle
+        if third not in (first, second):  # a circle otherwise
             struct.pack_into(f"{order}I", data, link, third)
         data[second:end] = bytes(end - second)
-    except struct.error:  # cut short, so that nobody else reads more of it
+    except struct.error:  # truncated, so no reader reads on either
         return bytes(data), data != exif
     return bytes(data), True
 
 
 def without_photoshop_thumbnail(block: bytes) -> tuple[bytes, bool]:
-    """Return a JPEG's block of Photoshop's resources without thumbnails, and whether it had any."""
+    """Return a JPEG's Photoshop resources without thumbnails, and whether there were any."""
     kept, place, found = [_PHOTOSHOP], len(_PHOTOSHOP), False
     while block[place : place + 4] == _RESOURCE and place + 12 <= len(block):
         name = place + 6

@@ -20,7 +20,7 @@ from .image_file import ICC, RESOLUTION, XMP, ImageFile, lost
 from .orientation import ORIENTATION, UPRIGHT, checked
 from .ycbcr import read_ycbcr
 
-logging.getLogger("tifffile").addHandler(logging.NullHandler())  # else it prints what it notices
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # otherwise it prints warnings
 
 _RGB, _PALETTE, _YCBCR = 2, 3, 6
 _GRAY = {0: "miniswhite", 1: "minisblack"}
@@ -31,26 +31,26 @@ _OTHER_COLORS = {
 }  # fmt: skip
 _JPEG = {6, 7, 33007, 34892}  # compressions that are decoded to RGB
 _WHOLE_BITS = (8, 16, 32, 64)
-_MOST_BITS = 16  # beyond that, no kind of value that is written holds all of them
+_MOST_BITS = 16  # no type that is written holds all values of more bits
 _NONE, _UNSPECIFIED = 1, 0
-_ASSOCIATED, _STRAIGHT = 1, 2  # opacity that is multiplied into the colors, or not
+_ASSOCIATED, _STRAIGHT = 1, 2  # opacity that is multiplied into the colors, or is not
 _PHOTOMETRIC = 262
 _MIN_IS_WHITE = "miniswhite"
 _UNDEFINED, _FLOAT, _COMPLEX = 4, 3, (5, 6)  # formats of samples
 _FLOAT_BITS = (16, 32, 64)
-_OLD_PALETTE = 256  # below, its entries are of 8 bits, as old programs wrote them
+_OLD_PALETTE = 256  # entries below this are of 8 bits, as written by old programs
 _ROWS = 256
 TILE = 256
-"""Pixels along the sides of the tiles that are written."""
+"""Side of the tiles that are written, in pixels."""
 
-_MOST_PAGES = 99  # a picture and smaller copies of it; a damaged file may seem to go on for ever
-# Tags that say how pixels are stored, or where in the file something stands; tifffile writes those
-# of them that the copy needs.
+_MOST_PAGES = 99  # a picture and smaller copies; a damaged file may seem to go on forever
+# Tags that say how pixels are stored, or where in the file data are; tifffile writes those that
+# the copy needs.
 _STORAGE = {254, 255, 256, 257, 258, 259, 262, 263, 264, 265, 266, 273, 277, 278, 279, 280, 281}
 _STORAGE |= {282, 283, 284, 288, 289, 296, 317, 320, 322, 323, 324, 325, 330, 338, 339, 340, 341}
 _STORAGE |= {347, 512, 513, 514, 515, 519, 520, 521, 529, 530, 531, 532, 34675}
 _SUB_PAGES = 330
-# What cannot be copied, or would show the old pixels.
+# Tags that cannot be copied, or would show the old pixels.
 _BLOCKS = {34665: "EXIF", 34853: "GPS", 40965: "EXIF interoperability", 37724: "layers"}
 _TEXT = 2  # type of tags
 _RESOLUTION_UNITS = {1: None, 2: 1.0, 3: 2.54}
@@ -60,16 +60,16 @@ _NAMES = {_XMP: XMP, _ICC: ICC}
 
 
 class _Meaning(NamedTuple):
-    """How the values of a file differ from those that filters take."""
+    """How a file's values differ from those that filters expect."""
 
     is_inverted: bool
     """White is 0."""
 
     is_divided: bool
-    """Opacity, which is the last channel, is multiplied into the colors."""
+    """The last channel, opacity, is multiplied into the colors."""
 
     def plain(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return values whose white is the largest, and colors that do not depend on opacity."""
+        """Return values in which white is the largest, and colors are not premultiplied."""
         if not any(self) or values.dtype.kind != "u":
             return values
         values = values.copy()
@@ -90,7 +90,7 @@ def _invert(values: npt.NDArray[Any]) -> None:
 def _divide(values: npt.NDArray[Any]) -> None:
     white = np.iinfo(values.dtype).max
     opacity = values[..., -1:].astype(np.uint32)
-    colors = values[..., :-1].astype(np.uint32) * white  # which fits, for 16 bits
+    colors = values[..., :-1].astype(np.uint32) * white  # fits for 16 bits
     parts = (colors + opacity // 2) // np.maximum(opacity, 1)
     values[..., :-1] = np.where(opacity, np.minimum(parts, white), values[..., :-1])
 
@@ -112,7 +112,7 @@ def read_tiff(path: Path) -> ImageFile:
             image_file.notes.insert(0, "its luminance and chroma became RGB channels")
             return image_file
         pixels = page.asarray()
-        if page.axes.startswith("S"):  # planes one after the other
+        if page.axes.startswith("S"):  # planes, one after the other
             pixels = np.moveaxis(pixels, 0, -1)
         if page.photometric == _PALETTE:
             image_file.pixels = _of_palette(path, page, pixels)
@@ -162,13 +162,13 @@ def _of_palette(path: Path, page: Any, pixels: npt.NDArray[Any]) -> npt.NDArray[
 
 
 def claimed_size(path: Path) -> int:
-    """Return the bytes of the picture in a TIFF file with tiles; 0 for others."""
+    """Return the bytes of the picture in a tiled TIFF file; 0 for other files."""
     with needed("tifffile", path).TiffFile(path) as file:
         return file.pages[0].nbytes if file.pages[0].is_tiled else 0
 
 
 def open_tiff_tiles(path: Path) -> ImageFile | None:
-    """Open a TIFF file whose tiles can be read one by one; None if it is another one."""
+    """Open a TIFF file whose tiles can be read one by one; None for other files."""
     with _only_page(path) as (page, has_previews):
         is_plain = not (_is_unconverted(page) or _has_odd_depth(page))
         if not (is_plain and page.is_tiled) or page.photometric == _PALETTE:
@@ -181,9 +181,9 @@ def open_tiff_tiles(path: Path) -> ImageFile | None:
 
 
 class TiffTiles:
-    """The picture of a tiled TIFF file: what is asked for is read from it, and nothing kept.
+    """The picture of a tiled TIFF file: windows are read on demand, and not kept.
 
-    Tasks may take it along to other processes, which read the file themselves.
+    Tasks may carry it to other processes, which read the file themselves.
     """
 
     def __init__(self, path: Path, page: Any) -> None:
@@ -221,7 +221,7 @@ def _read_tile(page: Any, number: int) -> npt.NDArray[Any]:
 
 @contextlib.contextmanager
 def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
-    # The page of the one picture, and whether there are smaller copies of it.
+    # The page of the only picture, and whether there are smaller copies of it.
     tifffile = needed("tifffile", path)
     try:
         with tifffile.TiffFile(path) as file:
@@ -252,7 +252,7 @@ def _only_page(path: Path) -> Iterator[tuple[Any, bool]]:
 
 
 def _check_compression(path: Path, page: Any) -> None:
-    """Refuse what tifffile cannot decode, or imagecodecs as it is built."""
+    """Refuse compressions that tifffile, or imagecodecs as built, cannot decode."""
     from tifffile import TIFF
 
     try:
@@ -270,13 +270,13 @@ def _is_listed(values: Any) -> bool:
 
 
 def _check_page(path: Path, page: Any) -> None:
-    """Refuse what is no picture of gray values or colors, of one depth."""
+    """Refuse pages that are not gray or color pictures of one depth."""
     numbers = page.imagelength, page.imagewidth, page.samplesperpixel
     if not all(isinstance(number, int) for number in numbers):
         raise ShockError(f"{path} has broken tags; copy or save it again.")
     if 0 in page.shape or page.size == 0:
         raise ShockError(f"{path} has no pixels; copy or save it again.")
-    if _PHOTOMETRIC not in page.tags:  # where programs guess differently
+    if _PHOTOMETRIC not in page.tags:  # programs guess differently
         raise ShockError(
             f"{path} does not say what its values mean, as black or white; save it again."
         )
@@ -315,7 +315,7 @@ def _check_page(path: Path, page: Any) -> None:
 
 
 def _about_page(page: Any, has_previews: bool) -> ImageFile:
-    # All but the pixels.
+    # Everything but the pixels.
     tags = {tag.code: tag for tag in page.tags.values()}
     about = {
         name: tags[code].value
@@ -339,7 +339,7 @@ def _about_page(page: Any, has_previews: bool) -> ImageFile:
         notes.append("its values, of a kind that is not stated, were read as whole numbers")
     options = _write_options(page)
     is_premultiplied = _meaning(page).is_divided
-    if is_premultiplied and page.dtype.kind != "f":  # which reading divides
+    if is_premultiplied and page.dtype.kind != "f":  # reading divides whole numbers
         options["extrasamples"] = [_STRAIGHT]
         is_premultiplied = False
         notes.append("its colors were divided by the opacity that was multiplied into them")
@@ -353,12 +353,12 @@ def _about_page(page: Any, has_previews: bool) -> ImageFile:
 
 
 def is_unstated(image_file: ImageFile) -> bool:
-    """Whether a TIFF file does not say what the one channel beside gray or colors is."""
+    """Whether a TIFF file does not say what the extra channel beside gray or colors is."""
     return [int(each) for each in image_file.own["extrasamples"] or ()] == [_UNSPECIFIED]
 
 
 def make_tags_upright(image_file: ImageFile) -> None:
-    """Let a TIFF file's own tags call a picture upright, which was turned."""
+    """Set the orientation in a TIFF file's own tags to upright, after rotating its pixels."""
     xmp = image_file.about.get(XMP)
     image_file.own["extratags"] = [
         (code, kind, count, xmp if xmp and code == _XMP else value, once)
@@ -369,7 +369,7 @@ def make_tags_upright(image_file: ImageFile) -> None:
 
 
 def _write_options(page: Any) -> dict[str, Any]:
-    """What `tifffile.imwrite` has to be told so that the copy is as the original."""
+    """Options of `tifffile.imwrite` that make the copy like the original."""
     from tifffile import EXTRASAMPLE, TIFF
 
     dropped = _STORAGE | set(_BLOCKS) | set(TIFF.TAG_FILTERED)
@@ -382,7 +382,7 @@ def _write_options(page: Any) -> dict[str, Any]:
         "extrasamples": (page.extrasamples if stated else [_UNSPECIFIED] * extra) or None,
         "extratags": [
             (tag.code, int(tag.dtype), tag.count, _tag_value(page, tag), True)
-            for tag in page.tags.values()  # some codes come twice
+            for tag in page.tags.values()  # some codes occur twice
             if tag.code not in dropped
         ],
     }
@@ -391,13 +391,13 @@ def _write_options(page: Any) -> dict[str, Any]:
 def _tag_value(page: Any, tag: Any) -> Any:
     if int(tag.dtype) != _TEXT:
         return tag.value
-    file = page.parent.filehandle  # texts as bytes: nothing says how they are encoded
+    file = page.parent.filehandle  # texts as bytes, as their encoding is unknown
     file.seek(tag.valueoffset)
     return file.read(tag.valuebytecount)
 
 
 def write_tiff(path: Path, image_file: ImageFile, pixels: npt.NDArray[Any]) -> list[str]:
-    """Write with any channels; compressed without loss if the source was compressed."""
+    """Write any number of channels; with lossless compression if the source was compressed."""
     options = _options(image_file, pixels.shape)
     stored = _meant(options).plain(pixels)
     needed("tifffile", path).imwrite(path, stored, **options)
@@ -411,7 +411,7 @@ def write_tiff_tiles(
     kind: np.dtype,
     tiles: Iterable[npt.NDArray[Any]],
 ) -> list[str]:
-    """Write a BigTIFF file tile by tile, row by row of them; each is full, also at the border."""
+    """Write a BigTIFF file tile by tile, row by row; tiles are full, also at the border."""
     options = _options(image_file, shape) | {"bigtiff": True, "tile": (TILE, TILE)}
     stored = map(_meant(options).plain, tiles)
     needed("tifffile", path).imwrite(path, stored, shape=shape, dtype=kind, **options)
@@ -419,7 +419,7 @@ def write_tiff_tiles(
 
 
 def _meant(options: dict[str, Any]) -> _Meaning:
-    """How what is written differs from what filters return; inverting undoes itself."""
+    """How written values differ from those that filters return; inverting twice cancels."""
     return _Meaning(options["photometric"] == _MIN_IS_WHITE, False)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A few strips or tiles of a TIFF file as a small TIFF file, copied as they are stored.
+"""A few strips or tiles of a TIFF file as a small TIFF file, copied without decoding.
 
-So another reader can be asked what the values mean, without decoding all of a large picture.
+So another reader can tell what the values mean without decoding all of a large picture.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ _WANTED, _LARGEST = 1 << 22, 1 << 27  # pixels
 _LEAST_PARTS = 4
 _CONTIGUOUS, _UNCOMPRESSED, _YCBCR = 1, 1, 6
 _SHORT, _LONG = 3, 4  # types of tags
-# What says how values are stored, and what they mean.
+# Tags that say how values are stored, and what they mean.
 _COPIED = (258, 259, 262, 266, 277, 284, 292, 293, 317, 320, 338, 339, 347, 529, 530, 531, 532)
 
 Window = tuple[slice, slice]
 
 
 class _Part(NamedTuple):
-    """A strip or a tile, or a row of a picture that is one strip."""
+    """A strip, a tile, or a row of a picture that is one strip."""
 
     offset: int
     size: int
@@ -32,10 +32,10 @@ class _Part(NamedTuple):
 
 
 def sample_tiff(path: Path, compressions: Collection[int]) -> tuple[bytes, list[Window]] | None:
-    """Return a TIFF file of some parts, one below the other, and where these are in the picture.
+    """Return a TIFF file of some parts, stacked vertically, and their windows in the picture.
 
-    Windows at the borders may be smaller than the parts. None if no part stands for a window of
-    pixels with all their channels, or if the compression is not among these.
+    Windows at the borders may be smaller than the parts. None if parts do not hold windows of
+    pixels with all their channels, or if the compression is not among `compressions`.
     """
     with needed("tifffile", path).TiffFile(path) as file:
         page = next(page for page in file.pages if not page.is_reduced)
@@ -55,7 +55,7 @@ def sample_tiff(path: Path, compressions: Collection[int]) -> tuple[bytes, list[
 
 
 def _parts(page: Any) -> tuple[tuple[int, int], list[_Part]]:
-    """Return rows and columns of a part, and the parts, without a last strip of fewer rows."""
+    """Return rows and columns of a part, and the parts, without a shorter last strip."""
     height, width = page.imagelength, page.imagewidth
     offsets, sizes = page.dataoffsets, page.databytecounts
     if page.is_tiled:
@@ -73,7 +73,7 @@ def _parts(page: Any) -> tuple[tuple[int, int], list[_Part]]:
         top, left = high * (number // across), wide * (number % across)
         if top >= height:
             break
-        if page.is_tiled or top + high <= height:  # tiles are full of something
+        if page.is_tiled or top + high <= height:  # tiles are padded to full size
             window = slice(top, min(top + high, height)), slice(left, min(left + wide, width))
             found.append(_Part(offset, size, window))
     return (high, wide), found

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures as they are shown: turned as their tags say, with opacity as the target takes it."""
+"""Pictures as they are shown: rotated by their tags, with opacity as the target expects it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _TIFFS = (".tif", ".tiff")
 
 
 def make_upright(image_file: ImageFile) -> None:
-    """Turn a picture as its orientation says, and let it say so.
+    """Rotate a picture by its orientation, and set its tags to upright.
 
-    Its pixels may be an array, or one of dask.
+    Its pixels may be an array of numpy or dask.
     """
     if image_file.orientation == UPRIGHT:
         return
@@ -37,16 +37,16 @@ def make_upright(image_file: ImageFile) -> None:
 
 
 def fit_opacity(image_file: ImageFile, ending: str) -> None:
-    """Bring colors and opacity into the form that the target's format has, if need be.
+    """Convert colors and opacity to the convention of the target's format, if needed.
 
-    EXR multiplies opacity into colors, and floats in TIFF files may; whole numbers do not.
+    EXR multiplies opacity into colors, and TIFF files of floats may; whole numbers do not.
     """
     pixels = image_file.pixels
     channels = pixels.shape[2] if pixels.ndim == 3 else 1
     if image_file.format != "TIFF" or channels not in (2, 4) or ending in _TIFFS:
         return
     if is_unstated(image_file) and ending != ".npy" and not pixels[..., -1].any():
-        image_file.pixels = np.ascontiguousarray(pixels[..., :-1])  # else nothing is to be seen
+        image_file.pixels = np.ascontiguousarray(pixels[..., :-1])  # otherwise invisible
         note = "its last channel, which is empty and whose meaning is not stated: left behind"
     elif is_unstated(image_file):
         note = "its last channel, whose meaning is not stated, became opacity"

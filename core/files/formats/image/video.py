@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""MP4 files, encoded by ffmpeg, which the package imageio-ffmpeg brings."""
+"""MP4 files, encoded by ffmpeg from the package imageio-ffmpeg."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ...reading import needed
 
 
 def write_mp4(path: Path, frames: Iterable[npt.NDArray[Any]], fps: float) -> None:
-    """Write (h, w, 3) frames of uint8; odd sides get one more row or column, as the format wants.
+    """Write (h, w, 3) frames of uint8; odd sides are padded by one, as the format requires.
 
-    Frames go through a pipe, one by one.
+    Frames go through a pipe one by one.
     """
     ffmpeg = needed("imageio_ffmpeg", path, "video").get_ffmpeg_exe()
     process = None
@@ -36,7 +36,7 @@ def write_mp4(path: Path, frames: Iterable[npt.NDArray[Any]], fps: float) -> Non
                 process.stdin.write(even.tobytes())  # type: ignore[union-attr]
             if process is not None:
                 process.communicate()
-        except BrokenPipeError:  # it says why in its messages
+        except BrokenPipeError:  # its messages say why
             pass
         finally:
             if process is not None and process.returncode is None:

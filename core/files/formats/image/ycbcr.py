@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""TIFF pictures in luminance and chroma (YCbCr) that are not JPEG, which tifffile does not convert.
+"""TIFF pictures in luminance and chroma (YCbCr) without JPEG, which tifffile does not convert.
 
 TIFF 6.0, section 21.
 """
@@ -16,7 +16,7 @@ from ....errors import ShockError
 _COEFFICIENTS, _SUBSAMPLING, _REFERENCE = 529, 530, 532
 _LUMA = (0.299, 0.587, 0.114)
 _FULL_RANGE = (0.0, 255.0, 128.0, 255.0, 128.0, 255.0)
-_REVERSED = 2  # order of bits in a byte
+_REVERSED = 2  # bits of each byte in reverse order
 
 
 def read_ycbcr(page: Any) -> npt.NDArray[np.uint8]:
@@ -25,7 +25,7 @@ def read_ycbcr(page: Any) -> npt.NDArray[np.uint8]:
     Raises
     ------
     ShockError
-        For other depths, or chroma of a lower resolution that is predicted, or in planes.
+        For other depths, or subsampled chroma that is predicted or stored in planes.
     """
     if page.bitspersample != 8 or page.samplesperpixel != 3:
         raise ShockError(
@@ -42,7 +42,7 @@ def read_ycbcr(page: Any) -> npt.NDArray[np.uint8]:
 
 
 def _numbers(page: Any, code: int, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers of a tag; rationals come as pairs."""
+    """Return the numbers of a tag; rationals are pairs."""
     if code not in page.tags:
         return default
     value = page.tags[code].value
@@ -68,7 +68,7 @@ def _converted(page: Any, values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
 
 
 def _upsampled(page: Any, across: int, down: int) -> npt.NDArray[np.uint8]:
-    """Read strips or tiles of blocks, each of some luminances and one pair of chromas."""
+    """Read strips or tiles of blocks, each with several luminances and one pair of chromas."""
     from tifffile import TIFF
 
     if page.predictor != 1 or page.planarconfig != 1 or not 1 <= across * down <= 16:

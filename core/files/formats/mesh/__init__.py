@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Formats of meshes, one module for each, or for the package that knows it.
+"""Formats of meshes, one module per format, or per package that reads several.
 
-May use `core.files` for reading, staging and side files.
+May use reading, staging and side files of `core.files`.
 """

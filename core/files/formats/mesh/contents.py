@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a mesh file holds beside triangles, so that what a conversion leaves behind can be named."""
+"""Contents of a mesh file besides triangles, to name what a conversion leaves behind."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLORS, UVS, MATERIALS, NAMES, NORMALS = "colors", "UVs", "materials", "object n
 TEXTURES, EDGES = "textures of more than color", "lines and points"
 COMMENTS, HEADER = "comments", "the header's text"
 REPLACED = {COMMENTS, HEADER, NAMES}
-"""What trimesh writes of its own."""
+"""Names that trimesh itself writes."""
 
 _OBJ_WORDS = {
     **{b"vt": UVS, b"vn": NORMALS, b"usemtl": MATERIALS, b"o": NAMES, b"g": "groups"},
@@ -36,7 +36,7 @@ _STL_HEADER, _STL_FACET = 84, 50
 
 
 def contents(path: Path) -> set[str]:
-    """Words for what is in a file, some with names in brackets."""
+    """Words for the contents of a file, some with names in brackets."""
     if path.suffix.lower() in (".glb", ".gltf"):
         return set(_of_gltf(path))
     data = path.read_bytes()
@@ -45,7 +45,7 @@ def contents(path: Path) -> set[str]:
 
 
 def polygon_count(path: Path) -> int | None:
-    """Number of polygons that a file states, for formats that have them."""
+    """Number of polygons that a file states, in formats that have them."""
     ending, data = path.suffix.lower(), path.read_bytes()
     if ending == ".obj":
         return len(re.findall(rb"^[ \t]*f[ \t]", data, re.MULTILINE))

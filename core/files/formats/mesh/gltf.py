@@ -51,8 +51,8 @@ _MORPHS = "morph targets were left as they were: only the shape without them cha
 class GltfFile(InPlaceDocument):
     """A GLB or glTF file; only positions, normals and colors in its buffers are rewritten.
 
-    All meshes are put into the space of the scene, so that they are sharpened as they look there
-    and join where they touch. A mesh that stands there several times counts once.
+    All meshes are transformed to the space of the scene, so that they are sharpened as they look
+    there and join where they touch. A mesh that occurs several times in the scene counts once.
     """
 
     def __init__(self, path: Path) -> None:
@@ -61,8 +61,8 @@ class GltfFile(InPlaceDocument):
         self._tree, self._buffers = read_tree(path)
         self._chunks = glb_chunks(path.read_bytes())[2:]
         to_world = _gltf_matrices(self._tree)
-        self._loose: dict[int, npt.NDArray[Any]] = {}  # values of what is not stored as a whole
-        self._rows: dict[int, tuple[slice, Floats]] = {}  # where each POSITION accessor stands
+        self._loose: dict[int, npt.NDArray[Any]] = {}  # accessors that are not stored contiguously
+        self._rows: dict[int, tuple[slice, Floats]] = {}  # vertices of each POSITION accessor
         blocks: list[Floats] = []
         faces: list[Ints] = []
         parts: list[int] = []
@@ -91,7 +91,7 @@ class GltfFile(InPlaceDocument):
                 yield number, primitive
 
     def _triangles(self) -> Iterator[tuple[dict[str, Any], slice, Ints]]:
-        """Each primitive with its vertices, and its triangles as numbers of these."""
+        """Each primitive with its vertices, and its triangles as indices of these."""
         first = 0
         for (_, primitive), count in zip(self._primitives(), self._counts, strict=True):
             rows = self._rows[primitive["attributes"]["POSITION"]][0]
@@ -99,7 +99,7 @@ class GltfFile(InPlaceDocument):
             first += count
 
     def _array(self, number: int) -> npt.NDArray[Any]:
-        """The values of an accessor; changes of them are written."""
+        """The values of an accessor; changes to them are written."""
         if is_stored(self._tree["accessors"][number]):
             return values_of(self._tree, self._buffers, number)
         if number not in self._loose:
@@ -107,11 +107,11 @@ class GltfFile(InPlaceDocument):
         return self._loose[number]
 
     def _store_loose(self) -> None:
-        """Give accessors that are not stored as a whole a buffer, where their values changed."""
+        """Give accessors that are not stored contiguously a buffer if their values changed."""
         for number, values in self._loose.items():
             try:
                 found = values_of(self._tree, self._buffers, number)
-            except IndexError:  # what says which entries differ was changed with another accessor
+            except IndexError:  # another accessor's change broke the indices of a sparse one
                 found = None
             if found is None or not np.array_equal(values, found, equal_nan=True):
                 store(self._tree, self._buffers, number, values)
@@ -143,7 +143,7 @@ class GltfFile(InPlaceDocument):
         return any(not {*names}.isdisjoint(each) for group in targets for each in group)
 
     def _drop_compressed(self) -> list[str]:
-        """Drop the compressed copies of primitives, which stand beside what was changed."""
+        """Drop the compressed copies of primitives, which would be stale."""
         dropped = [
             primitive["extensions"].pop(DRACO)
             for _, primitive in self._primitives()
@@ -156,7 +156,7 @@ class GltfFile(InPlaceDocument):
         return ["its compressed copy (Draco) was left behind"] if dropped else []
 
     def own_files(self, target: Path) -> Collection[str]:
-        # In place, buffers keep their names.
+        # When written in place, buffers keep their names.
         self._is_beside = are_beside(self._path, target)
         is_same = target.exists() and target.samefile(self._path)
         self._in_place = is_same and self._is_beside
@@ -184,7 +184,7 @@ class GltfFile(InPlaceDocument):
         return np.concatenate(blocks), np.array(names)
 
     def _colors(self) -> list[tuple[slice, int]]:
-        """Vertices that have colors, and the accessor that holds these."""
+        """Vertices with colors, and the accessor that holds the colors."""
         found: dict[int, int] = {}
         for _, primitive in self._primitives():
             place, color = (primitive["attributes"].get(k) for k in ("POSITION", "COLOR_0"))
@@ -202,11 +202,11 @@ class GltfFile(InPlaceDocument):
     def save_colors(self, path: Path, colors: Floats) -> tuple[int, list[str]]:
         changed = 0
         for rows, accessor in self._colors():
-            values = self._array(accessor)[:, :3]  # opacity, if any, stays
+            values = self._array(accessor)[:, :3]  # opacity, if any, is kept
             new = from_unit(colors[rows], values.dtype)
             changed += int((new != values).any(axis=1).sum())
             values[:] = new
-            for bound in ("min", "max"):  # optional for colors, and stale now
+            for bound in ("min", "max"):  # optional for colors, and now stale
                 self._tree["accessors"][accessor].pop(bound, None)
         if changed:
             notes = self._drop_compressed() + [_MORPHS] * self._has_targets("COLOR_0")
@@ -218,13 +218,13 @@ class GltfFile(InPlaceDocument):
         return 0, copy_beside(self._path, names, path)[1]
 
     def _renew_normals(self, positions: Floats) -> bool:
-        """Compute all normals anew; whether there are some. Tangents go: readers make them."""
-        # Primitives that share positions may have normals of their own.
-        starts: dict[tuple[int, int], int] = {}  # of each pair of accessors, in the lists below
+        """Recompute all normals; returns whether there are any. Readers recompute tangents."""
+        # Primitives that share positions may have different normals.
+        starts: dict[tuple[int, int], int] = {}  # start of each accessor pair in the lists below
         vertices, old, triangles, total = [], [], [], 0
         for primitive, rows, faces in self._triangles():
             attributes = primitive["attributes"]
-            for each in (attributes, *primitive.get("targets", [])):  # theirs change these
+            for each in (attributes, *primitive.get("targets", [])):  # morph targets too
                 each.pop("TANGENT", None)
             if "NORMAL" not in attributes:
                 continue
@@ -262,13 +262,13 @@ class GltfFile(InPlaceDocument):
                 binary = bytes(data)
             elif self._in_place and uri:
                 place = located(self._path.parent, unquote(uri))
-                if place is not None and is_absolute(unquote(uri)):  # not that beside the copy
+                if place is not None and is_absolute(unquote(uri)):  # not the one beside the copy
                     buffer["uri"] = quote(str(place))
                 if place is not None and path.parent / place not in written:  # models may share it
                     file = within(path.parent, place)
                     file.write_bytes(data + self._rest(buffer, data))
                     written.add(file)
-            else:  # a name that no other file's buffer gets
+            else:  # a name that no buffer of another file has
                 buffer["uri"] = quote(f"{path.name}.{number}.bin")
                 within(path.parent, f"{path.name}.{number}.bin").write_bytes(data)
         if not self._is_beside:
@@ -289,7 +289,7 @@ class GltfFile(InPlaceDocument):
                 image["uri"] = quote(str(place))
 
     def _rest(self, buffer: dict[str, Any], data: bytearray) -> bytes:
-        """What stands behind a buffer in its file, and may be another model's."""
+        """Data behind a buffer in its file, which may belong to another model."""
         found = find(self._path.parent, unquote(buffer["uri"])) if self._in_place else None
         return found.read_bytes()[len(data) :] if found else b""
 
@@ -300,7 +300,7 @@ class GltfFile(InPlaceDocument):
 
 
 def _gltf_matrices(tree: dict[str, Any]) -> dict[int, Floats]:
-    """From each mesh's own space to that of the scene, where the mesh stands first."""
+    """Each mesh's transformation to the space of the scene, at its first occurrence."""
     nodes = tree.get("nodes", [])
     children = {child for node in nodes for child in node.get("children", [])}
     open_nodes = [(n, np.eye(4)) for n in range(len(nodes) - 1, -1, -1) if n not in children]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The description in a GLB or glTF file, its buffers, and whether they can be what they say.
+"""The JSON description in a GLB or glTF file, its buffers, and checks of both.
 
-What is used of a description is checked here, all of it, so that what reads it need not.
+Everything in a description that is used is checked here, so that its readers need not.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DRACO = "KHR_draco_mesh_compression"
 _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_LARGEST_ENTRY = 64  # bytes, of a matrix
+_LARGEST_ENTRY = 64  # bytes of a matrix
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
 _LISTS = (
@@ -40,16 +40,16 @@ _LISTS = (
 )  # fmt: skip
 _PLACES = {"matrix": 16, "rotation": 4, "scale": 3, "translation": 3}
 _SHAPES = {"POSITION": (3,), "NORMAL": (3,), "TEXCOORD_0": (2,), "COLOR_0": (3, 4)}
-"""Numbers of each vertex, of the attributes that are used."""
+"""Numbers per vertex of the attributes that are used."""
 
 
 def read_tree(path: Path) -> tuple[Tree, list[bytearray]]:
-    """Read the description in a file, and its buffers; those in one file are one.
+    """Read the description in a file, and its buffers; buffers in one file share one object.
 
     Raises
     ------
     ShockError
-        If a part of it cannot be what it says; names the part.
+        If a part of the description is impossible; names the part.
     """
     data = path.read_bytes()
     is_glb = data.startswith(b"glTF")
@@ -97,7 +97,7 @@ def _read_buffers(path: Path, tree: Tree, binary: bytes, check: _Check) -> list[
 
 
 def _file_of(path: Path, buffer: Tree) -> PurePosixPath | str | None:
-    """The file that holds a buffer, by one name for all that mean it; None if it is inside."""
+    """The file that holds a buffer, under one name for all spellings; None if it is embedded."""
     uri = buffer.get("uri", INSIDE)
     if uri.startswith(INSIDE):
         return None
@@ -109,9 +109,9 @@ def _file_of(path: Path, buffer: Tree) -> PurePosixPath | str | None:
 
 
 def values_of(tree: Tree, buffers: list[bytearray], number: int) -> npt.NDArray[Any]:
-    """The values of an accessor: a view into its buffer, or new where it is not stored like that.
+    """The values of an accessor: a view into its buffer, or a new array if that is impossible.
 
-    Accessors without a view are 0, and sparse ones say which entries differ.
+    Accessors without a view are 0, and sparse ones list the entries that differ.
     """
     accessor = tree["accessors"][number]
     kind, width = np.dtype(_TYPES[accessor["componentType"]]), _WIDTHS[accessor["type"]]
@@ -131,12 +131,12 @@ def values_of(tree: Tree, buffers: list[bytearray], number: int) -> npt.NDArray[
 
 
 def is_stored(accessor: Tree) -> bool:
-    """Whether all values of an accessor stand in a buffer."""
+    """Whether all values of an accessor are in a buffer."""
     return "bufferView" in accessor and "sparse" not in accessor
 
 
 def store(tree: Tree, buffers: list[bytearray], number: int, values: npt.NDArray[Any]) -> None:
-    """Give an accessor a buffer of its own."""
+    """Give an accessor its own buffer."""
     accessor, data = tree["accessors"][number], bytearray(values.tobytes())
     for key in ("sparse", "byteOffset"):
         accessor.pop(key, None)
@@ -148,7 +148,7 @@ def store(tree: Tree, buffers: list[bytearray], number: int, values: npt.NDArray
 
 
 def densified(tree: Tree, buffers: list[bytearray]) -> bytes | None:
-    """A description whose meshes are stored as a whole, and within it; None if they are."""
+    """A description with all meshes stored densely and embedded; None if they are already."""
     used: set[int] = set()
     for _, primitive in _all_triangles(tree):
         attributes = primitive["attributes"]
@@ -181,7 +181,7 @@ def _view(
 
 
 class _Check:
-    """Refuses what a description cannot mean."""
+    """Refuses impossible descriptions."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -190,7 +190,7 @@ class _Check:
         raise ShockError(f"{self._path}: {what}; repair the file, or export it again.")
 
     def tree(self, tree: Any) -> None:
-        """Check types and numbers of all that is used."""
+        """Check types and numbers of everything that is used."""
         self._is(tree, dict, "its description")
         for key in _LISTS:
             for number, entry in enumerate(self._list(tree, key, "")):
@@ -287,7 +287,7 @@ class _Check:
         self._optional(image, "uri", str, where)
 
     def meshes(self, tree: Tree, buffers: list[bytearray]) -> None:
-        """Check that the buffers hold what triangles are made of."""
+        """Check that the buffers hold the data of the triangles."""
         for where, primitive in _all_triangles(tree):
             attributes = primitive["attributes"]
             count = tree["accessors"][attributes["POSITION"]]["count"]
@@ -379,7 +379,7 @@ def _is_number(value: Any) -> bool:
 
 
 def triangles_of(mesh: Tree) -> Iterator[tuple[int, Tree]]:
-    """Each primitive of triangles that has positions, and its number in a mesh."""
+    """Each primitive of triangles that has positions, after its number in a mesh."""
     for number, primitive in enumerate(mesh["primitives"]):
         if (
             primitive.get("mode", _TRIANGLES) == _TRIANGLES
@@ -398,7 +398,7 @@ def _all_triangles(tree: Tree) -> Iterator[tuple[str, Tree]]:
 
 
 def glb_chunks(data: bytes) -> list[tuple[int, bytes]]:
-    """The parts of a GLB file, each with its kind: description, buffer, and what others added."""
+    """The chunks of a GLB file, each with its type: description, buffer, and extensions."""
     chunks, place = [], 12
     while data.startswith(b"glTF") and place + 8 <= len(data):
         length, kind = struct.unpack_from("<II", data, place)
@@ -408,12 +408,12 @@ def glb_chunks(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def chunk_name(kind: int) -> str:
-    """The four letters of a kind of part."""
+    """The four letters of a chunk type."""
     return kind.to_bytes(4, "little").decode("latin-1")
 
 
 def glb(text: bytes, binary: bytes, others: list[tuple[int, bytes]]) -> bytes:
-    """A GLB file of these parts."""
+    """A GLB file of these chunks."""
     chunks = [(_JSON, text + b" " * (-len(text) % 4))]
     if binary or others:
         chunks.append((_BINARY, binary + bytes(-len(binary) % 4)))
@@ -423,8 +423,8 @@ def glb(text: bytes, binary: bytes, others: list[tuple[int, bytes]]) -> bytes:
 
 
 def description(tree: Tree) -> bytes:
-    """The text of a description."""
+    """The JSON text of a description."""
     try:
         return json.dumps(tree, separators=(",", ":"), ensure_ascii=False).encode()
-    except UnicodeEncodeError:  # halves of letters, which stand in names as numbers only
+    except UnicodeEncodeError:  # lone surrogates in names: written as numbers
         return json.dumps(tree, separators=(",", ":")).encode()

@@ -23,13 +23,13 @@ from ...document import (
 )
 from ...side_files import are_beside, copy_beside, find, is_absolute, located
 
-_LARGEST_LIBRARY = 1 << 26  # bytes of a file of materials, which holds no images
+_LARGEST_LIBRARY = 1 << 26  # bytes of a material file, which holds no images
 _LIBRARIES = re.compile(rb"\s*mtllib\s+(\S.*)", re.IGNORECASE)
 _IMAGES = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(\S.*)", re.IGNORECASE)
 
 
 class ObjFile(InPlaceDocument):
-    """An OBJ file as lines; only `v` lines of changed vertices and the normals are rewritten."""
+    """An OBJ file as lines; only normals and the `v` lines of changed vertices are rewritten."""
 
     def __init__(self, path: Path) -> None:
         data = path.read_bytes()
@@ -41,7 +41,7 @@ class ObjFile(InPlaceDocument):
         self._vertex_lines: list[int] = []
         self._normal_lines: list[int] = []
         self._face_lines: list[int] = []
-        corners: list[tuple[int, int]] = []  # vertex and normal of each corner, -1 for none
+        corners: list[tuple[int, int]] = []  # vertex and normal of each corner, -1 if none
         sizes, parts, part = [], [], 0
         for number, line in enumerate(self.lines):
             word, rest = [*line.split(None, 1), b"", b""][:2]
@@ -103,7 +103,7 @@ class ObjFile(InPlaceDocument):
         return vertices
 
     def _with_words(self, place: slice, values: Floats, vertices: Ints) -> list[bytes]:
-        """The lines, with values in place of some words in those of these vertices."""
+        """Replace some words of the lines of these vertices by values."""
         lines = list(self.lines)
         for vertex in vertices:
             number = self._vertex_lines[vertex]
@@ -113,7 +113,7 @@ class ObjFile(InPlaceDocument):
         return lines
 
     def read_colors(self) -> Floats:
-        """The numbers after the position, of vertices that have three or more there."""
+        """The numbers after the positions, of vertices with at least three of them."""
         colors = np.full_like(self.vertices, np.nan)
         for vertex, line in enumerate(self._vertex_lines):
             words = self.lines[line].partition(b"#")[0].split()[4:7]
@@ -128,7 +128,7 @@ class ObjFile(InPlaceDocument):
         return len(changed), self._write(path, lines)
 
     def read_uvs(self) -> tuple[Floats, Names]:
-        values = [[np.nan, np.nan]]  # what corners without one point to
+        values = [[np.nan, np.nan]]  # for corners without coordinates
         corners: list[int] = []
         materials, material = [], ""
         for line in self.lines:
@@ -151,7 +151,7 @@ class ObjFile(InPlaceDocument):
         return uv, np.array(materials)[self._owners]
 
     def _renew_normals(self, lines: list[bytes], positions: Floats) -> None:
-        # Corners that shared a vertex and a normal share it again: hard edges stay hard.
+        # Corners that shared a vertex and a normal keep sharing it: hard edges stay hard.
         pairs, keys = np.unique(self._corners, axis=0, return_inverse=True)
         keys = keys.reshape(-1)
         old = np.where(pairs[:, 1:] >= 0, self._normal_values[pairs[:, 1]], 0.0)
@@ -185,7 +185,7 @@ def _fans(sizes: Ints) -> tuple[Ints, Ints]:
 
 
 def look_through(path: Path) -> tuple[int, Floats]:
-    """Count faces and read positions: reading what the faces are takes longer than all else."""
+    """Count faces and read positions only: reading the faces takes longer than the rest."""
     data = path.read_bytes().removeprefix(BOM_UTF8)
     lines = [line.lstrip() for line in data.splitlines()]
     vertices = [line for line in lines if line[:2] in (b"v ", b"v\t")]
@@ -194,14 +194,14 @@ def look_through(path: Path) -> tuple[int, Floats]:
 
 
 def material_files(folder: Path, lines: list[bytes]) -> list[str]:
-    """Names of the files of materials that the lines of an OBJ file name."""
+    """Names of the material files in the lines of an OBJ file."""
     return _named_files(folder, lines, _LIBRARIES)
 
 
 def _copy_materials(source: Path, lines: list[bytes], stage: Path, is_beside: bool) -> list[str]:
-    """Copy the material files that an OBJ names, and their textures, beside its copy.
+    """Copy the material files of an OBJ file, and their textures, beside its copy.
 
-    Where that is in another folder, absolute names in them become relative.
+    If the copy is in another folder, absolute names become relative.
     """
     libraries = material_files(source.parent, lines)
     images: list[str] = []
@@ -227,8 +227,8 @@ def _named_files(folder: Path, lines: list[bytes], keyword: re.Pattern[bytes]) -
 def _named_file(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> tuple[bytes, int] | None:
     """The name of a file in a line, and where it begins.
 
-    A name may hold spaces, and options may stand before it: the whole rest if there is such a
-    file, else the last word.
+    Names may contain spaces and follow options: it is the whole rest of the line if such a file
+    exists, otherwise the last word.
     """
     match = keyword.match(line)
     if match is None:
@@ -242,7 +242,7 @@ def _named_file(folder: Path, line: bytes, keyword: re.Pattern[bytes]) -> tuple[
 def _with_relative_names(
     folder: Path, lines: list[bytes], keyword: re.Pattern[bytes]
 ) -> list[bytes]:
-    """Lines in which files below a folder are named as seen from it."""
+    """Lines in which names of files below a folder are relative to it."""
     result = []
     for line in lines:
         named = _named_file(folder, line, keyword)

@@ -45,7 +45,7 @@ _UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "textu
 
 
 class PlyFile(InPlaceDocument):
-    """A PLY file as bytes; only positions and normals of its vertices, or colors, are rewritten."""
+    """A PLY file as bytes; only the vertices' positions and normals, or colors, are rewritten."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -98,7 +98,7 @@ class PlyFile(InPlaceDocument):
         for names in _UVS:
             if set(names) <= set(self._table.names):
                 return self._table.columns(*names)[self.faces], materials
-        # Those of faces: trimesh splits the vertices for them, but keeps the faces' order.
+        # Coordinates of faces: trimesh splits vertices for them, but keeps the order of faces.
         blocks = [np.empty((0, 3, 2))]
         for mesh in load_scene(self._path, fix_texture=True)[0].geometry.values():
             uv = getattr(mesh.visual, "uv", None)
@@ -125,9 +125,9 @@ class PlyVertices:
             raise ValueError(f"its format is {encoding}")
         self._is_text = encoding == "ascii"
         order = _ORDERS[encoding]
-        self._start = head.end()  # of the vertices, in bytes
-        self._row = 0  # of the first vertex, in lines of text after the header
-        self._least = sum(count for _, count, _ in elements)  # lines of text
+        self._start = head.end()  # first byte of the vertices
+        self._row = 0  # first line of the vertices after the header
+        self._least = sum(count for _, count, _ in elements)  # least number of lines of text
         for element, count, properties in elements:
             if not self._is_text and any(kind == "list" for _, kind in properties):
                 raise ShockError(f"{path}: lists before or in the vertices are not handled.")
@@ -152,7 +152,7 @@ class PlyVertices:
         return dict(zip(self.names, np.array(rows).T, strict=True))
 
     def rest(self) -> bytes:
-        """What stands behind the vertices."""
+        """Everything behind the vertices."""
         if not self._is_text:
             return self._data[self._start + self._values.nbytes :]
         return b"".join(self._lines[self._row + self._count :])
@@ -162,7 +162,7 @@ class PlyVertices:
         return np.column_stack([self._values[name].astype(np.float64) for name in names])
 
     def weights(self, name: str) -> Floats:
-        """A property as numbers from 0 to 1, whole numbers as parts of their type's maximum."""
+        """A property as numbers from 0 to 1; whole numbers are divided by their type's maximum."""
         return to_unit(self.columns(name)[:, 0], self.kind(name))
 
     def kind(self, name: str) -> np.dtype[Any]:
@@ -170,7 +170,7 @@ class PlyVertices:
         return self._dtype[name]
 
     def rewritten(self, changes: dict[str, Floats]) -> bytes:
-        """The whole file with other values in some columns; equal values keep their bytes."""
+        """The whole file with changed values in some columns; equal values keep their bytes."""
         if not self._is_text:
             table = self._values.copy()
             for name, values in changes.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files read by trimesh, to be written in another format."""
+"""Files that trimesh reads, and that are written in another format."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from .obj import look_through
 
 ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 
-_DOUBLE = (".obj", ".off")  # all others hold 32 bits
-_LONGEST = 100  # letters of a material's name in that of a file
+_DOUBLE = (".obj", ".off")  # other formats hold 32 bits
+_LONGEST = 100  # letters of a material's name in the name of an image
 
 
 def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
-    """Read a file, and what is to be said of others that it names.
+    """Read a file; also returns notes on other files that it names.
 
-    `fix_texture` has PLY files split vertices that have several coordinates.
+    `fix_texture` splits the vertices of PLY files that have several coordinates.
     """
     trimesh = needed("trimesh", path)
     options: dict[str, Any] = {}
-    if path.suffix.lower() == ".ply":  # keep the vertices in the order of the file
+    if path.suffix.lower() == ".ply":  # keeps the order of the vertices
         options = {"fix_texture": fix_texture, "skip_materials": True}
     known: dict[str, bytes] = {}
     data = _readable(path)
@@ -61,9 +61,9 @@ def load_scene(path: Path, fix_texture: bool = False) -> tuple[Any, list[str]]:
 
 
 def _readable(path: Path) -> bytes | None:
-    """A file's contents in UTF-8, which trimesh wants; None if they are so already."""
+    """A file's contents in UTF-8, as trimesh expects; None if they are UTF-8 already."""
     ending, data = path.suffix.lower(), path.read_bytes()
-    if ending == ".ply":  # letters stand in comments of the header
+    if ending == ".ply":  # comments of the header may hold letters
         end = data.find(b"end_header") + 1
         return None if data[:end].isascii() else _to_ascii(data[:end]) + data[end:]
     if ending == ".stl":
@@ -86,7 +86,7 @@ def _to_ascii(data: bytes) -> bytes:
 
 
 class SceneFile(Document):
-    """Any file that trimesh reads, to be written in another format; triangles only."""
+    """Any file that trimesh reads, written in another format; triangles only."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -97,10 +97,10 @@ class SceneFile(Document):
         first = 0
         for name, mesh in list(self._scene.geometry.items()):
             if not len(getattr(mesh, "vertices", ())):
-                self._scene.delete_geometry(name)  # some formats would get a line of nothing
+                self._scene.delete_geometry(name)  # some formats would write an empty line
             if not len(getattr(mesh, "faces", ())):
                 continue
-            if path.suffix.lower() == ".stl":  # it repeats a vertex in each of its triangles
+            if path.suffix.lower() == ".stl":  # repeats a vertex in each of its triangles
                 representatives, index = weld(np.asarray(mesh.vertices))
                 mesh.faces, mesh.vertices = index[mesh.faces], mesh.vertices[representatives]
             matrix = self._matrix(name)
@@ -111,7 +111,7 @@ class SceneFile(Document):
         self.vertices, self.faces, self.parts = joined(blocks, faces, list(range(len(faces))))
 
     def _matrix(self, name: str) -> Floats:
-        """From a mesh's own space to that of the scene, where the mesh first stands and is seen."""
+        """A mesh's transformation to the space of the scene, at its first visible occurrence."""
         nodes = self._scene.graph.geometry_nodes[name]
         matrices = [self._scene.graph[node][0] for node in nodes] or [np.eye(4)]
         found = next(filter(is_invertible, matrices), None)
@@ -138,7 +138,7 @@ class SceneFile(Document):
             vertices = np.array(mesh.vertices)
             back = transformed(positions[rows][moved[rows]], np.linalg.inv(matrix))
             vertices[moved[rows]] = back
-            mesh.vertices = vertices  # trimesh forgets stale normals by this
+            mesh.vertices = vertices  # makes trimesh drop stale normals
         with writing(path):
             _export(self._scene, path)
             return self._losses(path)
@@ -169,9 +169,9 @@ def _export(scene: Any, path: Path) -> None:
 
 
 def _export_obj(scene: Any, path: Path) -> None:
-    """Write an OBJ file, its materials and images, all named after it, so that they meet no others.
+    """Write an OBJ file, and its materials and images, all named after it to avoid clashes.
 
-    The names of the images come with the file, as those of its materials.
+    Names of images and materials come from the source file.
     """
     library = f"{path.name}.mtl"
     options = {"digits": 12, "mtl_name": library, "return_texture": True}
@@ -187,7 +187,7 @@ def _export_obj(scene: Any, path: Path) -> None:
 
 
 def _own_name(path: Path, name: str, taken: Collection[str]) -> str:
-    """A name for an image, without what leads to other folders or is long."""
+    """A short name for an image that does not lead to other folders."""
     stem, ending = os.path.splitext(re.sub(r"[^\w.\- ]", "_", name).strip())
     tries = (f"{path.name}.{stem[-_LONGEST:]}{n or ''}{ending}" for n in itertools.count())
     return next(own for own in tries if own not in taken)

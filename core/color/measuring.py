@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What and Width of images and textures, where they are not given."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.checks import SCALES
+from ..base.progress import aside
+from ..grid.borders import Borders, is_drawing, measure_borders
+from ..grid.channels import Channels
+from ..settings import ImageSettings, TextureSettings
+from .dials import counted_width, tell_widths
+
+
+class Measured(NamedTuple):
+    """What is done to an image, as far as its pixels say it.
+
+    Attributes
+    ----------
+    what : str
+        "drawing" or "photo".
+    width : float
+        Of the borders that are closed; 0: nothing is done.
+    borders : Borders
+    """
+
+    what: str
+    width: float
+    borders: Borders
+
+
+def measured(
+    pixels: npt.NDArray,
+    channels: Channels,
+    settings: ImageSettings | TextureSettings,
+    *,
+    enlarge: int = 1,
+    inside: npt.NDArray[np.bool_] | None = None,
+) -> Measured:
+    """Find out What and Width where they are not given.
+
+    Parameters
+    ----------
+    pixels : (h, w, c) array
+    channels : Channels
+    settings : ImageSettings or TextureSettings
+    enlarge : int
+        How many times the image was enlarged.
+    inside : (h, w) bool, optional
+        What is looked at.
+    """
+    scale = SCALES[pixels.dtype.name]
+    borders = measure_borders(pixels, scale, channels, inside=inside)
+    what = settings.what
+    if what == "auto":
+        drawing = is_drawing(pixels, scale, channels, borders, inside)
+        what = "drawing" if drawing else "photo"
+    return Measured(what, counted_width(settings.width, borders.width, what, enlarge), borders)
+
+
+def tell_closed(
+    unit: str,
+    found: Measured,
+    result: npt.NDArray,
+    channels: Channels,
+    *,
+    inside: npt.NDArray[np.bool_] | None = None,
+) -> None:
+    """Measure a result, and say for reports how wide borders were and are; see `tell_widths`."""
+    width = None
+    if found.width > 0:
+        with aside("Measuring borders"):
+            scale = SCALES[result.dtype.name]
+            width = measure_borders(result, scale, channels, inside=inside, roughly=True).width
+    tell_widths(unit, found.borders.width, found.borders.number, width)
