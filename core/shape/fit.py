@@ -265,14 +265,10 @@ def refitted(
             last = 1.0 if mend is None else 0.9
             with phase(0.6, last, "Fitting the surface"):
                 step, _ = displacement(current, normals, settings, weights, steps, freedom)
-<<<<<<< HEAD
             if mend is not None:
                 with phase(last, 1.0, "Fitting the surface"):
                     step = mend(current, normals, step)
-        moved = step if turn == 0 else moved + step
-=======
         moved = step if iteration == 0 else moved + step
->>>>>>> main
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)
         if limit > 0 or unfolds:
