@@ -9,11 +9,14 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
+from contextlib import nullcontext
+from typing import Any
 
 import common
 import cylinder
 import numpy as np
 import peers
+import variants
 from advection_literal import LiteralNoise
 from PIL import Image
 from report import Target, table, targets
@@ -106,7 +109,7 @@ def convolution(job: common.Job) -> None:
     kernel = np.ones(41, dtype=np.float32)
     runs = {
         "line_integral_convolution": lambda: core.line_integral_convolution(
-            velocity, noise, settings
+            velocity, noise=noise, settings=settings
         ),
         "rlic.convolve": lambda: rlic.convolve(noise, right, -up, kernel=kernel),
     }
@@ -144,7 +147,7 @@ def on_surface(job: common.Job) -> None:
             settings = core.NoiseSettings(step=6.0, **words)
             start = time.perf_counter()
             given = core.advect_on_surface(
-                mesh, model.uv, field, (LARGE, LARGE), settings, frames=101
+                mesh, model.uv, field, size=(LARGE, LARGE), settings=settings, frames=101
             )
             next(given)
             first = time.perf_counter() - start
@@ -293,7 +296,9 @@ def blending(job: common.Job) -> None:
     """Figure 7: blending; Figure 9: convolution of the frames."""
     size = 160
     frames = [
-        last(core.advect_noise(vortices(size), core.NoiseSettings(step=2, blending=alpha), 3))
+        last(
+            core.advect_noise(vortices(size), core.NoiseSettings(step=2, blending=alpha), frames=3)
+        )
         for alpha in (0.03, 0.1, 0.5, 1.0)
     ]
     text = job.page.picture("blending", Image.fromarray(gray(beside(*frames))).quantize(5),
@@ -302,7 +307,7 @@ def blending(job: common.Job) -> None:
     background = np.broadcast_to([0.05, 0.15, 0.35], (size, size, 3))
     frames = [
         last(core.advect_noise(
-            vortices(size), core.NoiseSettings(step=6, convolution=length, **MASKED), 3,
+            vortices(size), core.NoiseSettings(step=6, convolution=length, **MASKED), frames=3,
             background=background,
         ))
         for length in (0, 6)
@@ -318,34 +323,44 @@ def centroid(opacity: np.ndarray) -> np.ndarray:
     return np.array([(weights * places).sum() for places in np.indices(opacity.shape)])
 
 
+INTEGRATIONS = {"euler": variants.first_order_dye, "midpoint": nullcontext}
+
+
 def circles(job: common.Job) -> None:
     """Figure 11: whether dye closes a circle, by the order of steps."""
     rows, before = [], {}
     velocity = rotation(256)
-    spot = core.DyeSource([(0.5, 0.75)], 16, every=0)
+    spot = core.DyeSource([(0.5, 0.75)], width=16, every=0)
     for steps in (24, 48, 96, 192):
         row = [str(steps)]
-        for integration in ("euler", "midpoint"):
+        for integration in INTEGRATIONS:
             turn = velocity * 2 * np.pi * 255 / 2 / steps
-            settings = core.DyeSettings(step=0, sharpness=0, integration=integration)
-            frames = core.advect_dye(turn, spot, settings, steps + 1)
-            first = centroid(next(frames)[..., 3])
-            apart = float(np.linalg.norm(centroid(last(frames)[..., 3]) - first))
+            settings = core.DyeSettings(step=0, sharpness=0)
+            frames = core.advect_dye(turn, spot, settings, frames=steps + 1)
+            with INTEGRATIONS[integration]():
+                first = centroid(next(frames)[..., 3])
+                apart = float(np.linalg.norm(centroid(last(frames)[..., 3]) - first))
             order = np.log2(before.get(integration, np.nan) / apart)
             row += [f"{apart:.2f}", "" if np.isnan(order) else f"{order:.1f}"]
             before[integration] = apart
         rows.append(row)
-    line = core.DyeSource([(0.5, 0.7)], 12, [(0.8, 0.1, 0.1)])
+    line = core.DyeSource([(0.5, 0.7)], width=12, colors=[(0.8, 0.1, 0.1)])
     white = np.ones((256, 256))
-    pictures = [
-        last(core.advect_dye(rotation(256), line, core.DyeSettings(step=25, integration=way), 80,
-                             background=white))[..., :3]
-        for way in ("euler", "midpoint")
-    ]  # fmt: skip
+    pictures = []
+    for way in INTEGRATIONS.values():
+        settings = core.DyeSettings(step=25)
+        with way():
+            frames = core.advect_dye(rotation(256), line, settings, frames=80, background=white)
+            pictures.append(last(frames)[..., :3])
     shown = job.page.picture("circles", Image.fromarray(gray(beside(*pictures))).quantize(16),
                              "Dye in a rotation: first order, second order")  # fmt: skip
     head = ["steps a turn", "first order: pixels apart", "order", "second order", "order"]
     job.page.write("circles", table(head, rows) + shown)
+
+
+def sharpening(name: str) -> Any:
+    """Have dye sharpened by the paper's function, if the name says so."""
+    return variants.rational_dye() if name.startswith("rational") else nullcontext()
 
 
 def sharpness(job: common.Job) -> None:
@@ -353,29 +368,32 @@ def sharpness(job: common.Job) -> None:
     size, step = 256, 8.0
     velocity = rotation(size)
     steps = round(2 * np.pi * np.hypot(1, 1) * 255 / 2 / step)
-    ways = {"none": {"sharpness": 0.0}}
-    for s in (0.2, 0.5, 1.0):
-        ways[f"rational, {s:g}"] = {"sharpening": "rational", "sharpness": s}
-    ways |= {f"shock, {s:g}": {"sharpness": s} for s in (0.2, 0.5, 1.0)}
+    ways = {"none": 0.0}
+    for kind in ("rational", "shock"):
+        ways |= {f"{kind}, {s:g}": s for s in (0.2, 0.5, 1.0)}
     rows, pictures = [], []
-    for name, words in ways.items():
+    for name, sharpness in ways.items():
         row = [name]
+        settings = core.DyeSettings(step=step, sharpness=sharpness)
         for width in (4.0, 8.0, 16.0):
-            spot = core.DyeSource([(0.5, 0.8)], width, every=0)
-            frames = core.advect_dye(
-                velocity, spot, core.DyeSettings(step=step, **words), steps + 1
-            )
-            first, end = next(frames)[..., 3], last(frames)[..., 3]
+            spot = core.DyeSource([(0.5, 0.8)], width=width, every=0)
+            frames = core.advect_dye(velocity, spot, settings, frames=steps + 1)
+            with sharpening(name):
+                first, end = next(frames)[..., 3], last(frames)[..., 3]
             overlap = np.minimum(first, end).sum() / np.maximum(first, end).sum()
             row += [f"{100 * end.sum() / first.sum():.0f}", f"{100 * overlap:.0f}"]
         rows.append(row)
         if name in ("none", "rational, 0.2", "shock, 0.2"):
-            spots = [core.DyeSource([(0.5, y)], 16 if y > 0.5 else 8, [(0.8, 0.1, 0.1)], every=0)
-                     for y in (0.95, 0.85, 0.75, 0.65, 0.35, 0.25, 0.15, 0.05)]  # fmt: skip
-            settings = core.DyeSettings(step=step, **words)
-            frames = core.advect_dye(velocity, spots, settings, steps + 1,
+            spots = [
+                core.DyeSource(
+                    [(0.5, y)], width=16 if y > 0.5 else 8, colors=[(0.8, 0.1, 0.1)], every=0
+                )
+                for y in (0.95, 0.85, 0.75, 0.65, 0.35, 0.25, 0.15, 0.05)
+            ]
+            frames = core.advect_dye(velocity, spots, settings, frames=steps + 1,
                                      background=np.ones((size, size)))  # fmt: skip
-            pictures.append(last(frames)[..., :3])
+            with sharpening(name):
+                pictures.append(last(frames)[..., :3])
     shown = job.page.picture("sharpness", Image.fromarray(gray(beside(*pictures))).quantize(16),
                              "Spots of 16 (above) and 8 pixels after a turn: not sharpened,"
                              " rational, shock")  # fmt: skip
@@ -392,26 +410,25 @@ def flow_round_a_cylinder(job: common.Job) -> None:
     steps = 120
     fields = cylinder.key_frames(steps=steps)
     colors = [(0.85, 0.1, 0.1), (0.1, 0.25, 0.8)]
-    spots = [core.DyeSource([(0.05, y)], 20, colors, every=20, lasting=10)
+    spots = [core.DyeSource([(0.05, y)], width=20, colors=colors, every=20, lasting=10)
              for y in np.linspace(0.2, 0.8, 10)]  # fmt: skip
     size = 2 * cylinder.ROWS, 2 * cylinder.COLUMNS
     duration = (len(fields) - 1) * steps
-    frames = core.flow_frames(fields, size[1], cylinder.COLUMNS, duration, step=4.0)
+    frames = core.flow_frames(
+        fields, columns=size[1], width=cylinder.COLUMNS, duration=duration, step=4.0
+    )
     rows, pictures = [], []
-    for name, words in {
-        "none": {"sharpness": 0.0},
-        "rational, 0.2": {"sharpening": "rational"},
-        "shock, 0.2": {},
-    }.items():
-        settings = core.DyeSettings(step=4.0, **words)
-        frame = last(core.advect_dye(fields, spots, settings, frames, size=size))
+    for name, amount in {"none": 0.0, "rational, 0.2": 0.2, "shock, 0.2": 0.2}.items():
+        settings = core.DyeSettings(step=4.0, sharpness=amount)
+        with sharpening(name):
+            frame = last(core.advect_dye(fields, spots, settings, frames=frames, size=size))
         opacity = frame[..., 3:]
         rows.append([name, f"{opacity.sum():.0f}",
                      f"{100 * ((opacity > 0.1) & (opacity < 0.9)).mean():.1f}"])  # fmt: skip
         behind = np.where(np.isnan(fields[0, ..., :1]), 0.3, 1.0).repeat(2, 0).repeat(2, 1)
         pictures.append(opacity * frame[..., :3] + (1 - opacity) * behind)
     noise = core.NoiseSettings(step=4.0, convolution=4, speed_mask=0.0)
-    picture = last(core.advect_noise(fields, noise, frames, size=size))
+    picture = last(core.advect_noise(fields, noise, frames=frames, size=size))
     pictures.append(np.repeat(picture[..., None], 3, axis=2))
     shown = np.concatenate([beside(*pictures[:2]), beside(*pictures[2:])])
     shown = Image.fromarray(gray(shown)).resize((780, 312), Image.Resampling.LANCZOS).quantize(24)

@@ -64,7 +64,7 @@ def textured(path: Path) -> np.ndarray:
     surface = read_textured_mesh(path)
     rows, columns = np.mgrid[:TEXTURE_SIZE, :TEXTURE_SIZE]
     image = (0.5 + 0.5 * np.sin((rows + 2 * columns) / 9)).astype(np.float32)
-    atlas = TextureAtlas(surface.mesh, surface.uv, *image.shape)
+    atlas = TextureAtlas(surface.mesh, surface.uv, size=image.shape)
     sharp = core.sharpen_texture(surface.mesh, surface.uv, image, atlas=atlas)
     return core.dilate_texture(surface.mesh, surface.uv, sharp, atlas=atlas)
 

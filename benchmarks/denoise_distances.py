@@ -9,6 +9,7 @@ from collections.abc import Callable
 import common
 import numpy as np
 import trimesh
+import variants
 from report import Target, table, targets
 from shock_filter import core
 from shock_filter.core.grid.geodesics import march, open_band
@@ -213,10 +214,9 @@ def flow(job: common.Job) -> None:
     beta, inside = 24.0, slice(42, -42)
     rows, errors, times = [], [], [1.0, 2.0, 4.0, 8.0]
     for time in times:
-        settings = core.BeltramiSettings(
-            time=time, beta=beta, threshold=1e-5, measure="surface", iterations=1
-        )
-        ours = core.beltrami_image(image, settings)
+        settings = core.BeltramiSettings(time=time, beta=beta, iterations=1)
+        with variants.cutoff(1e-5), variants.by_surface():
+            ours = core.beltrami_image(image, settings)
         reference = beltrami_flow(image, beta, time, math.ceil(8 * time))
         error, change = (ours - reference)[inside, inside], (reference - image)[inside, inside]
         errors.append(float(np.sqrt((error**2).mean())))

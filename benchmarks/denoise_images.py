@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import common
 import numpy as np
+import variants
 from denoise_distances import grid_distances
 from image_peers import available, timed
 from pictures import View, draw, sheet
@@ -41,8 +42,13 @@ def psnr(image: np.ndarray, clean: np.ndarray) -> float:
 
 def ours(beta: float, time: float, iterations: float, distance: str) -> Filter:
     """Our filter."""
-    settings = core.BeltramiSettings(beta=beta, time=time, iterations=iterations, distance=distance)
-    return lambda image: core.beltrami_image(image, settings)
+    settings = core.BeltramiSettings(beta=beta, time=time, iterations=iterations)
+
+    def apply(image: np.ndarray) -> np.ndarray:
+        with variants.distances(distance):
+            return core.beltrami_image(image, settings)
+
+    return apply
 
 
 def opencv(sigma_color: float, sigma_space: float, times: float) -> Filter:

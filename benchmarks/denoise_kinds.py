@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speed of denoising surfaces, by the kind of noise; and of its kernel, beside the earlier way."""
+"""Speed of denoising surfaces, by the kind of noise."""
 
 from __future__ import annotations
 
@@ -8,16 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import common
-import numpy as np
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.beltrami.mesh_smoothing import smooth_faces, smooth_graph
-from shock_filter.core.mesh.calculus import average_to_faces
-from shock_filter.core.mesh.geodesics import face_stencils
 from virtual_scans import Scan, range_image, with_white_noise
 
 RUNS = 3
-MICROSECONDS, SHARE = 40.0, 0.5
+MICROSECONDS = 40.0
 
 
 def kinds(data: Path | None) -> dict[str, Callable[[], Scan]]:
@@ -42,27 +38,6 @@ def time_kind(data: Path | None, kind: str) -> tuple[int, float]:
     return mesh.vertex_count, min(found[1:])
 
 
-def time_kernel(data: Path | None) -> tuple[float, float]:
-    """Seconds of one kernel over the faces by searches, and by marches that sort, by turns."""
-    mesh = kinds(data)["white noise"]().mesh
-    settings, normals = core.BeltramiGeometrySettings(), mesh.normals
-    centres = average_to_faces(mesh, mesh.scaled_vertices)
-    beta = 3.0
-
-    def by_search() -> None:
-        smooth_faces(mesh, centres, normals, beta, normals, settings)
-
-    def by_march() -> None:
-        embedding = np.concatenate([centres, beta * normals], axis=1)
-        graph = face_stencils(mesh, embedding)
-        smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
-
-    by_search(), by_march()  # compiles
-    pairs = [(common.fastest(by_search, 1), common.fastest(by_march, 1)) for _ in range(RUNS)]
-    new, old = np.min(pairs, axis=0)
-    return float(new), float(old)
-
-
 def speed_of_kinds(job: common.Job) -> None:
     """Microseconds a vertex of the default, by what it finds."""
     rows, goals = [], []
@@ -71,13 +46,9 @@ def speed_of_kinds(job: common.Job) -> None:
         each = 1e6 * seconds / count
         rows.append([kind, f"{count:,}", f"{each:.1f}"])
         goals.append(Target(f"{kind}: µs a vertex", each, MICROSECONDS, "{:.1f}"))
-    new, old = common.in_own_process(time_kernel, job.data)
-    goals.append(Target("kernel over the faces: by searches / by marches", new / old, SHARE))
     text = [
         "The whole filter with its defaults, by what it finds: time of all cores together, which"
-        f" share it evenly; least of {RUNS} runs. *Searches* take faces in the order in which they"
-        " are come to; *marches*, as earlier versions did, keep them sorted."
-        f" {common.machine()}",
+        f" share it evenly; least of {RUNS} runs. {common.machine()}",
         table(["surface", "vertices", "µs a vertex"], rows),
         targets(goals),
     ]

@@ -10,6 +10,7 @@ from pathlib import Path
 import common
 import numpy as np
 import peers
+import variants
 from geometry_quality import (
     DENOISING,
     NOISY,
@@ -30,9 +31,10 @@ PAIR_NORMAL, PAIR_POSITION = 4.0, 0.2
 Filter = Callable[[core.TriangleMesh], np.ndarray]
 
 
-def denoised(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:
+def denoised(mesh: core.TriangleMesh, distance: str = "geodesic", **settings: object) -> np.ndarray:
     """Denoise; without settings, with the defaults."""
-    return core.denoise_geometry(mesh, core.BeltramiGeometrySettings(**settings))
+    with variants.distances(distance):
+        return core.denoise_geometry(mesh, core.BeltramiGeometrySettings(**settings))
 
 
 def sharpened(mesh: core.TriangleMesh, **settings: object) -> np.ndarray:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import common
 import numpy as np
+import variants
 from denoise_meshes import (
     case_pair,
     creased_sphere,
@@ -97,8 +98,9 @@ def painted(job: common.Job) -> None:
     colors, noisy = painted_noisily(mesh)
     filtered = {"clean": colors, "noisy": noisy}
     for distance in ("geodesic", "euclidean"):
-        settings = core.BeltramiMeshSettings(iterations=2, distance=distance)
-        filtered[distance] = core.beltrami_vertex_signal(mesh, noisy, settings)
+        settings = core.BeltramiMeshSettings(iterations=2)
+        with variants.distances(distance):
+            filtered[distance] = core.beltrami_vertex_signal(mesh, noisy, settings)
     tiles = [drawn(mesh.vertices, mesh, values, VIEW) for values in filtered.values()]
     rows = [
         [name, color_psnr(values, colors)] for name, values in filtered.items() if name != "clean"

@@ -35,7 +35,7 @@ def seconds_of(work) -> tuple[np.ndarray, float]:
 def measure(model: Model) -> tuple[list[float], float, float]:
     """Denoise a known texture with noise: errors, jumps, and time over that of as many pixels."""
     mesh = model.mesh()
-    atlas = core.TextureAtlas(mesh, model.uv, *model.image.shape[:2])
+    atlas = core.TextureAtlas(mesh, model.uv, size=model.image.shape[:2])
     open_seams = core.DilateSettings(seams="continue")
     clean = model.image / 255.0
     noise = NOISE * np.random.default_rng(0).normal(size=clean.shape)

@@ -85,10 +85,12 @@ def on_ball(job: common.Job) -> None:
     for size in SIZES:
         model = ball(size, steps=size // 2)
         mesh = model.mesh()
-        atlas = core.TextureAtlas(mesh, model.uv, size, size)
+        atlas = core.TextureAtlas(mesh, model.uv, size=(size, size))
         source = source_of(mesh.vertices)
         start = time.process_time()
-        found = core.geodesic_distance(mesh, model.uv, (size, size), [source], atlas=atlas)
+        found = core.geodesic_distance(
+            mesh, model.uv, size=(size, size), vertices=[source], atlas=atlas
+        )
         seconds = time.process_time() - start
         inside = atlas.inside
         places = atlas.bake(mesh.vertices[mesh.faces])[inside]
@@ -120,31 +122,28 @@ def against_peers(job: common.Job) -> None:
     rows, goals = [], []
     heat = peers.installed("potpourri3d")
     for name in ["torus", *chosen(job)]:
-        for size in (512, LARGE):
-            model = torus(size) if name == "torus" else load_model(job.data, name, size)
-            mesh = model.mesh()
-            used = np.unique(mesh.faces)
-            ranks = np.searchsorted(used, mesh.faces)
-            source = source_of(mesh.vertices)
-            given = mesh.vertices[used], ranks, int(np.searchsorted(used, source))
-            exact, long = peers.exact_distance(*given)
-            start = time.process_time()
-            found = core.vertex_distance(mesh, model.uv, (size, size), [source])[used]
-            ours = time.process_time() - start
-            error = np.abs(found - exact).mean() / exact.mean()
-            far = int(np.argmax(exact))
-            back = core.vertex_distance(mesh, model.uv, (size, size), [int(used[far])])[source]
-            both = abs(back - found[far]) / exact[far]
-            rows.append([name, f"{size}²", f"{100 * error:.3f}", f"{100 * both:.3f}"])
-            rows[-1] += [f"{ours:.2f}", f"{long:.1f}"]
-            goals.append(Target(f"{name}, {size}²: there and back, %", 100 * both, 0.5, "{:.3f}"))
-            if size == 512:
-                goals.append(Target(f"{name}: mean error, %", 100 * error, 0.5, "{:.3f}"))
-            if heat:
-                theirs, seconds = peers.heat_distance(*given)
-                off = np.abs(theirs - exact).mean() / exact.mean()
-                rows[-1] += [f"{100 * off:.2f}", f"{seconds:.2f}"]
-    head = ["model", "image", "mean error, %", "there and back, %", "processor time, s"]
+        model = torus(512) if name == "torus" else load_model(job.data, name, 512)
+        mesh = model.mesh()
+        used = np.unique(mesh.faces)
+        ranks = np.searchsorted(used, mesh.faces)
+        source = source_of(mesh.vertices)
+        given = mesh.vertices[used], ranks, int(np.searchsorted(used, source))
+        exact, long = peers.exact_distance(*given)
+        start = time.process_time()
+        found = core.vertex_distance(mesh, vertices=[source])[used]
+        ours = time.process_time() - start
+        error = np.abs(found - exact).mean() / exact.mean()
+        far = int(np.argmax(exact))
+        back = core.vertex_distance(mesh, vertices=[int(used[far])])[source]
+        both = abs(back - found[far]) / exact[far]
+        rows.append([name, f"{100 * error:.3f}", f"{100 * both:.3f}", f"{ours:.2f}", f"{long:.1f}"])
+        goals.append(Target(f"{name}: there and back, %", 100 * both, 0.5, "{:.3f}"))
+        goals.append(Target(f"{name}: mean error, %", 100 * error, 0.5, "{:.3f}"))
+        if heat:
+            theirs, seconds = peers.heat_distance(*given)
+            off = np.abs(theirs - exact).mean() / exact.mean()
+            rows[-1] += [f"{100 * off:.2f}", f"{seconds:.2f}"]
+    head = ["model", "mean error, %", "there and back, %", "processor time, s"]
     head += ["exact, s"] + ["heat method: mean error, %", "its time, s"] * heat
     job.page.write("peers", "\n\n".join([table(head, rows), targets(goals)]))
 
@@ -172,12 +171,12 @@ def run_distance(model: Model) -> Any:
     """Measure distance with all set-up."""
     mesh = model.mesh()
     size = model.image.shape[:2]
-    return core.geodesic_distance(mesh, model.uv, size, [source_of(mesh.vertices)])
+    return core.geodesic_distance(mesh, model.uv, size=size, vertices=[source_of(mesh.vertices)])
 
 
 def run_streaks(model: Model) -> Any:
     """Draw streaks with all set-up."""
-    return core.surface_line_convolution(model.mesh(), model.uv, model.image.shape[:2])
+    return core.surface_line_convolution(model.mesh(), model.uv, size=model.image.shape[:2])
 
 
 def speed(job: common.Job) -> None:
@@ -200,15 +199,17 @@ def streaks(job: common.Job) -> None:
         model = load_model(job.data, name, LARGE)
         mesh = model.mesh()
         size = (LARGE, LARGE)
-        atlas = core.TextureAtlas(mesh, model.uv, *size)
-        distance = core.vertex_distance(mesh, model.uv, size, [source_of(mesh.vertices)])
+        atlas = core.TextureAtlas(mesh, model.uv, size=size)
+        distance = core.vertex_distance(mesh, vertices=[source_of(mesh.vertices)])
         fields = {
             "along an axis": core.axis_directions(mesh, [0, 1, 0]),
             "around an axis": core.axis_directions(mesh, [0, 1, 0], turned=True),
             "gradient of distance": core.gradient_directions(mesh, distance),
         }
         for what, field in fields.items():
-            image = core.surface_line_convolution(mesh, model.uv, size, field, atlas=atlas)
+            image = core.surface_line_convolution(
+                mesh, model.uv, size=size, directions=field, atlas=atlas
+            )
             angle = angle_to(atlas, image, field)
             deviation = float(image[atlas.inside].std())
             rows.append([name, what, f"{angle:.1f}", f"{deviation:.3f}"])
@@ -217,7 +218,9 @@ def streaks(job: common.Job) -> None:
                 Target(f"{name}, {what}: deviation", deviation, 0.05, "{:.3f}", at_least=True),
             ]
         if name in ("blub", BALL):
-            row = np.concatenate([image, core.surface_line_convolution(mesh, model.uv, size)], 1)
+            row = np.concatenate(
+                [image, core.surface_line_convolution(mesh, model.uv, size=size)], 1
+            )
             shown = Image.fromarray(np.rint(255 * row[::-1]).astype(np.uint8))
             about = "Streaks along the gradient of distance, and where the surface bends least."
             shown = shown.resize((1600, 800), Image.Resampling.LANCZOS)
@@ -263,7 +266,7 @@ def timed_steps(path: Path) -> dict[str, float]:
     """Grow a pattern on a stored model: seconds of wall clock and processor for a step."""
     model = read_model(path)
     mesh, size = model.mesh(), model.image.shape[:2]
-    atlas = core.TextureAtlas(mesh, model.uv, *size)
+    atlas = core.TextureAtlas(mesh, model.uv, size=size)
     found: dict[str, float] = {}
     clocks = {"wall": time.perf_counter, "processor": time.process_time}
     for run in range(3):
@@ -271,7 +274,7 @@ def timed_steps(path: Path) -> dict[str, float]:
         for steps in (1, STEPS + 1):
             start = {what: clock() for what, clock in clocks.items()}
             settings = core.ReactionSettings(steps=steps)
-            core.reaction_diffusion(mesh, model.uv, size, settings, atlas=atlas)
+            core.reaction_diffusion(mesh, model.uv, size=size, settings=settings, atlas=atlas)
             long = {what: clock() - start[what] for what, clock in clocks.items()}
             for what in long if run and before else ():
                 step = (long[what] - before[what]) / STEPS
@@ -292,7 +295,7 @@ def patterns(job: common.Job) -> None:
                 goals.append(Target(f"{name}, 512²: a step, ms", times[0], 40.0, "{:.1f}"))
         if name in ("blub", BALL):
             model = read_model(stored(job, name, 512))
-            grown = core.reaction_diffusion(model.mesh(), model.uv, (512, 512))
+            grown = core.reaction_diffusion(model.mesh(), model.uv, size=(512, 512))
             shades = np.rint(255 * np.clip(grown[::-1, :, 1] / 0.4, 0, 1))
             about = "The second substance after 1000 steps."
             picture = job.page.picture("patterns", Image.fromarray(shades.astype(np.uint8)), about)
@@ -310,11 +313,13 @@ def cuts(job: common.Job) -> None:
     for name, (feed, kill) in PRESETS.items():
         found = []
         for about, uv, size in layouts:
-            atlas = core.TextureAtlas(mesh, uv, size, size)
+            atlas = core.TextureAtlas(mesh, uv, size=(size, size))
             settings = core.ReactionSettings(
                 steps=1000, scale=SPACING / atlas.texel_size, feed=feed, kill=kill
             )
-            image = core.reaction_diffusion(mesh, uv, (size, size), settings, atlas=atlas)
+            image = core.reaction_diffusion(
+                mesh, uv, size=(size, size), settings=settings, atlas=atlas
+            )
             found.append(statistics(mesh, uv, image[..., 1]))
             mean, deviation, wave = found[-1]
             rows.append([name, about, f"{mean:.4f}", f"{deviation:.4f}", f"{wave:.4f}"])

@@ -114,7 +114,7 @@ def timed_flow(path: Path, threshold: float, runs: int) -> list[dict[str, float]
         for _ in range(runs):
             clock = common.PhaseClock(PHASES)
             start = time.perf_counter()
-            core.sharpen_normals(mesh, settings, clock)
+            core.sharpen_normals(mesh, settings, progress=clock)
             phases = {**clock.stop(), "whole": time.perf_counter() - start}
             if not best or phases["whole"] < best["whole"]:
                 best = phases

@@ -121,7 +121,7 @@ def run_of(path: Path, gain: float, ours: bool, out: Path) -> dict[str, Any]:
     model = read_model(path)
     mesh = model.mesh()
     pixels = model.image.astype(np.float32) / 255
-    atlas = core.TextureAtlas(mesh, model.uv, *pixels.shape[:2])
+    atlas = core.TextureAtlas(mesh, model.uv, size=pixels.shape[:2])
     radius = float(np.sqrt(TextureSpace(atlas).area / WEIGHT))
     if ours:
         warm_up()
@@ -163,7 +163,7 @@ def peer(job: common.Job) -> None:
                     rows[-1] += [*[""] * 5, f"{ours['jump']:.0e}", "", f"“{theirs['note']}”"]
                     continue
                 model, images = read_model(path), [np.load(file) for file in files]
-                atlas = core.TextureAtlas(model.mesh(), model.uv, size, size)
+                atlas = core.TextureAtlas(model.mesh(), model.uv, size=(size, size))
                 off = 255 * (images[0] - images[1])[atlas.inside]
                 ratio = theirs["processor"] / ours["processor"]
                 rows[-1] += [
@@ -197,7 +197,7 @@ def peer(job: common.Job) -> None:
 def show(job: common.Job, model: Model, images: list[np.ndarray]) -> str:
     """Put the input, both results and twenty times their difference side by side."""
     ours, theirs = images
-    atlas = core.TextureAtlas(model.mesh(), model.uv, *ours.shape[:2])
+    atlas = core.TextureAtlas(model.mesh(), model.uv, size=ours.shape[:2])
     apart = 20 * np.abs(ours - theirs) * atlas.inside[..., None]
     row = np.concatenate([model.image / 255, ours, theirs, apart], axis=1)[::-1]
     picture = Image.fromarray(np.rint(255 * np.clip(row, 0, 1)).astype(np.uint8))

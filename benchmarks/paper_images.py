@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from pathlib import Path
 import common
 import image_peers
 import numpy as np
+import schemes
 from image_peers import Quality, bilateral, coherence_shock, ours, unsharp
 from pictures import sheet
 from report import Target, table, targets
@@ -45,9 +47,17 @@ def blurred(image: np.ndarray) -> np.ndarray:
     return np.rint(smooth).astype(np.uint8) if image.dtype == np.uint8 else smooth
 
 
-def warm_up(image: np.ndarray, **settings: object) -> None:
+def fixed(image: np.ndarray, flow_time: float) -> np.ndarray:
+    """Sharpen by the flow of the input, as the core does."""
+    return core.sharpen_image(image, core.ImageSettings(time=flow_time))
+
+
+SCHEMES = {"naive": schemes.naive, "composed": schemes.composed, "fixed": fixed}
+
+
+def warm_up(image: np.ndarray, sharpen: Callable[..., np.ndarray] = fixed) -> None:
     """Load or compile the kernels for images of this type."""
-    core.sharpen_image(image[:16, :16].copy(), core.ImageSettings(time=2.0, **settings))
+    sharpen(image[:16, :16].copy(), 2.0)
 
 
 def time_schemes(data: Path, everything: bool) -> dict[str, dict[int, float]]:
@@ -55,16 +65,14 @@ def time_schemes(data: Path, everything: bool) -> dict[str, dict[int, float]]:
     image = table_photo(data)
     found: dict[str, dict[int, float]] = {}
     for scheme, paper in PAPER_SECONDS.items():
-        warm_up(image, scheme=scheme)
+        warm_up(image, SCHEMES[scheme])
         found[scheme] = {}
         for flow_time in paper:
             if scheme != "fixed" and flow_time >= SLOW_FROM and not everything:
                 continue
-            settings = core.ImageSettings(time=flow_time, scheme=scheme)
             runs = 3 if scheme == "fixed" or flow_time <= 4 else 1
-            found[scheme][flow_time] = common.fastest(
-                lambda settings=settings: core.sharpen_image(image, settings), runs
-            )
+            run = functools.partial(SCHEMES[scheme], image, flow_time)
+            found[scheme][flow_time] = common.fastest(run, runs)
     return found
 
 
@@ -116,10 +124,12 @@ def time_convergence(data: Path) -> dict[str, Curve]:
         return core.sharpen_image(image, settings)
 
     def by_sign(steps: float) -> np.ndarray:
-        return core.osher_rudin_image(image, int(steps), SIGN_STEP)
+        return core.osher_rudin_image(image, steps=int(steps), time_step=SIGN_STEP)
 
     def by_flow(flow_time: float) -> np.ndarray:
-        return core.osher_rudin_image(image, round(flow_time / FLOW_STEP), FLOW_STEP, "flow")
+        return core.osher_rudin_image(
+            image, steps=round(flow_time / FLOW_STEP), time_step=FLOW_STEP, edge_detector="flow"
+        )
 
     def curve(method: Callable, amounts: list[float], end: float) -> Curve:
         found = []
@@ -134,7 +144,7 @@ def time_convergence(data: Path) -> dict[str, Curve]:
 
     warm_up(image)
     for detector in ("gradient", "flow"):
-        core.osher_rudin_image(image[:8, :8], 1, SIGN_STEP, detector)
+        core.osher_rudin_image(image[:8, :8], steps=1, time_step=SIGN_STEP, edge_detector=detector)
     powers = [2.0**k for k in range(1, 10)]
     return {
         "advection": curve(advected, powers + [1024.0, 1536.0], 2048.0),
@@ -233,12 +243,11 @@ def compare_schemes(data: Path) -> tuple[dict[str, np.ndarray], list[list[float]
     photo = common.load_image(data, "kodim05.png")[CROP].astype(np.float32) / 255
     image = blurred(photo).astype(np.float32)
     results = {"input": image}
-    for scheme in ("naive", "composed", "fixed"):
-        results[scheme] = core.sharpen_image(image, core.ImageSettings(time=STEPS, scheme=scheme))
+    results |= {scheme: sharpen(image, STEPS) for scheme, sharpen in SCHEMES.items()}
     agreement = []
     for given in (photo, image):
         steady = core.sharpen_image(given, core.ImageSettings(time=math.inf, smoothing_passes=0))
-        end = core.osher_rudin_image(given, 500, SIGN_STEP)
+        end = core.osher_rudin_image(given, steps=500, time_step=SIGN_STEP)
         slopes = [image_peers.gradient_magnitude(each).ravel() for each in (given, steady, end)]
         agreement.append(
             [

@@ -66,7 +66,7 @@ def cut(mesh: core.TriangleMesh, parts: np.ndarray, turning: bool) -> Layout:
         flat[chosen] = flat[chosen] @ turn.T
     size = _pack(flat, parts)
     uv = flat / size
-    return Layout(core.TextureAtlas(mesh, uv, size, size), uv)
+    return Layout(core.TextureAtlas(mesh, uv, size=(size, size)), uv)
 
 
 def _unfold(mesh: core.TriangleMesh, parts: np.ndarray) -> np.ndarray:

@@ -122,7 +122,7 @@ def ball(size: int, steps: int = 40) -> Model:
 def painted(model: Model) -> Model:
     """Return a model with a pattern in space for its texture, black around the charts."""
     height, width = model.image.shape[:2]
-    atlas = core.TextureAtlas(model.mesh(), model.uv, height, width)
+    atlas = core.TextureAtlas(model.mesh(), model.uv, size=(height, width))
     places = atlas.bake(model.vertices[model.faces]) / atlas.texel_size
     colors = np.where(atlas.inside[..., None], pattern(places), 0.0)
     image = np.rint(255.0 * colors).astype(np.uint8)

@@ -47,7 +47,7 @@ def seams(job: common.Job) -> None:
         if name != BALL:
             kinds[f"{name}, pattern"] = painted(model)
         for label, kind in kinds.items():
-            atlas = core.TextureAtlas(kind.mesh(), kind.uv, *kind.image.shape[:2])
+            atlas = core.TextureAtlas(kind.mesh(), kind.uv, size=kind.image.shape[:2])
             places = find_seams(atlas)
             jumps = {what: places.jump(image) for what, image in results(kind, atlas).items()}
             ours = np.array([jumps[f"ours, t = {time:g}"] for time in TIMES])
@@ -72,7 +72,7 @@ def seams(job: common.Job) -> None:
 def seam_pictures(job: common.Job) -> None:
     """A seam of the ball, near by, with the texture at full, half and quarter size."""
     model = ball(1024)
-    atlas = core.TextureAtlas(model.mesh(), model.uv, *model.image.shape[:2])
+    atlas = core.TextureAtlas(model.mesh(), model.uv, size=model.image.shape[:2])
     found = results(model, atlas)
     long = f"{TIMES[-1]:g}"
     shown = {

@@ -55,7 +55,7 @@ def timed_run(path: Path, runs: int) -> dict[str, float]:
 
     for _ in range(runs):
         start = time.perf_counter()
-        atlas = core.TextureAtlas(mesh, model.uv, height, width)
+        atlas = core.TextureAtlas(mesh, model.uv, size=(height, width))
         note("analysis", time.perf_counter() - start)
         analysed = common.peak_memory()
         for flow_time in TIMES:
@@ -129,7 +129,7 @@ def peer_run(path: Path) -> tuple[str, float, float]:
 
 def seam_jump(model: Model, image: np.ndarray) -> float:
     """Mean difference of both sides along the seams of a model."""
-    atlas = core.TextureAtlas(model.mesh(), model.uv, *image.shape[:2])
+    atlas = core.TextureAtlas(model.mesh(), model.uv, size=image.shape[:2])
     return find_seams(atlas).jump(image)
 
 

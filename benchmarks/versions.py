@@ -52,30 +52,40 @@ def work(case: str, arrays: dict[str, np.ndarray]) -> Callable[[Callable | None]
         return lambda p: core.beltrami_image(arrays["image"], progress=p)
     vertices, faces = arrays["vertices"], arrays["faces"]
     if case.startswith("geometry"):
-        return lambda p: core.sharpen_geometry(core.TriangleMesh(vertices, faces, p), long, None, p)
+        return lambda p: core.sharpen_geometry(
+            core.TriangleMesh(vertices, faces, progress=p), long, mask=None, progress=p
+        )
     if case.startswith("normals"):
-        return lambda p: core.sharpen_normals(core.TriangleMesh(vertices, faces, p), long, p)
+        return lambda p: core.sharpen_normals(
+            core.TriangleMesh(vertices, faces, progress=p), long, progress=p
+        )
     if case.startswith("denoising geometry"):
-        return lambda p: core.denoise_geometry(core.TriangleMesh(vertices, faces, p), progress=p)
+        return lambda p: core.denoise_geometry(
+            core.TriangleMesh(vertices, faces, progress=p), progress=p
+        )
     if case.startswith("texture"):
         uv, image = arrays["uv"], arrays["image"]
         texture = core.TextureSettings(time=1024.0)
         return lambda p: core.sharpen_texture(
-            core.TriangleMesh(vertices, faces, p), uv, image, texture, progress=p
+            core.TriangleMesh(vertices, faces, progress=p), uv, image, texture, progress=p
         )
     span = np.ptp(vertices, axis=0).max()
     colors = 0.5 + 0.5 * np.tanh(4 * np.sin(40 * vertices / span))
     settings = core.ShockSettings(time=4096.0)
     if case.startswith("denoising colors"):
         return lambda p: core.beltrami_vertex_signal(
-            core.TriangleMesh(vertices, faces, p), colors, progress=p
+            core.TriangleMesh(vertices, faces, progress=p), colors, progress=p
         )
     if case.startswith("corner colors"):
         return lambda p: core.sharpen_corner_signal(
-            core.TriangleMesh(vertices, faces, p), colors[faces], settings, None, p
+            core.TriangleMesh(vertices, faces, progress=p),
+            colors[faces],
+            settings,
+            mask=None,
+            progress=p,
         )
     return lambda p: core.sharpen_vertex_signal(
-        core.TriangleMesh(vertices, faces, p), colors, settings, None, p
+        core.TriangleMesh(vertices, faces, progress=p), colors, settings, mask=None, progress=p
     )
 
 

@@ -47,7 +47,9 @@ def on_map(year: np.ndarray, size: tuple[int, int], frames: int) -> list[np.ndar
     repeats = replace(SETTINGS, periodic="x", loop=frames // 4)
     background = np.broadcast_to(COLORS[0], (*size, 3))
     return list(
-        core.advect_noise(wide, repeats, frames, size=size, background=background, colors=COLORS)
+        core.advect_noise(
+            wide, repeats, frames=frames, size=size, background=background, colors=COLORS
+        )
     )
 
 
@@ -62,7 +64,14 @@ def globe(winds_of_month: np.ndarray, rings: int = 64) -> np.ndarray:
     field = there[:, :1] * east + there[:, 1:] * north
     background = np.broadcast_to(COLORS[0], (512, 1024, 3))
     frames = core.advect_on_surface(
-        mesh, uv, field, (512, 1024), SETTINGS, 1, background=background, colors=COLORS
+        mesh,
+        uv,
+        field,
+        size=(512, 1024),
+        settings=SETTINGS,
+        frames=1,
+        background=background,
+        colors=COLORS,
     )
     return orthographic(next(frames), SIZE[0])
 

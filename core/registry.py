@@ -56,16 +56,16 @@ class Kind(Row):
 
 
 GEOMETRY = Kind("geometry", "mesh files")
-"""``function(mesh, settings, mask, progress)`` returns positions."""
+"""``function(mesh, settings, mask=, progress=)`` returns positions."""
 
 COLORS = Kind("colors", "mesh files")
-"""``function(mesh, signal, settings, mask, progress)`` returns a signal at the vertices.
+"""``function(mesh, signal, settings, mask=, progress=)`` returns a signal at the vertices.
 
 A row names a function for signals at the corners beside it.
 """
 
 IMAGE = Kind("image", "image files", is_image=True)
-"""``function(image, settings, mask, progress)`` returns an image.
+"""``function(image, settings, mask=, progress=)`` returns an image.
 
 One that has a parameter ``out`` is given an array for the result, which may be mapped from a file.
 Zarr arrays and large TIFF files are given as dask arrays; one may be returned, too.
@@ -75,10 +75,10 @@ TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_m
 """``function(mesh, uv, image, settings, mask=, progress=, atlas=)`` returns an image."""
 
 FIELD = Kind("field", "mesh file", is_drawn=True)
-"""``function(mesh, uv, size, settings=, progress=, atlas=)`` returns an image; some want more."""
+"""``function(mesh, uv, settings, size=, progress=, atlas=)`` returns an image; some want more."""
 
 FLOW = Kind("flow", "flow map, array, NetCDF or Zarr file, or mesh", makes_frames=True)
-"""``function(velocity, settings, frames, progress=)`` returns an iterator of frames."""
+"""``function(velocity, settings, frames=, progress=)`` returns an iterator of frames."""
 
 MASK = Kind("mask", "mesh file", is_drawn=True)
 """What each texel is: drawn from a mesh, and so the kind of no filter."""

@@ -113,11 +113,10 @@ class _Settings:
         for name, (_, default, _) in describe(type(self)).items():
             setattr(self, name, values.pop(name, default))
         for name in values:
+            instead = removed_of(type(self)).get(name)
+            if instead:
+                raise InvalidSettings(f"{name} is no setting any more: {instead}")
             raise TypeError(f"{type(self).__name__} has no setting {name!r}")
-        self.__post_init__()
-
-    def __post_init__(self) -> None:
-        """Check what goes together."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         # Each field is set once, when the object is made.
@@ -142,6 +141,36 @@ class _Settings:
         return hash((type(self), *vars(self).values()))
 
 
+_REMOVED: dict[str, dict[str, str]] = {
+    "ShockSettings": {
+        "scheme": "the flow is that of the input all the time, as 'fixed' said; leave it out.",
+    },
+    "FitSettings": {
+        "fidelity": "give screening_radius, which is the root of the surface's area over the"
+        " fidelity, divided by the mean edge length.",
+    },
+    "BeltramiMeshSettings": {
+        "distance": "it runs along the surface of the values, as 'geodesic' said; leave it out.",
+        "threshold": "weights below 0.01 of the largest one count as nothing; leave it out.",
+    },
+    "BeltramiSettings": {
+        "measure": "pixels count by their area in space, as 'space' said; leave it out.",
+        "window": "the time alone says how far the kernel reaches; lower that, or leave it out.",
+    },
+    "DyeSettings": {
+        "sharpening": "dye is sharpened as 'shock' said; leave it out.",
+        "integration": "steps take the velocity halfway, as 'midpoint' said; leave it out.",
+    },
+}
+"""What earlier versions had: by class and name, what holds instead."""
+
+
+def removed_of(settings: type) -> dict[str, str]:
+    """Give the names that a settings class had once, with what holds instead."""
+    tables = [_REMOVED.get(kind.__name__, {}) for kind in settings.__mro__]
+    return {name: text for table in tables for name, text in table.items()}
+
+
 _Given = TypeVar("_Given", bound=_Settings)
 
 
@@ -156,7 +185,10 @@ def given_or_default(settings: _Given | None, kind: type[_Given]) -> _Given:
     if settings is None:
         return kind()
     if not isinstance(settings, _Settings) or describe(kind).keys() - vars(settings).keys():
-        raise InvalidSettings(f"settings is {settings!r}; give {kind.__name__}, or leave it out.")
+        raise InvalidSettings(
+            f"settings is of type {type(settings).__name__}; give {kind.__name__}, or leave it out,"
+            " and give all else by keyword."
+        )
     return settings
 
 
@@ -240,8 +272,8 @@ def _amount() -> Any:
 
 
 @_fields
-class _SignalSettings(_Settings):
-    """Settings of the filters of signals: colors on meshes, in images and in textures.
+class ShockSettings(_Settings):
+    """Settings of the filters of signals: colors on meshes, in images and in textures (section 3).
 
     What and Width say how far values flow, by the contrast of each place, and Amount how much of
     that is taken. A time of 0 or more overrides What and Width, and is that of the paper: it acts
@@ -302,41 +334,6 @@ class _SignalSettings(_Settings):
         return self.time == 0 or self.amount == 0
 
 
-@_fields
-class ShockSettings(_SignalSettings):
-    """Settings of the filters of signals: vertex colors, corner colors, images (section 3)."""
-
-    scheme: str = _setting(
-        "fixed",
-        "Whether the flow is computed anew while values move",
-        choices={
-            "fixed": "The flow of the input all the time: fast, and hardly to be told from"
-            " composed",
-            "composed": "Anew after each unit of time; flow-lines are joined, the input is read"
-            " once. The time needed grows with the flow time",
-            "naive": "Anew after each unit of time, each step reads the last result: slow, and"
-            " blurs detail; for comparison",
-        },
-        advanced=True,
-    )
-
-    def __post_init__(self) -> None:
-        if self.scheme != "fixed" and self.by_width:
-            raise InvalidSettings(
-                "scheme is {scheme!r}, which walks for a given time; give a time such as 256, or"
-                " use the scheme 'fixed', which Width needs.",
-                scheme=self.scheme,
-            )
-        if self.scheme != "fixed" and self.time > MOST_STEPS:
-            raise InvalidSettings(
-                "time is {time!r}, which the scheme {scheme!r} walks in steps of 1; give at most"
-                " {most}, or use the scheme 'fixed'.",
-                time=self.time,
-                scheme=self.scheme,
-                most=MOST_STEPS,
-            )
-
-
 def _alpha() -> Any:
     return _setting(
         "auto",
@@ -354,9 +351,9 @@ def _alpha() -> Any:
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
 
-    time: float = _changed(_SignalSettings, "time", BY_WIDTH, unit="flow time in pixels")
+    time: float = _changed(ShockSettings, "time", BY_WIDTH, unit="flow time in pixels")
     what: str = _what("auto")
-    width: float = _changed(_SignalSettings, "width", 0.0, unit="pixels")
+    width: float = _changed(ShockSettings, "width", 0.0, unit="pixels")
     enlarge: int = _setting(
         1,
         "How many times higher and wider the result is. 1 keeps the size; 2 and 4 enlarge the image"
@@ -432,17 +429,17 @@ def _content_of_vectors() -> Any:
 
 
 @_fields
-class TextureSettings(DilateSettings, _SignalSettings):
+class TextureSettings(DilateSettings, ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_texture`."""
 
     time: float = _changed(
-        _SignalSettings,
+        ShockSettings,
         "time",
         BY_WIDTH,
         unit="flow time in mean texel sizes on the surface",
     )
     what: str = _what("auto")
-    width: float = _changed(_SignalSettings, "width", 0.0, unit="mean texel sizes on the surface")
+    width: float = _changed(ShockSettings, "width", 0.0, unit="mean texel sizes on the surface")
     alpha: str = _alpha()
     content: str = _content()
 
@@ -626,12 +623,8 @@ class ReactionSettings(_Settings):
         minimum=1.0,
         maximum=8.0,
     )
-    seed: int = _setting(
-        0,
-        "Other numbers give other patterns of the same kind",
-        unit="any number",
-        maximum=2**31 - 1,
-        soft_maximum=100,
+    seed: int = _changed(
+        StreakSettings, "seed", 0, "Other numbers give other patterns of the same kind"
     )
     gutter: int = _changed(DilateSettings, "gutter", 16)
 
@@ -695,13 +688,7 @@ class NoiseSettings(_Settings):
         maximum=100,
         soft_maximum=20,
     )
-    contrast: float = _setting(
-        1.0,
-        "How far values go from gray. 0 is gray everywhere, 1 fills the range, more clips",
-        unit="times the range",
-        maximum=100.0,
-        soft_maximum=3.0,
-    )
+    contrast: float = _changed(StreakSettings, "contrast", 1.0)
     speed_mask: float = _setting(
         0.0,
         "How much fast places stand out: slow ones let the background through. 0 shows all alike;"
@@ -754,24 +741,6 @@ class DyeSettings(_Settings):
         maximum=1.0,
         soft_maximum=1.0,
     )
-    sharpening: str = _setting(
-        "shock",
-        "How the dye is sharpened",
-        choices={
-            "shock": "Dye that has spread flows back to where there is more: none is lost",
-            "rational": "Each share is pushed away from a half, as in the paper: thin dye vanishes",
-        },
-        advanced=True,
-    )
-    integration: str = _setting(
-        "midpoint",
-        "How a step follows the flow",
-        choices={
-            "midpoint": "With the velocity halfway: circles close",
-            "euler": "With that at its end: twice as fast, but circles open to spirals",
-        },
-        advanced=True,
-    )
     periodic: str = _periodic()
     loop: int = _loop()
 
@@ -787,13 +756,12 @@ class ConvolutionSettings(_Settings):
         maximum=1000.0,
         soft_maximum=200.0,
     )
-    contrast: float = _setting(
+    contrast: float = _changed(
+        StreakSettings,
+        "contrast",
         1.0,
         "How far values go from their mean. 0 leaves averages as they are, 1 fills the range, more"
         " clips",
-        unit="times the range",
-        maximum=100.0,
-        soft_maximum=3.0,
     )
     periodic: str = _periodic()
     seed: int = _changed(StreakSettings, "seed", 0, "Other numbers give other noise")
@@ -833,22 +801,6 @@ class FitSettings(_Settings):
         length_power=1,
         label="Fit Radius",
     )
-    fidelity: float = _setting(
-        0.0,
-        "The paper's epsilon: weight of the old positions on the surface scaled to unit area."
-        " 0 uses the radius instead; 1000000 keeps nearly every position",
-        unit="per unit area",
-        maximum=1e12,
-        soft_maximum=1e6,
-        advanced=True,
-    )
-
-    def __post_init__(self) -> None:
-        default = describe(FitSettings)["screening_radius"][1]
-        if self.fidelity > 0 and self.screening_radius != default:
-            raise InvalidSettings(
-                "fidelity and screening_radius are two ways to say the same: give only one."
-            )
 
 
 OF_PAPER = {"where": "everywhere", "align_passes": 0, "fit_steps": 1, "crease_freedom": 0.0}
@@ -988,29 +940,44 @@ class GeometrySettings(FitSettings, _FlowSettings):
         return cls(**{**OF_PAPER, **settings})
 
 
-@_fields
-class _KernelSettings(_Settings):
-    """Settings of the short-time Beltrami kernel (paper C), with the defaults for meshes."""
+CUTOFF = 0.01
+"""Weights of the kernel below this part of the largest one count as nothing."""
 
-    time: float = _setting(
+
+def _kernel_time(lengths: str, maximum: float) -> Any:
+    return _setting(
         1.0,
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time; 10 averages over 14 mean edge lengths around, slowly",
-        unit="squared mean edge lengths",
-        maximum=1e6,
+        f" is a Gaussian of variance 2 * time; 10 averages over 14 {lengths} around, slowly",
+        unit=f"squared {lengths}",
+        maximum=maximum,
         soft_maximum=10.0,
         length_power=2,
     )
-    beta: float = _setting(
-        3.0,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many mean"
-        " edge lengths. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
-        unit="mean edge lengths a unit of value",
+
+
+def _kernel_beta(default: float, lengths: str) -> Any:
+    return _setting(
+        default,
+        "How much values count against lengths: a step from 0 to 1 is as far as this many"
+        f" {lengths}. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
+        unit=f"{lengths} a unit of value",
         maximum=1e6,
         soft_maximum=30.0,
         length_power=1,
         label="Keep Edges",
     )
+
+
+@_fields
+class BeltramiMeshSettings(_Settings):
+    """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`.
+
+    Those of the short-time Beltrami kernel (paper C).
+    """
+
+    time: float = _kernel_time("mean edge lengths", 1e6)
+    beta: float = _kernel_beta(3.0, "mean edge lengths")
     iterations: int = _setting(
         1,
         "How often the kernel is applied, each time measured on the last result. Several short"
@@ -1020,122 +987,36 @@ class _KernelSettings(_Settings):
         maximum=1000,
         soft_maximum=10,
     )
-    distance: str = _setting(
-        "geodesic",
-        "How far apart two values are: what the weights depend on",
-        choices={
-            "geodesic": "Along the surface that the values make: nothing crosses an edge",
-            "euclidean": "Straight through space and values (a bilateral filter): faster, and"
-            " blind to edges in between",
-        },
-        advanced=True,
-    )
-    threshold: float = _setting(
-        0.01,
-        "Weights below this part of the largest one count as nothing, which bounds how far the"
-        " kernel reaches. 0.001 is slow and nearly exact; 0.1 is fast and cuts it off early",
-        unit="of the largest weight",
-        minimum=1e-9,
-        maximum=0.9,
-        soft_minimum=0.001,
-        soft_maximum=0.1,
-        advanced=True,
-        label="Cutoff",
-    )
+
+    @property
+    def limit(self) -> float:
+        """Square of the distance beyond which nothing counts: weights there are below `CUTOFF`."""
+        return -4.0 * self.time * math.log(CUTOFF)
 
 
 @_fields
-class BeltramiSettings(_KernelSettings):
+class BeltramiSettings(BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
 
-    time: float = _changed(
-        _KernelSettings,
-        "time",
-        1.0,
-        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time; 10 averages over 14 pixels around, slowly",
-        unit="squared pixels",
-        maximum=100.0,
-    )
-    beta: float = _changed(
-        _KernelSettings,
-        "beta",
-        7.0,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many"
-        " pixels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
-        unit="pixels a unit of value",
-    )
-    iterations: int = _changed(_KernelSettings, "iterations", 2)
-    measure: str = _setting(
-        "space",
-        "How much each pixel counts, besides its distance",
-        choices={
-            "space": "By its area in space, all alike in a flat image: keeps edges best",
-            "surface": "By its area on the surface that the values make, which is greatest on"
-            " edges: in short times this is the Beltrami flow",
-        },
-        advanced=True,
-    )
-    window: int = _setting(
-        0,
-        "Width of the square of pixels that a kernel may reach, an odd number. 0 goes as far"
-        " as weights count; 21 goes ten pixels each way",
-        unit="pixels",
-        maximum=9999,
-        soft_maximum=21,
-        advanced=True,
-    )
+    time: float = _kernel_time("pixels", 100.0)
+    beta: float = _kernel_beta(7.0, "pixels")
+    iterations: int = _changed(BeltramiMeshSettings, "iterations", 2)
     alpha: str = _alpha()
-
-    def __post_init__(self) -> None:
-        if self.window != 0 and self.window % 2 == 0:
-            raise InvalidSettings(
-                "window is {window!r}, which has no middle pixel; give an odd number, or 0.",
-                window=self.window,
-            )
 
     @property
     def reach(self) -> float:
         """About how many pixels each one is averaged over in one iteration."""
-        reach = max(-4.0 * math.pi * self.time * math.log(self.threshold), 1.0)
-        return min(reach, self.window**2) if self.window else reach
+        return max(math.pi * self.limit, 1.0)
 
 
 @_fields
 class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
     """Settings of :func:`shock_filter.core.beltrami_texture`."""
 
-    time: float = _changed(
-        BeltramiSettings,
-        "time",
-        1.0,
-        "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
-        " is a Gaussian of variance 2 * time; 10 averages over 14 texels around, slowly",
-        unit="squared texels",
-    )
-    beta: float = _changed(
-        BeltramiSettings,
-        "beta",
-        7.0,
-        "How much values count against lengths: a step from 0 to 1 is as far as this many"
-        " texels. 0 blurs across edges; 30 keeps even faint ones, and noise with them",
-        unit="texels a unit of value",
-    )
-    window: int = _changed(
-        BeltramiSettings,
-        "window",
-        0,
-        "Width of the square of texels that a kernel may reach, an odd number. 0 goes as far"
-        " as weights count; 21 goes ten texels each way",
-        unit="texels",
-    )
+    time: float = _kernel_time("texels", 100.0)
+    beta: float = _kernel_beta(7.0, "texels")
     alpha: str = _alpha()
     content: str = _content()
-
-
-@_fields
-class BeltramiMeshSettings(_KernelSettings):
-    """Settings of `beltrami_vertex_signal`, `beltrami_corner_signal` and `beltrami_joint`."""
 
 
 @_fields
@@ -1143,14 +1024,14 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.denoise_geometry`."""
 
     time: float = _changed(
-        _KernelSettings,
+        BeltramiMeshSettings,
         "time",
         0.5,
         "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
         " variance 2 * time. 10 removes coarse noise, and fine relief with it",
     )
     beta: float = _changed(
-        _KernelSettings,
+        BeltramiMeshSettings,
         "beta",
         0.9,
         "How much the directions of faces count against lengths. At 1, neighbors whose"
@@ -1160,7 +1041,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         soft_maximum=5.0,
     )
     iterations: int = _changed(
-        _KernelSettings,
+        BeltramiMeshSettings,
         "iterations",
         3,
         "How often the kernel is applied, each time measured on the last result. 1 is for"
@@ -1172,7 +1053,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         choices={
             "normals": "The directions of the faces, to which the surface is fitted: keeps creases",
             "positions": "The places of the vertices, as in the paper: rounds creases and shrinks"
-            " a little. Only times, iterations, distance and threshold matter then",
+            " a little. Only times and iterations matter then",
         },
         advanced=True,
         label="Filter",

@@ -96,10 +96,10 @@ def sharpen_both(
         return both
     with phase(0.0, 0.5, "Sharpening"):
         shape = GeometrySettings.of_paper(time=settings.time, sampling="linear")
-        positions = sharpen_geometry(moved, shape, mask)
+        positions = sharpen_geometry(moved, shape, mask=mask)
     with phase(0.5, 1.0, "Sharpening"):
         sharp = mesh.moved_to(positions)
-        return positions, sharpen_corner_signal(sharp, signal, settings, mask)
+        return positions, sharpen_corner_signal(sharp, signal, settings, mask=mask)
 
 
 def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh | None:

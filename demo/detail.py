@@ -141,7 +141,7 @@ def hide(obj: bpy.types.Object, places: npt.NDArray[np.float64]) -> photo.Pixels
     vectors = normals - slopes
     vectors /= np.maximum(np.linalg.norm(vectors, axis=2, keepdims=True), 1e-9)
     colors = np.ascontiguousarray(0.5 + 0.5 * vectors[::-1])
-    tangent = core.tangent_normals(atlas.mesh, faces.uv, colors, faces.normals, atlas=atlas)
+    tangent = core.tangent_normals(atlas.mesh, faces.uv, colors, normals=faces.normals, atlas=atlas)
     return np.ascontiguousarray(tangent[::-1]).astype(np.float32)
 
 

@@ -163,7 +163,7 @@ def baked(obj: bpy.types.Object) -> bpy.types.Image:
     uv = np.empty((len(obj.data.loops), 2), dtype=np.float32)
     obj.data.uv_layers.active.data.foreach_get("uv", uv.reshape(-1))
     layout = uv[corners].reshape(-1, 3, 2).astype(np.float64)
-    atlas = core.TextureAtlas(mesh, layout, TEXELS, TEXELS)
+    atlas = core.TextureAtlas(mesh, layout, size=(TEXELS, TEXELS))
     pixels = atlas.bake(shapes.read_colors(obj.data, PAINT)[mesh.faces])
     pixels = core.dilate_texture(mesh, layout, pixels, atlas=atlas)
     return photo.to_blender("Texture", pixels[::-1].astype(np.float32))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import as_array, checked_size
+from ..base.checks import as_array, by_keyword, checked_size
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
@@ -22,11 +22,12 @@ _WAY, _VALUE = np.float32(32767), np.float32(1 << 23)  # what packed numbers cou
 _BLOCK = 256
 
 
+@by_keyword
 def line_integral_convolution(
     velocity: npt.ArrayLike,
-    noise: npt.ArrayLike | None = None,
     settings: ConvolutionSettings | None = None,
     *,
+    noise: npt.ArrayLike | None = None,
     size: tuple[int, int] | None = None,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import by_keyword
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, one_of
 from ..errors import InvalidSettings
@@ -23,12 +24,13 @@ from .velocity import ROWS, FieldOfTime, Flow, Motion, checked_frames, wraps
 _Singles = npt.NDArray[np.float32]
 
 
+@by_keyword
 def advect_dye(
     velocity: npt.ArrayLike | FieldOfTime,
     sources: DyeSource | Sequence[DyeSource],
     settings: DyeSettings | None = None,
-    frames: int = 100,
     *,
+    frames: int = 100,
     size: tuple[int, int] | None = None,
     mask: npt.ArrayLike | None = None,
     noise: NoiseSettings | None = None,
@@ -175,12 +177,9 @@ def _shares(
         number += 1
         motion = flow.at(number)
         if back_of is not motion:
-            if settings.integration == "midpoint":
-                halfway = flow.at(number - 0.5)
-                run(_find_midpoint, rows, motion.right, motion.down, halfway.right,
-                    halfway.down, joined, back, chunk=ROWS)  # fmt: skip
-            else:
-                np.stack([motion.right, motion.down], axis=-1, out=back)
+            halfway = flow.at(number - 0.5)
+            run(_find_midpoint, rows, motion.right, motion.down, halfway.right, halfway.down,
+                joined, back, chunk=ROWS)  # fmt: skip
             back_of = motion
         run(_read_back, rows, old, back, motion.defined, joined, new, chunk=ROWS)
         old, new = sharpen_dye(new, settings, joined), old

@@ -6,13 +6,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import as_array, checked_word
+from ..base.checks import as_array, by_keyword, checked_word
 from ..errors import InvalidSignal
 
 _CHANNELS = (2, 3, 4)
 
 
-def flow_map_velocity(image: npt.ArrayLike, y_axis: str = "up") -> npt.NDArray[np.float32]:
+@by_keyword
+def flow_map_velocity(image: npt.ArrayLike, *, y_axis: str = "up") -> npt.NDArray[np.float32]:
     """Read the velocity out of a flow map.
 
     Parameters

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import by_keyword
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, one_of
 from ..settings import NoiseSettings, given_or_default
@@ -31,11 +32,12 @@ SHARES = 1 << 16
 _TURN_X, _TURN_Y = 0.5 * (math.sqrt(5.0) - 1.0), math.sqrt(2.0) - 1.0
 
 
+@by_keyword
 def advect_noise(
     velocity: npt.ArrayLike | FieldOfTime,
     settings: NoiseSettings | None = None,
-    frames: int = 100,
     *,
+    frames: int = 100,
     size: tuple[int, int] | None = None,
     mask: npt.ArrayLike | None = None,
     background: npt.ArrayLike | None = None,

@@ -76,14 +76,14 @@ def pictures_of_plane(
         )])  # fmt: skip
     if isinstance(settings, NoiseSettings):
         return advect_noise(
-            velocity, in_front(settings, in_colors), frames, size=size, background=background,
-            colors=SPEEDS if in_colors else None, progress=progress,
+            velocity, in_front(settings, in_colors), frames=frames, size=size,
+            background=background, colors=SPEEDS if in_colors else None, progress=progress,
         )  # fmt: skip
     if not sources:
         rows, columns = size or np.shape(velocity)[-3:-1]
         sources = spread_sources((rows, columns), frames if settings.loop else 0)
     return advect_dye(
-        velocity, sources, settings, frames, size=size, noise=under, background=background,
+        velocity, sources, settings, frames=frames, size=size, noise=under, background=background,
         progress=progress,
     )  # fmt: skip
 
@@ -104,8 +104,8 @@ def pictures_of_surface(
 ) -> Iterator[npt.NDArray[np.float32]]:
     """Show a flow on a surface; see `advect_on_surface`, and `pictures_of_plane` for the rest."""
     return advect_on_surface(
-        mesh, uv, field, size, in_front(settings, in_colors), frames, at=at, background=background,
-        colors=SPEEDS if in_colors else None, progress=progress, atlas=atlas,
+        mesh, uv, field, in_front(settings, in_colors), size=size, frames=frames, at=at,
+        background=background, colors=SPEEDS if in_colors else None, progress=progress, atlas=atlas,
     )  # fmt: skip
 
 
@@ -127,11 +127,12 @@ def spread_sources(size: tuple[int, int], repeats: int = 0) -> list[DyeSource]:
         After how many frames all has to be as at first; 0 if it need not.
     """
     distance = min(size) / _ROWS
+    width = max(_WIDTH * distance, 1.0)
     counts = [max(round(side / distance), 1) for side in size]
     every = releases_in(repeats, len(DYES)) if repeats else _EVERY
     places = [(np.arange(count) + 0.5) / count for count in counts]
     return [
-        DyeSource([(x, y)], max(_WIDTH * distance, 1.0), DYES, every, max(every // 2, 1))
+        DyeSource([(x, y)], width=width, colors=DYES, every=every, lasting=max(every // 2, 1))
         for y in places[0]
         for x in places[1]
     ]

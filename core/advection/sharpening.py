@@ -40,9 +40,6 @@ def sharpen_dye(shares: _Singles, settings: DyeSettings, joined: tuple[bool, boo
     if settings.sharpness == 0 or shares.size == 0:
         return shares
     rows = shares.shape[1]
-    if settings.sharpening == "rational":
-        run(_push, rows, np.float32(settings.sharpness), shares, chunk=ROWS)
-        return shares
     passes = math.ceil(settings.sharpness / _MOST)
     new = np.empty_like(shares)
     for _ in range(passes):
@@ -50,20 +47,6 @@ def sharpen_dye(shares: _Singles, settings: DyeSettings, joined: tuple[bool, boo
         run(_gather, rows, gain, joined, shares, new, chunk=ROWS)
         shares, new = new, shares
     return shares
-
-
-@kernel
-def _push(start, stop, sharpness, shares):
-    one = np.float32(1)
-    half = np.float32(0.5)
-    for kind in range(shares.shape[0]):
-        for i in range(start, stop):
-            for j in range(shares.shape[2]):
-                # The paper's function, written so that a sharpness of 1 divides nothing by zero.
-                centered = np.float32(2) * min(shares[kind, i, j], one) - one
-                below = one - sharpness * (one - abs(centered))
-                pushed = centered / below if below > 0 else np.float32(0)
-                shares[kind, i, j] = half + half * pushed
 
 
 @kernel

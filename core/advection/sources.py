@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import as_array, checked_count
+from ..base.checks import as_array, by_keyword, checked_count
 from ..errors import InvalidSettings, InvalidSignal
 
 _Singles = npt.NDArray[np.float32]
@@ -43,16 +43,18 @@ class DyeSource:
     >>> import numpy as np
     >>> from shock_filter import core
     >>> spots = [
-    ...     core.DyeSource([(0.05, y)], 16, [(1, 0, 0), (0, 0, 1)], every=20, lasting=10)
+    ...     core.DyeSource([(0.05, y)], colors=[(1, 0, 0), (0, 0, 1)], every=20, lasting=10)
     ...     for y in np.linspace(0.05, 0.95, 10)
     ... ]
     >>> spots[0].period
     40
     """
 
+    @by_keyword
     def __init__(
         self,
         points: npt.ArrayLike,
+        *,
         width: float = 16.0,
         colors: Sequence[Sequence[float]] = ((1.0, 1.0, 1.0),),
         every: int = 1,

@@ -16,7 +16,7 @@ from ..atlas.gutter import nodes_of_texels
 from ..atlas.sheet import NOTHING, shares_of_corners
 from ..atlas.steps import steps_beyond
 from ..atlas.walk import face_axes, given_flow
-from ..base.checks import Floats, as_array, checked_size
+from ..base.checks import Floats, as_array, by_keyword, checked_size
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, part_of, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
@@ -38,14 +38,15 @@ _ANALYSIS = 0.2
 """Share of the progress that comes before the first frame."""
 
 
+@by_keyword
 def advect_on_surface(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     field: npt.ArrayLike,
-    size: tuple[int, int],
     settings: NoiseSettings | None = None,
-    frames: int = 100,
     *,
+    size: tuple[int, int],
+    frames: int = 100,
     at: str | None = None,
     background: npt.ArrayLike | None = None,
     colors: npt.ArrayLike | None = None,
@@ -99,7 +100,7 @@ def advect_on_surface(
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
     >>> along = np.tile([1.0, 0.0, 0.0], (2, 1))
-    >>> frames = list(core.advect_on_surface(mesh, uv, along, (32, 32), frames=3))
+    >>> frames = list(core.advect_on_surface(mesh, uv, along, size=(32, 32), frames=3))
     >>> frames[0].shape, bool(np.abs(frames[1][:, 2:] - frames[0][:, :-2]).mean() < 0.1)
     ((32, 32), True)
     """

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import as_array, checked_count, checked_number, checked_size
+from ..base.checks import as_array, by_keyword, checked_count, checked_number, checked_size
 from ..base.parallel import kernel, run
 from ..errors import InvalidSettings, InvalidSignal
 
@@ -162,8 +162,10 @@ class Flow:
         return Motion(right, down, defined)
 
 
+@by_keyword
 def flow_frames(
     velocity: npt.ArrayLike | FieldOfTime,
+    *,
     columns: int,
     width: float,
     duration: float,
@@ -203,12 +205,16 @@ def flow_frames(
     >>> import numpy as np
     >>> from shock_filter import core
     >>> velocity = np.full((5, 5, 2), [9.9, 0.0])
-    >>> [core.flow_frames(velocity, columns, 8.0, 4.0, step=6.0) for columns in (300, 600, 900)]
+    >>> domain = {"width": 8.0, "duration": 4.0}
+    >>> [core.flow_frames(velocity, columns=n, step=6.0, **domain) for n in (300, 600, 900)]
     [248, 495, 743]
     """
     for name, value in {
-        "columns": columns, "width": width, "duration": duration, "step": step,
-    }.items():  # fmt: skip
+        "columns": columns,
+        "width": width,
+        "duration": duration,
+        "step": step,
+    }.items():
         checked_number(value, name)
     flow = Flow(velocity, None, mask, step)
     fastest = flow.longest / flow._scale if flow._scale > 0 else 0.0

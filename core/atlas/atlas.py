@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import BAND, MOST_ROWS, SCALES, is_whole
+from ..base.checks import BAND, SCALES, by_keyword, checked_size
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
-from ..errors import InvalidSignal, InvalidUV
+from ..errors import InvalidSignal
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh, check_mesh
 from .charts import degenerate_faces, find_charts
 from .ghosts import find_sources
@@ -54,7 +54,7 @@ class UVReport:
     >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = 1.5 + mesh.vertices[mesh.faces][..., :2]
-    >>> core.TextureAtlas(mesh, uv, 8, 8).report.sentences()
+    >>> core.TextureAtlas(mesh, uv, size=(8, 8)).report.sentences()
     ['2 faces leave the image, which repeats there.']
     """
 
@@ -117,8 +117,8 @@ class TextureAtlas:
     uv : (m, 3, 2) array of float
         Texture coordinates of the corners of the faces that the mesh was made from. The image
         covers 0 to 1 and repeats beyond.
-    height, width : int
-        Size of the image in texels.
+    size : (int, int)
+        Rows and columns of the image.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -145,6 +145,8 @@ class TextureAtlas:
     InvalidUV
         If the coordinates are missing, do not fit the mesh, hold NaN or infinity, have no area,
         or cover the image more than sixteen times.
+    InvalidSettings
+        If the size cannot be used.
     Cancelled
         If `progress` returned False.
 
@@ -160,31 +162,25 @@ class TextureAtlas:
     >>> vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = 0.25 + 0.5 * mesh.vertices[mesh.faces][..., :2]
-    >>> atlas = core.TextureAtlas(mesh, uv, 8, 8)
+    >>> atlas = core.TextureAtlas(mesh, uv, size=(8, 8))
     >>> atlas.texel_size
     0.25
     >>> atlas.bake(mesh.vertices[mesh.faces][..., 0])[4]
     array([0.   , 0.   , 0.125, 0.375, 0.625, 0.875, 0.   , 0.   ])
     """
 
+    @by_keyword
     def __init__(
         self,
         mesh: TriangleMesh,
         uv: npt.ArrayLike,
-        height: int,
-        width: int,
+        *,
+        size: tuple[int, int],
         progress: ProgressCallback | None = None,
     ) -> None:
         check_mesh(mesh)
-        if not all(is_whole(count) and 0 < int(count) <= MOST_ROWS for count in (height, width)):
-            raise InvalidUV(
-                "The image has {width} x {height} texels; give 1 to {most}.",
-                width=width,
-                height=height,
-                most=MOST_ROWS,
-            )
         self.mesh = mesh
-        self.height, self.width = int(height), int(width)
+        self.height, self.width = checked_size(size)
         with reporting(progress):
             self._analyse(uv)
 

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
-from typing import Any, SupportsInt, TypeGuard
+from collections.abc import Callable, Iterable
+from functools import wraps
+from typing import Any, ParamSpec, SupportsInt, TypeGuard, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,33 @@ from ..errors import InvalidSettings, InvalidSignal
 from .progress import ask
 
 Floats = npt.NDArray[np.float64]
+
+
+_Words = ParamSpec("_Words")
+_Result = TypeVar("_Result")
+
+
+def by_keyword(function: Callable[_Words, _Result]) -> Callable[_Words, _Result]:
+    """Name the keywords in the `TypeError` of a call that gives too much by position.
+
+    Public functions take the data by position, the settings that follow them, too, and all else
+    by keyword. Python itself only counts the arguments.
+    """
+    code, name = function.__code__, function.__qualname__.removesuffix(".__init__")
+    places = code.co_varnames[: code.co_argcount]
+    keywords = code.co_varnames[code.co_argcount :][: code.co_kwonlyargcount]
+
+    @wraps(function)
+    def call(*values: _Words.args, **words: _Words.kwargs) -> _Result:
+        if len(values) > len(places):
+            missed = [word for word in keywords if word not in words]
+            raise TypeError(
+                f"{name} takes {', '.join(word for word in places if word != 'self')} by position,"
+                f" and all else by keyword; write {'=..., '.join(missed)}=..."
+            )
+        return function(*values, **words)
+
+    return call
 
 
 LARGEST = 1e30

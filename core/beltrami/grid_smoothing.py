@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weighted means over images and grids of points: the short-time kernel and the bilateral one."""
+"""Weighted means over images and grids of points: the short-time kernel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel, run
-from ..grid.geodesics import FARTHEST_SPLIT, MOST_SPLITS, chord, march, open_band
+from ..grid.geodesics import FARTHEST_SPLIT, MOST_SPLITS, march, open_band
 from ..settings import BeltramiSettings
 
 log = logging.getLogger(__name__)
@@ -53,80 +53,52 @@ def smooth_grid(
     array like `signal`
     """
     out = np.empty_like(signal)
-    limit = _limit(settings)
-    rows = _reachable_rows(guide, flat, math.sqrt(limit), settings.window)
-    smooth = smooth_rows if settings.distance == "geodesic" else bilateral_rows
+    rows = _reachable_rows(guide, flat, math.sqrt(settings.limit))
     rate = np.float32(min(0.25 / settings.time, FASTEST))
-    half_window = settings.window // 2 if settings.window else -1
-    around = math.pi * limit + 1.0
-    if settings.window:
-        around = min(around, settings.window**2)
+    around = math.pi * settings.limit + 1.0
     chunk = max(min(int(REACHED / (around * signal.shape[1])), _ROWS), 1)
     unsplit = np.zeros(len(signal), dtype=np.int64)  # in the bands that begin there
     wanted = np.zeros((0, 0), dtype=np.bool_)
-    run(smooth, len(signal), signal, guide, np.float32(flat), areas, np.float32(limit), rate,
-        half_window, rows, unsplit, wanted, out, chunk=chunk)  # fmt: skip
+    run(smooth_rows, len(signal), signal, guide, np.float32(flat), areas,
+        np.float32(settings.limit), rate, -1, rows, unsplit, wanted, out, chunk=chunk)  # fmt: skip
     if unsplit.any():
         log.info("Some obtuse triangles of pixels are split into %d parts, and not to the end:"
                  " distances through them are too long.", MOST_SPLITS)  # fmt: skip
     return out
 
 
-def _limit(settings: BeltramiSettings) -> float:
-    # Squared distance beyond which nothing counts.
-    return -4.0 * settings.time * math.log(settings.threshold)
-
-
 def reach_of(settings: BeltramiSettings) -> int:
     """How far around a pixel of a flat image others count when the kernel is applied once."""
-    reach = math.ceil(math.sqrt(_limit(settings)))
-    if settings.window:
-        reach = min(reach, settings.window // 2)
-    return reach + FARTHEST_SPLIT + 1  # one more for areas
+    return math.ceil(math.sqrt(settings.limit)) + FARTHEST_SPLIT
 
 
-def surface_areas(guide: Coordinates, flat: bool) -> npt.NDArray[np.float32]:
-    """Compute the area element, sqrt(det g), from central differences; parameters as above."""
-    areas = np.empty(guide.shape[:2], dtype=np.float32)
-    run(area_rows, len(guide), guide, np.float32(flat), areas, chunk=_ROWS)
+def surface_areas(points: Coordinates) -> npt.NDArray[np.float32]:
+    """Compute the area element, sqrt(det g), of points (h, w, 3) from central differences."""
+    areas = np.empty(points.shape[:2], dtype=np.float32)
+    run(_measure_areas, len(points), points, areas, chunk=_ROWS)
     return areas
 
 
 @kernel
-def area_rows(start, stop, guide, spacing, areas):
-    """Compute `surface_areas` in rows ``start <= y < stop``; differences leave NaN out."""
+def _measure_areas(start, stop, points, areas):
     height, width = areas.shape
     for y in range(start, stop):
         for x in range(width):
             up, down = max(y - 1, 0), min(y + 1, height - 1)
             left, right = max(x - 1, 0), min(x + 1, width - 1)
-            up = y if np.isnan(guide[up, x, 0]) else up
-            down = y if np.isnan(guide[down, x, 0]) else down
-            left = x if np.isnan(guide[y, left, 0]) else left
-            right = x if np.isnan(guide[y, right, 0]) else right
             rows = np.float32(max(down - up, 1))
             columns = np.float32(max(right - left, 1))
-            g_yy = max(np.float64(spacing), 0.0)  # squares of squares leave float32
-            g_xx = g_yy
-            g_xy = 0.0
-            count = guide.shape[2]
-            if spacing < 0:
-                count -= 1
-            for c in range(count):
-                slope_y = (guide[down, x, c] - guide[up, x, c]) / rows
-                slope_x = (guide[y, right, c] - guide[y, left, c]) / columns
-                if spacing < 0 and c >= count - 3:
-                    slope_y *= guide[y, x, count]
-                    slope_x *= guide[y, x, count]
+            g_yy = g_xx = g_xy = 0.0  # squares of squares leave float32
+            for c in range(3):
+                slope_y = (points[down, x, c] - points[up, x, c]) / rows
+                slope_x = (points[y, right, c] - points[y, left, c]) / columns
                 g_yy += slope_y * slope_y
                 g_xx += slope_x * slope_x
                 g_xy += slope_x * slope_y
             areas[y, x] = np.sqrt(max(g_yy * g_xx - g_xy * g_xy, 0.0))
 
 
-def _reachable_rows(
-    guide: Coordinates, flat: bool, radius: float, window: int
-) -> npt.NDArray[np.int64]:
+def _reachable_rows(guide: Coordinates, flat: bool, radius: float) -> npt.NDArray[np.int64]:
     # For each row, the first one within the radius, and the end of these rows.
     height = len(guide)
     number = np.arange(height)
@@ -137,9 +109,6 @@ def _reachable_rows(
         depth = np.concatenate([[0.0], np.cumsum(_row_gaps(guide))])
         first = np.searchsorted(depth, depth - radius, "left")
         last = np.searchsorted(depth, depth + radius, "right")
-    if window:
-        first = np.maximum(first, number - window // 2)
-        last = np.minimum(last, number + window // 2 + 1)
     return np.stack([first, last], axis=1)
 
 
@@ -223,31 +192,5 @@ def smooth_rows(
                     total[c] += np.float64(share) * values[cell, c]  # float32 could overflow
                 final[cell] = np.inf
                 tentative[cell] = np.inf
-            for c in range(total.size):
-                out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]
-
-
-@kernel
-def bilateral_rows(
-    start, stop, signal, guide, spacing, areas, limit, rate, half_window, rows, unsplit, wanted, out
-):
-    """Average as `smooth_rows` does, with weights of distances straight through space."""
-    reach = half_window if half_window >= 0 else int(np.sqrt(limit))
-    total = np.empty(signal.shape[2])
-    for y in range(start, stop):
-        for x in range(guide.shape[1]):
-            if wanted.size > 0 and not wanted[y, x]:
-                continue
-            total[:] = 0.0
-            weight = 0.0
-            for down in range(rows[y, 0], rows[y, 1]):
-                for right in range(max(x - reach, 0), min(x + reach + 1, guide.shape[1])):
-                    square = chord(guide, spacing, y, x, down, right)
-                    if not square <= limit:  # nor NaN
-                        continue
-                    share = areas[down, right] * np.exp(-rate * square)
-                    weight += share
-                    for c in range(total.size):
-                        total[c] += np.float64(share) * signal[down, right, c]
             for c in range(total.size):
                 out[y, x, c] = total[c] / weight if weight > 0 else signal[y, x, c]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weighted means over meshes: the short-time kernel and the bilateral one.
+"""Weighted means over meshes: the short-time kernel.
 
 A signal I painted on a mesh makes a surface of its own, with the vertices at (X, beta I): X in
 mean edge lengths, I in [0, 1]. Each value becomes the mean of the values around it, weighted by
@@ -22,13 +22,11 @@ from ..mesh.calculus import lumped_mass, make_unit
 from ..mesh.geodesics import (
     ALL,
     Stencils,
-    face_stencils,
     face_steps,
     march,
     new_front,
     new_search,
     search,
-    squared_distance,
     stencils,
 )
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
@@ -43,7 +41,6 @@ _REACHED = 500_000
 
 def smooth_graph(
     graph: Stencils,
-    embedding: Floats,
     mass: Floats,
     values: Floats,
     settings: BeltramiMeshSettings,
@@ -55,9 +52,6 @@ def smooth_graph(
     ----------
     graph : Stencils
         How distances travel between the vertices, or between the faces, of a mesh.
-    embedding : (n, k) float64
-        Where these lie on the surface that distances are measured on; the first three coordinates
-        are the place in space.
     mass : (n,) float64
         How much each counts. Those without mass keep their values.
     values : (n, d) float64
@@ -66,7 +60,7 @@ def smooth_graph(
         `time` greater than 0.
     has_hubs : bool
         Whether the mesh has hubs (see `TriangleMesh`). Then a mean is over the nearest few
-        hundred (or, with straight distances, over some of those near), not over all.
+        hundred, not over all.
 
     Returns
     -------
@@ -75,12 +69,7 @@ def smooth_graph(
     count = len(mass)
     limit, most, chunk = _extent(settings, count, has_hubs)
     out = np.empty_like(values)
-    if settings.distance == "geodesic":
-        run(_geodesic_means, count, settings.time, limit, most, graph, mass, values, out,
-            chunk=chunk)  # fmt: skip
-    else:
-        run(_euclidean_means, count, settings.time, limit, most, graph, embedding, mass, values,
-            out, chunk=chunk)  # fmt: skip
+    run(_geodesic_means, count, settings.time, limit, most, graph, mass, values, out, chunk=chunk)
     return out
 
 
@@ -118,7 +107,7 @@ def smooth_painted(
             with aside("Denoising"):
                 graph = stencils(mesh, embedding)
             signal = np.concatenate([points, values], axis=1) if moves else values
-            means = smooth_graph(graph, embedding, mass, signal, settings, mesh.has_hubs)
+            means = smooth_graph(graph, mass, signal, settings, mesh.has_hubs)
             if moves:
                 points, means = np.split(means, [3], axis=1)
             values = np.clip(means, low, high)
@@ -135,30 +124,21 @@ def smooth_faces(
 ) -> Floats:
     """Apply the kernel once to the normals of the faces, which lie at (centres, beta guide).
 
-    As `smooth_graph` on `face_stencils`, but faster where distances are geodesic. The result is
-    made of unit vectors, (m, 3).
+    Distances run straight from centre to centre. The result is made of unit vectors, (m, 3).
     """
     count = mesh.face_count
-    if settings.distance == "geodesic":
-        limit, most, chunk = _extent(settings, count, mesh.has_hubs)
-        with aside("Denoising"):
-            steps = face_steps(mesh, centres, guide, beta)
-        out = np.empty_like(normals)
-        run(_face_means, count, settings.time, limit, most, *steps, mesh.areas, normals,
-            out, chunk=chunk)  # fmt: skip
-        return out
-    embedding = np.concatenate([centres, beta * guide], axis=1)
+    limit, most, chunk = _extent(settings, count, mesh.has_hubs)
     with aside("Denoising"):
-        graph = face_stencils(mesh, embedding)
-    out = smooth_graph(graph, embedding, mesh.areas, normals, settings, mesh.has_hubs)
-    with phase(1.0, 1.0, "Denoising"):
-        run(_make_unit, count, out)
+        steps = face_steps(mesh, centres, guide, beta)
+    out = np.empty_like(normals)
+    run(_face_means, count, settings.time, limit, most, *steps, mesh.areas, normals, out,
+        chunk=chunk)  # fmt: skip
     return out
 
 
 def _extent(settings: BeltramiMeshSettings, count: int, has_hubs: bool) -> tuple[float, int, int]:
     # How far the kernel reaches, how many it reaches at most, and how many marches make a chunk.
-    limit = math.sqrt(-4.0 * settings.time * math.log(settings.threshold))
+    limit = math.sqrt(settings.limit)
     around = min(2.0 * math.pi * limit**2 + 1.0, count)
     most = ALL
     if has_hubs:
@@ -175,12 +155,6 @@ def decay(x):
     for _ in range(6):
         y *= y
     return y
-
-
-@kernel
-def _make_unit(start, stop, vectors):
-    for f in range(start, stop):
-        make_unit(vectors[f])
 
 
 @kernel
@@ -224,47 +198,5 @@ def _geodesic_means(start, stop, time, limit, most, graph, mass, values, out):
             total += weight
             for j in range(values.shape[1]):
                 out[v, j] += weight * values[w, j]
-        for j in range(values.shape[1]):
-            out[v, j] /= total
-
-
-@kernel
-def _euclidean_means(start, stop, time, limit, most, graph, embedding, mass, values, out):
-    # All that is connected within the limit in space counts; a bilateral filter.
-    row_start, ring = graph.start, graph.targets
-    count = mass.shape[0]
-    found = np.empty(count, np.int32)
-    stamps = np.full(count, -1, np.int32)
-    for v in range(start, stop):
-        if mass[v] == 0:
-            out[v] = values[v]
-            continue
-        out[v] = 0.0
-        total = 0.0
-        found[0] = v
-        stamps[v] = v
-        seen, size = 0, 1
-        while seen < min(size, most):
-            w = found[seen]
-            seen += 1
-            square = squared_distance(embedding, w, v)
-            if square <= limit * limit:
-                weight = mass[w] * np.exp(-square / (4 * time))
-                total += weight
-                for j in range(values.shape[1]):
-                    out[v, j] += weight * values[w, j]
-            row = row_start[w + 1] - row_start[w]
-            stride = 1 if row <= most else 1 + row // most
-            for i in range(row_start[w], row_start[w + 1], stride):
-                u = ring[i]
-                if stamps[u] == v:
-                    continue
-                stamps[u] = v
-                square = 0.0
-                for j in range(3):
-                    square += (embedding[u, j] - embedding[v, j]) ** 2
-                if square <= limit * limit:
-                    found[size] = u
-                    size += 1
         for j in range(values.shape[1]):
             out[v, j] /= total

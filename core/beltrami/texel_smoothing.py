@@ -15,7 +15,7 @@ from ..atlas.patches import cut_tiles, lay_patch, next_chart, stretch_around, su
 from ..base.parallel import kernel, run
 from ..grid.geodesics import MEASURED, MOST_SPLITS
 from ..settings import BeltramiTextureSettings
-from .grid_smoothing import FASTEST, REACHED, area_rows, bilateral_rows, smooth_rows
+from .grid_smoothing import FASTEST, REACHED, smooth_rows
 
 log = logging.getLogger(__name__)
 
@@ -55,23 +55,16 @@ def smooth_texels_once(
     normals : bool
         The first two channels are tangent-space directions around 1/2, which turn across seams.
     """
-    limit = -4.0 * settings.time * math.log(settings.threshold)
-    radius = math.sqrt(limit)
-    half_window = settings.window // 2 if settings.window else -1
-    most = math.ceil(_TIMES * radius)
-    if half_window >= 0:
-        most = min(most, half_window)
-    size = min(max(int(math.sqrt(REACHED / (math.pi * limit + 1.0))), 8), _TILE)
-    tiles = cut_tiles(atlas, size, most)
+    radius = math.sqrt(settings.limit)
+    size = min(max(int(math.sqrt(REACHED / (math.pi * settings.limit + 1.0))), 8), _TILE)
+    tiles = cut_tiles(atlas, size, math.ceil(_TIMES * radius))
     skipped = np.zeros(atlas.sheet.nodes.shape, dtype=np.bool_)
     skipped.reshape(-1)[atlas.copies[:, 0]] = True
     count = len(tiles.starts) - 1
     unsplit = np.zeros(count, dtype=np.int64)
     run(_smooth_tiles, count, surface_of(atlas), tiles, skipped, values, alpha, normals,
-        np.float32(settings.beta), np.float32(limit), radius,
-        np.float32(min(0.25 / settings.time, FASTEST)), half_window,
-        settings.distance == "geodesic", settings.measure == "surface", unsplit, out,
-        chunk=1)  # fmt: skip
+        np.float32(settings.beta), np.float32(settings.limit), radius,
+        np.float32(min(0.25 / settings.time, FASTEST)), unsplit, out, chunk=1)  # fmt: skip
     flat = out.reshape(skipped.size, -1)
     flat[atlas.copies[:, 0]] = flat[atlas.copies[:, 1]]
     if unsplit.any():
@@ -82,25 +75,21 @@ def smooth_texels_once(
 @kernel
 def _smooth_tiles(
     start, stop, surface, tiles, skipped, values, alpha, normals, beta, limit, radius, rate,
-    half_window, geodesic, by_surface, unsplit, out,
+    unsplit, out,
 ):  # fmt: skip
     box = np.empty((2, 2), np.int64)
     for tile in range(start, stop):
         chart = next_chart(surface, tiles, tile, skipped, -1, box)
         while chart >= 0:
             reach = int(np.ceil(radius * stretch_around(surface, tiles, chart, box) - 1e-6))
-            window = half_window
+            window = -1
             if reach > tiles.reach:
                 reach = tiles.reach
-                window = reach
-            if not geodesic:
                 window = reach
             patch = lay_patch(surface, tiles, tile, chart, box, reach, normals)
             signal, guide = _values_on(patch, values, alpha, normals, beta)
             height, width = patch.nodes.shape
             areas = np.ones((height, width), np.float32)
-            if by_surface:
-                area_rows(0, height, guide, MEASURED, areas)
             rows = np.empty((height, 2), np.int64)
             wanted = np.zeros((height, width), np.bool_)
             for i in range(height):
@@ -111,12 +100,8 @@ def _smooth_tiles(
                     wanted[i, j] = _is_wanted(surface, skipped, chart, box, reach, i, j)
             means = np.empty_like(signal)
             unfinished = np.zeros(height, np.int64)
-            if geodesic:
-                smooth_rows(reach, height - reach, signal, guide, MEASURED, areas, limit,
-                            rate, window, rows, unfinished, wanted, means)  # fmt: skip
-            else:
-                bilateral_rows(reach, height - reach, signal, guide, MEASURED, areas, limit,
-                               rate, window, rows, unfinished, wanted, means)  # fmt: skip
+            smooth_rows(reach, height - reach, signal, guide, MEASURED, areas, limit,
+                        rate, window, rows, unfinished, wanted, means)  # fmt: skip
             unsplit[tile] += unfinished.sum()
             _write_means(patch.nodes, wanted, means, values, alpha, out)
             chart = next_chart(surface, tiles, tile, skipped, chart, box)

@@ -14,7 +14,7 @@ from ..errors import InvalidSettings
 from .commands import COMMANDS, TEXTURE_MASK, Backend, Command
 from .file_backend import FileBackend
 from .inputs import UsageError, files_of
-from .parsing import build_parser, read_settings
+from .parsing import build_parser, read_settings, refuse_unknown
 from .running import DONE, FAILED, INTERRUPTED, Job, run_all
 
 __all__ = [
@@ -48,8 +48,9 @@ def main(arguments: Sequence[str] | None = None, backend: Backend | None = None)
     """
     backend = backend or FileBackend()
     parser = build_parser(backend)
-    options = parser.parse_args(arguments)
+    options, unknown = parser.parse_known_args(arguments)
     try:
+        refuse_unknown(options, unknown)
         settings = read_settings(options)
         files = files_of(options)
     except (InvalidSettings, UsageError) as error:

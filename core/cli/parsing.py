@@ -10,7 +10,7 @@ from typing import Any
 
 from ... import __version__
 from ..registry import WAYS, find
-from ..settings import Setting, describe
+from ..settings import Setting, describe, removed_of
 from . import flows
 from .commands import COMMANDS, Backend, Command
 from .inputs import FileName, UsageError, read_size
@@ -241,6 +241,20 @@ def _number(text: str) -> float:
 
 
 _number.__name__ = "number"  # argparse says "invalid number value"
+
+
+def refuse_unknown(options: argparse.Namespace, unknown: list[str]) -> None:
+    """Raise `UsageError` for words that no flag takes, with what holds instead of former flags."""
+    row = options.command
+    kinds = [kind for kind, _ in flows.KINDS.values()] if row.kind.makes_frames else [row.settings]
+    former = {name: text for kind in kinds for name, text in removed_of(kind).items()}
+    for word in unknown:
+        flag = word.partition("=")[0]
+        name = flag.removeprefix("--").replace("-", "_")
+        if flag.startswith("--") and name in former:
+            raise UsageError(f"{flag} is no flag any more: {former[name]}")
+    if unknown:
+        raise UsageError(f"unrecognized arguments: {' '.join(unknown)}")
 
 
 def read_settings(options: argparse.Namespace) -> Any:

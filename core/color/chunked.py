@@ -48,7 +48,6 @@ from .image_steps import LARGEST, large_pixels, measured_each, opacity_in_range,
 from .images_by_width import reach_by_width
 from .measuring import Measured, measured
 from .pde import check_kind, evolved
-from .signals import step_durations
 
 log = logging.getLogger(__name__)
 
@@ -243,13 +242,9 @@ def _reach_of_sharpening(settings: ImageSettings, found: Sequence[Measured]) -> 
     elif settings.by_width:
         margin, around = np.max([reach_by_width(each, settings) for each in found], axis=0)
         walk = _WALK + math.ceil(2.0 * max(each.width for each in found))
-    elif settings.scheme == "fixed":
+    else:
         margin = around = flow_reach(settings.smoothing_passes)
         walk = math.ceil(min(_WALK + 4.0 * settings.time**0.25, _LONG_WALK))
-    else:
-        margin = 0  # of each step another one
-        around = len(step_durations(settings)) * (flow_reach(settings.smoothing_passes) + 2)
-        walk = around + _WALK
     read = _ENLARGED * settings.enlarge if settings.enlarge > 1 else 0
     return int(margin) + read, int(max(around, margin + walk)) + read
 

@@ -18,7 +18,7 @@ from ..base.parallel import run
 from ..grid.advect import advect_pixels
 from ..grid.borders import guide_planes
 from ..grid.channels import Channels
-from ..grid.part import Part, keep_inside
+from ..grid.part import Part
 from ..grid.potential import image_potential
 from ..grid.windows import gaussian, least_and_greatest, smooth
 from ..settings import ImageSettings
@@ -129,10 +129,8 @@ class GridDomain(Domain):
         LeftPart
             If the part is too small for the pixels that are wanted.
         """
-        keep_inside(
-            advect_pixels(values, self.channels, potential, times, out, nearest=self.nearest,
-                          part=self.part)
-        )  # fmt: skip
+        advect_pixels(values, self.channels, potential, times, out, nearest=self.nearest,
+                      part=self.part)  # fmt: skip
 
 
 def nearby_reach(sigma: float, distance: float) -> int:

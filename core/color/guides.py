@@ -43,9 +43,3 @@ def check_guide(guide: Any, image: Any, settings: ImageSettings | TextureSetting
             "channels is 'independent', and a guide moves all alike; choose 'coupled' or"
             " 'luminance'."
         )
-    scheme = getattr(settings, "scheme", "fixed")
-    if scheme != "fixed":
-        raise InvalidSettings(
-            "scheme is {scheme!r}, which computes the flow anew; choose 'fixed' with a guide.",
-            scheme=scheme,
-        )

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from ..base.checks import (
     as_array,
+    by_keyword,
     checked_image,
     checked_weights,
     checked_word,
@@ -15,7 +16,7 @@ from ..base.checks import (
     refuse_with_dask,
 )
 from ..base.progress import ProgressCallback, phase, reporting
-from ..errors import InvalidSettings, InvalidSignal
+from ..errors import InvalidSignal
 from ..grid.pixels import mix
 from ..settings import BeltramiSettings, given_or_default
 from .image_smoothing import smoothed, smoothed_image
@@ -23,9 +24,11 @@ from .image_smoothing import smoothed, smoothed_image
 _SMOOTHED = ("image", "embedding", "both")
 
 
+@by_keyword
 def beltrami_image(
     image: npt.ArrayLike,
     settings: BeltramiSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
@@ -62,11 +65,11 @@ def beltrami_image(
 
     Notes
     -----
-    Equations 20 to 23 of paper C: weights are exp(-d^2 / 4t) and sum up to 1. With the measure
-    "surface" they are multiplied by the area element: then, on smooth images, the change tends
-    to t times the Laplace-Beltrami operator as t goes to 0. Differs from the paper in the front's
-    shape within a triangle, which is a circle around a point instead of a line: so distances on
-    planes are exact, and beta = 0 gives exact Gaussians.
+    Equations 20 to 23 of paper C: weights are exp(-d^2 / 4t) and sum up to 1. Pixels count by
+    their area in space; weighed by that on the surface (x, y, beta I), on smooth images, the
+    change tends to t times the Laplace-Beltrami operator as t goes to 0, but edges blur. Differs
+    from the paper in the front's shape within a triangle, which is a circle around a point instead
+    of a line: so distances on planes are exact, and beta = 0 gives exact Gaussians.
 
     Examples
     --------
@@ -90,13 +93,14 @@ def beltrami_image(
         return smoothed_image(given, settings, weights)
 
 
+@by_keyword
 def beltrami_manifold(
     image: npt.ArrayLike,
     embedding: npt.ArrayLike,
     settings: BeltramiSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     smooth: str = "image",
 ) -> tuple[npt.NDArray, npt.NDArray]:
     """Smooth an image painted on a parametric manifold, the manifold, or both.
@@ -124,7 +128,7 @@ def beltrami_manifold(
     InvalidSignal, Cancelled
         As in `beltrami_image`; also if the embedding does not fit the image.
     InvalidSettings
-        If `smooth` is another word, or Euclidean distances are asked for without a window.
+        If `smooth` is another word.
 
     Notes
     -----
@@ -145,10 +149,6 @@ def beltrami_manifold(
     weights = checked_weights(mask, given)
     settings = given_or_default(settings, BeltramiSettings)
     checked_word(smooth, "smooth", _SMOOTHED)
-    if settings.distance == "euclidean" and settings.window == 0:
-        raise InvalidSettings(
-            "On manifolds Euclidean distances do not bound how many pixels are near; give a window."
-        )
     if settings.time == 0:
         return given.copy(), places.copy()
     center, unit = places.mean(axis=(0, 1), dtype=np.float64), _mean_distance(places)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy.typing as npt
 
 from ..base.checks import (
+    by_keyword,
     checked_image,
     checked_out,
     checked_weights,
@@ -21,12 +22,13 @@ from .image_steps import LARGEST, large_pixels, opacity_in_range, sharpen_checke
 from .measuring import Measured, measured
 
 
+@by_keyword
 def sharpen_image(
     image: npt.ArrayLike,
     settings: ImageSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     out: npt.NDArray | None = None,
     known: Measured | None = None,
     guide: npt.ArrayLike | None = None,
@@ -50,8 +52,7 @@ def sharpen_image(
     guide : (h, w) or (h, w, c) array, optional
         Another image of the same size, whose flow moves the values instead of their own, so that
         both get their borders in the same places; What and Width are measured there. The last of
-        two or four channels is opacity. Needs the scheme "fixed" and channels that are not
-        independent.
+        two or four channels is opacity. Needs channels that are not independent.
 
     Returns
     -------
@@ -75,8 +76,7 @@ def sharpen_image(
     -----
     Paper A, sections 3.2, 3.3 and Appendix A. Beside the image and the result, 8 bytes a pixel
     are needed while the flow is smoothed and 4 while values flow, 4 more and 4 for each channel
-    where Width says how far, 56 more for the scheme "composed", and another result for "naive".
-    Enlarged images are kept as floats meanwhile, twice.
+    where Width says how far. Enlarged images are kept as floats meanwhile, twice.
 
     Examples
     --------

@@ -101,7 +101,10 @@ def _step(
             with np.errstate(over="ignore"):  # too bright for float32: an edge nothing crosses
                 guide[band, :, :count] = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
             guide[band, :, count:] = points[band]
-        areas = _areas(guide, points, settings)
+        # Pixels count by their area in space.
+        areas = np.ones((height, width), dtype=np.float32)
+        if points.shape[2]:
+            areas = surface_areas(points.astype(np.float32))
         ask()
     means = smooth_grid(signal, guide, points.shape[2] == 0, areas, settings)
     if not transparent:
@@ -113,12 +116,3 @@ def _step(
             shown = means[band, :, :count] / np.where(share > 0, share, 1)
             new_colors[band] = np.where(share > 0, shown, colors[band])
     return new_colors, means[..., beside:]
-
-
-def _areas(guide: npt.NDArray, points: npt.NDArray, settings: BeltramiSettings) -> npt.NDArray:
-    flat = points.shape[2] == 0
-    if settings.measure == "surface":
-        return surface_areas(guide, flat)
-    if flat:
-        return np.ones(guide.shape[:2], dtype=np.float32)
-    return surface_areas(points.astype(np.float32), flat)

@@ -15,19 +15,16 @@ from ..base.checks import (
 )
 from ..base.parallel import blocks
 from ..base.progress import aside, phase
-from ..grid.advect import TracedPixels, advect_pixels
 from ..grid.borders import measure_borders
 from ..grid.channels import Channels, channel_groups, opacity_channel
 from ..grid.enlarge import enlarged
 from ..grid.part import Part
-from ..grid.pixels import copied, mix
-from ..grid.potential import flow_reach, image_potential
+from ..grid.pixels import mix
 from ..settings import ImageSettings
 from .domain import flow_for_time
 from .grid_domain import GridDomain
 from .images_by_width import follow_pixels_by_width, sharpen_pixels_by_width
 from .measuring import Measured, measured
-from .signals import step_durations
 
 LARGEST = 1e15
 """Beyond, squares of what borders are measured by leave the range of float32."""
@@ -184,7 +181,7 @@ def _sharpen_into(
             if settings.by_width:
                 sharpen_pixels_by_width(pixels, channels, settings, widened, found[number], part)
             else:
-                _flow_channels(pixels, channels, settings, widened, part)
+                _flow_into(widened, pixels, channels, pixels, channels, settings, part)
     if thin:
         target[...] = widened[: target.shape[0], : target.shape[1]]
 
@@ -206,6 +203,19 @@ def _follow_into(
     if settings.by_width:
         follow_pixels_by_width(lead, guides, pixels, channels, settings, target, found, part)
         return
+    _flow_into(target, pixels, channels, lead, guides, settings, part)
+
+
+def _flow_into(
+    target: npt.NDArray,
+    pixels: npt.NDArray,
+    channels: Channels,
+    lead: npt.NDArray,
+    guides: Channels,
+    settings: ImageSettings,
+    part: Part | None,
+) -> None:
+    # Channels of the pixels follow the flow of the guide's.
     domain = GridDomain.of(pixels, channels, settings, part)
     leading = GridDomain.of(lead, guides, settings, part)
     passes = settings.smoothing_passes
@@ -222,49 +232,3 @@ def opacity_in_range(pixels: npt.NDArray, alpha: int) -> npt.NDArray:
     pixels = pixels.copy()
     np.clip(opacity, 0.0, 1.0, out=pixels[..., alpha])
     return pixels
-
-
-def _flow_channels(
-    pixels: npt.NDArray,
-    channels: Channels,
-    settings: ImageSettings,
-    target: npt.NDArray,
-    part: Part | None,
-) -> None:
-    scale = SCALES[pixels.dtype.name]
-    nearest = settings.sampling == "nearest"
-    passes = settings.smoothing_passes
-    if settings.scheme == "fixed":
-        domain = GridDomain.of(pixels, channels, settings, part)
-        flow_for_time(domain, pixels, domain, pixels, passes, settings.time, target)
-        return
-    durations = step_durations(settings)
-    # Whole numbers are not rounded between steps.
-    current = pixels.astype(np.float64 if pixels.dtype == np.float64 else np.float32)
-    with aside("Tracing flow-lines"):
-        spare = copied(current)
-        composed = settings.scheme == "composed"
-        traced = TracedPixels(*pixels.shape[:2]) if composed else None
-    margin = 0  # what a part lacks grows inwards with each step
-    for number, duration in enumerate(durations):
-        with phase(number / len(durations), (number + 1) / len(durations), "Sharpening"):
-            with phase(0.0, 0.4, "Computing the flow"):
-                potential = image_potential(current, scale, channels, passes)
-            margin += flow_reach(passes)
-            inner = part and part.without(margin)
-            if traced is not None:
-                with phase(0.4, 0.9, "Tracing flow-lines"):
-                    depths = traced.trace(potential, duration, inner)
-                with phase(0.9, 1.0, "Tracing flow-lines"):
-                    traced.read(pixels, channels, current, nearest=nearest)
-            else:
-                with phase(0.4, 1.0, "Tracing flow-lines"):
-                    depths = advect_pixels(
-                        current, channels, potential, duration, spare, nearest=nearest, part=inner
-                    )
-                current, spare = spare, current
-            margin += int(depths.max())
-    if part is not None:
-        part.without(margin)
-    for c in range(channels.start, channels.stop):
-        target[..., c] = np.rint(current[..., c]) if scale != 1.0 else current[..., c]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy.typing as npt
 
 from ..base.checks import (
+    by_keyword,
     checked_count,
     checked_image,
     checked_number,
@@ -19,8 +20,10 @@ from ..settings import MOST_STEPS
 from .pde import DETECTORS, LARGEST, evolved
 
 
+@by_keyword
 def osher_rudin_image(
     image: npt.ArrayLike,
+    *,
     steps: int,
     time_step: float = 0.4,
     edge_detector: str = "gradient",
@@ -67,7 +70,7 @@ def osher_rudin_image(
     >>> import numpy as np
     >>> from shock_filter import core
     >>> step = 1 / (1 + np.exp(-np.linspace(-4, 4, 16)))
-    >>> sharp = core.osher_rudin_image(np.tile(step, (4, 1)), 50)
+    >>> sharp = core.osher_rudin_image(np.tile(step, (4, 1)), steps=50)
     >>> bool(np.diff(sharp).max() > 2 * np.diff(step).max())
     True
     """

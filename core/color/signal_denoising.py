@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy.typing as npt
 
-from ..base.checks import checked_mask, checked_signal, checked_type
+from ..base.checks import by_keyword, checked_mask, checked_signal, checked_type
 from ..base.progress import ProgressCallback, phase, reporting
 from ..beltrami.mesh_smoothing import smooth_painted
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
@@ -13,10 +13,12 @@ from ..settings import BeltramiMeshSettings, given_or_default
 from .signals import corner_rows, cut_at_jumps, from_own_corners, like, to_own_corners
 
 
+@by_keyword
 def beltrami_vertex_signal(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: BeltramiMeshSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
@@ -74,10 +76,12 @@ def beltrami_vertex_signal(
             return like(given, values, filtered, weights)
 
 
+@by_keyword
 def beltrami_corner_signal(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: BeltramiMeshSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:

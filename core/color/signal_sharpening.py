@@ -7,37 +7,35 @@ Where Width says how far values flow, `dials` says for how long; that is not in 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_mask, checked_signal, checked_type
+from ..base.checks import by_keyword, checked_mask, checked_signal, checked_type
 from ..base.findings import is_gathered
 from ..base.progress import ProgressCallback, aside, ask, phase, reporting
-from ..flow.advect import average_corners, read_points
+from ..flow.advect import average_corners
 from ..flow.borders import borders_of, measured, noise_of
-from ..flow.potential import flow_potential
-from ..flow.trace import corner_offsets, trace
 from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..settings import ShockSettings, given_or_default
 from .by_width import sharpen_by_width
 from .dials import counted_width, plan_of, tell_widths
+from .domain import flow_for_time
 from .mesh_domain import MeshDomain
 from .signals import (
     cut_at_jumps,
     from_own_corners,
     like,
-    luminance,
-    step_durations,
     to_own_corners,
 )
 
 
+@by_keyword
 def sharpen_vertex_signal(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: ShockSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
@@ -113,10 +111,12 @@ def sharpen_vertex_signal(
             return like(given, values, result, weights)
 
 
+@by_keyword
 def sharpen_corner_signal(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: ShockSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> npt.NDArray:
@@ -213,26 +213,33 @@ def _sharpened(
 ) -> Floats | None:
     # At the vertices, (n, d), or at the corners of ``mesh.faces``, (3 m, d). None: nothing is to be
     # done.
-    if not settings.by_width:
-        flow = partial(_flow_together, mesh, settings, at_corners)
-        return _by_channels(values, settings, flow)
-    borders = borders_of(mesh, values) if settings.width == 0 else None
-    measured_width = borders.width if borders else 0.0
-    width = counted_width(settings.width, measured_width, settings.what)
-    if width == 0:
-        return None
-    noise = borders.noise if borders else noise_of(mesh, values)
-    plan = plan_of(settings.what, width, noise, settings.smoothing_passes)
     brightness, nearest = settings.channels == "luminance", settings.sampling == "nearest"
     domain = MeshDomain(mesh, brightness, nearest, at_corners)
+    passes = settings.smoothing_passes
+    if not settings.by_width:
 
-    def sharpen(values: Floats) -> Floats:
+        def sharpen(values: Floats, result: Floats) -> None:
+            flow_for_time(domain, values, domain, values, passes, settings.time, result)
+
+    else:
+        borders = borders_of(mesh, values) if settings.width == 0 else None
+        measured_width = borders.width if borders else 0.0
+        width = counted_width(settings.width, measured_width, settings.what)
+        if width == 0:
+            return None
+        noise = borders.noise if borders else noise_of(mesh, values)
+        plan = plan_of(settings.what, width, noise, passes)
+
+        def sharpen(values: Floats, result: Floats) -> None:
+            sharpen_by_width(domain, plan, values, result)
+
+    def finish(values: Floats) -> Floats:
         result = np.array(domain.as_result(values))
-        sharpen_by_width(domain, plan, values, result)
+        sharpen(values, result)
         return result
 
-    with phase(0.2, 1.0, "Sharpening"):
-        return _by_channels(values, settings, sharpen)
+    with phase(0.2 if settings.by_width else 0.0, 1.0, "Sharpening"):
+        return _by_channels(values, settings, finish)
 
 
 def _is_measured(settings: ShockSettings) -> bool:
@@ -263,31 +270,3 @@ def _by_channels(
         with phase(j / count, (j + 1) / count, "Sharpening"):
             columns.append(function(np.ascontiguousarray(values[:, j : j + 1])))
     return np.concatenate(columns, axis=1)
-
-
-def _flow_together(
-    mesh: TriangleMesh, settings: ShockSettings, at_corners: bool, values: Floats
-) -> Floats:
-    nearest = settings.sampling == "nearest"
-    durations = step_durations(settings)
-    source, current = values, values
-    message = "Tracing flow-lines"
-    with aside(message):
-        points, coordinates = corner_offsets(mesh)
-    for number, duration in enumerate(durations):
-        with phase(number / len(durations), (number + 1) / len(durations), "Sharpening"):
-            with aside(message):
-                if number:
-                    read = read_points(mesh, source, points, coordinates, nearest)
-                    current = average_corners(mesh, read, current)
-                if settings.scheme == "naive" and number:
-                    source = current
-                    points, coordinates = corner_offsets(mesh)
-            guide = luminance(current) if settings.channels == "luminance" else current
-            with phase(0.0, 0.5, "Computing the flow"):
-                potential = flow_potential(mesh, guide, settings.smoothing_passes)
-            with phase(0.5, 1.0, message):
-                trace(mesh, potential, duration, points, coordinates)
-    with phase(1.0, 1.0, message):
-        read = read_points(mesh, source, points, coordinates, nearest)
-        return read if at_corners else average_corners(mesh, read, current)

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
@@ -15,16 +13,6 @@ from ..errors import InvalidSignal
 from ..grid.channels import brightness_weights
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mesh.weld import split_at_jumps
-from ..settings import ShockSettings
-
-
-def step_durations(settings: ShockSettings) -> list[float]:
-    """Cut the time into steps: one for a fixed flow, else of length 1 and a rest."""
-    if settings.scheme == "fixed":
-        return [settings.time]
-    whole = math.floor(settings.time)
-    rest = settings.time - whole
-    return [1.0] * whole + ([rest] if rest > 0 else [])
 
 
 def luminance(values: Floats) -> Floats:

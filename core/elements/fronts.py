@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Geodesic distance on the texels of a surface: fronts that run from polygon to polygon.
+"""Geodesic distance on the texels or the faces of a surface: fronts run from polygon to polygon.
 
 The surface is divided into flat polygons (see `cut`): the uncut cells of the sheet, with their mean
 metric, and the pieces of the cut ones, which seams join. Each point receives the least length of a
@@ -25,7 +25,7 @@ from ..base.checks import Floats
 from ..base.findings import tell
 from ..base.parallel import kernel
 from ..base.progress import aside, ask
-from ..mesh.triangle_mesh import Ints
+from ..mesh.triangle_mesh import Ints, TriangleMesh
 from .cut import CROSSING, NODE, tempered_jacobians
 from .matrices import TextureSpace
 
@@ -98,16 +98,7 @@ class SurfaceDistance:
         self._space = space
         self._jacobians = tempered_jacobians(space.atlas.metric)
         self._polygons, self._numbers = _polygons_of(space)
-        count = len(self._polygons.first) - 1
-        self._fronts = _Fronts(
-            np.full(count, np.inf),
-            np.zeros(count),
-            np.full(count, -1, dtype=np.int32),
-            np.empty(count, dtype=np.int32),
-            np.empty(count, dtype=np.int32),
-            np.full(_BUCKETS, -1, dtype=np.int32),
-            np.zeros(2, dtype=np.int64),
-        )
+        self._fronts = _new_fronts(self._polygons)
 
     @property
     def found(self) -> bool:
@@ -134,13 +125,7 @@ class SurfaceDistance:
 
     def spread(self) -> None:
         """Propagate the fronts until no distance falls any more."""
-        fronts, total = self._fronts, len(self._fronts.distances)
-        for done in range(0, _MOST_VISITS * total, _ROUND):
-            _visit(_ROUND, self._polygons, fronts)
-            ask(min(done / total, 1.0))
-            if fronts.state[1] == 0:
-                return
-        tell("Texels whose distance may be too large: {count}.", count=int(fronts.state[1]))
+        _spread(self._polygons, self._fronts)
 
     def values(self) -> npt.NDArray[np.float32]:
         """Return the distance as a function on the surface (n, 1), inf where no path leads."""
@@ -151,17 +136,64 @@ class SurfaceDistance:
         result[cut.unknowns, 0] = self._fronts.distances[self._numbers[cut.free]]
         return result
 
-    def at_places(self, faces: Ints, shares: Floats) -> Floats:
-        """Return the distances (k,) of places in faces, barycentric (k, 3); inf without a path."""
-        atlas, cut = self._space.atlas, self._space.cut_cells
-        result = np.full(len(faces), np.inf)
-        for low in range(0, len(faces), _ROUND):
-            part = slice(low, low + _ROUND)
-            _read(faces[part], shares[part], atlas.sheet.points, self._jacobians,
-                  atlas.metric.shapes, cut.cut, cut.pieces.faces, cut.pieces.cells,
-                  self._polygons, self._fronts, result[part])  # fmt: skip
-            ask()
-        return result
+
+def distance_on_mesh(mesh: TriangleMesh, segments: Segments) -> Floats:
+    """Return how far each vertex of a mesh is from points and lines in its faces.
+
+    Returns
+    -------
+    (n,) float64
+        In mean edge lengths; inf where no path leads.
+    """
+    places = mesh.scaled_vertices[mesh.faces]
+    one, two = places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]
+    length = np.linalg.norm(one, axis=1)
+    safe = np.maximum(length, 1e-300)
+    shapes = np.stack([length, (one * two).sum(axis=1) / safe, 2.0 * mesh.areas / safe], axis=1)
+    frame = np.zeros((mesh.face_count, 3, 2))
+    frame[:, 1, 0], frame[:, 2] = shapes[:, 0], shapes[:, 1:]
+    numbers = np.arange(mesh.face_count, dtype=np.int32)
+    polygons = _Polygons(
+        np.zeros((0, 0, 4), dtype=np.float32),
+        3 * np.arange(mesh.face_count + 1),
+        mesh.faces.reshape(-1),
+        frame.reshape(-1, 2),
+        *mesh.corners,
+        np.repeat(numbers, 3),
+    )
+    fronts = _new_fronts(polygons)
+    # Each face is a piece as a whole.
+    none, cut = np.zeros((0, 2, 2)), np.zeros((0, 0), dtype=np.bool_)
+    for low in range(0, len(segments.faces), _ROUND):
+        part = slice(low, low + _ROUND)
+        _start_along(segments.faces[part], segments.ends[part], none, none, shapes, cut, numbers,
+                     np.full_like(numbers, -1), polygons, fronts)  # fmt: skip
+        ask()
+    _spread(polygons, fronts)
+    return fronts.distances
+
+
+def _new_fronts(polygons: _Polygons) -> _Fronts:
+    count = len(polygons.first) - 1
+    return _Fronts(
+        np.full(count, np.inf),
+        np.zeros(count),
+        np.full(count, -1, dtype=np.int32),
+        np.empty(count, dtype=np.int32),
+        np.empty(count, dtype=np.int32),
+        np.full(_BUCKETS, -1, dtype=np.int32),
+        np.zeros(2, dtype=np.int64),
+    )
+
+
+def _spread(polygons: _Polygons, fronts: _Fronts) -> None:
+    total = len(fronts.distances)
+    for done in range(0, _MOST_VISITS * total, _ROUND):
+        _visit(_ROUND, polygons, fronts)
+        ask(min(done / total, 1.0))
+        if fronts.state[1] == 0:
+            return
+    tell("Places whose distance may be too large: {count}.", count=int(fronts.state[1]))
 
 
 def _polygons_of(space: TextureSpace) -> tuple[_Polygons, Ints]:
@@ -543,63 +575,3 @@ def _share_at_line(a, b, now):
 @kernel
 def _shape_place(shape, shares):
     return shares[1] * shape[0] + shares[2] * shape[1], shares[2] * shape[2]
-
-
-@kernel
-def _read_in_piece(piece, x, y, polygons, fronts):
-    low, high = polygons.start[piece], polygons.start[piece + 1]
-    found = np.inf
-    for n in range(low, high):
-        m = n + 1 if n + 1 < high else low
-        i, j = polygons.points[n], polygons.points[m]
-        a = (polygons.frame[n, 0] - x) ** 2 + (polygons.frame[n, 1] - y) ** 2
-        b = (polygons.frame[m, 0] - x) ** 2 + (polygons.frame[m, 1] - y) ** 2
-        found = min(found, fronts.distances[i] + np.sqrt(a))
-        distance, _ = _through(fronts.distances[i], fronts.radii[i], fronts.distances[j],
-                               fronts.radii[j], _square(polygons.frame, n, m), a, b)  # fmt: skip
-        found = min(found, distance)
-    return found
-
-
-@kernel
-def _read_in_cell(row, column, y, x, polygons, fronts):
-    cell = polygons.cells[row, column]
-    found = np.inf
-    if cell[3] == 0:
-        return found
-    rows, across, mixed = _metric(cell)
-    columns = polygons.cells.shape[1]
-    for k in range(4):
-        # The corners, one after the other around the cell.
-        v, u = row + (k >> 1), column + ((k + 1 >> 1) & 1)
-        t, s = row + ((k + 1 & 3) >> 1), column + ((k + 2 >> 1) & 1)
-        i, j = v * columns + u, t * columns + s
-        a = rows * (v - y) ** 2 + across * (u - x) ** 2 + 2.0 * mixed * (v - y) * (u - x)
-        b = rows * (t - y) ** 2 + across * (s - x) ** 2 + 2.0 * mixed * (t - y) * (s - x)
-        found = min(found, fronts.distances[i] + np.sqrt(max(a, 0.0)))
-        distance, _ = _through(fronts.distances[i], fronts.radii[i], fronts.distances[j],
-                               fronts.radii[j], across if v == t else rows, a, b)  # fmt: skip
-        found = min(found, distance)
-    return found
-
-
-@kernel
-def _read(which, shares, places, jacobians, shapes, cut, faces, cells, polygons, fronts, out):
-    for k in range(len(which)):
-        f = which[k]
-        flat = _find_piece(faces, cells, f, -1)
-        if flat >= 0:
-            x, y = _shape_place(shapes[f], shares[k])
-            out[k] = _read_in_piece(flat, x, y, polygons, fronts)
-            continue
-        y, x = _place(places[f], shares[k])
-        for row in range(int(np.floor(y - _NEAR)), int(np.floor(y + _NEAR)) + 1):
-            for column in range(int(np.floor(x - _NEAR)), int(np.floor(x + _NEAR)) + 1):
-                if not cut[row, column]:
-                    found = _read_in_cell(row, column, y, x, polygons, fronts)
-                    out[k] = min(out[k], found)
-                    continue
-                piece = _find_piece(faces, cells, f, row * cut.shape[1] + column)
-                if piece >= 0:
-                    u, v = _in_frame(places[f], jacobians[f], y, x)
-                    out[k] = min(out[k], _read_in_piece(piece, u, v, polygons, fronts))

@@ -36,7 +36,7 @@ def field_file(
     Parameters
     ----------
     function : callable
-        ``function(mesh, uv, size, atlas=, **sources)`` returns (h, w) floats with row 0 at v = 0;
+        ``function(mesh, uv, size=, atlas=, **sources)`` returns (h, w) floats with row 0 at v = 0;
         see `registry.FIELD`.
     mesh, options
         As in :func:`shock_filter.core.files.textures.filter_texture_file`.
@@ -59,9 +59,9 @@ def field_file(
         if "along" in words:
             words["directions"], words["at"] = named_directions(surface.mesh, words.pop("along"))
         with phase(0.0, 0.3, "Finding the charts"):
-            atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
+            atlas = TextureAtlas(surface.mesh, surface.uv, size=(height, width))
         with phase(0.3, 1.0, "Generating"):
-            made = function(surface.mesh, surface.uv, (height, width), **words, atlas=atlas)
+            made = function(surface.mesh, surface.uv, size=(height, width), atlas=atlas, **words)
     values = grays_of(made, atlas.inside)
     depth = np.uint16 if target.suffix.lower() == ".png" else np.uint8
     pixels = field_pixels(values, atlas.inside, target, depth)

@@ -125,7 +125,9 @@ def _in_plane(flow: PlaneFlow, look: Look, options: Options) -> Iterator[Pixels]
         size = look.background.shape[:2]  # type: ignore[assignment]
     every = look.source_every
     sources = [
-        DyeSource(points, look.source_width, DYES, every, max(every // 2, 1))
+        DyeSource(
+            points, width=look.source_width, colors=DYES, every=every, lasting=max(every // 2, 1)
+        )
         for points in look.sources
     ]
     return pictures_of_plane(

@@ -74,7 +74,7 @@ def filter_texture_file(
         height, width = pixels.shape[:2]
         _check_alike(pixels, source, others)
         with phase(0.0, 0.3, "Finding the charts"):
-            atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
+            atlas = TextureAtlas(surface.mesh, surface.uv, size=(height, width))
         notes.extend(atlas.report.sentences())
         upright = [np.ascontiguousarray(each[::-1]) for each in (pixels, *others.values())]
         given = upright if others else upright[0]
@@ -128,7 +128,7 @@ def texture_mask_file(
     height, width = size
     surface = read_textured_mesh(mesh, options.material, options.any_size)
     with reporting(options.progress):
-        atlas = TextureAtlas(surface.mesh, surface.uv, height, width)
+        atlas = TextureAtlas(surface.mesh, surface.uv, size=(height, width))
     shown = mask_pixels(atlas, kind, target.suffix.lower())
     write_image_file(target, np.ascontiguousarray(shown[::-1]), options.overwrite)
     return mask_outcome(atlas, surface.notes)

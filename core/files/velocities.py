@@ -128,7 +128,7 @@ def _of_map(path: Path, how: How) -> PlaneFlow:
     pixels = read_pixels(path, how.any_size)
     if pixels.ndim == 2 or (pixels.shape[2] == 2 and path.suffix.lower() not in (".tif", ".tiff")):
         raise ShockError(f"{path} is gray; a flow map has its velocity in red and green.")
-    velocity = flow_map_velocity(pixels, how.y_axis)
+    velocity = flow_map_velocity(pixels, y_axis=how.y_axis)
     return PlaneFlow(velocity, () if np.nan_to_num(velocity).any() else ("the flow is 0",))
 
 

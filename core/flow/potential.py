@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_signal
+from ..base.checks import by_keyword, checked_signal
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
@@ -16,10 +16,12 @@ from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..settings import ShockSettings, given_or_default
 
 
+@by_keyword
 def flow_field(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: ShockSettings | None = None,
+    *,
     progress: ProgressCallback | None = None,
 ) -> tuple[Floats, Floats]:
     """Compute the flow that pulls a signal's values together.

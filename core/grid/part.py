@@ -10,9 +10,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 _FAR = 1 << 40  # no row or column
 
 
@@ -47,15 +44,6 @@ class Part(NamedTuple):
         height, width = shape[:2]
         return cls((height, width), slice(0, height), slice(0, width))
 
-    @property
-    def halo(self) -> float:
-        """Least distance in pixels from the wanted ones to a side where the picture continues."""
-        (height, width), (rows, columns) = self.shape, (self.rows, self.columns)
-        beside = rows.start, height - rows.stop, columns.start, width - columns.stop
-        return min(
-            (pixels for pixels, cut in zip(beside, self.cut, strict=True) if cut), default=np.inf
-        )
-
     def known(self) -> tuple[slice, slice]:
         """Rows and columns in which the flow is known."""
         (height, width), (top, bottom, left, right) = self.shape, self.cut
@@ -63,20 +51,6 @@ class Part(NamedTuple):
             slice(top * self.margin, height - bottom * self.margin),
             slice(left * self.margin, width - right * self.margin),
         )
-
-    def without(self, margin: int) -> Part:
-        """Return the part with this margin, in which all that is known is wanted.
-
-        Raises
-        ------
-        LeftPart
-            If the margin covers wanted pixels.
-        """
-        if margin > self.halo:
-            raise LeftPart
-        part = self._replace(margin=margin)
-        rows, columns = part.known()
-        return part._replace(rows=rows, columns=columns)
 
     def enlarged(self, times: int) -> Part:
         """Return the same part of the picture enlarged by a whole number."""
@@ -125,9 +99,3 @@ class Window(NamedTuple):
     last_row: int
     first_column: int
     last_column: int
-
-
-def keep_inside(depths: npt.NDArray[np.int64]) -> None:
-    """Raise `LeftPart` if a trace of a wanted pixel left the known flow; see `advect_pixels`."""
-    if depths.any():
-        raise LeftPart

@@ -154,12 +154,33 @@ def generate(
                 given["directions"] = gradient_directions(atlas.mesh, given.pop("rising"))
             if "directions" in given:
                 given.setdefault("at", "faces")
-            function = find(name).function(vertices=surface.at_vertices)
-            made = function(atlas.mesh, uv, surface.shape, settings=settings, atlas=atlas, **given)
+            made: Any
+            if surface.at_vertices:
+                made = _at_vertices(surface, atlas, name, settings, given)
+            else:
+                function = find(name).function()
+                made = function(atlas.mesh, uv, settings, size=surface.shape, atlas=atlas, **given)
     values = made if surface.at_vertices else grays_of(made, atlas.inside)
     shown = np.isfinite(values) if surface.at_vertices else np.isfinite(values) & atlas.inside
     values = values.astype(np.float32, copy=False)
     return Generated(values, shown, tuple(atlas.report.sentences()))
+
+
+def _at_vertices(
+    surface: FieldSurface, atlas: TextureAtlas, name: str, settings: Any, given: dict[str, Any]
+) -> npt.NDArray[np.float64]:
+    # Vertices on painted texels count as given, and so do the edges of seams.
+    mesh, given = atlas.mesh, dict(given)
+    if "image" in given:
+        texels = np.floor(surface.faces.uv * surface.shape[::-1]).astype(np.int64)
+        x, y = np.moveaxis(texels, -1, 0)
+        grays = given.pop("image")[y % surface.shape[0], x % surface.shape[1]]
+        given["vertices"] = mesh.faces[mesh.own_corners(grays >= 0.5)]
+    if settings.source == "seams":
+        f, k = np.divmod(atlas.charts.borders, 3)
+        given["edges"] = np.stack([mesh.faces[f, k], mesh.faces[f, (k + 1) % 3]], axis=1)
+        settings = replace(settings, source="given")
+    return find(name).function(vertices=True)(mesh, settings, **given)
 
 
 def _atlas(surface: FieldSurface) -> TextureAtlas:

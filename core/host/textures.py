@@ -95,7 +95,7 @@ def analyse(
         with phase(0.0, 0.1, "Preparing the mesh"):
             mesh = TriangleMesh(faces.positions, weld_borders(faces.positions, faces.triangles))
         with phase(0.1, 1.0, "Finding charts"):
-            return TextureAtlas(mesh, faces.uv, *size)
+            return TextureAtlas(mesh, faces.uv, size=size)
 
 
 def _holding(settings: Any, content: str) -> Any:
@@ -137,7 +137,7 @@ def _tried(
 
         def result(gain: float) -> Pixels:
             gains = _gains(surface, atlas, gain)
-            return solver.filtered(gain if gains is None else gains, mask)
+            return solver.filtered(gain if gains is None else gains, mask=mask)
 
         with phase(0.0, 0.5, "Measuring texels"):
             _, solver = kept(surface.faces, "solver", key, make)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import Floats, as_array, checked_count, checked_flag, checked_word
+from ..base.checks import Floats, as_array, by_keyword, checked_count, checked_flag, checked_word
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..errors import InvalidSettings, InvalidSignal
 from .calculus import average_to_vertices, gradient, smooth_vertices, unit_vectors
@@ -23,8 +23,10 @@ PLACES = ("faces", "vertices")
 _MOST_PASSES = 100_000
 
 
+@by_keyword
 def principal_directions(
     mesh: TriangleMesh,
+    *,
     which: str = "least",
     passes: int = 8,
     progress: ProgressCallback | None = None,
@@ -89,7 +91,10 @@ def principal_directions(
         return clear[:, None] * (np.cos(angle)[:, None] * one + np.sin(angle)[:, None] * two)
 
 
-def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool = False) -> Floats:
+@by_keyword
+def gradient_directions(
+    mesh: TriangleMesh, signal: npt.ArrayLike, *, turned: bool = False
+) -> Floats:
     """Find the direction in which a signal rises in each face, or that of its level lines.
 
     Parameters
@@ -139,7 +144,8 @@ def gradient_directions(mesh: TriangleMesh, signal: npt.ArrayLike, turned: bool 
     return unit_vectors(along if checked_flag(turned, "turned") else np.cross(mesh.normals, along))
 
 
-def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, turned: bool = False) -> Floats:
+@by_keyword
+def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, *, turned: bool = False) -> Floats:
     """Project a direction in space onto each face, optionally rotated by a right angle.
 
     Parameters
@@ -194,7 +200,8 @@ def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
         If there is no such word.
     """
     if way in ("flat", "bending"):
-        return principal_directions(mesh, "least" if way == "flat" else "most"), "vertices"
+        which = "least" if way == "flat" else "most"
+        return principal_directions(mesh, which=which), "vertices"
     if way.removeprefix("around_") not in ("x", "y", "z"):
         raise InvalidSettings(f"There is no way {way!r}; give one such as flat, x or around_z.")
     axis = np.eye(3)["xyz".index(way[-1])]

@@ -92,19 +92,6 @@ def stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
     return graph
 
 
-def face_stencils(mesh: TriangleMesh, embedding: Floats) -> Stencils:
-    """Prepare marching from face to face, their centres at `embedding` (m, any number).
-
-    Distances run straight from centre to centre: there are no triangles between faces to update
-    through.
-    """
-    start = np.zeros(mesh.face_count + 1, dtype=np.int64)
-    start[1:] = (mesh.twins >= 0).sum(axis=1)
-    graph = _empty_stencils(start)
-    run(_link_faces, mesh.face_count, mesh.twins, embedding, graph)
-    return graph
-
-
 def face_steps(mesh: TriangleMesh, centres: Floats, guide: Floats, beta: float) -> Steps:
     """Prepare `search` on the faces, their centres at (X, beta guide): (m, 3) each."""
     targets = np.empty((mesh.face_count, 3), dtype=np.uint32)
@@ -199,9 +186,8 @@ def new_search(count):
 def search(source, limit, most, targets, lengths, reached, left):
     """Find the faces nearer than `limit` to a face; return how many places of `reached` they take.
 
-    Distances equal those of `march` on `face_stencils`. Faces are listed in the order of visits,
-    and again when a shorter path is found later: near a face that is rare, and costs less than
-    keeping them sorted.
+    Distances run from centre to centre. Faces are listed in the order of visits, and again when a
+    shorter path is found later: near a face that is rare, and costs less than keeping them sorted.
 
     Parameters
     ----------
@@ -315,20 +301,6 @@ def _apex(ax, ay, bx, by, square_ac, square_bc):
     along = 0.5 * (square_ac - square_bc + square) / square
     beside = np.sqrt(max(square_ac / square - along * along, 0.0))
     return ax + along * ux + beside * uy, ay + along * uy - beside * ux
-
-
-@kernel
-def _link_faces(start, stop, twins, embedding, graph):
-    row_start, targets, others, shapes = graph
-    for f in range(start, stop):
-        place = row_start[f]
-        for k in range(3):
-            if twins[f, k] >= 0:
-                g = twins[f, k] // 3
-                targets[place] = g
-                others[place] = f
-                shapes[place, 1] = np.sqrt(squared_distance(embedding, f, g))
-                place += 1
 
 
 @kernel

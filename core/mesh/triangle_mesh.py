@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import Floats
+from ..base.checks import Floats, by_keyword
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, ask, reporting
 from ..base.vectors import after, cross, dot, edge
@@ -69,10 +69,12 @@ class TriangleMesh:
     [[0.0, 0.0, 1.0]]
     """
 
+    @by_keyword
     def __init__(
         self,
         vertices: npt.ArrayLike,
         faces: npt.ArrayLike,
+        *,
         progress: ProgressCallback | None = None,
     ) -> None:
         with reporting(progress), aside(_PREPARING):

@@ -6,14 +6,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ..base.checks import by_keyword
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ProgressCallback, aside, ask, reporting
 from .adjacency import Ints
 from .triangle_mesh import HUB, Floats, TriangleMesh, checked_vertices
 
 
+@by_keyword
 def weld(
-    vertices: npt.ArrayLike, progress: ProgressCallback | None = None
+    vertices: npt.ArrayLike, *, progress: ProgressCallback | None = None
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Find vertices at exactly the same position.
 
@@ -57,9 +59,11 @@ def weld(
     return first[: places[0]].copy(), index
 
 
+@by_keyword
 def weld_borders(
     vertices: npt.ArrayLike,
     faces: npt.ArrayLike,
+    *,
     progress: ProgressCallback | None = None,
 ) -> Ints:
     """Join a surface along the seams where it was split, and nowhere else.

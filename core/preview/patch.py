@@ -82,9 +82,6 @@ class Patch:
             and name not in steps
             and getattr(settings, name) > 0  # a time below 0 is no length
         }
-        if getattr(settings, "fidelity", 0.0) > 0:  # it counts per area of the whole
-            new["fidelity"] = settings.fidelity * self.share / self.lengths**2
-            del new["screening_radius"]
         return replace(settings, **new)
 
     def _counts_steps(self, settings: Any) -> bool:

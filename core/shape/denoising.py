@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_mask, checked_signal, checked_type
+from ..base.checks import by_keyword, checked_mask, checked_signal, checked_type
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..beltrami.mesh_smoothing import smooth_painted
 from ..color.signals import corner_rows, cut_at_jumps, from_own_corners, like, to_own_corners
@@ -24,10 +24,12 @@ from .fit import moved_vertices, refitted
 from .noise import noise_of_normals, repeats, smoothed_normals
 
 
+@by_keyword
 def beltrami_joint(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: BeltramiMeshSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> tuple[Floats, npt.NDArray]:
@@ -88,6 +90,7 @@ def beltrami_joint_corners(
     mesh: TriangleMesh,
     signal: npt.ArrayLike,
     settings: BeltramiMeshSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> tuple[Floats, npt.NDArray]:
@@ -127,7 +130,7 @@ def beltrami_joint_corners(
         vertex = np.empty(cut.vertex_count, dtype=np.intp)
         vertex[corners] = mesh.faces.reshape(-1)
         cut_weights = None if weights is None else weights[vertex]
-        points, filtered = beltrami_joint(cut, cut_values, settings, cut_weights)
+        points, filtered = beltrami_joint(cut, cut_values, settings, mask=cut_weights)
         moved = np.zeros_like(mesh.vertices)
         with phase(1.0, 1.0, "Denoising"):
             group_means(vertex, points - cut.vertices, moved)
@@ -137,9 +140,11 @@ def beltrami_joint_corners(
         return positions, from_own_corners(mesh, after.astype(given.dtype), given)
 
 
+@by_keyword
 def denoise_geometry(
     mesh: TriangleMesh,
     settings: BeltramiGeometrySettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import checked_mask, checked_signal
+from ..base.checks import by_keyword, checked_mask, checked_signal
 from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
@@ -61,10 +61,12 @@ MULTIGRID_RADIUS = 80.0
 """Screening radius, in mean edge lengths, beyond which multigrid is used from the start."""
 
 
+@by_keyword
 def fit_to_normals(
     mesh: TriangleMesh,
     normals: npt.ArrayLike,
     settings: FitSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:
@@ -151,7 +153,7 @@ def displacement(
 
     With further `steps` vertices slide onto creases; with `freedom` they are held less there.
     """
-    eps = screening(mesh, settings)
+    eps = settings.screening_radius**-2
     near = near_turns(mesh, normals) if steps > 1 else None
     if near is None or not near.any():
         near, steps = None, 1  # no step would follow
@@ -313,13 +315,6 @@ def _hold(mesh: TriangleMesh, normals: Floats, freedom: float) -> Floats | None:
     hold = average_to_vertices(mesh, angles).reshape(-1)
     run(_held, mesh.vertex_count, freedom, hold)
     return hold
-
-
-def screening(mesh: TriangleMesh, settings: FitSettings) -> float:
-    """The weight eps of the old positions, per squared mean edge length."""
-    if settings.fidelity > 0:
-        return settings.fidelity / float(mesh.areas.sum())
-    return settings.screening_radius**-2
 
 
 @kernel

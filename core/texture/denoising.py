@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import LARGEST, checked_image, checked_weights
+from ..base.checks import LARGEST, by_keyword, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..beltrami.texel_smoothing import smooth_texels_once
 from ..grid.pixels import copied
@@ -24,14 +24,15 @@ from .texels import (
 )
 
 
+@by_keyword
 def beltrami_texture(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
     settings: BeltramiTextureSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
     """Smooth a texture by the short-time Beltrami kernel, which keeps edges and crosses seams.

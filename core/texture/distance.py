@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import Floats, as_array, checked_size
+from ..base.checks import Floats, as_array, by_keyword, checked_size
 from ..base.progress import ProgressCallback, aside, phase, reporting
-from ..elements.fronts import Segments, SurfaceDistance
+from ..elements.fronts import Segments, SurfaceDistance, distance_on_mesh
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
-from ..errors import InvalidSignal
+from ..errors import InvalidSettings, InvalidSignal
 from ..mesh.triangle_mesh import Ints, TriangleMesh, check_mesh
 from ..settings import DistanceSettings, given_or_default
 from .texels import Texture, checked_atlas, drawn
@@ -31,6 +31,11 @@ _JUMP = 0.6
 _LINES = 10
 """Lines from the source to the farthest point, where their width is not given."""
 
+_NO_SOURCE = (
+    "No source lies on the surface; give vertices, points, edges or a painted image, or take the"
+    " borders or seams as sources."
+)
+
 _BEYOND = -1.0
 """Marks texels beyond the gutter."""
 
@@ -44,17 +49,18 @@ class _Sources(NamedTuple):
     image: npt.NDArray | None
 
 
+@by_keyword
 def geodesic_distance(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
+    settings: DistanceSettings | None = None,
+    *,
     size: tuple[int, int],
     vertices: npt.ArrayLike | None = None,
     points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     edges: npt.ArrayLike | None = None,
     image: npt.ArrayLike | None = None,
-    settings: DistanceSettings | None = None,
     progress: ProgressCallback | None = None,
-    *,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
     """Measure how far each texel is from a source, along the surface, across seams.
@@ -105,7 +111,7 @@ def geodesic_distance(
     >>> vertices = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
-    >>> distance = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    >>> distance = core.geodesic_distance(mesh, uv, size=(32, 32), vertices=[0])
     >>> bool(np.isclose(distance[10, 20], np.hypot(10.5, 20.5) / 8, atol=1e-5))
     True
     """
@@ -135,26 +141,24 @@ def geodesic_distance(
             return distances
 
 
+@by_keyword
 def vertex_distance(
     mesh: TriangleMesh,
-    uv: npt.ArrayLike,
-    size: tuple[int, int],
+    settings: DistanceSettings | None = None,
+    *,
     vertices: npt.ArrayLike | None = None,
     points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     edges: npt.ArrayLike | None = None,
-    image: npt.ArrayLike | None = None,
-    settings: DistanceSettings | None = None,
     progress: ProgressCallback | None = None,
-    *,
-    atlas: TextureAtlas | None = None,
 ) -> Floats:
-    """Measure how far each vertex is from a source; see `geodesic_distance`.
+    """Measure how far each vertex is from a source, over the faces of the mesh.
 
     Parameters
     ----------
-    mesh, uv, size, vertices, points, edges, image, settings, progress, atlas
-        As in `geodesic_distance`. The texels carry the distance, but are not seen. Smoothing is
-        left out.
+    mesh, vertices, points, edges, progress
+        As in `geodesic_distance`.
+    settings : DistanceSettings, optional
+        Smoothing and gutter have no meaning here. Seams are edges to be given.
 
     Returns
     -------
@@ -163,46 +167,43 @@ def vertex_distance(
 
     Raises
     ------
-    InvalidUV, InvalidSignal, InvalidSettings, Cancelled
+    InvalidSignal, InvalidSettings, Cancelled
         As in `geodesic_distance`.
+
+    Notes
+    -----
+    The fronts are those of `geodesic_distance`, on triangles: exact on what unfolds into a plane.
 
     Examples
     --------
     >>> from shock_filter import core
     >>> vertices = [[0, 0, 0], [3, 0, 0], [3, 4, 0], [0, 4, 0]]
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
-    >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
-    >>> core.vertex_distance(mesh, uv, (32, 32), vertices=[0]).round(3).tolist()
+    >>> core.vertex_distance(mesh, vertices=[0]).round(3).tolist()
     [0.0, 3.0, 5.0, 4.0]
     """
     settings = given_or_default(settings, DistanceSettings)
-    rows, columns = checked_size(size)
-    sources = _checked_sources(mesh, (rows, columns), vertices, points, edges, image)
-    with reporting(progress):
-        with phase(0.0, 0.6, "Finding texels"):
-            pixels = np.zeros((rows, columns, 1), dtype=np.float32)
-            space = TextureSpace(checked_atlas(atlas, mesh, uv, pixels), _JUMP)
-        with phase(0.6, 1.0, "Measuring distance"):
-            fronts = _spread(space, sources, settings)
-            with aside("Measuring distance"):
-                faces, corners = np.divmod(np.arange(3 * mesh.face_count, dtype=np.int32), 3)
-                at_corners = fronts.at_places(faces, np.eye(3)[corners])
-                found = np.full(mesh.vertex_count, np.inf)
-                np.minimum.at(found, mesh.faces.reshape(-1), at_corners)
-                found *= space.atlas.texel_size
-                found[sources.vertices] = 0.0
-                return _shown(found, np.isfinite(found), settings)
+    sources = _checked_sources(mesh, (0, 0), vertices, points, edges, None)
+    if settings.source == "seams":
+        raise InvalidSettings(
+            "source is 'seams', and a mesh alone has none; give their edges, or choose 'border'."
+        )
+    with reporting(progress), phase(0.0, 1.0, "Measuring distance"):
+        segments = sources.segments
+        if settings.source == "border":
+            segments = _joined([segments, _along(_border_of(mesh))])
+        if not len(segments.faces):
+            raise InvalidSignal(_NO_SOURCE)
+        found = distance_on_mesh(mesh, segments) * mesh.mean_edge_length
+        found[sources.vertices] = 0.0
+        return _shown(found, np.isfinite(found), settings)
 
 
 def _spread(space: TextureSpace, sources: _Sources, settings: DistanceSettings) -> SurfaceDistance:
     atlas, mesh = space.atlas, space.atlas.mesh
     segments = sources.segments
     if settings.source != "given":
-        half = atlas.charts.borders
-        if settings.source == "border":
-            half = np.flatnonzero(mesh.twins.reshape(-1) < 0)
-            if not len(half):
-                raise InvalidSignal("The mesh has no border; choose seams or give sources.")
+        half = _border_of(mesh) if settings.source == "border" else atlas.charts.borders
         segments = _joined([segments, _along(half)])
     fronts = SurfaceDistance(space)
     with aside("Measuring distance"):
@@ -211,12 +212,16 @@ def _spread(space: TextureSpace, sources: _Sources, settings: DistanceSettings) 
             fronts.start_at_nodes(painted >= 0.5)
         fronts.start_at_segments(segments)
     if not fronts.found:
-        raise InvalidSignal(
-            "No source lies on the surface; give vertices, points, edges or a painted image, or"
-            " take the borders or seams as sources."
-        )
+        raise InvalidSignal(_NO_SOURCE)
     fronts.spread()
     return fronts
+
+
+def _border_of(mesh: TriangleMesh) -> npt.NDArray[np.intp]:
+    half = np.flatnonzero(mesh.twins.reshape(-1) < 0)
+    if not len(half):
+        raise InvalidSignal("The mesh has no border; choose seams or give sources.")
+    return half
 
 
 def _smoothed(space: TextureSpace, values: _Single, length: float) -> _Single:

@@ -13,7 +13,7 @@ from ..atlas import TextureAtlas
 from ..atlas.ghosts import fill_ghosts
 from ..atlas.gutter import unit_normals
 from ..atlas.sheet import ROWS
-from ..base.checks import LARGEST, as_array, checked_image, checked_weights
+from ..base.checks import LARGEST, as_array, by_keyword, checked_image, checked_weights
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..elements.matrices import CellWeights, TextureSpace
@@ -49,15 +49,16 @@ _LEAST_OPACITY = 1e-4
 _MOST_GAIN = 100.0
 
 
+@by_keyword
 def filter_texture(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
     settings: FilterSettings | None = None,
+    *,
     gain: npt.ArrayLike | None = None,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     normals: npt.ArrayLike | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
@@ -128,7 +129,7 @@ def filter_texture(
                 return given.copy()
             solver = TextureSolver(mesh, uv, given, settings, normals=normals, atlas=atlas)
         with phase(0.6, 1.0, "Filtering"):
-            return solver.filtered(gains, weights)
+            return solver.filtered(gains, mask=weights)
 
 
 class TextureSolver:
@@ -161,14 +162,15 @@ class TextureSolver:
     [0.0, 0.4, 0.8]
     """
 
+    @by_keyword
     def __init__(
         self,
         mesh: TriangleMesh,
         uv: npt.ArrayLike,
         image: npt.ArrayLike,
         settings: FilterSettings | None = None,
-        progress: ProgressCallback | None = None,
         *,
+        progress: ProgressCallback | None = None,
         normals: npt.ArrayLike | None = None,
         atlas: TextureAtlas | None = None,
     ) -> None:
@@ -202,9 +204,11 @@ class TextureSolver:
         self._shares = np.zeros(len(self._input), dtype=np.float32)
         self._one_at_a_time = Lock()
 
+    @by_keyword
     def filtered(
         self,
         gain: npt.ArrayLike | None = None,
+        *,
         mask: npt.ArrayLike | None = None,
         progress: ProgressCallback | None = None,
     ) -> npt.NDArray:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ..atlas import TextureAtlas
 from ..atlas.normal_frames import NormalFrames
-from ..base.checks import LARGEST, Floats, as_array, checked_image
+from ..base.checks import LARGEST, Floats, as_array, by_keyword, checked_image
 from ..base.progress import ProgressCallback, phase, reporting
 from ..errors import InvalidSignal
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
@@ -20,14 +20,15 @@ from ..settings import DilateSettings, given_or_default
 from .texels import Texture, check_channels, checked_atlas, gathered, written
 
 
+@by_keyword
 def object_normals(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
-    normals: npt.ArrayLike | None = None,
     settings: DilateSettings | None = None,
-    progress: ProgressCallback | None = None,
     *,
+    normals: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
     """Turn a tangent-space normal map into an object-space one.
@@ -77,14 +78,15 @@ def object_normals(
     return _converted(True, mesh, uv, image, normals, settings, progress, atlas)
 
 
+@by_keyword
 def tangent_normals(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
-    normals: npt.ArrayLike | None = None,
     settings: DilateSettings | None = None,
-    progress: ProgressCallback | None = None,
     *,
+    normals: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
     """Turn an object-space normal map into a tangent-space one; the inverse of `object_normals`.

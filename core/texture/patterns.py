@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from ..atlas import TextureAtlas
-from ..base.checks import Floats, as_array, checked_size
+from ..base.checks import Floats, as_array, by_keyword, checked_size
 from ..base.parallel import run, sum_kernel
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
@@ -52,16 +52,17 @@ _LEAST = np.float32(1e-12)
 """Less of the second substance counts as none."""
 
 
+@by_keyword
 def reaction_diffusion(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
-    size: tuple[int, int],
     settings: ReactionSettings | None = None,
+    *,
+    size: tuple[int, int],
     start: npt.ArrayLike | None = None,
     rates: npt.ArrayLike | None = None,
     directions: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     at: str | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
@@ -133,7 +134,7 @@ def reaction_diffusion(
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = mesh.vertices[mesh.faces][..., :2]
     >>> settings = core.ReactionSettings(steps=200, scale=8.0)
-    >>> image = core.reaction_diffusion(mesh, uv, (48, 48), settings)
+    >>> image = core.reaction_diffusion(mesh, uv, size=(48, 48), settings=settings)
     >>> image.shape, bool(image[..., 1].max() > 0.2)
     ((48, 48, 2), True)
     """

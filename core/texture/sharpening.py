@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..atlas.ghosts import fill_ghosts
 from ..atlas.seams import settle_seams
-from ..base.checks import LARGEST, checked_image, checked_weights
+from ..base.checks import LARGEST, by_keyword, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..color.domain import flow_for_time
 from ..color.guides import checked_guide
@@ -35,14 +35,15 @@ from .texels import (
 from .textures_by_width import follow_texels_by_width, sharpen_texels_by_width
 
 
+@by_keyword
 def sharpen_texture(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
     settings: TextureSettings | None = None,
+    *,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     atlas: TextureAtlas | None = None,
     guide: npt.ArrayLike | None = None,
 ) -> npt.NDArray:
@@ -138,13 +139,14 @@ def sharpen_texture(
             return written(texture, values, settings, keep).reshape(given.shape)
 
 
+@by_keyword
 def dilate_texture(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     image: npt.ArrayLike,
     settings: DilateSettings | None = None,
-    progress: ProgressCallback | None = None,
     *,
+    progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
     """Fill the gutter of a texture with what lies across the seams.

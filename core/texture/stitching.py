@@ -13,7 +13,7 @@ from ..atlas import TextureAtlas
 from ..atlas.ghosts import extend_ghosts
 from ..atlas.gutter import unit_normals
 from ..atlas.sheet import ROWS
-from ..base.checks import LARGEST, Floats, as_array, checked_image, checked_weights
+from ..base.checks import LARGEST, Floats, as_array, by_keyword, checked_image, checked_weights
 from ..base.parallel import run
 from ..base.progress import ProgressCallback, phase, reporting
 from ..elements.matrices import CellWeights, TextureSpace
@@ -62,16 +62,17 @@ class _Target(NamedTuple):
     known: npt.NDArray[np.bool_]  # (n,)
 
 
+@by_keyword
 def stitch_textures(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
     images: npt.ArrayLike | Sequence[npt.ArrayLike],
     settings: StitchSettings | None = None,
+    *,
     confidences: Sequence[npt.ArrayLike] | None = None,
     labels: npt.ArrayLike | None = None,
     mask: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
-    *,
     normals: npt.ArrayLike | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import Floats, checked_size
+from ..base.checks import Floats, by_keyword, checked_size
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.matrices import TextureSpace
@@ -39,14 +39,15 @@ _LEAST_WIDTH = 0.02
 """Narrowest streaks against their length: narrower ones cannot be solved for."""
 
 
+@by_keyword
 def surface_line_convolution(
     mesh: TriangleMesh,
     uv: npt.ArrayLike,
+    settings: StreakSettings | None = None,
+    *,
     size: tuple[int, int],
     directions: npt.ArrayLike | None = None,
-    settings: StreakSettings | None = None,
     progress: ProgressCallback | None = None,
-    *,
     at: str | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
@@ -97,7 +98,7 @@ def surface_line_convolution(
     >>> mesh = core.TriangleMesh(vertices, [[0, 1, 2], [0, 2, 3]])
     >>> uv = mesh.vertices[mesh.faces][..., :2] / 4
     >>> along = core.axis_directions(mesh, [1, 0, 0])
-    >>> image = core.surface_line_convolution(mesh, uv, (64, 64), along)
+    >>> image = core.surface_line_convolution(mesh, uv, size=(64, 64), directions=along)
     >>> rough = [float(np.abs(np.diff(image, axis=axis)).mean()) for axis in (0, 1)]
     >>> rough[0] > 4 * rough[1]
     True

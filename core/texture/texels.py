@@ -236,7 +236,7 @@ def checked_atlas(
     """Return the atlas that was given, if it fits the image, or a new one."""
     height, width = pixels.shape[:2]
     if atlas is None:
-        return TextureAtlas(mesh, uv, height, width)
+        return TextureAtlas(mesh, uv, size=(height, width))
     if not isinstance(atlas, TextureAtlas):
         raise InvalidSignal(f"atlas is {atlas!r}; give a TextureAtlas, or leave it out.")
     if atlas.mesh is not mesh or (atlas.height, atlas.width) != (height, width):

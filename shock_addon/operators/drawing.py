@@ -200,12 +200,10 @@ def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode
     for name, about in target.fields.items():
         if not about.advanced:
             continue
-        row = column.row()
         if name == target.time:
-            _draw_time(column, row, parameters, target)
+            _draw_time(column, column.row(), parameters, target)
         else:
-            row.active = name != "screening_radius" or not parameters.fidelity
-            row.prop(parameters, name)
+            column.prop(parameters, name)
     if "weld" in mode.names:
         column.prop(parameters, "weld")
 

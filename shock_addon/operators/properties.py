@@ -55,10 +55,6 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
     prefix : str
         What the properties' names begin with.
 
-    Raises
-    ------
-    InvalidSettings
-        If the values contradict each other.
     """
     values = {}
     for name, (kind, _, about) in describe(settings).items():
@@ -66,8 +62,6 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
         if kind is float:
             value = min(max(shortest(value), about.minimum), about.maximum)
         values[name] = value
-    if values.get("fidelity"):  # the panel grays the radius out, which says the same
-        values.pop("screening_radius")
     if getattr(owner, prefix + STEADY_STATE, False):
         values["time"] = math.inf
     return settings(**values)
@@ -150,6 +144,18 @@ _TEXTURE_IMAGE = {
     " painted on in Texture Paint Mode, or that of the active Image Texture node in the active"
     " object's material",
 }
+
+
+def _maps(others: str) -> Any:
+    return bpy.props.EnumProperty(
+        name="Maps",
+        description="Whether the other images of the material are filtered in the same run",
+        items=[
+            ("ONE", "This One", "This image only"),
+            ("MATERIAL", "All of Material", others),
+        ],
+        default="ONE",
+    )
 
 
 def _picture(name: str) -> Any:
@@ -317,34 +323,13 @@ _PLACES = {
         description="Image of the same size: white has the Scale, middle gray half of it. Empty"
         " takes the Scale everywhere",
     ),
-    "detail maps": bpy.props.EnumProperty(
-        name="Maps",
-        description="Whether the other images of the material are filtered in the same run",
-        items=[
-            ("ONE", "This One", "This image only"),
-            (
-                "MATERIAL",
-                "All of Material",
-                "Also the other images in the materials that show it, such as roughness, height and"
-                " normals, each by itself",
-            ),
-        ],
-        default="ONE",
+    "detail maps": _maps(
+        "Also the other images in the materials that show it, such as roughness, height and"
+        " normals, each by itself"
     ),
-    "maps": bpy.props.EnumProperty(
-        name="Maps",
-        description="Whether the other images of the material are filtered in the same run",
-        items=[
-            ("ONE", "This One", "This image only"),
-            (
-                "MATERIAL",
-                "All of Material",
-                "Also the other images in the materials that show it, such as roughness, metallic"
-                " and normals. They follow the flow of the base color, so that borders lie in the"
-                " same places",
-            ),
-        ],
-        default="ONE",
+    "maps": _maps(
+        "Also the other images in the materials that show it, such as roughness, metallic and"
+        " normals. They follow the flow of the base color, so that borders lie in the same places"
     ),
     "geometry output": _MESH_OUTPUT,
     "both output": _MESH_OUTPUT,

@@ -41,8 +41,6 @@ _SHARED = {
 
 _TOGETHER = {
     "steady_state": "time",
-    "screening_radius": "fit-radius-and-fidelity",
-    "fidelity": "fit-radius-and-fidelity",
     "fit_steps": "fit-steps-and-crease-freedom",
     "crease_freedom": "fit-steps-and-crease-freedom",
     "then_sharpen": "then-sharpen-sharpen-time",

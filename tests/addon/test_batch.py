@@ -723,9 +723,9 @@ def test_images_are_denoised_as_outside_blender(folder):
     noise = np.random.default_rng(0).normal(size=(24, 30, 3)) * 12
     pixels = np.clip(soft_edge() + noise, 0, 255).astype(np.uint8)
     Image.fromarray(pixels).save("in.png")
-    run = blender("denoise-image", "in.png", "out.png", "--window", "9")
+    run = blender("denoise-image", "in.png", "out.png", "--beta", "9")
     assert run.code == 0, run.err
-    wanted = core.beltrami_image(pixels, core.BeltramiSettings(window=9))
+    wanted = core.beltrami_image(pixels, core.BeltramiSettings(beta=9))
     assert abs(wanted.astype(int) - pixels).mean() > 4
     assert abs(pixels_of("out.png").astype(int) - wanted).max() <= 1
     run = blender("denoise-image", "in.png", "sharp.png", "--then-sharpen", "4096")

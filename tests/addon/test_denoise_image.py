@@ -86,12 +86,6 @@ def test_the_named_image_must_be_there_and_hold_numbers():
     assert "Photo denoised" not in bpy.data.images
 
 
-def test_an_even_window_is_refused():
-    add()
-    with pytest.raises(RuntimeError, match="window is 4, which has no middle pixel"):
-        denoise(image="Photo", window=4)
-
-
 def test_cancelling_changes_nothing(monkeypatch):
     image, before = add()
     monkeypatch.setattr(operators, "listener", lambda fraction, message: fraction < 0.2)

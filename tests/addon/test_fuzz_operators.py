@@ -26,7 +26,6 @@ NAMES = {
 }
 MOSTLY = st.sampled_from([True, True, True, False])
 MOST_COUNT = 4  # of passes and the like: the operators hand them on, no more
-LONGEST_TIME = 6.0  # of the schemes that compute the flow anew
 
 
 @st.composite
@@ -169,11 +168,7 @@ def random_properties(draw, operator):
         and not (getattr(about, "is_array", False) or about.type in ("COLLECTION", "POINTER"))
     ]
     chosen = draw(st.lists(st.sampled_from(names), unique=True, max_size=len(names)))
-    values = {name: random_value(draw, known[name]) for name in chosen}
-    if values.get("scheme", "fixed") != "fixed":
-        values["time"] = min(values.get("time", LONGEST_TIME), LONGEST_TIME)
-        values.pop("steady_state", None)
-    return values
+    return {name: random_value(draw, known[name]) for name in chosen}
 
 
 def state():

@@ -151,3 +151,15 @@ def test_a_script_does_what_it_did():
         made = rounded(bpy.data.images[f"{name} sharpened"])
         np.testing.assert_array_equal(made, RESULTS[f"script {name}"])
     np.testing.assert_allclose(colors(), RESULTS["script colors"], atol=1e-6)
+
+
+def test_presets_may_name_settings_that_are_no_more():
+    enter("Untouched", "Sheet")
+    settings = bpy.context.scene.shock_filter.geometry
+    bpy.ops.shock_filter.sharpen_colors("EXEC_DEFAULT", True)
+    text = "{0}.fidelity = 3.0\n{0}.scheme = 'composed'\n{0}.time = 7.0\n"
+    exec(text.format("settings"), {"settings": settings})
+    assert settings.time == 7.0
+    operator = bpy.context.window_manager.operators[-1]
+    exec(text.format("op"), {"op": operator})
+    assert operator.time == 7.0

@@ -135,23 +135,6 @@ def test_the_closed_panels_show_the_rest(rounded_box):
         draw(bpy.types.SHOCK_FILTER_PT_mask), "label"))  # fmt: skip
 
 
-def test_the_radius_is_gray_while_the_fidelity_counts(monkeypatch):
-    active = []
-    note = Layout.__setattr__
-
-    def record(self, name, value):
-        note(self, name, value)
-        if name == "active":
-            active.append(value)
-
-    monkeypatch.setattr(Layout, "__setattr__", record)
-    draw(bpy.types.SHOCK_FILTER_PT_advanced)
-    assert all(active)
-    bpy.context.scene.shock_filter.geometry.fidelity = 10.0
-    draw(bpy.types.SHOCK_FILTER_PT_advanced)
-    assert active.count(False) == 1
-
-
 def test_the_button_carries_the_panels_settings():
     settings = bpy.context.scene.shock_filter.geometry
     settings.repeat = 7
@@ -267,7 +250,7 @@ def test_denoising_has_its_settings_and_its_button(mode, rounded_box):
     settings = getattr(bpy.context.scene.shock_filter, mode)
     settings.then_sharpen = True
     settings.iterations = 5
-    below = {"window", "alpha", "measure"} if mode == "denoise_image" else {"vertex_group", "weld"}
+    below = {"alpha"} if mode == "denoise_image" else {"vertex_group", "weld"}
     drawn = draw(main)
     assert words(drawn, "operator")[0].endswith(", then Sharpen")
     carried, *_ = words(drawn, "set")

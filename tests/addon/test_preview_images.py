@@ -228,7 +228,6 @@ def test_the_longer_a_kernel_works_the_smaller_is_the_patch_and_no_less_fast():
     for long, size in zip((0.5, 1, 4, 16, 100), sizes, strict=True):
         assert work(size, long, 2) < 7e6
     assert filtered_at_once(BeltramiSettings(time=4, iterations=8)) < 0.3 * sizes[2]
-    assert filtered_at_once(BeltramiSettings(time=100, window=7)) > 10_000
     assert filtered_at_once(BeltramiSettings(time=0)) > 1_000_000
     assert filtered_at_once(Denoising(BeltramiSettings(time=4), None)) == sizes[2]
 

@@ -13,7 +13,6 @@ from shock_filter.core import (
     DilateSettings,
     GeometrySettings,
     ImageSettings,
-    InvalidSettings,
     ShockSettings,
     TextureSettings,
 )
@@ -112,20 +111,6 @@ def test_both_ends_of_each_range_are_valid(name):
 
 def test_steady_state_is_an_infinite_time():
     assert properties.settings_from(GeometrySettings, values(steady_state=True)).time == math.inf
-
-
-def test_contradictions_are_the_cores_error():
-    of_colors = panel_settings("colors")
-    of_colors.scheme, of_colors.steady_state = "composed", True
-    with pytest.raises(InvalidSettings, match="give at most"):
-        properties.settings_from(ShockSettings, of_colors)
-
-
-def test_fidelity_counts_instead_of_the_radius():
-    read = properties.settings_from(GeometrySettings, values(screening_radius=3.0, fidelity=100.0))
-    assert read == GeometrySettings(fidelity=100.0)
-    read = properties.settings_from(GeometrySettings, values(screening_radius=3.0))
-    assert read == GeometrySettings(screening_radius=3.0)
 
 
 @pytest.mark.parametrize(("mode", "step"), [("geometry", 16.0), ("image", 40.97)])

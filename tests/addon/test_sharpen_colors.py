@@ -314,13 +314,3 @@ def test_undo_brings_the_old_colors_back(painted_sheet):
     assert (read(bpy.data.objects[name]) != before).any()
     bpy.ops.ed.undo()
     np.testing.assert_array_equal(read(bpy.data.objects[name]), before)
-
-
-def test_contradicting_settings_are_named(painted_sheet):
-    sheet = painted_sheet()
-    before = read(sheet)
-    with pytest.raises(
-        RuntimeError, match="the scheme 'composed' walks in steps of 1; give at most"
-    ):
-        sharpen(scheme="composed", steady_state=True)
-    np.testing.assert_array_equal(read(sheet), before)

@@ -258,16 +258,6 @@ def test_what_modifiers_make_is_not_sharpened_and_the_panel_says_so():
     assert "apply them first to filter what they make" in said
 
 
-def test_fidelity_counts_instead_of_the_radius(rounded_box):
-    with_radius, without = rounded_box(), rounded_box()
-    assert sharpen(fidelity=100.0) == {"FINISHED"}
-    bpy.context.view_layer.objects.active = with_radius
-    with_radius.select_set(True)
-    without.select_set(False)
-    sharpen(screening_radius=3.0, fidelity=100.0)
-    np.testing.assert_array_equal(read_positions(with_radius.data), read_positions(without.data))
-
-
 def test_linked_meshes_are_skipped(rounded_box, select, tmp_path):
     box = rounded_box()
     box.data.name = "Library Mesh"

@@ -103,7 +103,7 @@ def test_it_is_the_same_as_on_the_command_line(saved):
     assert visualize(target="map", image="Map", frames=4, step=3.0, seed=5) == {"FINISHED"}
     velocity = core.flow_map_velocity(pixels)
     for found, frame in zip(
-        read(saved / "Map_flow"), core.advect_noise(velocity, settings, 4), strict=True
+        read(saved / "Map_flow"), core.advect_noise(velocity, settings, frames=4), strict=True
     ):
         assert np.abs(found - 255.0 * frame).max() < 0.51
 

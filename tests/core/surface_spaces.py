@@ -24,7 +24,7 @@ def square(n, charts=True, angle=0.4, change=lambda uv: uv):
 
 def space_of(mesh, uv, size, closed=False):
     """The space on the texels of a square image."""
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     if closed:
         starts = np.zeros(3 * mesh.face_count + 1, dtype=np.int32)
         starts[1:][atlas.charts.borders] = 1

@@ -26,7 +26,7 @@ def test_streaks_lie_along_the_flow(field):
 
 def test_uniform_flow_averages_neighbors():
     noise = np.random.default_rng(0).random(SIZE)
-    image = core.line_integral_convolution(uniform(SIZE, 0.01, 0.0), noise, PLAIN)
+    image = core.line_integral_convolution(uniform(SIZE, 0.01, 0.0), noise=noise, settings=PLAIN)
     expected = np.mean([np.roll(noise, k, axis=1) for k in range(-20, 21)], axis=0)
     np.testing.assert_allclose(image[:, 21:-21], expected[:, 21:-21], atol=1e-5)
     np.testing.assert_allclose(image[:, 0], noise[:, :21].mean(axis=1), atol=1e-5)
@@ -35,7 +35,7 @@ def test_uniform_flow_averages_neighbors():
 def test_sides_that_are_joined_go_on():
     noise = np.random.default_rng(0).random(SIZE)
     settings = core.ConvolutionSettings(length=300.0, contrast=0.0, periodic="y")
-    image = core.line_integral_convolution(uniform(SIZE, 0.0, 1.0), noise, settings)
+    image = core.line_integral_convolution(uniform(SIZE, 0.0, 1.0), noise=noise, settings=settings)
     around = np.mean([np.roll(noise, k, axis=0) for k in range(-150, 151)], axis=0)
     np.testing.assert_allclose(image, around, atol=1e-5)
     drawn = core.line_integral_convolution(
@@ -50,7 +50,7 @@ def test_a_circle_is_followed_in_second_order():
     radius = np.hypot(x - (SIZE[1] - 1) / 2, y - (SIZE[0] - 1) / 2)
     rings = 0.5 + 0.5 * np.cos(radius / 2)
     settings = core.ConvolutionSettings(length=300.0, contrast=0.0)
-    image = core.line_integral_convolution(rotation(SIZE), rings, settings)
+    image = core.line_integral_convolution(rotation(SIZE), noise=rings, settings=settings)
     inside = (radius > 20) & (radius < 70)
     assert correlation(image[inside], rings[inside]) > 0.99
     assert image[inside].std() > 0.8 * rings[inside].std()
@@ -59,7 +59,7 @@ def test_a_circle_is_followed_in_second_order():
 def test_length_0_returns_the_noise():
     noise = np.random.default_rng(0).random(SIZE).astype(np.float32)
     settings = core.ConvolutionSettings(length=0.0)
-    image = core.line_integral_convolution(rotation(SIZE), noise, settings)
+    image = core.line_integral_convolution(rotation(SIZE), noise=noise, settings=settings)
     np.testing.assert_allclose(image, noise, atol=1e-6)
 
 
@@ -76,11 +76,13 @@ def test_averages_end_where_the_flow_is_undefined():
     noise[:, 90:100] = 1.0
     velocity = uniform(SIZE, 1.0, 0.0)
     velocity[:, 90:100] = np.nan
-    image = core.line_integral_convolution(velocity, noise, PLAIN)
+    image = core.line_integral_convolution(velocity, noise=noise, settings=PLAIN)
     assert (image == 0).all()
     noise[:] = 0.5
     mask = np.isfinite(velocity[..., 0])
-    image = core.line_integral_convolution(uniform(SIZE, 1, 0), noise, PLAIN, mask=mask)
+    image = core.line_integral_convolution(
+        uniform(SIZE, 1, 0), noise=noise, settings=PLAIN, mask=mask
+    )
     np.testing.assert_allclose(image[mask], 0.5, atol=1e-6)
     assert (image[~mask] == 0).all()
 
@@ -124,7 +126,7 @@ def test_canceling():
 ])  # fmt: skip
 def test_bad_noise_is_named(noise, message):
     with pytest.raises(core.InvalidSignal, match=message):
-        core.line_integral_convolution(np.ones((3, 3, 2)), noise)
+        core.line_integral_convolution(np.ones((3, 3, 2)), noise=noise)
 
 
 def test_unsteady_fields_are_refused():

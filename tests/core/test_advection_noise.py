@@ -142,7 +142,7 @@ def test_correlation_is_longer_along_the_flow_than_across():
 
 def test_the_start_does_not_show():
     settings = core.NoiseSettings(step=2.0, blending=0.05)
-    deviations = [frame.std() for frame in core.advect_noise(rotation(SIZE), settings, 60)]
+    deviations = [frame.std() for frame in core.advect_noise(rotation(SIZE), settings, frames=60)]
     assert abs(deviations[0] / np.mean(deviations[40:]) - 1) < 0.05
 
 
@@ -224,7 +224,7 @@ def test_functions_of_time_are_asked_for_each_frame():
         asked.append(moment)
         return uniform((8, 8), np.cos(3 * moment), np.sin(3 * moment))
 
-    frames = core.advect_noise(turning, core.NoiseSettings(blending=1.0), 5, size=SIZE)
+    frames = core.advect_noise(turning, core.NoiseSettings(blending=1.0), frames=5, size=SIZE)
     assert [frame.shape for frame in frames] == [SIZE] * 5
     assert {0.25, 0.5, 0.75} <= set(asked)
 
@@ -279,7 +279,8 @@ def test_frames_do_not_depend_on_the_number_of_threads(monkeypatch):
 
 def test_seeds_give_other_noise():
     (a,), (b,), (c,) = (
-        core.advect_noise(rotation(SIZE), core.NoiseSettings(seed=seed), 1) for seed in (1, 2, 1)
+        core.advect_noise(rotation(SIZE), core.NoiseSettings(seed=seed), frames=1)
+        for seed in (1, 2, 1)
     )
     np.testing.assert_array_equal(a, c)
     assert abs(correlation(a, b)) < 0.1
@@ -382,12 +383,13 @@ def test_functions_must_keep_their_shape():
 
 def test_frames_of_the_papers_cylinder():
     velocity = np.full((5, 5, 2), [9.9, 0.0])
-    assert [core.flow_frames(velocity, n, 8.0, 4.0, step=6.0) for n in (300, 600, 900)] == [
-        248, 495, 743,
-    ]  # fmt: skip
-    assert core.flow_frames(np.zeros((5, 5, 2)), 300, 8.0, 4.0) == 1
+    assert [
+        core.flow_frames(velocity, columns=n, width=8.0, duration=4.0, step=6.0)
+        for n in (300, 600, 900)
+    ] == [248, 495, 743]
+    assert core.flow_frames(np.zeros((5, 5, 2)), columns=300, width=8.0, duration=4.0) == 1
     with pytest.raises(core.InvalidSettings, match="width"):
-        core.flow_frames(velocity, 300, 0.0, 4.0)
+        core.flow_frames(velocity, columns=300, width=0.0, duration=4.0)
 
 
 @pytest.mark.parametrize("spread", [0.05, 0.2, 1.0])

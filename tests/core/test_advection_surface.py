@@ -19,7 +19,7 @@ class Moving:
     """Noise on a surface, whose bits are to be seen."""
 
     def __init__(self, mesh, uv, size, vector, settings=STILL):
-        self.atlas = core.TextureAtlas(mesh, uv, size, size)
+        self.atlas = core.TextureAtlas(mesh, uv, size=(size, size))
         field = np.tile(np.asarray(vector, dtype=float), (mesh.face_count, 3, 1))
         field *= self.atlas.texel_size / mesh.mean_edge_length  # texels to edges
         self.flow = _SurfaceFlow(self.atlas, field, settings.step)
@@ -86,7 +86,7 @@ def test_cells_beyond_seams_are_those_that_whole_steps_lead_to(angle):
 def test_steps_over_seams_are_as_long_as_those_inside_charts_at_most():
     # One chart, 16 texels wide, in which all steps begin in another one.
     mesh, uv, size = square(64, True, 0.4)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     places = mesh.vertices[mesh.faces].mean(axis=1)[:, :2]
     fast = ((places > 16) & (places < 32)).all(axis=1)
     field = np.where(fast[:, None, None], [[[24.0, 0.0, 0.0]]], [[[0.4, 0.0, 0.0]]])
@@ -152,11 +152,13 @@ def test_nothing_stands_still_beside_seams_where_the_flow_is_slow():
 
 def test_noise_is_the_same_beside_seams_as_elsewhere():
     for mesh, uv, size in (square(64), two_cuts(0), two_cuts(1)):
-        atlas = core.TextureAtlas(mesh, uv, size, size)
+        atlas = core.TextureAtlas(mesh, uv, size=(size, size))
         field = np.cross([0.3, 0.2, 1.0], mesh.vertices - mesh.vertices.mean(axis=0))
         beside = atlas.masks().boundary & atlas.inside
         near, far = [], []
-        for frame in core.advect_on_surface(mesh, uv, field, (size, size), frames=40, atlas=atlas):
+        for frame in core.advect_on_surface(
+            mesh, uv, field, size=(size, size), frames=40, atlas=atlas
+        ):
             near.append(frame[beside])
             far.append(frame[atlas.inside & ~beside])
         near, far = np.concatenate(near), np.concatenate(far)
@@ -190,9 +192,11 @@ def test_streaks_lie_along_the_flow():
     angle = np.radians(35)
     field = np.tile([np.cos(angle), np.sin(angle), 0.0], (mesh.face_count, 1))
     settings = core.NoiseSettings(blending=0.05)
-    for frame in core.advect_on_surface(mesh, uv, field, (size, size), settings, frames=2):
+    for frame in core.advect_on_surface(
+        mesh, uv, field, size=(size, size), settings=settings, frames=2
+    ):
         image = frame
-    inside = core.TextureAtlas(mesh, uv, size, size).inside
+    inside = core.TextureAtlas(mesh, uv, size=(size, size)).inside
     assert wrapped(flow_angles(image, inside) - angle).mean() < 5
 
 
@@ -201,7 +205,7 @@ def test_fields_at_faces_and_vertices_agree():
     one = np.tile([1.0, 0.5, 0.0], (mesh.face_count, 1))
     other = np.tile([1.0, 0.5, 7.0], (mesh.vertex_count, 1))  # what points out does not count
     frames = [
-        next(core.advect_on_surface(mesh, uv, field, (size, size), frames=1))
+        next(core.advect_on_surface(mesh, uv, field, size=(size, size), frames=1))
         for field in (one, other)
     ]
     assert np.abs(frames[0] - frames[1]).mean() < 1e-3
@@ -214,10 +218,10 @@ def test_background_shows_where_the_flow_is_undefined():
     field[left] = np.nan
     background = np.full((size, size), 0.25)
     frame = next(
-        core.advect_on_surface(mesh, uv, field, (size, size), frames=1, background=background)
+        core.advect_on_surface(mesh, uv, field, size=(size, size), frames=1, background=background)
     )
     assert np.isfinite(frame).all()
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     x = atlas.bake(mesh.vertices[mesh.faces])[..., 0]
     assert (frame[atlas.inside & (x < 15)] == 0.25).all()
     assert frame[atlas.inside & (x > 17)].std() > 0.1
@@ -230,7 +234,11 @@ def test_frames_repeat_without_a_jump_and_from_seed_to_seed():
     def made(**settings):
         chosen = core.NoiseSettings(**settings)
         return np.stack(
-            list(core.advect_on_surface(mesh, uv, field, (size, size), chosen, frames=12))
+            list(
+                core.advect_on_surface(
+                    mesh, uv, field, size=(size, size), settings=chosen, frames=12
+                )
+            )
         )
 
     looped = made(loop=6)
@@ -247,17 +255,19 @@ def test_wrong_fields_are_refused():
     shape = mesh.face_count, 3
     for field in (np.zeros((5, 3)), np.full(shape, np.inf), np.full(shape, "a")):
         with pytest.raises(core.InvalidSignal, match="give"):
-            core.advect_on_surface(mesh, uv, field, (size, size))
+            core.advect_on_surface(mesh, uv, field, size=(size, size))
     fast = np.full(shape, 1e6)
     with pytest.raises(core.InvalidSignal, match="1000"):
-        core.advect_on_surface(mesh, uv, fast, (size, size), core.NoiseSettings(step=0.0))
+        core.advect_on_surface(
+            mesh, uv, fast, size=(size, size), settings=core.NoiseSettings(step=0.0)
+        )
     with pytest.raises(core.InvalidSettings, match="periodic"):
         settings = core.NoiseSettings(periodic="x")
-        core.advect_on_surface(mesh, uv, np.zeros(shape), (size, size), settings)
-    nothing = next(core.advect_on_surface(mesh, uv, np.zeros(shape), (size, size), frames=1))
+        core.advect_on_surface(mesh, uv, np.zeros(shape), size=(size, size), settings=settings)
+    nothing = next(core.advect_on_surface(mesh, uv, np.zeros(shape), size=(size, size), frames=1))
     assert np.isfinite(nothing).all()
     undefined = next(
-        core.advect_on_surface(mesh, uv, np.full(shape, np.nan), (size, size), frames=1)
+        core.advect_on_surface(mesh, uv, np.full(shape, np.nan), size=(size, size), frames=1)
     )
     assert (undefined == 0).all()
 

@@ -90,27 +90,33 @@ def painted(mesh):
 BOTH = then_sharpen(beltrami_joint_corners, sharpen_both, core.ShockSettings(time=16.0))
 RUNS = {
     "geometry": lambda mesh, colors, mask, ask: core.sharpen_geometry(
-        mesh, core.GeometrySettings(mollify_passes=1), mask, ask
+        mesh, core.GeometrySettings(mollify_passes=1), mask=mask, progress=ask
     ),
     "geometry as in the paper": lambda mesh, colors, mask, ask: core.sharpen_geometry(
-        mesh, core.GeometrySettings.of_paper(), mask, ask
+        mesh, core.GeometrySettings.of_paper(), mask=mask, progress=ask
     ),
     "multigrid": lambda mesh, colors, mask, ask: core.sharpen_geometry(
         mesh, core.GeometrySettings(screening_radius=100.0), progress=ask
     ),
     "flow": lambda mesh, colors, mask, ask: core.geometry_flow(mesh, progress=ask),
     "colors of vertices": lambda mesh, colors, mask, ask: core.sharpen_vertex_signal(
-        mesh, mesh.vertices / 20, core.ShockSettings(time=2.0, scheme="naive"), mask, ask
+        mesh,
+        mesh.vertices / 20,
+        core.ShockSettings(time=2.0),
+        mask=mask,
+        progress=ask,
     ),
     "colors of corners": lambda mesh, colors, mask, ask: core.sharpen_corner_signal(
-        mesh, colors, None, mask, ask
+        mesh, colors, None, mask=mask, progress=ask
     ),
     "denoising": lambda mesh, colors, mask, ask: find("denoise_geometry").function(16.0)(
         mesh, mask=mask, progress=ask
     ),
     "denoising both": lambda mesh, colors, mask, ask: BOTH(mesh, colors, mask=mask, progress=ask),
-    "welding": lambda mesh, colors, mask, ask: core.weld(mesh.vertices, ask),
-    "welding borders": lambda mesh, colors, mask, ask: weld_borders(mesh.vertices, mesh.faces, ask),
+    "welding": lambda mesh, colors, mask, ask: core.weld(mesh.vertices, progress=ask),
+    "welding borders": lambda mesh, colors, mask, ask: weld_borders(
+        mesh.vertices, mesh.faces, progress=ask
+    ),
     "sorting": lambda mesh, colors, mask, ask: sort(mesh, ask),
 }
 
@@ -124,7 +130,7 @@ def sort(mesh, ask):
 def test_kernels_on_meshes_ask(silent, run):
     def work(ask):
         # A new mesh each time: meshes keep what was computed for them.
-        mesh = core.TriangleMesh(*soft_cube(20), ask)
+        mesh = core.TriangleMesh(*soft_cube(20), progress=ask)
         run(mesh, *painted(mesh), ask)
 
     assert silent(work) <= SHORT
@@ -155,13 +161,15 @@ def test_kernels_on_textures_ask(silent, settings):
     weights = np.full((300, 300), 0.5)
 
     def work(ask):
-        mesh = core.TriangleMesh(vertices, faces, ask)
-        core.sharpen_texture(mesh, uv, image, core.TextureSettings(**settings), weights, ask)
+        mesh = core.TriangleMesh(vertices, faces, progress=ask)
+        core.sharpen_texture(
+            mesh, uv, image, core.TextureSettings(**settings), mask=weights, progress=ask
+        )
 
     assert silent(work) <= SHORT
 
 
-@pytest.mark.parametrize("settings", [{}, {"distance": "euclidean"}, {"content": "normals"}])
+@pytest.mark.parametrize("settings", [{}, {"content": "normals"}])
 def test_kernels_that_denoise_textures_ask(silent, settings):
     vertices, faces = grid(40, 40)
     uv = 0.1 + 0.02 * vertices[faces][..., :2]
@@ -169,17 +177,16 @@ def test_kernels_that_denoise_textures_ask(silent, settings):
     weights = np.full((300, 300), 0.5)
 
     def work(ask):
-        mesh = core.TriangleMesh(vertices, faces, ask)
+        mesh = core.TriangleMesh(vertices, faces, progress=ask)
         chosen = core.BeltramiTextureSettings(**settings)
-        core.beltrami_texture(mesh, uv, image, chosen, weights, ask)
+        core.beltrami_texture(mesh, uv, image, chosen, mask=weights, progress=ask)
 
     assert silent(work) <= SHORT
 
 
-@pytest.mark.parametrize("scheme", ["fixed", "naive", "composed"])
-def test_kernels_on_images_ask(silent, scheme):
+def test_kernels_on_images_ask(silent):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
-    settings = core.ImageSettings(time=2.0, scheme=scheme)
+    settings = core.ImageSettings(time=2.0)
     assert not silent(lambda ask: core.sharpen_image(image, settings, progress=ask))
 
 
@@ -190,10 +197,9 @@ def test_kernels_on_images_ask_by_width(silent, what):
     assert not silent(lambda ask: core.sharpen_image(image, settings, progress=ask))
 
 
-@pytest.mark.parametrize("measure", ["space", "surface"])
-def test_kernels_that_denoise_images_ask(silent, measure):
+def test_kernels_that_denoise_images_ask(silent):
     image = np.random.default_rng(0).random((300, 20, 4)).astype(np.float32)
-    settings = core.BeltramiSettings(measure=measure, time=0.2)
+    settings = core.BeltramiSettings(time=0.2)
     denoise = find("beltrami_image").function(2.0)
     assert not silent(lambda ask: denoise(image, settings=settings, progress=ask))
 

@@ -33,7 +33,7 @@ def inside_by_hand(uv, height, width):
 def test_texels_lie_in_the_faces_that_brute_force_finds(size):
     mesh = core.TriangleMesh(*icosphere(1))
     uv, _ = apart(mesh, texels_per_length=9.0)
-    masks = core.TextureAtlas(mesh, uv, *size).masks()
+    masks = core.TextureAtlas(mesh, uv, size=size).masks()
     hit = inside_by_hand(uv, *size)
     assert np.array_equal(masks.face >= 0, hit.any(axis=0))
     y, x = np.nonzero(masks.face >= 0)
@@ -46,7 +46,7 @@ def test_masks_agree_with_brute_force():
     mesh = core.TriangleMesh(*icosphere(1))
     uv, _ = apart(mesh, margin=3.0, texels_per_length=9.0)
     size = 90
-    masks = core.TextureAtlas(mesh, uv, size, size).masks()
+    masks = core.TextureAtlas(mesh, uv, size=(size, size)).masks()
     fine = 9  # points a texel
     hit = inside_by_hand(uv, fine * size, fine * size)
     chart = np.where(hit.any(axis=0), hit.argmax(axis=0), -1)
@@ -72,7 +72,7 @@ def test_masks_agree_with_brute_force():
 def test_charts_are_what_hangs_together_in_the_texture():
     blocks = Blocks(np.zeros((64, 64, 1), dtype=np.float32))
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
     assert atlas.report.charts == 16
     chart = atlas.masks().chart
     pitch = blocks.width // 4
@@ -94,7 +94,7 @@ def test_charts_that_touch_are_kept_apart():
     image = np.zeros((41, 82, 1), dtype=np.float32)
     image[:, 40:] = 1.0  # a jump between the charts
     image[:, 40] = 0.5
-    atlas = core.TextureAtlas(mesh, uv, 41, 82)
+    atlas = core.TextureAtlas(mesh, uv, size=(41, 82))
     assert atlas.report.charts == 2
     assert atlas.masks().count.max() == 2
     out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=1000.0))
@@ -109,7 +109,7 @@ def test_charts_that_touch_are_kept_apart():
 def test_bake_is_linear_in_each_face():
     blocks = Blocks(np.zeros((64, 64, 1), dtype=np.float32), angle=0.3)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
     places = atlas.bake(blocks.vertices[blocks.faces][..., :2])
     y, x = np.nonzero(atlas.inside)
     uv = (np.stack([x, y], axis=-1) + 0.5) / blocks.width
@@ -124,8 +124,10 @@ def test_bake_is_linear_in_each_face():
 
 def test_texel_size_is_the_square_root_of_area_by_texels():
     mesh, uv = square(4)
-    assert core.TextureAtlas(mesh, uv, 64, 32).texel_size == pytest.approx(4 / np.sqrt(64 * 32))
-    assert core.TextureAtlas(mesh, 0.5 * uv, 64, 32).texel_size == pytest.approx(
+    assert core.TextureAtlas(mesh, uv, size=(64, 32)).texel_size == pytest.approx(
+        4 / np.sqrt(64 * 32)
+    )
+    assert core.TextureAtlas(mesh, 0.5 * uv, size=(64, 32)).texel_size == pytest.approx(
         8 / np.sqrt(64 * 32)
     )
 
@@ -205,7 +207,7 @@ BOTH = Channels(0, 2, -1, np.empty(0, dtype=np.float32))
 
 def places_after(mesh, uv, size, vectors, time):
     """Follow vectors in space from each texel: where it lies, and where one comes, in the plane."""
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     places = atlas.bake(mesh.vertices[mesh.faces][..., :2])
     values = atlas.gather(places)
     fill_ghosts(atlas.sheet, atlas.sources, values)
@@ -244,7 +246,7 @@ def test_normals_that_cross_seams_point_the_same_way_in_space(angle):
     pitch = blocks.width // 4
     colors = np.array([0.5 + 0.5 * turn @ [0.6, -0.3] for turn in blocks.turns])
     image = np.kron(colors.reshape(4, 4, 2), np.ones((pitch, pitch, 1))).astype(np.float32)
-    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
     values = atlas.gather(image)
     fill_ghosts(atlas.sheet, atlas.sources, values, -1, 0.5)
     flow = given_flow(atlas, np.tile([0.7, 0.4, 0.0], (mesh.face_count, 1)))
@@ -262,7 +264,7 @@ def test_a_given_flow_lies_on_the_surface_and_ends_at_its_border():
     slope[:, 2] = 0.75 * slope[:, 0]
     mesh = core.TriangleMesh(slope, blocks.faces)
     given = mesh, blocks.uv, blocks.width, np.broadcast_to([0.8, 0.0, 0.6], (mesh.face_count, 3))
-    texel = core.TextureAtlas(*given[:2], *2 * given[2:3]).texel_size
+    texel = core.TextureAtlas(*given[:2], size=2 * given[2:3]).texel_size
     starts, ends = places_after(*given, 20.0)
     expected = starts + [20.0 * texel * 0.8, 0.0]
     stays = within(starts) & within(expected)
@@ -285,7 +287,7 @@ def test_a_given_flow_into_a_seam_from_both_sides_stays_there(caplog):
 @pytest.mark.parametrize("bad", [np.ones((3, 3)), np.full((32, 3), np.nan)])
 def test_given_flows_that_cannot_be_used_are_named(bad):
     mesh, uv = square()
-    atlas = core.TextureAtlas(mesh, uv, 16, 16)
+    atlas = core.TextureAtlas(mesh, uv, size=(16, 16))
     with pytest.raises(core.InvalidSignal, match="vectors"):
         given_flow(atlas, bad)
 
@@ -341,15 +343,15 @@ def test_overlapping_faces_are_reported():
     mesh, uv = square()
     fold = uv.copy()
     fold[..., 0] = np.abs(uv[..., 0] - 0.5)  # the left half lies on the right one, mirrored
-    atlas = core.TextureAtlas(mesh, fold, 64, 64)
+    atlas = core.TextureAtlas(mesh, fold, size=(64, 64))
     assert len(atlas.report.overlapping) == mesh.face_count
     assert len(atlas.report.mirrored) == mesh.face_count // 2
     assert "overlap" in atlas.report.sentences()[0]
     apart_charts = uv.copy()
     apart_charts[uv[..., 0].min(axis=1) >= 0.5] -= (0.5, 0.0)  # two charts at one place
-    report = core.TextureAtlas(mesh, apart_charts, 64, 64).report
+    report = core.TextureAtlas(mesh, apart_charts, size=(64, 64)).report
     assert len(report.overlapping) == mesh.face_count
-    assert len(core.TextureAtlas(mesh, uv, 64, 64).report.overlapping) == 0
+    assert len(core.TextureAtlas(mesh, uv, size=(64, 64)).report.overlapping) == 0
 
 
 def test_charts_that_lie_on_each_other_flow_alike():
@@ -373,7 +375,7 @@ def test_degenerate_faces_are_reported_and_crossed():
     # A column of squares is squeezed to a line of the texture: a seam runs along both sides.
     squeezed = (uv[..., 0].min(axis=1) > 0.49) & (uv[..., 0].max(axis=1) < 0.63)
     flat[squeezed, :, 0] = 0.5
-    atlas = core.TextureAtlas(mesh, flat, 64, 64)
+    atlas = core.TextureAtlas(mesh, flat, size=(64, 64))
     assert np.array_equal(atlas.report.degenerate, np.flatnonzero(squeezed))
     image = np.random.default_rng(0).random((64, 64, 3))
     out = core.sharpen_texture(mesh, flat, image, core.TextureSettings(time=64.0))
@@ -398,11 +400,11 @@ def test_nonsense_gives_finite_values_in_range(size):
     for time in (1.0, 100.0, np.inf):
         out = core.sharpen_texture(mesh, uv * 0.2, image, core.TextureSettings(time=time))
         assert np.isfinite(out).all()
-        inside = core.TextureAtlas(mesh, uv * 0.2, *size).inside
+        inside = core.TextureAtlas(mesh, uv * 0.2, size=size).inside
         assert image.min() <= out[inside].min(initial=1.0)
         assert out[inside].max(initial=0.0) <= image.max()
     assert np.isfinite(core.dilate_texture(mesh, uv * 0.2, image)).all()
-    core.TextureAtlas(mesh, uv * 0.2, *size).masks()
+    core.TextureAtlas(mesh, uv * 0.2, size=size).masks()
 
 
 def test_faces_without_area_in_space_end_the_surface():
@@ -430,7 +432,7 @@ def test_nothing_beside_charts_as_thin_as_texels_gets_in(texels):
     centre = uv.mean(axis=1, keepdims=True)
     uv = centre + np.einsum("ijf,fkj->fki", turn, uv - centre)
     uv += rng.random((mesh.face_count, 1, 2)) / size
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     image = np.full((size, size, 1), 50.0, dtype=np.float32)
     image[atlas.inside] = rng.random((np.count_nonzero(atlas.inside), 1))
     for time in (16.0, np.inf):
@@ -485,4 +487,4 @@ def test_a_face_that_reaches_too_far_is_named():
     far[5, 0] = (9000.0, far[5, 0, 1])
     far[5, 1] = (9000.0, far[5, 0, 1] + 1e-4)
     with pytest.raises(core.InvalidUV, match="chart is that of face 5"):
-        core.TextureAtlas(mesh, far, 64, 64)
+        core.TextureAtlas(mesh, far, size=(64, 64))

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from shock_filter import core
+from shock_filter.core import settings as settings_module
+from shock_filter.core.base.parallel import run
 from shock_filter.core.beltrami import grid_smoothing
-from shock_filter.core.beltrami.grid_smoothing import smooth_grid
+from shock_filter.core.beltrami.grid_smoothing import smooth_grid, smooth_rows
 from shock_filter.core.grid.geodesics import march, open_band
 
 
@@ -20,7 +22,7 @@ def photo(height=41, width=37, seed=0, channels=3, noise=0.05):
 
 
 def smooth(image, mask=None, **settings):
-    return core.beltrami_image(image, core.BeltramiSettings(**settings), mask)
+    return core.beltrami_image(image, core.BeltramiSettings(**settings), mask=mask)
 
 
 def square(n, size=1.0):
@@ -150,56 +152,22 @@ def test_the_result_does_not_depend_on_what_lies_beyond_the_reach():
     assert np.allclose(part[reach:-reach], whole[11 + reach : 64 - reach], atol=1e-7)
 
 
-def beltrami_flow(image, beta, time, steps):
-    """Explicit steps of the Beltrami flow on one channel, borders held; the reference."""
-    u = image.copy()
-    for _ in range(steps):
-        u_y, u_x = np.gradient(u)
-        root = np.sqrt(1 + beta**2 * (u_x**2 + u_y**2))
-        flow = np.gradient(u_y / root, axis=0) + np.gradient(u_x / root, axis=1)
-        u += time / steps * flow / root
-    return u
-
-
-def test_the_kernel_tends_to_the_beltrami_flow():
-    # On a grid so fine that its own error does not show; lengths in pixels.
-    y, x = np.mgrid[:80, :80] / 80
-    image = np.sin(2 * np.pi * x) * np.cos(2 * np.pi * y + 0.5) + 0.3 * x * y
-    beta = 16.0
-    inside = slice(28, -28)
-
-    def relative_error(time, measure):
-        ours = smooth(image, time=time, beta=beta, threshold=1e-5, measure=measure, iterations=1)
-        flow = beltrami_flow(image, beta, time, math.ceil(8 * time))
-        error, change = (ours - flow)[inside, inside], (flow - image)[inside, inside]
-        return np.sqrt((error**2).mean() / (change**2).mean())
-
-    errors = [relative_error(time, "surface") for time in (1.0, 2.0, 4.0)]
-    assert errors[0] < 0.003
-    # A step's error is of second order, relative to its length of first order.
-    assert errors[1] / errors[0] == pytest.approx(2, rel=0.1)
-    assert errors[2] / errors[1] == pytest.approx(2, rel=0.1)
-    assert relative_error(4.0, "space") > 0.1  # the area element is what makes it this flow
-
-
-def test_beta_zero_is_gaussian_smoothing():
+def test_beta_zero_is_gaussian_smoothing(monkeypatch):
+    monkeypatch.setattr(settings_module, "CUTOFF", 1e-9)
     image = photo()
     for time in (0.3, 2.0):
-        ours = smooth(image, beta=0.0, time=time, threshold=1e-9, iterations=1)
+        ours = smooth(image, beta=0.0, time=time, iterations=1)
         blur = {"sigma": (math.sqrt(2 * time),) * 2 + (0,), "mode": "constant", "truncate": 8.0}
         weight = scipy.ndimage.gaussian_filter(np.ones_like(image), **blur)
         assert np.allclose(ours, scipy.ndimage.gaussian_filter(image, **blur) / weight, atol=1e-6)
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-@pytest.mark.parametrize("measure", ["space", "surface"])
-def test_constants_and_ramps_stay(distance, measure):
-    settings = {"distance": distance, "measure": measure, "time": 1.5}
+def test_constants_and_ramps_stay():
     flat = np.full((20, 17, 3), 0.4)
-    assert np.allclose(smooth(flat, **settings), flat, atol=1e-7)
+    assert np.allclose(smooth(flat, time=1.5), flat, atol=1e-7)
     y, x = np.mgrid[:40, :40]
     ramp = np.stack([0.01 * x + 0.02 * y, 0.5 - 0.03 * x], axis=-1)
-    kept = smooth(ramp, alpha="none", **settings)
+    kept = smooth(ramp, alpha="none", time=1.5)
     inside = slice(14, -14)
     assert np.allclose(kept[inside, inside], ramp[inside, inside], atol=1e-6)
 
@@ -216,26 +184,25 @@ def test_a_step_stays_while_noise_falls():
         assert abs(out[:, side].mean() - noisy[:, side].mean()) < 1e-3
 
 
-def test_nothing_crosses_a_thin_edge_that_euclidean_distances_do_not_see():
+def test_nothing_crosses_a_thin_edge_that_straight_distances_do_not_see():
     image = np.full((30, 31), 0.5)
     image[:, 15] = 1.0
     image[:, 16:] = 0.51
     geodesic = smooth(image, beta=20.0, time=2.0, iterations=1)
-    euclidean = smooth(image, beta=20.0, time=2.0, iterations=1, distance="euclidean")
+    straight = bilateral(image[..., None], 2.0, 20.0, 6)[..., 0]
     assert abs(geodesic - image).max() < 1e-4
-    assert abs(euclidean - image)[:, 14].min() > 2e-3
+    assert abs(straight - image)[:, 14].min() > 2e-3
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_turning_the_image_or_its_channels_turns_the_result(distance):
+def test_turning_the_image_or_its_channels_turns_the_result():
     image = photo()
-    expected = smooth(image, distance=distance)
+    expected = smooth(image)
     for turned, back in (
         (np.rot90(image), lambda a: np.rot90(a, -1)),
         (image[:, ::-1], lambda a: a[:, ::-1]),
         (image[..., ::-1], lambda a: a[..., ::-1]),
     ):
-        assert np.allclose(back(smooth(turned, distance=distance)), expected, atol=1e-5)
+        assert np.allclose(back(smooth(turned)), expected, atol=1e-5)
 
 
 def bilateral(image, time, beta, radius):
@@ -252,46 +219,47 @@ def bilateral(image, time, beta, radius):
     return total / weight[..., None]
 
 
-def test_euclidean_distances_make_the_bilateral_filter():
-    image = photo()
-    settings = {"distance": "euclidean", "time": 0.7, "beta": 4.0, "iterations": 1}
-    exact = bilateral(image, 0.7, 4.0, 8)
-    assert np.allclose(smooth(image, threshold=1e-9, **settings), exact, atol=1e-5)
-    exact = bilateral(image, 0.7, 4.0, 2)
-    assert np.allclose(smooth(image, threshold=1e-9, window=5, **settings), exact, atol=1e-5)
+def in_window(image, half, time, beta):
+    """Apply the kernel once to (h, w, c), no farther than so many pixels each way, as on tiles."""
+    rows = np.arange(len(image))[:, None] + [-half, half + 1]
+    out = np.empty_like(image)
+    run(
+        smooth_rows, len(image), image, (beta * image).astype(np.float32), np.float32(1),
+        np.ones(image.shape[:2], np.float32), np.float32(core.BeltramiSettings(time=time).limit),
+        np.float32(0.25 / time), half, np.clip(rows, 0, len(image)),
+        np.zeros(len(image), np.int64), np.zeros((0, 0), np.bool_), out, chunk=16,
+    )  # fmt: skip
+    return out
 
 
 def test_a_window_bounds_the_kernel():
-    image = np.zeros((25, 25))
+    image = np.zeros((25, 25, 1))
     image[12, 12] = 1.0
-    wide = smooth(image, beta=0.0, time=3.0, iterations=1)
-    bound = smooth(image, beta=0.0, time=3.0, iterations=1, window=7)
-    assert (wide[12, 7:18] > 0).all()
     box = np.zeros_like(image, dtype=bool)
     box[9:16, 9:16] = True
-    assert np.array_equal(bound > 0, box)
-    assert np.array_equal(smooth(image, beta=0.0, time=3.0, window=1), image)
-    corner = smooth(image[12:, 12:], beta=0.0, time=3.0, iterations=1, window=7)
-    assert np.array_equal(corner > 0, box[12:, 12:])
+    assert (smooth(image, beta=0.0, time=3.0, iterations=1)[12, 7:18] > 0).all()
+    assert np.array_equal(in_window(image, 3, 3.0, 0.0) > 0, box)
+    assert np.array_equal(in_window(image, 0, 3.0, 0.0), image)
+    assert np.array_equal(in_window(image[12:, 12:].copy(), 3, 3.0, 0.0) > 0, box[12:, 12:])
 
 
-@pytest.mark.parametrize("window", [1, 3, 7])
-def test_no_way_leads_out_of_the_window_on_steep_images(window):
+@pytest.mark.parametrize("half", [0, 1, 3])
+def test_no_way_leads_out_of_the_window_on_steep_images(half):
     # Obtuse triangles are split by ways to pixels that are farther than a neighbour.
     noise = np.random.default_rng(0).random((25, 27, 2))
     mark = np.ones((25, 27, 1))
-    half = window // 2
     mark[12 - half : 13 + half, 12 - half : 13 + half] = 0
     image = np.concatenate([noise, 1e-9 * mark], axis=2)
-    out = smooth(image, window=window, time=100.0, beta=30.0, iterations=1)
+    out = in_window(image, half, 100.0, 30.0)
     assert out[12, 12, 2] == 0
     assert (out[12, 13 + half :, 2] > 0).all()
 
 
-def test_the_threshold_bounds_the_kernel():
+def test_small_weights_count_as_nothing(monkeypatch):
+    monkeypatch.setattr(settings_module, "CUTOFF", math.exp(-9.001 / 4))
     image = np.zeros((25, 25))
     image[12, 12] = 1.0
-    out = smooth(image, beta=0.0, time=1.0, iterations=1, threshold=math.exp(-9.001 / 4))
+    out = smooth(image, beta=0.0, time=1.0, iterations=1)
     far = np.hypot(*(np.mgrid[:25, :25] - 12))
     assert np.array_equal(out > 0, far <= 3)
 
@@ -320,28 +288,25 @@ def test_a_mask_mixes_with_the_input():
     assert np.allclose(out[:20], 0.5 * (image + full)[:20])
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_values_stay_in_range_and_far_beyond_one(distance):
+def test_values_stay_in_range_and_far_beyond_one():
     image = photo(noise=0.3)
-    out = smooth(image, distance=distance, time=4.0)
+    out = smooth(image, time=4.0)
     assert (out.min(axis=(0, 1)) >= image.min(axis=(0, 1)) - 1e-7).all()
     assert (out.max(axis=(0, 1)) <= image.max(axis=(0, 1)) + 1e-7).all()
     bright = 1e4 * photo(noise=0)
-    assert np.allclose(smooth(bright, distance=distance), bright, rtol=1e-5)
+    assert np.allclose(smooth(bright), bright, rtol=1e-5)
 
 
-@pytest.mark.parametrize("measure", ["space", "surface"])
-def test_values_beyond_float32_do_no_harm(measure):
+def test_values_beyond_float32_do_no_harm():
     image = 1e300 * photo()
-    out = smooth(image, measure=measure)
+    out = smooth(image)
     assert image.min() <= out.min() <= out.max() <= image.max()
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_bright_values_times_large_areas_stay_finite(distance):
+def test_bright_values_stay_finite():
     image = 1e20 * photo(channels=1)
     for beta in (1e-6, 1e-10):
-        out = smooth(image.astype(np.float32), measure="surface", beta=beta, distance=distance)
+        out = smooth(image.astype(np.float32), beta=beta)
         assert image.min() * 0.999 <= out.min() <= out.max() <= image.max() * 1.001
 
 
@@ -379,8 +344,6 @@ def test_bad_input_is_refused():
         core.beltrami_image(np.zeros((4, 4), dtype=int))
     with pytest.raises(core.InvalidSignal, match="mask"):
         core.beltrami_image(image, mask=np.zeros(3))
-    with pytest.raises(core.InvalidSettings, match="odd"):
-        core.BeltramiSettings(window=4)
     points = sphere(8)
     with pytest.raises(core.InvalidSignal, match="embedding has the shape"):
         core.beltrami_manifold(image, points)
@@ -392,8 +355,6 @@ def test_bad_input_is_refused():
         core.beltrami_manifold(points, 1e200 * points)
     with pytest.raises(core.InvalidSettings, match="choose one of"):
         core.beltrami_manifold(points, points, smooth="colors")
-    with pytest.raises(core.InvalidSettings, match="window"):
-        core.beltrami_manifold(points, points, core.BeltramiSettings(distance="euclidean"))
 
 
 def test_wide_kernels_are_cut_into_small_chunks(monkeypatch):
@@ -405,9 +366,9 @@ def test_wide_kernels_are_cut_into_small_chunks(monkeypatch):
 
     monkeypatch.setattr(grid_smoothing, "run", run)
     image = np.zeros((64, 4000), dtype=np.float32)
-    for settings in ({"time": 0.1}, {"time": 10.0}, {"time": 100.0}, {"time": 100.0, "window": 3}):
-        smooth(image, iterations=1, **settings)
-    assert chunks == [16, 1, 1, 16]
+    for time in (0.1, 10.0, 100.0):
+        smooth(image, iterations=1, time=time)
+    assert chunks == [16, 1, 1]
 
 
 def test_runs_can_be_cancelled():
@@ -431,14 +392,9 @@ def test_a_flat_manifold_is_an_image():
     image = photo()
     y, x = np.mgrid[: image.shape[0], : image.shape[1]].astype(float)
     flat = np.stack([0.1 * y, 5 - 0.1 * x, 0 * x], axis=-1)  # turned, shifted, another unit
-    for settings in (
-        core.BeltramiSettings(),
-        core.BeltramiSettings(measure="surface"),
-        core.BeltramiSettings(distance="euclidean", window=7),
-    ):
-        out, embedding = core.beltrami_manifold(image, flat, settings)
-        assert np.allclose(out, core.beltrami_image(image, settings), atol=1e-5)
-        assert np.array_equal(embedding, flat)
+    out, embedding = core.beltrami_manifold(image, flat)
+    assert np.allclose(out, core.beltrami_image(image), atol=1e-5)
+    assert np.array_equal(embedding, flat)
 
 
 def test_a_fold_of_the_manifold_is_an_edge_of_the_image():

@@ -4,13 +4,14 @@ import pytest
 from remeshed import turned_box
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
-from shapes import Counting, angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
+from shapes import angles, cube, fan, grid, icosphere, rotation, shuffled, subdivide
 from shock_filter import core
+from shock_filter.core import settings as settings_module
 from shock_filter.core.beltrami import mesh_smoothing
 from shock_filter.core.mesh.calculus import average_to_vertices, lumped_mass, smooth_vertices
 from shock_filter.core.mesh.geodesics import (
     ALL,
-    face_stencils,
+    Stencils,
     face_steps,
     march,
     new_front,
@@ -175,6 +176,16 @@ def face_distances(mesh, points, source):
     return dijkstra(whole, indices=source)
 
 
+def face_stencils(mesh, points):
+    """The graph of the faces, for the march: straight ways from centre to centre."""
+    face, k = np.nonzero(mesh.twins >= 0)
+    other = mesh.twins[face, k] // 3
+    start = np.concatenate([[0], np.cumsum(np.bincount(face, minlength=mesh.face_count))])
+    shapes = np.zeros((len(face), 3), np.float32)
+    shapes[:, 1] = np.linalg.norm(points[face] - points[other], axis=1)
+    return Stencils(start, other.astype(np.int32), face.astype(np.int32), shapes)
+
+
 def test_a_front_is_used_again_from_march_to_march():
     mesh = core.TriangleMesh(*icosphere(3))
     centres = mesh.scaled_vertices[mesh.faces].mean(axis=1)
@@ -217,9 +228,7 @@ def test_faces_are_averaged_as_on_a_graph_of_them():
     found = mesh_smoothing.smooth_faces(mesh, centres, mesh.normals, 3.0, mesh.normals, settings)
     embedding = np.concatenate([centres, 3.0 * mesh.normals], axis=1)
     graph = face_stencils(mesh, embedding)
-    means = mesh_smoothing.smooth_graph(
-        graph, embedding, mesh.areas, mesh.normals, settings, mesh.has_hubs
-    )
+    means = mesh_smoothing.smooth_graph(graph, mesh.areas, mesh.normals, settings, mesh.has_hubs)
     expected = means / np.linalg.norm(means, axis=1, keepdims=True)
     assert np.allclose(found, expected, atol=1e-4)
     assert abs(found - mesh.normals).max() > 0.1
@@ -256,12 +265,13 @@ def dense_means(mesh, embedding, values, time, threshold=0.01):
     return weights @ values / weights.sum(axis=1, keepdims=True)
 
 
-def test_a_flat_sheet_gets_a_gaussian_weighted_by_area():
+def test_a_flat_sheet_gets_a_gaussian_weighted_by_area(monkeypatch):
+    monkeypatch.setattr(settings_module, "CUTOFF", 1e-4)
     vertices, faces = grid(14, 14, jitter=0.2)
     vertices[:, 0] = vertices[:, 0] ** 1.5 / 3  # samples crowd on one side
     mesh = core.TriangleMesh(vertices, faces)
     values = np.random.default_rng(1).random((len(vertices), 2))
-    settings = core.BeltramiMeshSettings(time=1.0, beta=0.0, threshold=1e-4)
+    settings = core.BeltramiMeshSettings(time=1.0, beta=0.0)
     out = core.beltrami_vertex_signal(mesh, values, settings)
     expected = dense_means(mesh, mesh.scaled_vertices, values, 1.0, 1e-4)
     assert abs(out - expected).max() < 0.01
@@ -269,26 +279,16 @@ def test_a_flat_sheet_gets_a_gaussian_weighted_by_area():
     assert abs(values - expected).mean() > 0.2
 
 
-def test_straight_distances_make_a_bilateral_filter():
-    mesh = core.TriangleMesh(*grid(12, 12, jitter=0.3))
-    values = np.random.default_rng(1).random((mesh.vertex_count, 2))
-    settings = core.BeltramiMeshSettings(time=0.8, beta=2.0, distance="euclidean")
-    out = core.beltrami_vertex_signal(mesh, values, settings)
-    embedding = np.concatenate([mesh.scaled_vertices, 2.0 * values], axis=1)
-    assert np.allclose(out, dense_means(mesh, embedding, values, 0.8), rtol=1e-9)
-
-
 def test_geodesics_do_not_cross_a_gap_that_straight_ones_do():
     # A bright line one edge wide between two parts of the same gray.
     mesh = core.TriangleMesh(*grid(20, 20))
     side = np.sign(mesh.vertices[:, 0] - 10)
     values = np.where(side == 0, 1.0, 0.01 * side)
-    kept = {}
-    for distance in ("geodesic", "euclidean"):
-        settings = core.BeltramiMeshSettings(time=1.0, beta=5.0, distance=distance)
-        kept[distance] = core.beltrami_vertex_signal(mesh, values, settings)[side > 0]
-    assert abs(kept["geodesic"] - 0.01).max() < 1e-9
-    assert kept["euclidean"].min() < 0.008
+    settings = core.BeltramiMeshSettings(time=1.0, beta=5.0)
+    kept = core.beltrami_vertex_signal(mesh, values, settings)
+    assert abs(kept[side > 0] - 0.01).max() < 1e-9
+    embedding = np.column_stack([mesh.scaled_vertices, 5.0 * values])
+    assert dense_means(mesh, embedding, values, 1.0)[side > 0].min() < 0.008
 
 
 def test_noise_goes_and_a_step_stays():
@@ -332,30 +332,10 @@ def test_large_fans_are_denoised_in_few_iterations(height, caplog):
     assert abs(out - clean).max() < 1.5e-3
 
 
-def test_euclidean_means_at_a_hub_look_at_a_bounded_number_of_vertices():
-    # By the kernel as Python, with a list of neighbours that counts how often it is read.
-    looked_at = []
-    for count in (2000, 8000):
-        mesh = core.TriangleMesh(*fan(count))
-        points, values = mesh.scaled_vertices, mesh.vertices[:, :1].copy()
-        graph = stencils(mesh, points)
-        counting = Counting(graph.targets)
-        out = np.empty_like(values)
-        for v in (0, count // 2):
-            mesh_smoothing._euclidean_means.py_func(
-                v, v + 1, 0.5, 3.0, 200, graph._replace(targets=counting), points,
-                lumped_mass(mesh), values, out,
-            )  # fmt: skip
-        looked_at.append(counting.reads)
-    assert 300 < looked_at[0] < 5000
-    assert looked_at[1] < 1.1 * looked_at[0]
-
-
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_faces_at_a_hub_are_filtered(distance):
+def test_faces_at_a_hub_are_filtered():
     mesh = core.TriangleMesh(*fan(2000, 0.02))
     values = np.random.default_rng(1).random((mesh.vertex_count, 2))
-    places, signals = all_filters(mesh, values, distance=distance)
+    places, signals = all_filters(mesh, values)
     for out in (*places, *signals):
         assert np.isfinite(out).all()
     assert signals[1].std(axis=0).max() < 0.5 * values.std()
@@ -569,22 +549,21 @@ def all_filters(mesh, values, **settings):
     return [*kinds, joint[0]], [joint[1], core.beltrami_vertex_signal(mesh, values, signal)]
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_filters_move_scale_and_reorder_with_the_mesh(distance):
+def test_filters_move_scale_and_reorder_with_the_mesh():
     mesh = noisy(*cube(8), 0.1)
     values = np.random.default_rng(0).random((mesh.vertex_count, 2))
-    places, signals = all_filters(mesh, values, distance=distance)
+    places, signals = all_filters(mesh, values)
     size = mesh.mean_edge_length
     turn, shift = rotation(4), np.array([30.0, -20.0, 7.0])
     moved = core.TriangleMesh(40.0 * mesh.vertices @ turn.T + shift, mesh.faces)
-    for old, new in zip(places, all_filters(moved, values, distance=distance)[0], strict=True):
+    for old, new in zip(places, all_filters(moved, values)[0], strict=True):
         assert np.allclose((new - shift) @ turn / 40.0, old, atol=2e-3 * size)
-    for old, new in zip(signals, all_filters(moved, values, distance=distance)[1], strict=True):
+    for old, new in zip(signals, all_filters(moved, values)[1], strict=True):
         assert np.allclose(new, old, atol=1e-6)
     vertices, faces, v, _ = shuffled(mesh.vertices, mesh.faces)
     mixed = np.empty_like(values)
     mixed[v] = values
-    other = all_filters(core.TriangleMesh(vertices, faces), mixed, distance=distance)
+    other = all_filters(core.TriangleMesh(vertices, faces), mixed)
     for old, new in zip(places, other[0], strict=True):
         assert np.allclose(new[v], old, atol=2e-3 * size)
     for old, new in zip(signals, other[1], strict=True):
@@ -641,8 +620,7 @@ def test_inputs_are_never_modified():
     assert np.array_equal(values, painted)
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_meshes_with_faults_are_filtered(distance):
+def test_meshes_with_faults_are_filtered():
     # Two sheets joined along an edge by a third (not a surface there), a zero-area face, one
     # with a repeated vertex, two corners at the same place, a loose vertex far away.
     sheet, faces = grid(6, 6)
@@ -663,7 +641,7 @@ def test_meshes_with_faults_are_filtered(distance):
     assert (mesh.areas == 0).sum() >= 2
     assert (mesh.twins < 0).sum() > 24
     values = rng.random((len(joined), 2))
-    places, signals = all_filters(mesh, values, distance=distance)
+    places, signals = all_filters(mesh, values)
     for new, old in [*((p, joined) for p in places), *((s, values) for s in signals)]:
         assert np.isfinite(new).all()
         assert np.array_equal(new[loose], old[loose])
@@ -680,9 +658,8 @@ def test_components_do_not_mix():
         np.concatenate([faces, faces + len(vertices)]),
     )
     values = np.repeat([0.0, 1.0], len(vertices))
-    for distance in ("geodesic", "euclidean"):
-        settings = core.BeltramiMeshSettings(beta=0.0, distance=distance)
-        assert np.array_equal(core.beltrami_vertex_signal(mesh, values, settings), values)
+    settings = core.BeltramiMeshSettings(beta=0.0)
+    assert np.array_equal(core.beltrami_vertex_signal(mesh, values, settings), values)
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1e20, 1e30])
@@ -737,8 +714,8 @@ def test_bad_input_is_refused_with_a_name():
         core.beltrami_corner_signal(mesh, values)
     with pytest.raises(core.InvalidSignal, match="0 to 1"):
         core.denoise_geometry(mesh, mask=np.full(mesh.vertex_count, 2.0))
-    for bad in ({"time": -1}, {"time": np.nan}, {"beta": -1}, {"threshold": 0}, {"iterations": 0},
-                {"filtered": "faces"}, {"distance": "far"}):  # fmt: skip
+    for bad in ({"time": -1}, {"time": np.nan}, {"beta": -1}, {"iterations": 0},
+                {"filtered": "faces"}):  # fmt: skip
         with pytest.raises(core.InvalidSettings, match=next(iter(bad))):
             core.BeltramiGeometrySettings(**bad)
 

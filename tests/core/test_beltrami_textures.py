@@ -7,6 +7,7 @@ from atlases import Blocks, apart, sample
 from scipy.ndimage import gaussian_filter
 from shapes import grid, icosphere, rotation
 from shock_filter import core
+from shock_filter.core import settings
 from shock_filter.core.beltrami import texel_smoothing
 
 
@@ -19,7 +20,9 @@ def photo(height=96, width=96, seed=0, noise=0.08):
 
 
 def smooth(mesh, uv, image, mask=None, **settings):
-    return core.beltrami_texture(mesh, uv, image, core.BeltramiTextureSettings(**settings), mask)
+    return core.beltrami_texture(
+        mesh, uv, image, core.BeltramiTextureSettings(**settings), mask=mask
+    )
 
 
 def smooth_image(image, **settings):
@@ -46,16 +49,7 @@ def points_on(size, count=20000, seed=1):
 
 @pytest.mark.parametrize(
     "settings",
-    [
-        {},
-        {"beta": 0.0},
-        {"time": 4.0, "iterations": 1},
-        {"window": 5},
-        {"distance": "euclidean"},
-        {"distance": "euclidean", "window": 5},
-        {"measure": "surface"},
-        {"threshold": 0.1},
-    ],
+    [{}, {"beta": 0.0}, {"time": 4.0, "iterations": 1}],
 )
 def test_one_flat_chart_is_an_image(settings):
     clean, noise = photo(64)
@@ -79,8 +73,7 @@ def test_charts_whose_texels_line_up_do_not_show():
     assert rms((found - smooth_image(clean + noise))[inner]) < 3e-4
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_noise_falls_beside_the_seams_of_turned_charts_as_inside(distance):
+def test_noise_falls_beside_the_seams_of_turned_charts_as_inside():
     clean, _ = photo(128)
     blocks = Blocks(clean, angle=0.3)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
@@ -95,11 +88,11 @@ def test_noise_falls_beside_the_seams_of_turned_charts_as_inside(distance):
         error = blocks.read(image, points) - truth - cost
         return rms(error[away < 1]), rms(error[away > 5])
 
-    out = smooth(mesh, blocks.uv, texture + noise, distance=distance)
+    out = smooth(mesh, blocks.uv, texture + noise)
     at_seams, inside = errors(out)
     assert inside < 0.035
     assert at_seams < 1.1 * inside
-    flat = smooth_image(texture + noise, distance=distance)
+    flat = smooth_image(texture + noise)
     at_seams, inside = errors(core.dilate_texture(mesh, blocks.uv, flat))
     assert at_seams > 1.2 * inside  # so the test can fail
 
@@ -127,7 +120,7 @@ def test_where_all_faces_lie_apart_noise_falls_as_much():
     vertices, faces = icosphere(2, radius=8.0)
     mesh = core.TriangleMesh(vertices, faces)
     uv, size = apart(mesh, texels_per_length=6.0)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     waves = np.sin(atlas.bake(mesh.vertices[mesh.faces])[..., :1])
     clean = 0.5 + 0.3 * waves
     noise = 0.08 * np.random.default_rng(0).normal(size=clean.shape)
@@ -160,7 +153,7 @@ def test_materials_that_meet_at_a_seam_do_not_mix():
     right = vertices[faces][..., 0].mean(axis=1) > 4
     uv[right] += (0.2, 0.4)
     mesh = core.TriangleMesh(vertices, faces)
-    atlas = core.TextureAtlas(mesh, uv, 128, 128)
+    atlas = core.TextureAtlas(mesh, uv, size=(128, 128))
     image = np.where(atlas.masks().chart == atlas.charts.labels[np.argmax(right)], 0.34, 0.3)
     noisy = image + 0.01 * np.random.default_rng(0).normal(size=image.shape)
     by_itself = smooth(mesh, uv, noisy)
@@ -213,7 +206,7 @@ def test_zero_time_returns_the_input_bit_for_bit_and_a_zero_mask_the_charts(dtyp
     out = smooth(mesh, uv, image, time=0)
     assert np.array_equal(out, image)
     assert out.dtype == dtype
-    inside = core.TextureAtlas(mesh, uv, 33, 40).inside
+    inside = core.TextureAtlas(mesh, uv, size=(33, 40)).inside
     out = smooth(mesh, uv, image, np.zeros((33, 40)))
     assert np.array_equal(out[inside], image[inside])
     assert np.array_equal(image, before)
@@ -245,7 +238,7 @@ def test_opacity_stays_and_transparent_texels_lend_no_color():
     image = np.concatenate([color, alpha[..., None]], axis=-1).astype(np.float32)
     image[alpha == 0, :3] = 9.0
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    inside = core.TextureAtlas(mesh, blocks.uv, *color.shape[:2]).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=color.shape[:2]).inside
     out = smooth(mesh, blocks.uv, image)
     assert np.array_equal(out[inside][:, 3], image[inside][:, 3])
     assert out[inside & (alpha == 1)][:, :3].max() <= color.max() + 1e-5
@@ -258,7 +251,7 @@ def test_normals_turn_across_seams_and_stay_unit_vectors():
     slope = np.array([0.3, -0.2])
     blocks = Blocks(np.zeros((64, 64, 3), dtype=np.float32), angle=0.4)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
     texture = np.full((blocks.width, blocks.width, 3), 0.5, dtype=np.float32)
     texture[..., 2] = 0.5 + 0.5 * np.sqrt(1 - slope @ slope)
     block = blocks._number(atlas.bake(blocks.vertices[blocks.faces])[..., :2])
@@ -276,12 +269,13 @@ def test_normals_turn_across_seams_and_stay_unit_vectors():
         smooth(mesh, blocks.uv, texture[..., 0], content="normals")
 
 
-def test_distances_are_those_on_the_surface():
+def test_distances_are_those_on_the_surface(monkeypatch):
+    monkeypatch.setattr(settings, "CUTOFF", 1e-4)
     # A texture that is squeezed to half its width reaches half as many texels across.
     mesh, uv = square()
     point = np.zeros((64, 32), dtype=np.float32)
     point[32, 16] = 1.0
-    out = smooth(mesh, uv, point, beta=0.0, time=8.0, iterations=1, threshold=1e-4)
+    out = smooth(mesh, uv, point, beta=0.0, time=8.0, iterations=1)
     down, across = np.mgrid[:64, :32] - np.array([32, 16])[:, None, None]
     variances = [(out * d * d).sum() / out.sum() for d in (down, across)]
     # A texel is sqrt(2) high and sqrt(1/2) wide, or the other way round, in mean texel sizes.
@@ -301,8 +295,7 @@ def test_results_do_not_depend_on_tiles_nor_on_place_turn_and_scale(monkeypatch)
     assert rms(again - out) < 1e-4
 
 
-@pytest.mark.parametrize("distance", ["geodesic", "euclidean"])
-def test_where_texels_are_small_kernels_are_cut_off_alike_in_all_tiles(distance, monkeypatch):
+def test_where_texels_are_small_kernels_are_cut_off_alike_in_all_tiles(monkeypatch):
     # One half of the texture has texels 36 times smaller than the other.
     vertices, faces = grid(8, 8)
     vertices = vertices.astype(float)
@@ -310,9 +303,9 @@ def test_where_texels_are_small_kernels_are_cut_off_alike_in_all_tiles(distance,
     uv = grid(8, 8)[0][faces][..., :2] / 8.0
     mesh = core.TriangleMesh(vertices, faces)
     clean, noise = photo(48, 48)
-    out = smooth(mesh, uv, clean + noise, distance=distance)
+    out = smooth(mesh, uv, clean + noise)
     monkeypatch.setattr(texel_smoothing, "_TILE", 17)
-    assert np.abs(smooth(mesh, uv, clean + noise, distance=distance) - out).max() < 1e-4
+    assert np.abs(smooth(mesh, uv, clean + noise) - out).max() < 1e-4
     assert np.isfinite(out).all()
 
 
@@ -338,8 +331,6 @@ def test_bad_input_is_named():
     with pytest.raises(core.InvalidUV):
         smooth(mesh, np.full_like(uv, np.nan), image)
     with pytest.raises(core.InvalidSignal, match="atlas"):
-        core.beltrami_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, 9, 8))
-    with pytest.raises(core.InvalidSettings, match="odd"):
-        smooth(mesh, uv, image, window=4)
+        core.beltrami_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, size=(9, 8)))
     bright = np.where(np.arange(8) < 4, 1e30, -1e30) * np.ones((8, 1))
     assert np.isfinite(smooth(mesh, uv, bright)).all()

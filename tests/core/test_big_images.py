@@ -187,7 +187,7 @@ def test_mask_guide_and_enlarging(capsys):
     words += ["--guide", "guide.zarr", "--enlarge", "2", "--time", "64"]
     assert cli.main(words) == cli.DONE, capsys.readouterr().err
     settings = core.ImageSettings(time=64.0, enlarge=2)
-    expected = core.sharpen_image(image, settings, 1.0 - mask / 255.0, guide=255 - image)
+    expected = core.sharpen_image(image, settings, mask=1.0 - mask / 255.0, guide=255 - image)
     np.testing.assert_array_equal(load("out.zarr"), expected)
 
 

@@ -13,7 +13,6 @@ from shock_filter import core
 from shock_filter.core.color import chunked
 from shock_filter.core.color.chunked import counting_reruns
 from shock_filter.core.color.image_sharpening import measure_image
-from shock_filter.core.grid.part import LeftPart, Part
 
 SHAPE = (210, 190)
 PAPER = core.ImageSettings(time=64.0)
@@ -42,22 +41,13 @@ def sharpened_and_reruns(image, settings, **words):
 
 @pytest.mark.parametrize("settings", [
     {}, {"time": 256.0}, {"time": np.inf}, {"time": 16.0, "smoothing_passes": 40},
-    {"time": 4.0, "scheme": "composed"}, {"enlarge": 2}, {"channels": "independent"},
+    {"enlarge": 2}, {"channels": "independent"},
 ], ids=str)  # fmt: skip
 def test_same_bits_as_in_memory(settings):
     image, settings = shapes(), core.ImageSettings(**settings)
     lazy = core.sharpen_image(cut(image), settings)
     assert lazy.numblocks == (5, 4, 1)
     np.testing.assert_array_equal(computed(lazy), core.sharpen_image(image, settings))
-
-
-def test_kernels_wind_within_their_window_as_in_memory():
-    # On so rough an image ways are long: they come back to pixels that they passed by, through
-    # triangles which are split at pixels far outside the window.
-    image = np.random.default_rng(0).random((64, 64))
-    settings = core.BeltramiSettings(time=100.0, beta=30.0, iterations=1, window=9)
-    lazy = core.beltrami_image(cut(image, 16), settings)
-    np.testing.assert_array_equal(computed(lazy), core.beltrami_image(image, settings))
 
 
 def test_what_is_measured_in_many_windows_is_the_same():
@@ -107,7 +97,7 @@ def test_nothing_is_computed_before_it_is_asked_for():
                                   meta=np.empty((0, 0), np.float32))  # fmt: skip
     core.sharpen_image(image, PAPER)
     core.beltrami_image(image)
-    core.osher_rudin_image(image, 4)
+    core.osher_rudin_image(image, steps=4)
     lazy = core.sharpen_image(image, core.ImageSettings(), known=measure_image(shapes()))
     with pytest.raises(AssertionError, match="too early"):
         computed(lazy)
@@ -117,9 +107,9 @@ def test_mask_and_guide_may_be_lazy_or_not():
     image, guide = shapes(), shapes(seed=1)
     mask = np.random.default_rng(0).random(SHAPE)
     settings = core.ImageSettings(width=4.0)
-    expected = core.sharpen_image(image, settings, mask, guide=guide)
+    expected = core.sharpen_image(image, settings, mask=mask, guide=guide)
     for weights, lead in ((mask, guide), (cut(mask, 33), cut(guide, 77))):
-        lazy = core.sharpen_image(cut(image), settings, weights, guide=lead)
+        lazy = core.sharpen_image(cut(image), settings, mask=weights, guide=lead)
         np.testing.assert_array_equal(computed(lazy), expected)
 
 
@@ -146,8 +136,8 @@ REFUSED = {
     "guide": lambda of: core.sharpen_image(of(shapes()), guide=of(np.ones((9, 9)))),
     "guide, independent": lambda of: core.sharpen_image(
         of(shapes()), core.ImageSettings(channels="independent"), guide=of(shapes())),
-    "PDE's type": lambda of: core.osher_rudin_image(of(shapes()), 3),
-    "PDE's values": lambda of: core.osher_rudin_image(of(bad_pixel(1e12)), 3),
+    "PDE's type": lambda of: core.osher_rudin_image(of(shapes()), steps=3),
+    "PDE's values": lambda of: core.osher_rudin_image(of(bad_pixel(1e12)), steps=3),
 }  # fmt: skip
 
 
@@ -165,7 +155,9 @@ def test_what_only_dask_arrays_refuse():
     refused = {
         "out is given": lambda: core.sharpen_image(image, out=np.ones(SHAPE, np.float32)),
         "progress is given": lambda: core.beltrami_image(image, progress=lambda *_: True),
-        "fastest pixel": lambda: core.osher_rudin_image(image, 2, 0.4, "flow"),
+        "fastest pixel": lambda: core.osher_rudin_image(
+            image, steps=2, time_step=0.4, edge_detector="flow"
+        ),
     }
     for words, run in refused.items():
         with pytest.raises(core.InvalidSettings, match=words):
@@ -183,11 +175,3 @@ core.sharpen_image(np.ones((4, 4)), core.ImageSettings(time=0))
 sys.exit("dask" in sys.modules)
 """
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
-
-
-def test_parts_give_way_up_to_what_is_wanted_and_no_farther():
-    part = Part((20, 30), slice(5, 15), slice(6, 24), (True, True, True, True))
-    assert part.halo == 5
-    assert part.without(5).rows == slice(5, 15)
-    with pytest.raises(LeftPart):
-        part.without(6)

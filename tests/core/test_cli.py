@@ -98,8 +98,6 @@ def test_flags_are_the_settings_with_their_defaults(folder, command, settings):
     assert recorder.calls == [("a.obj", Path("b.obj"), settings())]
     words, wanted = [], {}
     for name, (kind, default, about) in describe(settings).items():
-        if name == "fidelity":
-            continue  # it excludes the radius
         if kind is str:
             value = next(word for word in reversed(about.choices) if word != default)
         else:
@@ -204,7 +202,9 @@ def test_help_is_quick_and_loads_no_numerics():
         (["--time", "long"], "argument --time: invalid number value: 'long'"),
         (["--smoothing-passes", "1.5"], "smoothing_passes is 1.5; give a whole number"),
         (["--sampling", "blurry"], "invalid choice: 'blurry'"),
-        (["--fidelity", "9", "--screening-radius", "3"], "give only one"),
+        (["--fidelity", "9"], "--fidelity is no flag any more: give screening_radius"),
+        (["--fidelity=9"], "--fidelity is no flag any more: give screening_radius"),
+        (["--scheme", "fixed"], "unrecognized arguments: --scheme"),
         (["--tim", "3"], "unrecognized arguments: --tim"),
     ],
 )

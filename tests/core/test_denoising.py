@@ -353,8 +353,8 @@ def test_the_commands_do_what_the_functions_do(folder, capsys):
     assert (read_ply("c.ply")[:, 3:6] != read_ply("in.ply")[:, 3:6]).any()
 
     Image.fromarray(np.rint(255 * np.clip(photo(), 0, 1)).astype(np.uint8)).save("in.png")
-    assert cli.main(["denoise-image", "in.png", "a.png", "--window", "7", "--then-sharpen"]) == 0
-    denoise_image_file("in.png", "b.png", core.BeltramiSettings(window=7), sharpen_time=16)
+    assert cli.main(["denoise-image", "in.png", "a.png", "--beta", "8", "--then-sharpen"]) == 0
+    denoise_image_file("in.png", "b.png", core.BeltramiSettings(beta=8), sharpen_time=16)
     a, b, old = (np.array(Image.open(name)) for name in ("a.png", "b.png", "in.png"))
     np.testing.assert_array_equal(a, b)
     assert a[:, :18].std() < old[:, :18].std() / 2
@@ -372,5 +372,5 @@ def test_bad_input_fails_with_a_sentence(folder, capsys):
     assert "NaN or infinity" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         cli.main(["denoise-image", "bad.npy", "out.npy", "--window", "4"])
-    assert "window is 4, which has no middle pixel" in capsys.readouterr().err
+    assert "--window is no flag any more: the time alone says" in capsys.readouterr().err
     assert sorted(path.name for path in folder.iterdir()) == ["bad.npy", "in.ply"]

@@ -33,7 +33,7 @@ def test_a_cylinder_bends_least_along_and_most_around():
     mesh = core.TriangleMesh(vertices @ turn.T, faces)
     chosen = inner(vertices)
     along = core.principal_directions(mesh)[chosen] @ turn
-    around = core.principal_directions(mesh, "most")[chosen] @ turn
+    around = core.principal_directions(mesh, which="most")[chosen] @ turn
     assert (np.abs(along[:, 1]) > 0.99 * np.linalg.norm(along, axis=1)).all()
     assert np.linalg.norm(along, axis=1).min() > 0.7
     assert (np.abs(around[:, 1]) < 0.1).all() and np.abs((along * around).sum(axis=1)).max() < 1e-9
@@ -104,15 +104,15 @@ def band(count=16, unused=0):
 
 
 def draw_streaks(mesh, uv, vectors, at=None):
-    return core.surface_line_convolution(mesh, uv, (24, 64), vectors, at=at)
+    return core.surface_line_convolution(mesh, uv, size=(24, 64), directions=vectors, at=at)
 
 
 def draw_noise(mesh, uv, vectors, at=None):
-    return core.advect_on_surface(mesh, uv, vectors, (24, 64), at=at)
+    return core.advect_on_surface(mesh, uv, vectors, size=(24, 64), at=at)
 
 
 def draw_pattern(mesh, uv, vectors, at=None):
-    return core.reaction_diffusion(mesh, uv, (24, 64), directions=vectors, at=at)
+    return core.reaction_diffusion(mesh, uv, size=(24, 64), directions=vectors, at=at)
 
 
 @pytest.mark.parametrize("draw", [draw_streaks, draw_noise, draw_pattern])
@@ -151,7 +151,7 @@ def test_vectors_at_faces_and_at_vertices_are_told_apart(checked):
 def test_wrong_input_is_named():
     mesh = core.TriangleMesh(*grid(1, 1))
     with pytest.raises(core.InvalidSettings, match="least, most"):
-        core.principal_directions(mesh, "longest")
+        core.principal_directions(mesh, which="longest")
     for passes in (2.5, -1, np.nan, "2", None, 10**30):
         with pytest.raises(core.InvalidSettings, match="whole number from 0 to 100000"):
             core.principal_directions(mesh, passes=passes)

@@ -45,7 +45,7 @@ def reduced(image, times):
 
 
 def enlarged(image, times=2, mask=None, **settings):
-    return core.sharpen_image(image, core.ImageSettings(enlarge=times, **settings), mask)
+    return core.sharpen_image(image, core.ImageSettings(enlarge=times, **settings), mask=mask)
 
 
 def cubic(image, times=2):

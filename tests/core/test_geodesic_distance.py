@@ -59,23 +59,23 @@ def tube(sides=12, rings=6):
 def test_on_a_plane_the_distance_is_exact_however_it_is_cut(layout):
     charts, angle, change = LAYOUTS[layout]
     mesh, uv, size = square(64, charts, angle, change)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     vertex = nearest(mesh, [23, 31, 0])
-    distance = core.geodesic_distance(mesh, uv, (size, size), vertices=[vertex], atlas=atlas)
+    distance = core.geodesic_distance(mesh, uv, size=(size, size), vertices=[vertex], atlas=atlas)
     expected = np.linalg.norm(places_of(atlas) - mesh.vertices[vertex], axis=-1)
     error = np.abs(distance - expected)[atlas.inside]
     assert error.max() < (1e-4 if layout != "charts of a third of a texel" else 0.01)
-    there = core.vertex_distance(mesh, uv, (size, size), vertices=[vertex], atlas=atlas)
+    there = core.vertex_distance(mesh, vertices=[vertex])
     expected = np.linalg.norm(mesh.vertices - mesh.vertices[vertex], axis=1)
-    assert np.abs(there - expected).max() < 0.01
+    assert np.abs(there - expected).max() < 1e-4
 
 
 def test_on_a_ball_the_error_is_small_and_falls_with_the_resolution():
     errors = []
     for subdivisions, texels in ((3, 20.0), (4, 40.0)):
         mesh, uv, size = ball(subdivisions, texels)
-        atlas = core.TextureAtlas(mesh, uv, size, size)
-        distance = core.geodesic_distance(mesh, uv, (size, size), vertices=[5], atlas=atlas)
+        atlas = core.TextureAtlas(mesh, uv, size=(size, size))
+        distance = core.geodesic_distance(mesh, uv, size=(size, size), vertices=[5], atlas=atlas)
         places = places_of(atlas)[atlas.inside]
         cosines = places @ mesh.vertices[5] / np.linalg.norm(places, axis=1)
         expected = np.arccos(np.clip(cosines, -1, 1))
@@ -92,18 +92,46 @@ def test_around_a_tube_the_shorter_way_counts():
     vertices, faces, flat, girth = tube()
     mesh = core.TriangleMesh(vertices, faces)
     uv = 0.1 + 0.8 * flat / girth
-    atlas = core.TextureAtlas(mesh, uv, 160, 160)
-    distance = core.geodesic_distance(mesh, uv, (160, 160), vertices=[0], atlas=atlas)
+    atlas = core.TextureAtlas(mesh, uv, size=(160, 160))
+    distance = core.geodesic_distance(mesh, uv, size=(160, 160), vertices=[0], atlas=atlas)
     unrolled = atlas.bake(flat)
     across = np.minimum(unrolled[..., 0], girth - unrolled[..., 0])
     expected = np.hypot(across, unrolled[..., 1])
     assert np.abs(distance - expected)[atlas.inside].max() < 1e-3 * girth
 
 
-def test_two_cuts_of_one_surface_agree():
+def test_texels_and_vertices_agree_however_the_surface_is_cut():
     mesh, layouts = wavy()
-    found = [core.vertex_distance(mesh, uv, (size, size), vertices=[17]) for uv, size in layouts]
-    assert np.abs(found[0] - found[1]).max() < 0.005 * found[0].max()
+    found = core.vertex_distance(mesh, vertices=[17])
+    for uv, size in layouts:
+        atlas = core.TextureAtlas(mesh, uv, size=(size, size))
+        distance = core.geodesic_distance(mesh, uv, size=(size, size), vertices=[17], atlas=atlas)
+        error = np.abs(distance - atlas.bake(found[mesh.faces]))[atlas.inside]
+        assert error.mean() < 0.005 * found.max()  # most of it is of what lies between vertices
+
+
+def test_at_vertices_points_and_lines_are_exact_on_a_plane_whatever_the_triangles():
+    mesh = core.TriangleMesh(*grid(12, 9, jitter=0.3))
+    x, y = mesh.vertices[:, :2].T
+    found = core.vertex_distance(mesh, vertices=[40])
+    np.testing.assert_allclose(found, np.hypot(x - x[40], y - y[40]), atol=1e-4)
+    left = np.flatnonzero(x == x.min())
+    left = left[np.argsort(y[left])]
+    found = core.vertex_distance(mesh, edges=np.stack([left[:-1], left[1:]], axis=1))
+    np.testing.assert_allclose(found, x - x.min(), atol=1e-4)
+    sides = np.minimum(np.minimum(x - x.min(), x.max() - x), np.minimum(y - y.min(), y.max() - y))
+    found = core.vertex_distance(mesh, core.DistanceSettings(source="border"))
+    assert np.abs(found - sides).mean() < 0.05  # an edge is too long where two fronts meet
+
+
+def test_at_the_vertices_of_a_ball_the_error_falls_with_the_edges():
+    errors = []
+    for subdivisions in (3, 4):
+        mesh = core.TriangleMesh(*icosphere(subdivisions))
+        expected = np.arccos(np.clip(mesh.vertices @ mesh.vertices[0], -1, 1))
+        found = core.vertex_distance(mesh, vertices=[0])
+        errors.append(np.abs(found - expected).mean() / expected.mean())
+    assert errors[1] < min(0.55 * errors[0], 0.004)
 
 
 def steep_cone(sides=24, rows=12, height=8.0):
@@ -128,20 +156,21 @@ def test_on_a_steep_cone_the_straight_way_to_the_tip_is_exact(power):
     mesh, flat = steep_cone()
     far = np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9)
     uv = (0.5 + 0.45 * flat * far ** (power - 1.0))[mesh.faces]
-    found = core.vertex_distance(mesh, uv, (96, 96), vertices=[1 + 24 * 11])
+    found = core.vertex_distance(mesh, vertices=[1 + 24 * 11])
     line = [0, *(1 + 24 * np.arange(12))]
     straight = np.linalg.norm(mesh.vertices[line] - mesh.vertices[line[-1]], axis=1)
-    assert np.abs(found[line] - straight).max() < 2e-3 * straight.max()
+    assert np.abs(found[line] - straight).max() < 1e-5 * straight.max()
+    atlas = core.TextureAtlas(mesh, uv, size=(96, 96))
+    texels = core.geodesic_distance(mesh, uv, size=(96, 96), vertices=[1 + 24 * 11], atlas=atlas)
+    error = np.abs(texels - atlas.bake(found[mesh.faces]))[atlas.inside]
+    assert error.mean() < 5e-3 * straight.max()
 
 
 def test_there_and_back_are_as_long():
-    mesh, layouts = wavy()
-    uv, size = layouts[0]
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    mesh, _ = wavy()
     for a, b in ((0, 80), (12, 44), (30, 75)):
         ways = [
-            core.vertex_distance(mesh, uv, (size, size), vertices=[one], atlas=atlas)[other]
-            for one, other in ((a, b), (b, a))
+            core.vertex_distance(mesh, vertices=[one])[other] for one, other in ((a, b), (b, a))
         ]
         assert abs(ways[0] - ways[1]) < 0.005 * ways[0]
 
@@ -149,10 +178,12 @@ def test_there_and_back_are_as_long():
 def test_distance_is_that_of_the_nearest_source():
     mesh, layouts = wavy()
     uv, size = layouts[0]
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     given = [{"vertices": [3]}, {"points": ([40], [[0.2, 0.3, 0.5]])}]
-    apart_ = [core.geodesic_distance(mesh, uv, (size, size), atlas=atlas, **one) for one in given]
-    both = core.geodesic_distance(mesh, uv, (size, size), atlas=atlas, **given[0], **given[1])
+    apart_ = [
+        core.geodesic_distance(mesh, uv, size=(size, size), atlas=atlas, **one) for one in given
+    ]
+    both = core.geodesic_distance(mesh, uv, size=(size, size), atlas=atlas, **given[0], **given[1])
     inside = atlas.inside
     assert np.abs(both - np.minimum(*apart_))[inside].max() < 0.02 * both[inside].max()
 
@@ -160,9 +191,9 @@ def test_distance_is_that_of_the_nearest_source():
 def test_a_point_counts_from_where_it_lies():
     mesh, uv = plain()
     shares = np.array([0.2, 0.3, 0.5])
-    atlas = core.TextureAtlas(mesh, uv, 32, 32)
+    atlas = core.TextureAtlas(mesh, uv, size=(32, 32))
     for face in (0, 1):
-        distance = core.geodesic_distance(mesh, uv, (32, 32), points=([face], [shares]))
+        distance = core.geodesic_distance(mesh, uv, size=(32, 32), points=([face], [shares]))
         place = shares @ mesh.vertices[mesh.faces[face]]
         expected = np.linalg.norm(places_of(atlas) - place, axis=-1)
         assert np.abs(distance - expected).max() < 1e-4
@@ -173,25 +204,24 @@ def test_points_keep_to_the_given_corners_where_a_face_was_turned():
     faces = np.array([[0, 1, 2], [0, 3, 2]])
     mesh = core.TriangleMesh(vertices, faces)
     assert mesh.flipped.any()
-    uv = vertices[faces][..., :2] / 16
     for face in (0, 1):
         shares = np.array([0.1, 0.3, 0.6])
         place = shares @ vertices[faces[face]]
-        found = core.vertex_distance(mesh, uv, (16, 16), points=([face], [shares]))
+        found = core.vertex_distance(mesh, points=([face], [shares]))
         assert np.abs(found - np.linalg.norm(vertices - place, axis=1)).max() < 1e-4
 
 
 def test_edges_and_borders_are_lines():
     mesh, uv, size = square(64)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     places, inside = places_of(atlas), atlas.inside
     side = np.flatnonzero(mesh.vertices[:, 0] == 0)
     side = side[np.argsort(mesh.vertices[side, 1])]
     pairs = np.stack([side[:-1], side[1:]], axis=1)
-    distance = core.geodesic_distance(mesh, uv, (size, size), edges=pairs, atlas=atlas)
+    distance = core.geodesic_distance(mesh, uv, size=(size, size), edges=pairs, atlas=atlas)
     assert np.abs(distance - places[..., 0])[inside].max() < 1e-3
     settings = core.DistanceSettings(source="border")
-    distance = core.geodesic_distance(mesh, uv, (size, size), settings=settings, atlas=atlas)
+    distance = core.geodesic_distance(mesh, uv, size=(size, size), settings=settings, atlas=atlas)
     expected = np.minimum(places[..., :2], 64 - places[..., :2]).min(axis=-1)
     assert np.abs(distance - expected)[inside].max() < 0.02
 
@@ -215,9 +245,9 @@ def test_along_a_line_that_leans_a_little_the_front_is_straight():
 
 def test_seams_are_the_borders_of_charts():
     mesh, uv, size = square(64)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     settings = core.DistanceSettings(source="seams")
-    distance = core.geodesic_distance(mesh, uv, (size, size), settings=settings, atlas=atlas)
+    distance = core.geodesic_distance(mesh, uv, size=(size, size), settings=settings, atlas=atlas)
     within = places_of(atlas)[..., :2] % 16.0
     expected = np.minimum(within, 16 - within).min(axis=-1)
     assert np.abs(distance - expected)[atlas.inside].max() < 1e-3
@@ -228,12 +258,12 @@ def test_painted_texels_are_sources():
     image = np.zeros((32, 32))
     image[:, :8] = 1.0
     image[0, 0] = 0.2
-    distance = core.geodesic_distance(mesh, uv, (32, 32), image=image)
+    distance = core.geodesic_distance(mesh, uv, size=(32, 32), image=image)
     expected = np.maximum(np.arange(32) - 7.0, 0.0)
     assert np.abs(distance[1:] - expected).max() < 1e-4
     image[:] = 0.0
     image[9, 20] = 0.5
-    distance = core.geodesic_distance(mesh, uv, (32, 32), image=image)
+    distance = core.geodesic_distance(mesh, uv, size=(32, 32), image=image)
     y, x = np.mgrid[:32, :32]
     assert np.abs(distance - np.hypot(y - 9, x - 20)).max() < 1e-4
 
@@ -243,25 +273,25 @@ def test_what_no_way_leads_to_is_infinite():
     two = np.concatenate([vertices, vertices + [2, 0, 0]])
     mesh = core.TriangleMesh(two, np.concatenate([faces, faces + 4]))
     flat = two[mesh.faces][..., :2] / 4 + [0.1, 0.3]
-    atlas = core.TextureAtlas(mesh, flat, 40, 40)
-    distance = core.geodesic_distance(mesh, flat, (40, 40), vertices=[0])
+    atlas = core.TextureAtlas(mesh, flat, size=(40, 40))
+    distance = core.geodesic_distance(mesh, flat, size=(40, 40), vertices=[0])
     far = atlas.inside & (places_of(atlas)[..., 0] > 1.5)
     assert np.isinf(distance[far]).all() and np.isfinite(distance[atlas.inside & ~far]).all()
     assert not np.isnan(distance).any()
-    assert np.isinf(core.vertex_distance(mesh, flat, (40, 40), vertices=[0])[4:]).all()
+    assert np.isinf(core.vertex_distance(mesh, vertices=[0])[4:]).all()
     for look in ("gradient", "lines"):
         settings = core.DistanceSettings(look=look, smoothing=2.0)
-        shown = core.geodesic_distance(mesh, flat, (40, 40), vertices=[0], settings=settings)
+        shown = core.geodesic_distance(mesh, flat, size=(40, 40), vertices=[0], settings=settings)
         assert (shown[far] == 0).all() and np.ptp(shown[atlas.inside & ~far]) > 0.5
 
 
 def test_gradients_and_lines_are_made_of_the_distance():
     mesh, uv = plain()
-    distance = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    distance = core.geodesic_distance(mesh, uv, size=(32, 32), vertices=[0])
 
     def shown(**settings):
         settings = core.DistanceSettings(**settings)
-        return core.geodesic_distance(mesh, uv, (32, 32), vertices=[0], settings=settings)
+        return core.geodesic_distance(mesh, uv, size=(32, 32), vertices=[0], settings=settings)
 
     width = 10.0
     assert np.allclose(shown(look="gradient", width=width), np.clip(1 - distance / width, 0, 1))
@@ -275,9 +305,9 @@ def test_gradients_and_lines_are_made_of_the_distance():
 def test_smoothing_rounds_ridges_and_keeps_the_mean():
     mesh, uv = plain()
     settings = core.DistanceSettings(source="border")
-    sharp = core.geodesic_distance(mesh, uv, (32, 32), settings=settings)
+    sharp = core.geodesic_distance(mesh, uv, size=(32, 32), settings=settings)
     settings = core.DistanceSettings(source="border", smoothing=3.0)
-    smooth = core.geodesic_distance(mesh, uv, (32, 32), settings=settings)
+    smooth = core.geodesic_distance(mesh, uv, size=(32, 32), settings=settings)
     bend = [np.abs(np.diff(rows[16], 2)).max() for rows in (sharp, smooth)]
     assert bend[1] < 0.3 * bend[0]
     assert smooth.mean() == pytest.approx(sharp.mean(), rel=0.02)
@@ -286,8 +316,8 @@ def test_smoothing_rounds_ridges_and_keeps_the_mean():
 def test_the_gutter_continues_across_seams():
     mesh, layouts = wavy()
     uv, size = layouts[0]
-    atlas = core.TextureAtlas(mesh, uv, size, size)
-    distance = core.geodesic_distance(mesh, uv, (size, size), vertices=[0], atlas=atlas)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
+    distance = core.geodesic_distance(mesh, uv, size=(size, size), vertices=[0], atlas=atlas)
     near = atlas.masks().active & ~atlas.inside
     assert np.abs(np.diff(distance, axis=1))[(near[:, 1:] & atlas.inside[:, :-1])].max() < 3.0
     assert (distance[near] > 0).mean() > 0.99
@@ -296,12 +326,11 @@ def test_the_gutter_continues_across_seams():
 def test_tiny_images_and_charts_of_a_texel():
     mesh, uv = plain()
     for size in ((1, 1), (2, 3), (1, 16)):
-        distance = core.geodesic_distance(mesh, uv, size, vertices=[0])
+        distance = core.geodesic_distance(mesh, uv, size=size, vertices=[0])
         assert distance.shape == size and np.isfinite(distance).all()
     mesh, uv, size = ball(1, 1.0)
-    found = core.vertex_distance(mesh, uv, (size, size), vertices=[0])
-    expected = np.arccos(np.clip(mesh.vertices @ mesh.vertices[0], -1, 1))
-    assert np.abs(found - expected).max() < 0.1 * np.pi
+    found = core.geodesic_distance(mesh, uv, size=(size, size), vertices=[0])
+    assert found.shape == (size, size) and np.isfinite(found).all()
 
 
 @pytest.mark.parametrize(
@@ -327,25 +356,28 @@ def test_tiny_images_and_charts_of_a_texel():
 def test_wrong_sources_are_named(given, message):
     mesh, uv = plain()
     with pytest.raises(core.InvalidSignal, match=message):
-        core.geodesic_distance(mesh, uv, (8, 8), **given)
+        core.geodesic_distance(mesh, uv, size=(8, 8), **given)
 
 
 def test_other_wrong_input_is_named():
     mesh, uv = plain()
     with pytest.raises(core.InvalidSettings, match="rows and columns"):
-        core.geodesic_distance(mesh, uv, 8, vertices=[0])
+        core.geodesic_distance(mesh, uv, size=8, vertices=[0])
     for size in ((0, 8), (-1, 4), (2.5, 4), (8, 1 << 30), (8, 10**30), (True, 8), ("8", "8")):
-        for measure in (core.geodesic_distance, core.vertex_distance):
-            with pytest.raises(core.InvalidSettings, match="whole number from 1 to 32768"):
-                measure(mesh, uv, size, vertices=[0])
+        with pytest.raises(core.InvalidSettings, match="whole number from 1 to 32768"):
+            core.geodesic_distance(mesh, uv, size=size, vertices=[0])
+    with pytest.raises(core.InvalidSettings, match="a mesh alone has none"):
+        core.vertex_distance(mesh, core.DistanceSettings(source="seams"))
+    with pytest.raises(core.InvalidSignal, match="No source"):
+        core.vertex_distance(mesh)
     with pytest.raises(core.InvalidSignal, match="make an atlas"):
-        atlas = core.TextureAtlas(mesh, uv, 9, 8)
-        core.geodesic_distance(mesh, uv, (8, 8), vertices=[0], atlas=atlas)
+        atlas = core.TextureAtlas(mesh, uv, size=(9, 8))
+        core.geodesic_distance(mesh, uv, size=(8, 8), vertices=[0], atlas=atlas)
     closed = core.TriangleMesh(*icosphere(1))
     uv, size = apart(closed)
     with pytest.raises(core.InvalidSignal, match="no border"):
         settings = core.DistanceSettings(source="border")
-        core.geodesic_distance(closed, uv, (size, size), settings=settings)
+        core.geodesic_distance(closed, uv, size=(size, size), settings=settings)
 
 
 def test_a_run_can_be_cancelled_at_any_time():
@@ -356,13 +388,13 @@ def test_a_run_can_be_cancelled_at_any_time():
         calls.append(call)
         return True
 
-    core.geodesic_distance(mesh, uv, (size, size), vertices=[0], progress=note)
+    core.geodesic_distance(mesh, uv, size=(size, size), vertices=[0], progress=note)
     assert calls == sorted(calls, key=lambda call: call[0]) and calls[-1][0] == 1.0
     for last in np.linspace(0, 0.7 * len(calls), 7).astype(int):
         left = iter(range(last))
         with pytest.raises(core.Cancelled):
             core.geodesic_distance(
-                mesh, uv, (size, size), vertices=[0],
+                mesh, uv, size=(size, size), vertices=[0],
                 progress=lambda *_, left=left: next(left, None) is not None,
             )  # fmt: skip
 
@@ -371,8 +403,8 @@ def test_a_run_can_be_cancelled_at_any_time():
 def test_tiny_smoothing_smooths_nothing(smoothing):
     mesh, uv = plain()
     settings = core.DistanceSettings(smoothing=smoothing)
-    found = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0], settings=settings)
-    expected = core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+    found = core.geodesic_distance(mesh, uv, size=(32, 32), vertices=[0], settings=settings)
+    expected = core.geodesic_distance(mesh, uv, size=(32, 32), vertices=[0])
     np.testing.assert_array_equal(found, expected)
 
 
@@ -382,9 +414,9 @@ def test_a_distance_that_is_not_final_is_told(monkeypatch, is_enough):
     monkeypatch.setattr(fronts, "_ROUND", 50)
     monkeypatch.setattr(fronts, "_MOST_VISITS", 100 if is_enough else 0)
     with gathering() as findings:
-        core.geodesic_distance(mesh, uv, (32, 32), vertices=[0])
+        core.geodesic_distance(mesh, uv, size=(32, 32), vertices=[0])
     said = [str(finding) for finding in findings]
     assert len(said) == (not is_enough)
     if not is_enough:
-        assert said[0].startswith("Texels whose distance may be too large: ")
+        assert said[0].startswith("Places whose distance may be too large: ")
         assert int(said[0].split(": ")[1].rstrip(".")) > 0

@@ -9,7 +9,6 @@ from shock_filter.core.host.geometry import filter_shape
 from shock_filter.core.host.inputs import Denoising, MirroredSurface
 from shock_filter.core.mesh.calculus import smooth_vertices
 from shock_filter.core.preview.patch import patch_around, whole_surface
-from shock_filter.core.shape.fit import screening
 
 NAME, CELLS = "denoise_geometry", 40
 
@@ -77,15 +76,3 @@ def test_the_border_of_a_patch_stays():
     beside[whole.triangles[outside]] = True
     assert changed.sum() > 200
     assert not changed[beside].any()
-
-
-def test_fidelity_holds_as_much_for_each_area_of_a_patch_as_of_the_whole():
-    whole = sheets(0)
-    settings = core.GeometrySettings(fidelity=40.0)
-    patch, _ = first_sheet(whole)
-    held = []
-    for surface, chosen in ((whole, settings), (patch.surface, patch.settings(settings))):
-        mesh = core.TriangleMesh(surface.positions, surface.triangles)
-        held.append(screening(mesh, chosen) / mesh.mean_edge_length**2)
-    # A patch counts as large as its share of the triangles, which are smaller here.
-    assert held[1] == pytest.approx(held[0], rel=0.15)

@@ -35,7 +35,7 @@ def test_a_gain_of_one_returns_the_input(dtype):
     image = (np.random.default_rng(0).random((size, size, 3)) * 200).astype(dtype)
     settings = core.FilterSettings(gain=1.0)
     for gain in (None, 1.0, np.ones((size, size))):
-        result = core.filter_texture(mesh, uv, image, settings, gain)
+        result = core.filter_texture(mesh, uv, image, settings, gain=gain)
         assert result.dtype == dtype
         assert (result == image).all()
     assert result is not image
@@ -86,7 +86,7 @@ def test_what_lies_beside_the_charts_does_not_count(background):
     blocks, mesh, image = of_square(32)
     settings = core.FilterSettings(gain=2.0, radius=5.0)
     expected = core.filter_texture(mesh, blocks.uv, image, settings)
-    inside = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width)).inside
     noise = 100 * np.random.default_rng(0).random(image.shape)
     other = np.where(inside[..., None], image, noise if background == "noise" else background)
     result = core.filter_texture(mesh, blocks.uv, other.astype(np.float32), settings)
@@ -116,7 +116,7 @@ def test_painted_gains_act_where_they_are():
     assert np.abs(half - whole)[:, :20].max() < 0.02
     assert np.abs(half - image)[:, 50:].max() < 0.02
     assert np.abs(whole - image)[:, 50:].max() > 0.05
-    assert np.abs(half - core.filter_texture(mesh, uv, image, settings, gain)).max() < 3e-3
+    assert np.abs(half - core.filter_texture(mesh, uv, image, settings, gain=gain)).max() < 3e-3
 
 
 def test_a_kept_solver_gives_what_the_filter_gives():
@@ -134,7 +134,7 @@ def test_a_mask_mixes_and_keeps():
     mask = np.full(image.shape[:2], 0.5)
     mask[: len(mask) // 2] = 0.0
     result = core.filter_texture(mesh, blocks.uv, image, settings, mask=mask)
-    inside = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width)).inside
     kept, mixed = inside & (mask == 0), inside & (mask == 0.5)
     assert (result[kept] == image[kept]).all()
     assert np.allclose(result[mixed], 0.5 * (image + whole)[mixed], atol=1e-5)
@@ -150,7 +150,7 @@ def test_opacity_stays_and_transparent_texels_lend_no_color():
         colors = np.where(opaque > 0, image, paint)
         given = np.concatenate([colors, opaque], axis=2).astype(np.float32)
         results.append(core.filter_texture(mesh, blocks.uv, given, settings))
-    inside = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width)).inside
     assert (results[1][inside, 3:] == opaque[inside]).all()
     seen = inside & (opaque[..., 0] > 0)
     assert np.abs(results[1] - results[0])[seen].max() < 0.05
@@ -163,7 +163,7 @@ def test_materials_beyond_a_seam_do_not_mix():
     tile = blocks.width // 4
     dark[:, 2 * tile :] = 0.8
     settings = core.FilterSettings(gain=0.0, radius=100.0)
-    inside = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width)).inside
     auto = core.filter_texture(mesh, blocks.uv, dark, settings)
     assert np.abs(auto - dark)[inside].max() < 1e-5
     joined = core.FilterSettings(gain=0.0, radius=100.0, seams="continue")
@@ -240,7 +240,7 @@ def test_the_mean_over_the_surface_stays_exactly(gain):
     image = gaussian_filter(random.random((64, 64)), 3.0)
     if gain == "painted":
         gain = 4.0 * (gaussian_filter(random.random((64, 64)), 6.0) > 0.5)
-    result = core.filter_texture(mesh, uv, image, core.FilterSettings(radius=200.0), gain)
+    result = core.filter_texture(mesh, uv, image, core.FilterSettings(radius=200.0), gain=gain)
     # Texels along the rim have cells beyond the outermost samples: inside they all count alike.
     change = result - image
     assert np.abs(change).max() > 0.01

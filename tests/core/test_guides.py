@@ -25,7 +25,7 @@ def colored(gray):
 
 
 def sharpened(image, guide=None, mask=None, **settings):
-    return core.sharpen_image(image, core.ImageSettings(**settings), mask, guide=guide)
+    return core.sharpen_image(image, core.ImageSettings(**settings), mask=mask, guide=guide)
 
 
 def flat_square():
@@ -142,12 +142,6 @@ def test_guides_that_do_not_fit_are_named(filtered):
         filtered(image, np.full_like(image, np.nan))
     with pytest.raises(core.InvalidSettings, match="'independent', and a guide moves all alike"):
         filtered(image, image, channels="independent")
-
-
-def test_a_guide_needs_a_fixed_flow():
-    image = blotches()
-    with pytest.raises(core.InvalidSettings, match="choose 'fixed' with a guide"):
-        sharpened(image, image, scheme="composed", time=4.0)
 
 
 def test_charts_do_not_show():

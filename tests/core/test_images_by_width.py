@@ -75,7 +75,7 @@ def fidelity(image, wanted):
 
 
 def by_width(image, mask=None, **settings):
-    return core.sharpen_image(image, core.ImageSettings(**settings), mask)
+    return core.sharpen_image(image, core.ImageSettings(**settings), mask=mask)
 
 
 def found_in(image, **settings):
@@ -169,13 +169,6 @@ def test_a_time_overrides_what_and_width():
         other = by_width(image, time=time, what="photo", width=9.0)
         np.testing.assert_array_equal(other, plain)
     assert (by_width(image) != by_width(image, time=16.0)).any()
-
-
-@pytest.mark.parametrize("scheme", ["composed", "naive"])
-def test_schemes_in_steps_need_a_time(scheme):
-    with pytest.raises(core.InvalidSettings, match="give a time"):
-        core.ImageSettings(scheme=scheme)
-    core.ImageSettings(scheme=scheme, time=2.0)
 
 
 @pytest.mark.parametrize("what", ["drawing", "photo"])

@@ -2,9 +2,11 @@
 """What scripts rely on: public names, command lines and exit codes are as they were released."""
 
 import argparse
+import inspect
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shock_filter import core
 from shock_filter.core import cli
@@ -45,3 +47,35 @@ def test_the_flags_are_those_released(command):
     }
     assert flags == RELEASED["commands"][command]
     assert list(flags) == list(RELEASED["commands"][command])
+
+
+DATA = {
+    *("axis", "embedding", "faces", "field", "gain", "image", "images", "mesh", "normals"),
+    *("points", "signal", "sources", "uv", "velocity", "vertices"),
+}
+
+
+@pytest.mark.parametrize("name", [name for name in core.__all__ if callable(getattr(core, name))])
+def test_all_but_data_and_settings_are_given_by_keyword(name):
+    function = getattr(core, name)
+    if name == "UVReport" or (isinstance(function, type) and issubclass(function, Exception)):
+        return
+    parameters = inspect.signature(function).parameters.values()
+    placed = [each.name for each in parameters if each.kind is each.POSITIONAL_OR_KEYWORD]
+    assert set(placed) <= DATA | {"settings"}
+    assert "settings" not in placed[:-1]
+    if "Settings" not in name and len(placed) < len(parameters):
+        keyword = next(each.name for each in parameters if each.kind is each.KEYWORD_ONLY)
+        with pytest.raises(TypeError, match=rf"by keyword; write .*\b{keyword}=\.\.\."):
+            function(*[None] * (len(placed) + 1))
+
+
+def test_a_method_names_its_keywords_as_well():
+    with pytest.raises(TypeError, match=r"TextureSolver.filtered takes gain by position"):
+        core.TextureSolver.filtered(None, None, None)
+
+
+def test_an_array_where_settings_were_once_later_is_refused_in_a_sentence():
+    image = np.zeros((4, 4, 2))
+    with pytest.raises(core.InvalidSettings, match=r"give ConvolutionSettings, .* by keyword"):
+        core.line_integral_convolution(image, image[..., 0])

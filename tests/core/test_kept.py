@@ -68,7 +68,6 @@ def variations(count):
     yield replace(SETTINGS, screening_radius=100.0, time=9.0), None
     yield SETTINGS, half
     yield SETTINGS, half[::-1].copy()
-    yield replace(SETTINGS, fidelity=10.0), half
     yield replace(SETTINGS, repeat=2, smoothing_passes=3), half
     yield SETTINGS, None
 
@@ -76,8 +75,8 @@ def variations(count):
 def test_reusing_a_mesh_changes_no_bit(box):
     mesh = core.TriangleMesh(*box)
     for settings, mask in variations(len(box[0])):
-        fresh = core.sharpen_geometry(core.TriangleMesh(*box), settings, mask)
-        again = core.sharpen_geometry(mesh, settings, mask)
+        fresh = core.sharpen_geometry(core.TriangleMesh(*box), settings, mask=mask)
+        again = core.sharpen_geometry(mesh, settings, mask=mask)
         assert fresh.tobytes() == again.tobytes() != mesh.vertices.tobytes()
 
 
@@ -92,8 +91,8 @@ def test_reusing_a_scattered_mesh_changes_no_bit(box, monkeypatch):
     mesh = core.TriangleMesh(*scattered)
     assert order.is_scattered(mesh)
     for settings, mask in variations(len(vertices)):
-        fresh = core.sharpen_geometry(core.TriangleMesh(*scattered), settings, mask)
-        again = core.sharpen_geometry(mesh, settings, mask)
+        fresh = core.sharpen_geometry(core.TriangleMesh(*scattered), settings, mask=mask)
+        again = core.sharpen_geometry(mesh, settings, mask=mask)
         assert fresh.tobytes() == again.tobytes() != mesh.vertices.tobytes()
 
 

@@ -262,7 +262,7 @@ def test_building_a_mesh_can_be_cancelled(make, count):
     vertices, faces = icosphere(3)
     progress, messages = cancel_after(count)
     with pytest.raises(core.Cancelled):
-        make(vertices, faces, progress)
+        make(vertices, faces, progress=progress)
     assert messages == ["Preparing the mesh"] * (count + 1)
 
 
@@ -270,7 +270,7 @@ def test_welding_can_be_cancelled_between_chunks():
     points = np.random.default_rng(0).random((100_000, 3))
     progress, messages = cancel_after(2)
     with pytest.raises(core.Cancelled):
-        core.weld(points, progress)
+        core.weld(points, progress=progress)
     assert messages == ["Finding vertices at the same place"] * 3
 
 

@@ -51,7 +51,7 @@ def flat_map(size):
 @pytest.mark.parametrize("angle", [None, 0.4])
 def test_there_and_back_is_the_same(angle):
     mesh, blocks = curved(angle=angle)
-    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
     given = waves(mesh, atlas)
     tangent = core.tangent_normals(mesh, blocks.uv, given, atlas=atlas)
     back = core.object_normals(mesh, blocks.uv, tangent, atlas=atlas)
@@ -63,7 +63,7 @@ def test_there_and_back_is_the_same(angle):
 def test_a_straight_map_is_the_shading_of_the_mesh(angle):
     mesh, blocks = curved(angle=angle)
     size = blocks.width
-    atlas = core.TextureAtlas(mesh, blocks.uv, size, size)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(size, size))
     found = core.object_normals(mesh, blocks.uv, flat_map(size), atlas=atlas)
     shading = 0.5 + 0.5 * unit(atlas.bake(smooth_normals(mesh)) + [0, 0, 1e-12])
     assert np.abs(found - shading)[atlas.inside].max() < 1e-5
@@ -79,7 +79,7 @@ def test_red_points_along_the_coordinates_and_green_up():
     for turn in ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, 1]], [[0.8, 0.6], [-0.6, 0.8]]):
         turn = np.array(turn, dtype=float)
         uv = 0.5 + 0.5 * (vertices[faces][..., :2] - 0.5) @ turn.T
-        inside = core.TextureAtlas(mesh, uv, 16, 16).inside
+        inside = core.TextureAtlas(mesh, uv, size=(16, 16)).inside
         for axis in (0, 1):
             leaning = flat_map(16)
             leaning[..., axis], leaning[..., 2] = 0.8, 0.9
@@ -98,7 +98,7 @@ def test_filtered_in_object_space_the_cut_does_not_show(angle):
         (blocks.uv, blocks.width, blocks.to_uv(points)),
         (whole(mesh), 128, (points + 32) / 128),
     ):
-        atlas = core.TextureAtlas(mesh, uv, size, size)
+        atlas = core.TextureAtlas(mesh, uv, size=(size, size))
         tangent = core.tangent_normals(mesh, uv, waves(mesh, atlas), atlas=atlas)
         normals = core.object_normals(mesh, uv, tangent, atlas=atlas)
         smooth = core.filter_texture(mesh, uv, normals, settings, atlas=atlas)
@@ -112,7 +112,7 @@ def test_filtered_in_object_space_the_cut_does_not_show(angle):
 def test_tangent_maps_of_two_cuts_show_the_same_filtered_surface_only_in_object_space():
     mesh, blocks = curved()
     size = blocks.width
-    atlas = core.TextureAtlas(mesh, blocks.uv, size, size)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(size, size))
     settings = core.FilterSettings(gain=0.0, radius=6.0, seams="continue")
     normals = waves(mesh, atlas)
     expected = core.filter_texture(mesh, blocks.uv, normals, settings, atlas=atlas)
@@ -129,7 +129,7 @@ def test_tangent_maps_of_two_cuts_show_the_same_filtered_surface_only_in_object_
 def test_the_gutter_turns_with_its_chart():
     mesh, blocks = curved()
     size = blocks.width
-    atlas = core.TextureAtlas(mesh, blocks.uv, size, size)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(size, size))
     tangent = core.tangent_normals(mesh, blocks.uv, waves(mesh, atlas), atlas=atlas)
     lengths = np.linalg.norm(2 * tangent - 1, axis=-1)
     near = atlas.masks().active & (lengths > 0)
@@ -144,7 +144,7 @@ def test_the_gutter_turns_with_its_chart():
 
 def test_types_and_a_fourth_channel_stay():
     mesh, blocks = curved(32)
-    atlas = core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
     colors = np.rint(255 * waves(mesh, atlas)).astype(np.uint8)
     image = np.concatenate([colors, np.full((*colors.shape[:2], 1), 7, np.uint8)], axis=-1)
     found = core.tangent_normals(mesh, blocks.uv, image, atlas=atlas)
@@ -224,7 +224,7 @@ def rendered(mesh, uv, image, faces, shares):
 def test_filtered_tangent_maps_are_lit_as_filtered_object_maps(angle, gain):
     mesh, blocks = curved(angle=angle)
     uv, size = blocks.uv, blocks.width
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     in_space = waves(mesh, atlas)
     tangent = core.tangent_normals(mesh, uv, in_space, atlas=atlas)
     faces, shares = at_random(mesh, atlas)
@@ -254,7 +254,7 @@ def unit_colors(colors):
 def test_stitched_tangent_maps_are_lit_as_stitched_object_maps():
     mesh, blocks = curved()
     uv, size = blocks.uv, blocks.width
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     # Each chart leans another way, as scans do that were made one by one.
     lean = np.random.default_rng(2).normal(size=(16, 3))[atlas.charts.labels] * 0.2
     leaning = 2 * waves(mesh, atlas) - 1 + atlas.bake(np.repeat(lean[:, None], 3, axis=1))
@@ -276,7 +276,7 @@ def test_stitched_tangent_maps_are_lit_as_stitched_object_maps():
 def test_green_that_points_down_is_the_same_upside_down():
     mesh, blocks = curved()
     uv, size = blocks.uv, blocks.width
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     up = core.tangent_normals(mesh, uv, waves(mesh, atlas), atlas=atlas)
     down = up * [1, -1, 1] + [0, 1, 0]
     found = [
@@ -295,7 +295,7 @@ def test_green_that_points_down_is_the_same_upside_down():
 def test_a_gain_of_1_and_a_mask_of_0_keep_normals(content):
     mesh, blocks = curved(32)
     uv, size = blocks.uv, blocks.width
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     image = np.rint(255 * waves(mesh, atlas)).astype(np.uint8)
     image[atlas.inside] += np.uint8(3)  # of no unit length
     settings = core.FilterSettings(**SOFT, content=content)
@@ -315,12 +315,12 @@ def test_a_gain_of_1_and_a_mask_of_0_keep_normals(content):
 def test_painted_gains_and_opacity_go_with_normals():
     mesh, blocks = curved(32)
     uv, size = blocks.uv, blocks.width
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     normals = core.tangent_normals(mesh, uv, waves(mesh, atlas), atlas=atlas)
     gains = np.zeros((size, size))
     settings = core.FilterSettings(**SOFT, content="normals")
     smooth = core.filter_texture(mesh, uv, normals, settings, atlas=atlas)
-    painted = core.filter_texture(mesh, uv, normals, settings, gains, atlas=atlas)
+    painted = core.filter_texture(mesh, uv, normals, settings, gain=gains, atlas=atlas)
     assert np.quantile(degrees(smooth, painted)[atlas.inside], 0.999) < 0.2
     image = np.concatenate([normals, np.ones((size, size, 1))], axis=2)
     image[: size // 3, :, 3] = 0.0
@@ -335,7 +335,7 @@ def test_painted_gains_and_opacity_go_with_normals():
 def test_normals_of_the_shading_may_be_given():
     mesh, blocks = curved(32)
     uv, size = blocks.uv, blocks.width
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     faceted = np.repeat(mesh.normals[:, None], 3, axis=1)
     in_space = waves(mesh, atlas)
     settings = core.FilterSettings(**SOFT, content="normals")

@@ -36,10 +36,12 @@ def react(values, feed, kill):
 def test_a_step_is_that_of_a_direct_solve(layout, scale):
     charts, angle, change = LAYOUTS[layout]
     mesh, uv, size = square(48, charts, angle, change)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     space, start = TextureSpace(atlas), start_of(atlas)
     settings = core.ReactionSettings(steps=1, scale=scale)
-    image = core.reaction_diffusion(mesh, uv, (size, size), settings, start, atlas=atlas)
+    image = core.reaction_diffusion(
+        mesh, uv, size=(size, size), settings=settings, start=start, atlas=atlas
+    )
     stiffness, used = in_full(space, 0.0)
     masses = in_full(space, 1.0)[0].sum(axis=1).A1
     before = painted_values(space, start.astype(np.float32))[used]
@@ -61,7 +63,9 @@ def test_patterns_do_not_know_where_the_surface_is_cut():
     found = []
     for charts in (False, True):
         mesh, uv, size = square(96, charts)
-        image = core.reaction_diffusion(mesh, uv, (size, size), settings, start_at(mesh, uv, size))
+        image = core.reaction_diffusion(
+            mesh, uv, size=(size, size), settings=settings, start=start_at(mesh, uv, size)
+        )
         found.append(at_places(mesh, uv, image, places))
     one, other = found
     assert one.std() > 0.05
@@ -89,9 +93,9 @@ def six_charts(mesh, turn):
 
 def statistics(mesh, uv, size, length, **settings):
     """Mean, deviation and wavelength of a pattern, by random points of the surface."""
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     settings = core.ReactionSettings(scale=length / atlas.texel_size, **settings)
-    image = core.reaction_diffusion(mesh, uv, (size, size), settings, atlas=atlas)
+    image = core.reaction_diffusion(mesh, uv, size=(size, size), settings=settings, atlas=atlas)
     random = np.random.default_rng(0)
     corners = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(np.cross(*np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)), axis=1)
@@ -125,7 +129,7 @@ def test_two_cuts_of_a_ball_have_patterns_of_one_kind(feed, kill):
 
 
 def start_at(mesh, uv, size):
-    return start_of(core.TextureAtlas(mesh, uv, size, size), 5.0)
+    return start_of(core.TextureAtlas(mesh, uv, size=(size, size)), 5.0)
 
 
 def at_places(mesh, uv, image, places):
@@ -148,7 +152,7 @@ def at_places(mesh, uv, image, places):
 def test_values_stay_in_their_range(layout):
     charts, angle, change = LAYOUTS[layout]
     mesh, uv, size = square(48, charts, angle, change)
-    space = TextureSpace(core.TextureAtlas(mesh, uv, size, size))
+    space = TextureSpace(core.TextureAtlas(mesh, uv, size=(size, size)))
     settings = core.ReactionSettings(steps=150, scale=10)
     values = painted_values(space, rd._spots(space.atlas, settings))
     rd._grow(space, values, settings)
@@ -160,16 +164,20 @@ def test_no_steps_return_the_start():
     mesh, uv = plain(32)
     start = np.random.default_rng(0).random((32, 32, 2))
     start[..., 0] *= 1 - start[..., 1]
-    image = core.reaction_diffusion(mesh, uv, (32, 32), core.ReactionSettings(steps=0), start)
+    image = core.reaction_diffusion(
+        mesh, uv, size=(32, 32), settings=core.ReactionSettings(steps=0), start=start
+    )
     assert np.allclose(image, start, atol=1e-6)
 
 
 def test_a_result_goes_on_growing():
     mesh, uv = plain(48)
     size = (48, 48)
-    whole = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=40))
-    half = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=20))
-    again = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=20), half)
+    whole = core.reaction_diffusion(mesh, uv, size=size, settings=core.ReactionSettings(steps=40))
+    half = core.reaction_diffusion(mesh, uv, size=size, settings=core.ReactionSettings(steps=20))
+    again = core.reaction_diffusion(
+        mesh, uv, size=size, settings=core.ReactionSettings(steps=20), start=half
+    )
     assert np.abs(whole - half).max() > 0.05
     assert np.abs(whole - again).max() < 2e-3
 
@@ -179,13 +187,17 @@ def test_rates_vary_the_scale():
     size = (64, 64)
     start = start_at(mesh, uv, 64)
     twice = core.ReactionSettings(steps=30, scale=20)
-    one = core.reaction_diffusion(mesh, uv, size, twice, start)
+    one = core.reaction_diffusion(mesh, uv, size=size, settings=twice, start=start)
     settings = core.ReactionSettings(steps=30, scale=10)
-    other = core.reaction_diffusion(mesh, uv, size, settings, start, np.full(size, 2.0))
+    other = core.reaction_diffusion(
+        mesh, uv, size=size, settings=settings, start=start, rates=np.full(size, 2.0)
+    )
     assert np.abs(one - other).max() < 1e-3
     rates = np.where(np.arange(64) < 32, 2.0, 1.0) * np.ones((64, 1))
-    mixed = core.reaction_diffusion(mesh, uv, size, settings, start, rates)
-    plainly = core.reaction_diffusion(mesh, uv, size, settings, start)
+    mixed = core.reaction_diffusion(
+        mesh, uv, size=size, settings=settings, start=start, rates=rates
+    )
+    plainly = core.reaction_diffusion(mesh, uv, size=size, settings=settings, start=start)
     assert np.abs(mixed - one)[:, :16].max() < 0.02
     assert np.abs(mixed - plainly)[:, 48:].max() < 0.02
 
@@ -202,7 +214,15 @@ def test_patterns_are_longer_along_directions(at):
     def spread(stretch):
         # How much wider the second substance becomes, where nothing reacts with it.
         settings = core.ReactionSettings(steps=100, feed=0, kill=0, scale=10, stretch=stretch)
-        v = core.reaction_diffusion(mesh, uv, (64, 64), settings, start, None, directions)[..., 1]
+        v = core.reaction_diffusion(
+            mesh,
+            uv,
+            size=(64, 64),
+            settings=settings,
+            start=start,
+            rates=None,
+            directions=directions,
+        )[..., 1]
         assert v.sum() == pytest.approx(start.sum(), rel=1e-3)
         return np.array([((v - start[..., 1]) * (x + k * y) ** 2).sum() for k in (1, -1)])
 
@@ -215,7 +235,9 @@ def test_patterns_are_longer_along_directions(at):
 def test_seeds_give_other_patterns_of_one_kind():
     mesh, uv = plain(48)
     images = [
-        core.reaction_diffusion(mesh, uv, (48, 48), core.ReactionSettings(steps=10, seed=seed))
+        core.reaction_diffusion(
+            mesh, uv, size=(48, 48), settings=core.ReactionSettings(steps=10, seed=seed)
+        )
         for seed in (0, 0, 1)
     ]
     assert np.array_equal(images[0], images[1])
@@ -228,14 +250,14 @@ def test_results_are_the_same_on_one_core_and_two(monkeypatch):
     for count in (1, 2):
         monkeypatch.setattr(parallel, "thread_count", lambda count=count: count)
         settings = core.ReactionSettings(steps=5)
-        images.append(core.reaction_diffusion(mesh, uv, (size, size), settings))
+        images.append(core.reaction_diffusion(mesh, uv, size=(size, size), settings=settings))
     assert np.array_equal(*images)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 3), (9, 1)])
 def test_tiny_images_give_finite_results(size):
     mesh, uv = plain(8)
-    image = core.reaction_diffusion(mesh, uv, size, core.ReactionSettings(steps=3))
+    image = core.reaction_diffusion(mesh, uv, size=size, settings=core.ReactionSettings(steps=3))
     assert image.shape == (*size, 2) and image.dtype == np.float32
     assert np.isfinite(image).all()
 
@@ -255,15 +277,17 @@ def test_tiny_images_give_finite_results(size):
 def test_what_does_not_fit_is_named(given, words):
     mesh, uv = plain(8)
     with pytest.raises(core.InvalidSignal, match=words):
-        core.reaction_diffusion(mesh, uv, (8, 8), core.ReactionSettings(steps=1), **given)
+        core.reaction_diffusion(
+            mesh, uv, size=(8, 8), settings=core.ReactionSettings(steps=1), **given
+        )
 
 
 @pytest.mark.parametrize("size", [(-1, 4), (2.5, 4), (0, 4), (10**9, 10**9), 8, "88", None])
 def test_sizes_that_no_image_has_are_named(size):
     with pytest.raises(core.InvalidSettings, match="rows"):
-        core.reaction_diffusion(*plain(8), size)
+        core.reaction_diffusion(*plain(8), size=size)
     with pytest.raises(core.InvalidSettings, match="rows"):
-        core.advect_on_surface(*plain(8), np.ones((2, 3)), size)
+        core.advect_on_surface(*plain(8), np.ones((2, 3)), size=size)
 
 
 def test_cancelled_runs_raise():
@@ -276,6 +300,6 @@ def test_cancelled_runs_raise():
             return len(told) <= most
 
         with pytest.raises(core.Cancelled):
-            core.reaction_diffusion(mesh, uv, (32, 32), progress=ask)
+            core.reaction_diffusion(mesh, uv, size=(32, 32), progress=ask)
         assert len(told) == most + 1
         assert told == sorted(told)

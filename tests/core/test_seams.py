@@ -38,7 +38,7 @@ class Squares:
         self.uv = np.where(
             self.right[:, None, None], self.to_uv(corners, 1), self.to_uv(corners, 0)
         )
-        self.atlas = core.TextureAtlas(self.mesh, self.uv, SIZE, SIZE)
+        self.atlas = core.TextureAtlas(self.mesh, self.uv, size=(SIZE, SIZE))
 
     def to_uv(self, points, side):
         """Where points of the plane lie in the texture, as a side's chart has them."""
@@ -161,7 +161,7 @@ def test_what_goes_on_is_filtered_as_when_told_so(angle):
     blocks = Blocks(photo(), angle)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     texture = blocks.texture(0.0)
-    atlas = core.TextureAtlas(mesh, blocks.uv, *texture.shape[:2])
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=texture.shape[:2])
     values = atlas.gather(texture)
     assert settle_seams(atlas, values, "auto", 0.0) is atlas
     assert settle_seams(atlas, values, "continue", 0.0) is atlas
@@ -266,7 +266,7 @@ def test_a_sliver_without_texels_does_not_join_what_lies_beside_it():
     piece = np.searchsorted(x, corners.mean(axis=1)[:, 0]) - 1
     uv = (corners + 8 + np.array([[0.0, 0.3], [20.6, 0.0], [40.0, 0.3]])[piece][:, None]) / 160
     image = np.zeros((160, 160, 3), dtype=np.float32)
-    face = core.TextureAtlas(mesh, uv, 160, 160).masks().face
+    face = core.TextureAtlas(mesh, uv, size=(160, 160)).masks().face
     image[face >= 0] = np.array([RED, RED, GRAY])[piece[face[face >= 0]]]
     out = core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=4))
     y = np.arange(12, 45, 0.7)
@@ -274,7 +274,7 @@ def test_a_sliver_without_texels_does_not_join_what_lies_beside_it():
         found = sample(out, np.stack([np.full_like(y, place), y], -1) / 160)
         assert np.abs(found - color).max() < 3 / 255
     same = np.where(image > 0, RED, 0.0).astype(np.float32)
-    atlas = core.TextureAtlas(mesh, uv, 160, 160)
+    atlas = core.TextureAtlas(mesh, uv, size=(160, 160))
     assert settle_seams(atlas, atlas.gather(same), "auto", 0.0) is atlas
 
 
@@ -318,7 +318,7 @@ def test_a_mask_keeps_materials_apart_as_well():
     mask = np.zeros((SIZE, SIZE))
     mask[:, : SIZE // 2] = 0.5
     out = core.sharpen_texture(
-        squares.mesh, squares.uv, image, core.TextureSettings(time=256.0), mask
+        squares.mesh, squares.uv, image, core.TextureSettings(time=256.0), mask=mask
     )
     for found, color in zip(squares.read(out), (RED, GRAY), strict=True):
         assert np.abs(found - color).max() < 3 / 255
@@ -348,7 +348,7 @@ def test_a_cube_of_six_colors_keeps_its_edges_straight():
     faces = faces.reshape(6, 4)[:, triangles].reshape(-1, 3)
     uv = np.array(uv)[:, triangles].reshape(-1, 3, 2) / 120
     mesh = core.TriangleMesh(vertices, faces)
-    atlas = core.TextureAtlas(mesh, uv, 120, 120)
+    atlas = core.TextureAtlas(mesh, uv, size=(120, 120))
     face = atlas.masks().face
     image = np.where(face[..., None] >= 0, colors[face // 2], 0.0)
     image = np.round(255 * image).astype(np.uint8)

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 from shock_filter import core
-from shock_filter.core.settings import describe
+from shock_filter.core.settings import describe, removed_of
 
 CLASSES = [
     core.ShockSettings,
@@ -88,10 +88,35 @@ def test_huge_numbers_are_refused_like_others():
         core.GeometrySettings(repeat=10**400)
 
 
-def test_fidelity_and_radius_exclude_each_other():
-    assert core.FitSettings(fidelity=100.0).fidelity == 100.0
-    with pytest.raises(core.InvalidSettings, match="give only one"):
-        core.FitSettings(fidelity=100.0, screening_radius=3.0)
+@pytest.mark.parametrize(
+    ("settings", "name", "value", "instead"),
+    [
+        (core.ShockSettings, "scheme", "composed", "the flow is that of the input"),
+        (core.ImageSettings, "scheme", "fixed", "leave it out"),
+        (core.FitSettings, "fidelity", 100.0, "give screening_radius"),
+        (core.GeometrySettings, "fidelity", 0.0, "give screening_radius"),
+        (core.BeltramiMeshSettings, "distance", "euclidean", "leave it out"),
+        (core.BeltramiGeometrySettings, "threshold", 0.1, "leave it out"),
+        (core.BeltramiSettings, "measure", "surface", "leave it out"),
+        (core.BeltramiTextureSettings, "window", 5, "the time alone"),
+        (core.DyeSettings, "sharpening", "rational", "leave it out"),
+        (core.DyeSettings, "integration", "euler", "leave it out"),
+    ],
+)
+def test_former_settings_are_refused_with_what_holds_instead(settings, name, value, instead):
+    with pytest.raises(core.InvalidSettings, match=f"{name} is no setting any more: .*{instead}"):
+        settings(**{name: value})
+
+
+def test_what_was_never_a_setting_is_a_type_error():
+    with pytest.raises(TypeError, match="GeometrySettings has no setting 'scheme'"):
+        core.GeometrySettings(scheme="fixed")
+
+
+def test_former_names_are_taken_by_no_setting_of_today():
+    for settings in CLASSES:
+        assert not removed_of(settings).keys() & describe(settings).keys()
+        assert all(text.endswith(".") for text in removed_of(settings).values())
 
 
 def test_time_may_be_endless():

@@ -249,7 +249,7 @@ def messy():
 
 @pytest.mark.parametrize(
     "settings",
-    [{}, {"feature_threshold": 0, "time": math.inf}, {"fidelity": 1.0}, {"sampling": "nearest"},
+    [{}, {"feature_threshold": 0, "time": math.inf}, {"sampling": "nearest"},
      {"sampling": "linear", "mollify_passes": 2, "repeat": 2}, {"smoothing_passes": 0}],
 )  # fmt: skip
 def test_messy_meshes_give_sound_results(settings):

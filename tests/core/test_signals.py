@@ -12,8 +12,6 @@ SCHEMES = [
     {"channels": "independent"},
     {"channels": "luminance"},
     {"sampling": "nearest"},
-    {"scheme": "composed"},
-    {"scheme": "naive"},
 ]
 
 
@@ -122,7 +120,7 @@ def test_loose_vertices_and_zero_area_faces_are_sound():
     faces = np.vstack([faces, [[5, len(vertices) - 1, 6], [7, 7, 8]]])
     mesh = core.TriangleMesh(vertices, faces)
     signal = np.random.default_rng(1).random((len(vertices), 3))
-    for settings in ({"time": math.inf}, {"time": 3.5, "scheme": "composed"}):
+    for settings in ({"time": math.inf}, {"time": 3.5}):
         out = core.sharpen_vertex_signal(mesh, signal, core.ShockSettings(**settings))
         assert np.isfinite(out).all()
         assert np.array_equal(out[-2], signal[-2])
@@ -139,21 +137,6 @@ def test_order_motion_and_scale_do_not_matter(ball):
     assert np.mean(abs(out - expected) > 1e-4) < 0.01
 
 
-def test_composed_steps_join_to_the_fixed_flow_for_short_times(ball):
-    mesh, colors = ball
-    fixed = core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(time=1.0))
-    one_step = core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(time=1, scheme="naive"))
-    assert np.array_equal(fixed, one_step)
-    long = {"time": 60.0}
-    fixed = core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(**long))
-    composed, naive = (
-        core.sharpen_vertex_signal(mesh, colors, core.ShockSettings(scheme=scheme, **long))
-        for scheme in ("composed", "naive")
-    )
-    # Figure 3: composed is hardly to be told from fixed; naive loses detail.
-    assert np.sqrt(((composed - fixed) ** 2).mean()) < np.sqrt(((naive - fixed) ** 2).mean())
-
-
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
@@ -165,8 +148,6 @@ def test_composed_steps_join_to_the_fixed_flow_for_short_times(ball):
          "(192, 3)"),
         (lambda m: core.sharpen_corner_signal(m, np.zeros((192, 3, 2)), mask=np.ones(192)),
          core.InvalidSignal, "mask"),
-        (lambda m: core.ShockSettings(scheme="naive", time=math.inf), core.InvalidSettings,
-         "scheme"),
         (lambda m: core.ShockSettings(channels="red"), core.InvalidSettings, "choose"),
     ],
 )  # fmt: skip
@@ -177,7 +158,7 @@ def test_bad_input_is_refused(call, error, words):
         call(mesh)
 
 
-@pytest.mark.parametrize("settings", [{}, {"channels": "independent"}, {"scheme": "composed"}])
+@pytest.mark.parametrize("settings", [{}, {"channels": "independent"}])
 def test_progress_rises_to_one_and_cancels(ball, settings):
     mesh, colors = ball
     calls = []

@@ -207,9 +207,9 @@ def test_amount_and_mask_mix_with_the_input(striped):
         settings = core.ShockSettings(amount=amount)
         out = core.sharpen_vertex_signal(mesh, soft, settings)
         assert np.allclose(out, soft + amount * (full - soft), atol=1e-14)
-        out = core.sharpen_vertex_signal(mesh, soft, settings, mask)
+        out = core.sharpen_vertex_signal(mesh, soft, settings, mask=mask)
         assert np.allclose(out, soft + amount * mask[:, None] * (full - soft), atol=1e-14)
-        out = core.sharpen_corner_signal(mesh, corners, settings, mask)
+        out = core.sharpen_corner_signal(mesh, corners, settings, mask=mask)
         weights = amount * mask[mesh.faces][:, :, None]
         assert np.allclose(out, corners + weights * (full_corners - corners), atol=1e-14)
         timed = sharpened(mesh, soft, time=50.0)

@@ -22,7 +22,7 @@ def of_square(n, angle=0.4):
 
 
 def inside_of(mesh, blocks):
-    return core.TextureAtlas(mesh, blocks.uv, blocks.width, blocks.width)
+    return core.TextureAtlas(mesh, blocks.uv, size=(blocks.width, blocks.width))
 
 
 def with_steps(mesh, blocks, image, size=0.2):
@@ -262,6 +262,6 @@ def test_parts_that_share_an_edge_of_three_sheets_become_one():
     image = np.zeros((64, 64))
     for number in range(3):
         image[:, 64 * number // 3 : 64 * (number + 1) // 3] = 0.2 + 0.3 * number
-    inside = core.TextureAtlas(mesh, uv, 64, 64).inside
+    inside = core.TextureAtlas(mesh, uv, size=(64, 64)).inside
     result = core.stitch_textures(mesh, uv, image, core.StitchSettings(radius=1e4))
     assert np.ptp(result[inside]) < 0.02

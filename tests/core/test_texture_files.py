@@ -346,7 +346,7 @@ def test_cancelling_writes_nothing(tmp_path, mesh, texture):
 
 def test_masks_as_numbers(tmp_path, mesh):
     read = read_textured_mesh(mesh)
-    masks = core.TextureAtlas(read.mesh, read.uv, 32, SIZE).masks()
+    masks = core.TextureAtlas(read.mesh, read.uv, size=(32, SIZE)).masks()
     for kind in describe(MaskSettings)["kind"][2].choices:
         wanted = getattr(masks, kind)[::-1]
         for ending in ("npy", "tif", "exr"):
@@ -457,7 +457,7 @@ def test_gain_maps_are_read_as_they_are_stored(tmp_path):
     mesh = read_textured_mesh(tmp_path / "mesh.obj")
     settings = core.FilterSettings(gain=3.0)
     gains = np.where(grays, 3.0, 0.0)[::-1]
-    wanted = core.filter_texture(mesh.mesh, mesh.uv, image[::-1], settings, gains)[::-1]
+    wanted = core.filter_texture(mesh.mesh, mesh.uv, image[::-1], settings, gain=gains)[::-1]
     np.testing.assert_array_equal(result, wanted)
 
 
@@ -496,7 +496,7 @@ def test_several_pictures_become_one(tmp_path):
     upright = [image[::-1] for image in images]
     wanted = core.stitch_textures(mesh.mesh, mesh.uv, upright, settings)[::-1]
     np.testing.assert_array_equal(result, wanted)
-    inside = core.TextureAtlas(mesh.mesh, mesh.uv, SIZE, SIZE).inside[::-1]
+    inside = core.TextureAtlas(mesh.mesh, mesh.uv, size=(SIZE, SIZE)).inside[::-1]
     assert (result[inside][:, 3] == 255).all()
     assert (result[inside] != images[0][inside]).any(axis=1).mean() > 0.5
 

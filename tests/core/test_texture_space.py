@@ -331,7 +331,7 @@ def test_faces_without_area_in_the_texture_with_too_many_corners_are_told(size):
     mesh = core.TriangleMesh(vertices, [[0, 1, 2], [1, 0, 3]])
     uv = np.array([[[0, 0], [1, 0], [0, 1]], [[1, 0], [0, 0], [0.5, 0]]], dtype=np.float64)
     with gathering() as findings:
-        TextureSpace(core.TextureAtlas(mesh, uv, size, size))
+        TextureSpace(core.TextureAtlas(mesh, uv, size=(size, size)))
     said = [str(finding) for finding in findings]
     assert [text.split(": ")[1] for text in said] == (["1."] if size == 300 else [])
     assert all(text.startswith("Faces without area in the texture") for text in said)

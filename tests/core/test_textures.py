@@ -163,7 +163,7 @@ def test_a_surface_whose_faces_all_lie_apart_has_no_seams():
     vertices, faces = icosphere(2, radius=8.0)
     mesh = core.TriangleMesh(vertices, faces)
     uv, size = apart(mesh, texels_per_length=6.0)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     assert atlas.report.charts == mesh.face_count
     places = atlas.bake(mesh.vertices[mesh.faces])
     waves = np.sin(3.0 * places[..., :1] + 0.5) * np.sin(3.0 * places[..., 1:2] + 1.0)
@@ -229,7 +229,7 @@ def test_zero_time_returns_the_input_bit_for_bit_and_a_zero_mask_the_charts(dtyp
     out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=0))
     assert np.array_equal(out, image)
     assert out.dtype == dtype
-    inside = core.TextureAtlas(mesh, uv, 33, 40).inside
+    inside = core.TextureAtlas(mesh, uv, size=(33, 40)).inside
     out = core.sharpen_texture(mesh, uv, image, mask=np.zeros((33, 40)))
     assert np.array_equal(out[inside], image[inside])
     dilated = core.dilate_texture(mesh, uv, image)
@@ -249,7 +249,7 @@ def test_a_mask_mixes():
     mask[:, 32:] = 0.25
     settings = core.TextureSettings(time=64.0)
     full = core.sharpen_texture(mesh, uv, image, settings)
-    out = core.sharpen_texture(mesh, uv, image, settings, mask)
+    out = core.sharpen_texture(mesh, uv, image, settings, mask=mask)
     assert np.array_equal(out[:, :32], image[:, :32])
     assert np.allclose(out[:, 32:], image[:, 32:] + 0.25 * (full - image)[:, 32:], atol=1e-6)
 
@@ -261,7 +261,7 @@ def test_opacity_stays_and_transparent_texels_lend_no_color():
     image = np.concatenate([color, alpha[..., None]], axis=-1).astype(np.float32)
     image[alpha == 0, :3] = 9.0
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
-    inside = core.TextureAtlas(mesh, blocks.uv, *color.shape[:2]).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=color.shape[:2]).inside
     out = core.sharpen_texture(mesh, blocks.uv, image, core.TextureSettings(time=64.0))
     assert np.array_equal(out[inside][:, 3], image[inside][:, 3])
     assert out[inside & (alpha == 1)][:, :3].max() <= color.max() + 1e-5
@@ -284,7 +284,7 @@ def test_values_stay_in_range(dtype):
     blocks = Blocks((photo(64) * scale).astype(dtype), angle=0.4)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     texture = blocks.texture(0)
-    inside = core.TextureAtlas(mesh, blocks.uv, *texture.shape[:2]).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=texture.shape[:2]).inside
     out = core.sharpen_texture(mesh, blocks.uv, texture, core.TextureSettings(time=256.0))
     for c in range(3):
         low, high = texture[inside][:, c].min(), texture[inside][:, c].max()
@@ -322,7 +322,7 @@ def test_results_do_not_depend_on_place_turn_and_scale_of_the_mesh():
     settings = core.TextureSettings(time=64.0)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     out = core.sharpen_texture(mesh, blocks.uv, texture, settings)
-    inside = core.TextureAtlas(mesh, blocks.uv, *texture.shape[:2]).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=texture.shape[:2]).inside
     moved = 17.0 * blocks.vertices @ rotation(3).T + (5.0, -9.0, 3.0)
     again = core.sharpen_texture(
         core.TriangleMesh(moved, blocks.faces), blocks.uv, texture, settings
@@ -346,7 +346,7 @@ def test_faces_wound_against_the_rest_keep_their_coordinates():
     out = core.sharpen_texture(core.TriangleMesh(blocks.vertices, faces), uv, texture)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     expected = core.sharpen_texture(mesh, blocks.uv, texture)
-    inside = core.TextureAtlas(mesh, blocks.uv, *texture.shape[:2]).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=texture.shape[:2]).inside
     assert np.abs(out - expected)[inside].max(axis=-1).mean() < 1e-4
 
 
@@ -370,7 +370,7 @@ def test_normals_turn_across_seams_and_stay_unit_vectors():
         return out
 
     plain = blocks.texture(0.5)
-    inside = core.TextureAtlas(mesh, blocks.uv, *plain.shape[:2]).inside
+    inside = core.TextureAtlas(mesh, blocks.uv, size=plain.shape[:2]).inside
     settings = {"time": 64.0, "gutter": 0}
     out = core.sharpen_texture(
         mesh,
@@ -421,12 +421,12 @@ def test_a_texture_that_leaves_the_image_repeats():
     out = core.sharpen_texture(mesh, uv, image, settings)
     moved = core.sharpen_texture(mesh, uv + (3.0, -2.0), image, settings)
     assert np.allclose(out, moved, atol=1e-5)
-    report = core.TextureAtlas(mesh, uv + (3.0, -2.0), 64, 64).report
+    report = core.TextureAtlas(mesh, uv + (3.0, -2.0), size=(64, 64)).report
     assert len(report.outside) == 0
     assert report.sentences() == []
     half = core.sharpen_texture(mesh, uv + (0.5, 0.0), np.roll(image, 32, axis=1), settings)
     assert np.allclose(out, np.roll(half, -32, axis=1), atol=1e-4)
-    assert len(core.TextureAtlas(mesh, uv + (0.5, 0.0), 64, 64).report.outside) > 0
+    assert len(core.TextureAtlas(mesh, uv + (0.5, 0.0), size=(64, 64)).report.outside) > 0
 
 
 def test_a_texture_that_is_folded_has_a_seam_at_the_fold():
@@ -438,7 +438,7 @@ def test_a_texture_that_is_folded_has_a_seam_at_the_fold():
     mesh = core.TriangleMesh(vertices, faces)
     places = 16 * vertices[faces][..., :2]
     uv = (np.abs(places - (32, 0)) + 8) / (48, 80)
-    assert core.TextureAtlas(mesh, uv, 80, 48).report.charts == 2
+    assert core.TextureAtlas(mesh, uv, size=(80, 48)).report.charts == 2
     filled = core.dilate_texture(mesh, uv, image, core.DilateSettings(gutter=4))
     assert np.abs(filled[9:71, 4:8] - half[1:63, 3::-1]).max() < 1e-3
     out = core.sharpen_texture(mesh, uv, image, core.TextureSettings(time=64.0))
@@ -516,7 +516,7 @@ def test_any_filter_of_textures_may_be_followed_by_sharpening(monkeypatch, reque
         core.TextureAtlas(
             core.TriangleMesh(surface.faces.positions, surface.faces.triangles),
             surface.faces.uv,
-            *masked.mask.shape,
+            size=masked.mask.shape,
         )
         .masks()
         .face
@@ -578,7 +578,7 @@ def test_bad_images_and_atlases_are_named():
     with pytest.raises(core.InvalidSignal, match="mask"):
         core.sharpen_texture(mesh, uv, image, mask=np.ones((3, 3)))
     with pytest.raises(core.InvalidSignal, match="atlas is for"):
-        core.sharpen_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, 16, 16))
+        core.sharpen_texture(mesh, uv, image, atlas=core.TextureAtlas(mesh, uv, size=(16, 16)))
     with pytest.raises(core.InvalidSignal, match="three channels"):
         core.sharpen_texture(mesh, uv, image[..., :2], core.TextureSettings(content="normals"))
 
@@ -599,12 +599,12 @@ def test_normals_are_unit_vectors_under_a_mask_and_in_the_gutter():
     blocks = Blocks(photo(64), angle=0.3)
     mesh = core.TriangleMesh(blocks.vertices, blocks.faces)
     texture = blocks.texture(0.0)
-    atlas = core.TextureAtlas(mesh, blocks.uv, *texture.shape[:2])
+    atlas = core.TextureAtlas(mesh, blocks.uv, size=texture.shape[:2])
     lengths = np.linalg.norm(texture - 0.5, axis=-1, keepdims=True)
     texture = (0.5 + 0.5 * (texture - 0.5) / lengths).astype(np.float32)
     settings = core.TextureSettings(time=64.0, content="normals", gutter=4)
     mask = np.full(texture.shape[:2], 0.5)
-    out = core.sharpen_texture(mesh, blocks.uv, texture, settings, mask, atlas=atlas)
+    out = core.sharpen_texture(mesh, blocks.uv, texture, settings, mask=mask, atlas=atlas)
     changed = (out != texture).any(axis=-1)
     assert (changed & ~atlas.inside).sum() > 1000
     assert np.allclose(np.linalg.norm(2 * out[changed] - 1, axis=-1), 1.0, atol=1e-4)

@@ -87,7 +87,7 @@ def test_amount_and_masks_mix():
     np.testing.assert_allclose(half[inner, inner], wanted, atol=1e-3)
     mask = np.full((128, 128), 0.5)
     masked = core.sharpen_texture(
-        mesh, uv, image, core.TextureSettings(amount=0.5, **settings), mask
+        mesh, uv, image, core.TextureSettings(amount=0.5, **settings), mask=mask
     )
     wanted = (0.75 * image + 0.25 * full)[inner, inner]
     np.testing.assert_allclose(masked[inner, inner], wanted, atol=1e-3)

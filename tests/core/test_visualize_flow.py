@@ -49,7 +49,7 @@ def test_a_folder_gets_the_frames_of_the_core(folder, capsys):
     words = ["--frames", 4, "--step", 3, "--seed", 7, "--blending", 0.2]
     assert visualize("field.npy", "out", *words) == cli.DONE
     settings = core.NoiseSettings(step=3, seed=7, blending=0.2)
-    wanted = core.advect_noise(vortex(), settings, 4)
+    wanted = core.advect_noise(vortex(), settings, frames=4)
     for entry, frame in zip(sorted(os.listdir("out")), wanted, strict=True):
         np.testing.assert_array_equal(np.array(Image.open(f"out/{entry}")), numbers(frame))
     assert "field.npy -> out: 4 frames of 36 x 24 pixels in" in capsys.readouterr().out
@@ -130,7 +130,7 @@ def test_a_mesh_gives_a_texture_of_its_surface(folder, capsys):
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
     mesh = core.TriangleMesh(corners, [[0, 1, 2], [0, 2, 3]])
     uv = corners[mesh.faces][..., :2]
-    wanted = core.advect_on_surface(mesh, uv, field, (32, 32), frames=3)
+    wanted = core.advect_on_surface(mesh, uv, field, size=(32, 32), frames=3)
     for found, frame in zip(frames("out"), wanted, strict=True):
         np.testing.assert_array_equal(found, numbers(frame)[::-1])
     words = ["--size", "32x32", "--kind", "dye"]

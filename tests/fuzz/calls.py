@@ -31,7 +31,7 @@ CORNERS = _RANDOM.random((MESH.face_count, 3, 2))
 VECTORS = _RANDOM.random((MESH.face_count, 3))
 VELOCITY = _RANDOM.random((*SIZE, 2))
 NORMALS = np.repeat(MESH.normals[:, None], 3, axis=1)
-ATLAS = core.TextureAtlas(MESH, UV, *SIZE)
+ATLAS = core.TextureAtlas(MESH, UV, size=SIZE)
 
 
 class Call(NamedTuple):
@@ -49,7 +49,7 @@ class Call(NamedTuple):
 
 def solved(gain, mask, progress=None):
     """Filter by a solver that was made before."""
-    return SOLVER.filtered(gain, mask, progress)
+    return SOLVER.filtered(gain, mask=mask, progress=progress)
 
 
 SOLVER = core.TextureSolver(MESH, UV, IMAGE, atlas=ATLAS)
@@ -64,7 +64,7 @@ _SOURCE = {"points": [(0.5, 0.5), (0.2, 0.3)], "width": 2.0, "colors": [(1, 0, 0
 
 CALLS = {
     "DyeSource": Call(_SOURCE),
-    "TextureAtlas": Call({**_TEXTURE, "height": SIZE[0], "width": SIZE[1]}),
+    "TextureAtlas": Call({**_TEXTURE, "size": SIZE}),
     "TextureSolver": Call(
         {**_TEXTURE, "image": IMAGE, "normals": NORMALS, "atlas": ATLAS}, core.FilterSettings
     ),
@@ -171,8 +171,7 @@ CALLS = {
         {**_TEXTURE, "image": IMAGE, "normals": NORMALS, "atlas": ATLAS}, core.DilateSettings
     ),
     "vertex_distance": Call(
-        {**_DRAWN, "vertices": [0], "points": ([1], [[0.2, 0.3, 0.5]]),
-         "edges": [[0, 1]], "image": GRAY},
+        {"mesh": MESH, "vertices": [0], "points": ([1], [[0.2, 0.3, 0.5]]), "edges": [[0, 1]]},
         core.DistanceSettings, infinite=True,
     ),
     "weld": Call({"vertices": MESH.vertices}),

@@ -17,7 +17,6 @@ from shock_filter.core.settings import describe
 LONG = os.environ.get("SHOCK_FILTER_FUZZ") == "long"
 
 _TIMES_MORE = 5
-_MOST_STEPS = 30 if LONG else 5  # of the schemes that compute the flow anew
 _MOST_COUNT = 200 if LONG else 30  # passes, iterations and what else is counted
 
 
@@ -296,13 +295,6 @@ def settings_of(draw, cls):
         name = draw(st.sampled_from(counts))
         chosen.update(dict.fromkeys(set(counts) & chosen.keys(), 1))
         chosen[name] = min(int(fields[name][2].maximum), _MOST_COUNT)
-        chosen.pop("scheme", None)
         if name == "iterations":  # a wide kernel so often would take many minutes
             chosen["time"] = min(chosen["time"], 1.0)
-    if chosen.get("scheme", "fixed") != "fixed":
-        chosen["time"] = min(max(chosen["time"], 0.0), float(_MOST_STEPS))
-    if chosen.get("fidelity"):
-        chosen.pop("screening_radius", None)
-    if chosen.get("window", 1) % 2 == 0:
-        chosen["window"] = max(chosen["window"] - 1, 0)
     return cls(**chosen)

@@ -66,22 +66,18 @@ def assert_same(lazy, expected):
 def test_sharpen(data, image, settings, is_close):
     mask = data.draw(masks(*image.shape[:2]))
     guide = None
-    if (
-        settings.scheme == "fixed"
-        and settings.channels != "independent"
-        and data.draw(st.booleans())
-    ):
+    if settings.channels != "independent" and data.draw(st.booleans()):
         guide = 1 - image if image.dtype.kind == "f" else ~image
     if settings.by_width and np.abs(image.astype(np.float64)).max() > 1e14:
         return
-    expected = core.sharpen_image(image, settings, mask, guide=guide)
+    expected = core.sharpen_image(image, settings, mask=mask, guide=guide)
     lazy_mask, lazy_guide = (data.draw(maybe_in_chunks(each)) for each in (mask, guide))
     with pytest.MonkeyPatch.context() as patch:
         if is_close:  # so that many flow-lines leave the halo
             patch.setattr(chunked, "_WALK", 1)
             patch.setattr(chunked, "_LONG_WALK", 1)
         lazy = core.sharpen_image(
-            data.draw(in_chunks(image)), settings, lazy_mask, guide=lazy_guide
+            data.draw(in_chunks(image)), settings, mask=lazy_mask, guide=lazy_guide
         )
     assert_same(lazy, expected)
 
@@ -90,9 +86,11 @@ def test_sharpen(data, image, settings, is_close):
 @given(st.data(), pictures(), settings_of(core.BeltramiSettings))
 def test_denoise(data, image, settings):
     mask = data.draw(masks(*image.shape[:2]))
-    expected = core.beltrami_image(image, settings, mask)
+    expected = core.beltrami_image(image, settings, mask=mask)
     lazy_mask = data.draw(maybe_in_chunks(mask))
-    assert_same(core.beltrami_image(data.draw(in_chunks(image)), settings, lazy_mask), expected)
+    assert_same(
+        core.beltrami_image(data.draw(in_chunks(image)), settings, mask=lazy_mask), expected
+    )
 
 
 @examples(8)
@@ -103,6 +101,10 @@ def test_denoise(data, image, settings):
 def test_osher_rudin(data, image, steps, time_step, detector):
     if image.dtype.kind == "u" or min(image.shape[:2]) < 2 or abs(image).max() > 1e9:
         return
-    expected = core.osher_rudin_image(image, steps, time_step, detector)
-    lazy = core.osher_rudin_image(data.draw(in_chunks(image)), steps, time_step, detector)
+    expected = core.osher_rudin_image(
+        image, steps=steps, time_step=time_step, edge_detector=detector
+    )
+    lazy = core.osher_rudin_image(
+        data.draw(in_chunks(image)), steps=steps, time_step=time_step, edge_detector=detector
+    )
     assert_same(lazy, expected)

@@ -65,7 +65,7 @@ def test_ragged_lists_are_refused(wings):
         lambda: core.sharpen_image(ragged),
         lambda: core.sharpen_image(image, mask=ragged),
         lambda: core.beltrami_manifold(image, ragged),
-        lambda: core.osher_rudin_image(ragged, 1),
+        lambda: core.osher_rudin_image(ragged, steps=1),
     ):
         with pytest.raises(core.InvalidSignal, match="not made of numbers"):
             function()

@@ -100,21 +100,17 @@ FILTERS = {
         labels=(image_of(size)[..., 0] > 0.5).astype(int),
     ),
     "geodesic_distance": lambda mesh, uv, size: core.geodesic_distance(
-        mesh, uv, size, vertices=[0], settings=core.DistanceSettings(look="gradient", smoothing=2.0)
-    ),
-    "vertex_distance": lambda mesh, uv, size: core.vertex_distance(
-        mesh, uv, size, points=([0], [[0.2, 0.3, 0.5]]),
-        settings=core.DistanceSettings(look="lines"),
+        mesh, uv, core.DistanceSettings(look="gradient", smoothing=2.0), size=size, vertices=[0]
     ),
     "surface_line_convolution": lambda mesh, uv, size: core.surface_line_convolution(
-        mesh, uv, size, vectors_of(mesh), at="faces"
+        mesh, uv, size=size, directions=vectors_of(mesh), at="faces"
     ),
     "reaction_diffusion": lambda mesh, uv, size: core.reaction_diffusion(
-        mesh, uv, size, core.ReactionSettings(steps=3, stretch=2.0), directions=vectors_of(mesh),
-        rates=1.0 + image_of(size)[..., 0], at="faces",
+        mesh, uv, core.ReactionSettings(steps=3, stretch=2.0), size=size,
+        directions=vectors_of(mesh), rates=1.0 + image_of(size)[..., 0], at="faces",
     ),
     "advect_on_surface": lambda mesh, uv, size: np.stack(
-        list(core.advect_on_surface(mesh, uv, vectors_of(mesh), size, frames=2, at="faces"))
+        list(core.advect_on_surface(mesh, uv, vectors_of(mesh), size=size, frames=2, at="faces"))
     ),
     "dilate_texture": lambda mesh, uv, size: core.dilate_texture(mesh, uv, image_of(size)),
     "object_normals": lambda mesh, uv, size: core.object_normals(mesh, uv, image_of(size)),

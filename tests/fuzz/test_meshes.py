@@ -114,7 +114,7 @@ def test_sharpen_geometry(data, settings, stop_at):
     mesh = data.draw(meshes())
     mask = data.draw(masks(mesh.vertex_count))
     positions = call_on(
-        mesh, lambda m, watch: core.sharpen_geometry(m, settings, mask, watch), mask,
+        mesh, lambda m, watch: core.sharpen_geometry(m, settings, mask=mask, progress=watch), mask,
         stop_at=stop_at)  # fmt: skip
     check_positions(positions, mesh, mask, settings.time == 0 == settings.mollify_passes)
     if settings.max_displacement > 0:
@@ -128,7 +128,7 @@ def test_sharpen_geometry(data, settings, stop_at):
 @given(meshes(), settings_of(core.GeometrySettings), STOPS)
 def test_sharpen_normals(mesh, settings, stop_at):
     normals = call_on(
-        mesh, lambda m, watch: core.sharpen_normals(m, settings, watch), stop_at=stop_at
+        mesh, lambda m, watch: core.sharpen_normals(m, settings, progress=watch), stop_at=stop_at
     )
     assert normals.shape == (mesh.face_count, 3)
     lengths = np.linalg.norm(normals, axis=1)
@@ -151,9 +151,13 @@ def test_fit_to_normals(data, settings, stop_at):
     if own == "zero":
         normals[:] = 0.0
     positions = call_on(
-        mesh, lambda m, watch: core.fit_to_normals(m, normals, settings, mask, watch), normals,
-        mask, stop_at=stop_at)  # fmt: skip
-    tight = settings.screening_radius < 100 and settings.fidelity == 0  # else rounding grows
+        mesh,
+        lambda m, watch: core.fit_to_normals(m, normals, settings, mask=mask, progress=watch),
+        normals,
+        mask,
+        stop_at=stop_at,
+    )
+    tight = settings.screening_radius < 100  # else rounding grows
     check_positions(positions, mesh, mask, own != "random" and tight)
 
 
@@ -163,8 +167,12 @@ def test_sharpen_vertex_signal(data, settings, stop_at):
     mesh = data.draw(meshes())
     signal, mask = data.draw(signals(mesh.vertex_count)), data.draw(masks(mesh.vertex_count))
     result = call_on(
-        mesh, lambda m, watch: core.sharpen_vertex_signal(m, signal, settings, mask, watch),
-        signal, mask, stop_at=stop_at)  # fmt: skip
+        mesh,
+        lambda m, watch: core.sharpen_vertex_signal(m, signal, settings, mask=mask, progress=watch),
+        signal,
+        mask,
+        stop_at=stop_at,
+    )
     check_signal(result, signal, mask, settings.is_neutral)
 
 
@@ -174,8 +182,12 @@ def test_sharpen_corner_signal(data, settings, stop_at):
     mesh = data.draw(meshes())
     signal, mask = data.draw(signals(mesh.face_count, 3)), data.draw(masks(mesh.vertex_count))
     result = call_on(
-        mesh, lambda m, watch: core.sharpen_corner_signal(m, signal, settings, mask, watch),
-        signal, mask, stop_at=stop_at)  # fmt: skip
+        mesh,
+        lambda m, watch: core.sharpen_corner_signal(m, signal, settings, mask=mask, progress=watch),
+        signal,
+        mask,
+        stop_at=stop_at,
+    )
     check_signal(result, signal, corner_weights(mesh, mask), settings.is_neutral, corner=True)
 
 
@@ -185,7 +197,7 @@ def test_flow_field(data, settings, stop_at):
     mesh = data.draw(meshes())
     signal = data.draw(signals(mesh.vertex_count))
     potential, flow = call_on(
-        mesh, lambda m, watch: core.flow_field(m, signal, settings, watch), signal,
+        mesh, lambda m, watch: core.flow_field(m, signal, settings, progress=watch), signal,
         stop_at=stop_at)  # fmt: skip
     assert (potential >= 0).all()
     assert potential.shape == (mesh.vertex_count,)
@@ -240,8 +252,12 @@ def test_denoise_both(data, settings, sharpen_time, stop_at):
     else:
         signal = data.draw(signals(mesh.vertex_count))
         positions, result = call_on(
-            mesh, lambda m, watch: core.beltrami_joint(m, signal, settings, mask, watch), signal,
-            mask, stop_at=stop_at)  # fmt: skip
+            mesh,
+            lambda m, watch: core.beltrami_joint(m, signal, settings, mask=mask, progress=watch),
+            signal,
+            mask,
+            stop_at=stop_at,
+        )
         check_signal(result, signal, mask, settings.time == 0)
     check_positions(positions, mesh, mask, keeps_all)
 
@@ -261,10 +277,10 @@ def test_a_mesh_that_was_used_gives_the_same_as_a_new_one(data):
         geometry = data.draw(settings_of(core.GeometrySettings))
         shock = data.draw(settings_of(core.ShockSettings))
         filters = {
-            "geometry": lambda mesh: core.sharpen_geometry(mesh, geometry, mask),  # noqa: B023
+            "geometry": lambda mesh: core.sharpen_geometry(mesh, geometry, mask=mask),  # noqa: B023
             "normals": lambda mesh: core.sharpen_normals(mesh, geometry),  # noqa: B023
-            "vertices": lambda mesh: core.sharpen_vertex_signal(mesh, signal, shock, mask),  # noqa: B023
-            "corners": lambda mesh: core.sharpen_corner_signal(mesh, corners, shock, mask),  # noqa: B023
+            "vertices": lambda mesh: core.sharpen_vertex_signal(mesh, signal, shock, mask=mask),  # noqa: B023
+            "corners": lambda mesh: core.sharpen_corner_signal(mesh, corners, shock, mask=mask),  # noqa: B023
         }
         function = filters[data.draw(st.sampled_from(list(filters)))]
         assert_same_bits(function(used), function(new_mesh(used)))

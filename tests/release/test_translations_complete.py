@@ -191,7 +191,7 @@ FLAT = np.zeros((1, 3, 2))
 
 
 def atlas(uv):
-    return core.TextureAtlas(core.TriangleMesh(TRIANGLE, FACES), uv, 8, 8)
+    return core.TextureAtlas(core.TriangleMesh(TRIANGLE, FACES), uv, size=(8, 8))
 
 
 @pytest.mark.parametrize(
@@ -206,9 +206,6 @@ def atlas(uv):
         lambda: atlas(TRIANGLE[None, :, :2] * 1e5),
         lambda: core.sharpen_image(np.full((4, 4), np.nan)),
         lambda: core.sharpen_image(np.ones((4, 4)), progress=lambda *_: False),
-        lambda: core.GeometrySettings(fidelity=1.0, screening_radius=2.0),
-        lambda: core.ShockSettings(scheme="composed", time=1e9),
-        lambda: core.BeltramiSettings(window=4),
     ],
 )
 def test_errors_of_the_core_are_translated(fail):

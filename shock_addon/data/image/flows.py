@@ -56,7 +56,7 @@ def read_map(image: bpy.types.Image, y_axis: str) -> FlowTarget:
     pixels = arrays.read_pixels(image)[::-1]
     if not image.is_float:
         pixels = np.rint(_BYTE * pixels).astype(np.uint8)
-    velocity = flow_map_velocity(pixels, y_axis)
+    velocity = flow_map_velocity(pixels, y_axis=y_axis)
     return FlowTarget(image.name, FlowPlane(velocity), image_uid=image.session_uid)
 
 

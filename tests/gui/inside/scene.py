@@ -132,7 +132,7 @@ def _baked(obj: bpy.types.Object) -> np.ndarray:
     mesh.uv_layers.active.data.foreach_get("uv", uv)
     points, faces = points.reshape(-1, 3), faces.reshape(-1, 3)
     uv = uv.reshape(-1, 2)[corners].reshape(-1, 3, 2)
-    atlas = core.TextureAtlas(core.TriangleMesh(points, faces), uv, SIDE, SIDE)
+    atlas = core.TextureAtlas(core.TriangleMesh(points, faces), uv, size=(SIDE, SIDE))
     return atlas.bake(points[faces])
 
 
