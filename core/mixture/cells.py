@@ -20,10 +20,8 @@ _MOST_CELLS = 5e5
 """Along an axis, from the origin: so that 64 bits number them."""
 
 
-def means_around(
-    places: Floats, values: Floats, size: float, rows: npt.NDArray[np.integer]
-) -> Floats:
-    """Average values around places, whatever the number of them: smoothly, over about a size.
+class MeansAround:
+    """Averages of values around places, whatever the number of them: smooth, over about a size.
 
     Each value counts for the eight corners of its cell, as near as it is to them. Two passes of
     (1, 2, 1) / 4 along each axis smooth the sums, which are read as they were written. So the
@@ -37,36 +35,39 @@ def means_around(
     size : float
         Two cells, in the unit of the places: the weights have a standard deviation of 0.58 of it
         along each axis. Larger cells are taken where places lie very far apart.
-    rows : (k,) int
-        The places at which the means are read.
-
-    Returns
-    -------
-    (k, d) float64
     """
-    size = max(0.5 * size, float(np.abs(places).max()) / _MOST_CELLS)
-    low = np.floor(places.min(axis=0) / size) * size
-    span = np.floor((places.max(axis=0) - low) / size).astype(np.int64) + 3
-    keys = np.empty(len(places), dtype=np.int64)
-    run(_number, len(places), places, low, size, span, keys)
-    used, cell = _numbered(keys)
-    ask()
-    lengths = np.array([span[1] * span[2], span[2], 1])
-    around = used[:, None] + _CORNERS @ lengths
-    corners, _ = _numbered(around.reshape(-1))
-    ask()
-    index = np.searchsorted(corners, around).astype(np.int32)
-    sums = np.zeros((len(corners), values.shape[1] + 1))
-    run_in_order(_add_up, len(places), places, low, size, index, cell, values, sums)
-    beside = [_beside(corners, length) for length in lengths]
-    for _ in range(2):
-        for axis in range(3):
-            smooth = np.empty_like(sums)
-            run(_smooth, len(sums), beside[axis], sums, smooth)
-            sums = smooth
-    out = np.empty((len(rows), values.shape[1]))
-    run(_read, len(rows), rows, places, low, size, index, cell, sums, out)
-    return out
+
+    def __init__(self, places: Floats, values: Floats, size: float) -> None:
+        self._places = places
+        self._size = size = max(0.5 * size, float(np.abs(places).max()) / _MOST_CELLS)
+        self._low = low = np.floor(places.min(axis=0) / size) * size
+        span = np.floor((places.max(axis=0) - low) / size).astype(np.int64) + 3
+        keys = np.empty(len(places), dtype=np.int64)
+        run(_number, len(places), places, low, size, span, keys)
+        used, self._cell = _numbered(keys)
+        ask()
+        lengths = np.array([span[1] * span[2], span[2], 1])
+        around = used[:, None] + _CORNERS @ lengths
+        corners, index = _numbered(around.reshape(-1))
+        self._index = index.reshape(around.shape).astype(np.int32)
+        ask()
+        sums = np.zeros((len(corners), values.shape[1] + 1))
+        run_in_order(_add_up, len(places), places, low, size, self._index, self._cell, values,
+                     sums)  # fmt: skip
+        beside = [_beside(corners, length) for length in lengths]
+        for _ in range(2):
+            for axis in range(3):
+                smooth = np.empty_like(sums)
+                run(_smooth, len(sums), beside[axis], sums, smooth)
+                sums = smooth
+        self._sums = sums
+
+    def at(self, rows: npt.NDArray[np.integer]) -> Floats:
+        """Return the averages around some of the places: (k, d)."""
+        out = np.empty((len(rows), self._sums.shape[1] - 1))
+        run(_read, len(rows), rows, self._places, self._low, self._size, self._index, self._cell,
+            self._sums, out)  # fmt: skip
+        return out
 
 
 def _beside(corners: npt.NDArray[np.int64], step: int) -> npt.NDArray[np.int32]:

@@ -26,7 +26,7 @@ from ..base.vectors import dot, edge
 from ..flow.potential import bending
 from ..mesh.calculus import average_to_vertices, make_unit_or, smooth_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
-from ..mixture.cells import means_around
+from ..mixture.cells import MeansAround
 from ..mixture.choice import pair_count, tell_pairs
 from ..mixture.network import Network, Singles, digest
 from ..settings import GeometrySettings
@@ -125,16 +125,18 @@ def find_candidates(
     with phase(0.6, 0.65, message):
         run(_gather, mesh.face_count, mesh.faces, mesh.normals, mesh.areas, signal, near, far,
             *flows, _STILL, everywhere, turned)  # fmt: skip
-        zone = grown(mesh, grown(mesh, turned)) & (mesh.areas > 0)
-    rows = np.flatnonzero(zone)
     with phase(0.65, 0.8, message):
-        beside = _tell_beside(mesh, everywhere, rows, signal, near, far)
-    if gate is not None and len(rows):
-        with phase(0.8, 0.85, message):
-            passed = np.zeros(mesh.face_count, dtype=np.bool_)
-            passed[rows] = _passed(gate, everywhere[rows], beside)
-            zone &= grown(mesh, passed)
-        beside, rows = beside[zone[rows]], np.flatnonzero(zone)
+        surroundings = _Surroundings(mesh, everywhere, signal, near, far)
+        if gate is not None:
+            rows = np.flatnonzero(turned)
+            told = surroundings.told(rows)
+            turned[rows] = _passed(gate, everywhere[rows], told)
+            turned = grown(mesh, turned)
+        else:
+            turned = grown(mesh, grown(mesh, turned))
+        zone = turned & (mesh.areas > 0)
+        rows = np.flatnonzero(zone)
+        beside = surroundings.told(rows)
     normals = np.empty((len(rows), CANDIDATES, 3), dtype=np.float32)
     normals[:, :TAKES_SIDES] = everywhere[rows]
     told = np.empty((len(rows), TOLD), dtype=np.float32)
@@ -174,42 +176,52 @@ def _turn(means: Floats) -> Floats:
     return out
 
 
-def _tell_beside(
-    mesh: TriangleMesh,
-    everywhere: Singles,
-    rows: npt.NDArray[np.intp],
-    signal: Floats,
-    near: Floats,
-    far: Floats,
-) -> Singles:
-    # What is told beside the distances of pairs.
-    told = np.empty((len(rows), _BESIDE_PAIRS), dtype=np.float32)
-    if len(rows) == 0:
+class _Surroundings:
+    # Tells of faces what is known beside the distances of pairs; of each vertex once.
+
+    def __init__(
+        self, mesh: TriangleMesh, everywhere: Singles, signal: Floats, near: Floats, far: Floats
+    ) -> None:
+        self._mesh = mesh
+        self._heights = np.empty((mesh.vertex_count, len(_PASSES)))
+        run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far,
+            self._heights)  # fmt: skip
+        changes = np.empty((mesh.face_count, _AROUND))
+        run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
+            mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),
+            changes)  # fmt: skip
+        around = average_to_vertices(mesh, changes)
+        around[:, -1] = self._heights[:, -1] ** 2
+        around = smooth_vertices(mesh, around, 2)
+        run(_to_logarithms, len(around), around)
+        self._around = around
+        self._number = np.full(mesh.vertex_count, -1, dtype=np.int32)
+        self._measures = np.empty((0, _AROUND * (1 + len(_CELLS))))
+        used = np.diff(mesh.corners[0]) > 0
+        self._cells: list[MeansAround] = []
+        self._place: npt.NDArray | None = None
+        places, values = mesh.scaled_vertices, around
+        if not used.all():  # loose vertices are nowhere
+            places, values, self._place = places[used], values[used], np.cumsum(used) - 1
+        self._grids = places, values
+
+    def told(self, rows: npt.NDArray[np.intp]) -> Singles:
+        told = np.empty((len(rows), _BESIDE_PAIRS), dtype=np.float32)
+        if len(rows) == 0:
+            return told
+        mesh = self._mesh
+        if not self._cells:
+            self._cells = [MeansAround(*self._grids, size) for size in _CELLS]
+        wanted = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        wanted[mesh.faces[rows]] = True
+        new = np.flatnonzero(wanted & (self._number < 0))
+        self._number[new] = np.arange(len(self._measures), len(self._measures) + len(new))
+        place = new if self._place is None else self._place[new]
+        found = [self._around[new], *(cells.at(place) for cells in self._cells)]
+        self._measures = np.concatenate([self._measures, np.concatenate(found, axis=1)])
+        run(_tell_around, len(rows), rows, mesh.faces, self._heights, self._number,
+            self._measures, told)  # fmt: skip
         return told
-    heights = np.empty((mesh.vertex_count, len(_PASSES)))
-    run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far, heights)
-    changes = np.empty((mesh.face_count, _AROUND - 1))
-    run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
-        mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),
-        changes)  # fmt: skip
-    around = np.empty((mesh.vertex_count, _AROUND))
-    around[:, :-1] = average_to_vertices(mesh, changes)
-    around[:, -1] = heights[:, -1] ** 2
-    around = smooth_vertices(mesh, around, 2)
-    run(_to_logarithms, len(around), around)
-    places, values, number = mesh.scaled_vertices, around, np.arange(mesh.vertex_count)
-    used = np.diff(mesh.corners[0]) > 0
-    if not used.all():  # loose vertices are nowhere
-        places, values, number = places[used], values[used], np.cumsum(used) - 1
-    wanted = np.unique(mesh.faces[rows])
-    place = np.empty(mesh.vertex_count, dtype=np.int32)
-    place[wanted] = np.arange(len(wanted), dtype=np.int32)
-    measures = [around[wanted]]
-    for size in _CELLS:
-        measures.append(means_around(places, values, size, number[wanted]))
-    run(_tell_around, len(rows), rows, mesh.faces, heights, place,
-        np.concatenate(measures, axis=1), told)  # fmt: skip
-    return told
 
 
 @kernel
@@ -293,6 +305,7 @@ def _measure_changes(
         for k in range(3):
             e = edge(places, faces[f, k], faces[f, (k + 1) % 3])
             squares += dot(e, e)
+        changes[f, first + len(alike) + 2] = 0.0
         changes[f, first + len(alike) + 1] = 6.928203230275509 * areas[f] / max(squares, 1e-300)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from shapes import rotation
 from shock_filter.core.base import parallel
-from shock_filter.core.mixture import cells
+from shock_filter.core.mixture.cells import MeansAround
 from shock_filter.core.mixture.choice import mixture, pair_count, tell_pairs
 from shock_filter.core.mixture.network import Network, load, save
 
@@ -95,7 +95,7 @@ def test_means_of_one_value_are_that_value_and_others_lie_between():
     rng = np.random.default_rng(4)
     places, rows = rng.normal(size=(500, 3)) * 20, np.arange(0, 500, 7)
     values = np.stack([np.full(500, 2.5), rng.uniform(size=500)], axis=1)
-    means = cells.means_around(places, values, 5.0, rows)
+    means = MeansAround(places, values, 5.0).at(rows)
     assert means[:, 0] == pytest.approx(np.full(len(rows), 2.5))
     assert values[:, 1].min() < means[:, 1].min() < means[:, 1].max() < values[:, 1].max()
 
@@ -105,18 +105,18 @@ def test_means_hardly_depend_on_how_the_cells_lie_and_not_on_the_order():
     sheet = np.stack([*np.meshgrid(np.arange(60.0), np.arange(60.0)), np.zeros((60, 60))], -1)
     places, rows = sheet.reshape(-1, 3) - 30, np.arange(0, 3600, 11)
     values = (places[:, :1] > 0) + 0.1 * rng.normal(size=(3600, 1))
-    means = cells.means_around(places, values, 5.0, rows)
+    means = MeansAround(places, values, 5.0).at(rows)
     assert np.ptp(means) > 0.9
     for seed in (1, 2):
-        turned = cells.means_around(places @ rotation(seed) + seed / 3, values, 5.0, rows)
+        turned = MeansAround(places @ rotation(seed) + seed / 3, values, 5.0).at(rows)
         assert abs(turned - means).max() < 0.06
     order = rng.permutation(3600)
     back = np.argsort(order)[rows]
-    shuffled = cells.means_around(places[order], values[order], 5.0, back)
+    shuffled = MeansAround(places[order], values[order], 5.0).at(back)
     assert shuffled == pytest.approx(means, abs=1e-12)
 
 
 def test_a_few_places_very_far_apart_take_neither_memory_nor_time():
     places = np.array([[0.0, 0, 0], [1e12, 0, 0], [0, 1e12, 1e12]])
-    means = cells.means_around(places, np.array([[1.0], [2.0], [3.0]]), 5.0, np.arange(3))
+    means = MeansAround(places, np.array([[1.0], [2.0], [3.0]]), 5.0).at(np.arange(3))
     assert means[:, 0] == pytest.approx([1, 2, 3])
