@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import by_keyword, checked_mask
+from ..base.findings import Finding, gathering, tell
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
 from ..flow.potential import flow_from_potential
@@ -143,9 +145,13 @@ def sharpen_geometry(
     if settings.is_neutral:
         return mesh.vertices.copy()
     with reporting(progress):
-        moved = in_good_order(mesh, partial(_displacement, settings), weights)
+        # Kept for other amounts, with what was said.
+        key = replace(settings, amount=1.0), weights
+        moved, findings = kept(mesh, "moved", key, lambda: _displacement(mesh, *key))
+        for finding in findings:
+            tell(finding.sentence, **finding.values)
         if settings.amount < 1:
-            moved *= settings.amount
+            moved = settings.amount * moved
             if settings.where == "creases":
                 undone(mesh, mesh.normals, moved)  # halfway, faces may be folded that end flat
         with phase(1.0, 1.0, "Fitting the surface"):
@@ -207,7 +213,15 @@ def geometry_flow(
             return potential.copy(), flow_from_potential(mesh, potential)
 
 
-def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | None) -> Floats:
+def _displacement(
+    mesh: TriangleMesh, settings: GeometrySettings, weights: Floats | None
+) -> tuple[Floats, list[Finding]]:
+    with gathering() as findings:
+        moved = in_good_order(mesh, partial(_displace, settings), weights)
+    return moved, findings
+
+
+def _displace(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | None) -> Floats:
     def sharpen(current: TriangleMesh) -> Floats:
         return _sharpened(current, settings)
 

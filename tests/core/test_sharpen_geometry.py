@@ -44,7 +44,7 @@ def test_zero_time_returns_the_input_bit_for_bit(soft_cube, sampling):
 
 
 def test_detail_sampling_begins_at_the_identity(soft_cube):
-    tiny = core.sharpen_normals(soft_cube, core.GeometrySettings(time=1e-9))
+    tiny = core.sharpen_normals(soft_cube, core.GeometrySettings.of_paper(time=1e-9))
     assert np.allclose(tiny, soft_cube.normals, atol=1e-6)
     linear = core.sharpen_normals(soft_cube, core.GeometrySettings(time=1e-9, sampling="linear"))
     assert angles(linear, soft_cube.normals).max() > 1

@@ -46,7 +46,7 @@ def test_training_gives_the_same_network_from_the_same_seed():
     rng = np.random.default_rng(0)
     told = rng.normal(size=(4096, 6)).astype(np.float32)
     wanted = (told[:, 0] > 0.5).astype(np.float32)
-    one, two = (adam.trained_gate(told, wanted, (5,), 40, log=lambda _: None) for _ in range(2))
+    one, two = (adam.trained_gate(told, wanted, (8,), 150, log=lambda _: None) for _ in range(2))
     assert all((a == b).all() for a, b in zip(one.weights, two.weights, strict=True))
     assert ((one.scores(told)[:, 0] > 0) == (wanted > 0)).mean() > 0.9
 

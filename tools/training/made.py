@@ -32,6 +32,11 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
     "modelled": examples.modelled,
     "softened": examples.softened,
     "sculpted": examples.sculpted,
+    "sharp": partial(
+        examples.remeshed,
+        kinds=("filleted", "filleted", "part", "mixed"),
+        meshings=("crisp", "crisp", "uneven", "softened"),
+    ),
 }
 """What is learned from, by name."""
 

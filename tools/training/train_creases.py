@@ -31,11 +31,11 @@ HERE = Path(__file__).resolve().parent
 VERSION = 1
 """Counts the trainings that were shipped."""
 
-COUNTS = {"remeshed": 1100, "narrow": 160, "coarse": 200, "relief": 260, "scanned": 200,
-          "modelled": 340, "softened": 240, "sculpted": 400}  # fmt: skip
+COUNTS = {"remeshed": 1100, "narrow": 320, "coarse": 200, "relief": 260, "scanned": 200,
+          "modelled": 340, "softened": 240, "sculpted": 400, "sharp": 200}  # fmt: skip
 """How many seeds of each kind; see `made.MAKERS`."""
 
-HIDDEN = 112, 56
+HIDDEN = 128, 64
 GATE = (24,)
 """Sizes of the inner layers of both networks."""
 
@@ -49,8 +49,9 @@ TURNS = 2.0
 MISSED = 0.01
 """Share of all turns that the gate may miss."""
 
-USUAL = 10.0
-"""Degrees that are added to a mesh's own error: it counts the less the more wrong it is."""
+USUAL, AS_IT_IS = 3.0, 12.0
+"""Degrees: a mesh counts the less the more wrong it is, beyond the first; and how much those count
+that are as they should be."""
 
 
 def made_of() -> str:
@@ -93,10 +94,15 @@ def table(path: Path) -> dict[str, np.ndarray] | None:
     name, seed = path.stem.rsplit("_", 1)
     return {
         "told": told[keep], "candidates": candidates[keep], "targets": targets[keep],
-        "weights": np.full(count, 1 / (off + USUAL), np.float32),
+        "weights": np.full(count, weight_of(off), np.float32),
         "aside": np.full(count, int(seed) % KEPT_ASIDE == 0),
         "kind": np.full(count, f"{name} {kind}", "U24"),
     }  # fmt: skip
+
+
+def weight_of(off: float) -> float:
+    """How much the rows of a mesh count that is wrong by so many degrees in the mean."""
+    return 1 / (off + USUAL if off > 0.1 else AS_IT_IS)
 
 
 def errors(network: Network, rows: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
