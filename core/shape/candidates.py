@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.memo import kept
 from ..base.parallel import kernel, run
 from ..base.progress import phase
 from ..base.vectors import dot, edge
@@ -112,7 +111,7 @@ def find_candidates(
     """
     message = "Finding creases"
     with phase(0.0, 0.2, message):
-        near, far = kept(mesh, "smoothed", (), lambda: _smoothed(mesh))
+        near, far = _smoothed(mesh)
     signal, _ = bending(mesh, settings.smoothing_passes)
     everywhere = np.empty((mesh.face_count, TAKES_SIDES, 3), dtype=np.float32)
     with phase(0.2, 0.6, message):
@@ -126,7 +125,9 @@ def find_candidates(
         run(_gather, mesh.face_count, mesh.faces, mesh.normals, mesh.areas, signal, near, far,
             *flows, _STILL, everywhere, turned)  # fmt: skip
     with phase(0.65, 0.8, message):
+        turn, wide_turn = _turn(near), _turn(far)
         surroundings = _Surroundings(mesh, everywhere, signal, near, far)
+        del near, far
         if gate is not None:
             rows = np.flatnonzero(turned)
             told = surroundings.told(rows)
@@ -137,8 +138,10 @@ def find_candidates(
         zone = turned & (mesh.areas > 0)
         rows = np.flatnonzero(zone)
         beside = surroundings.told(rows)
+        del surroundings
     normals = np.empty((len(rows), CANDIDATES, 3), dtype=np.float32)
     normals[:, :TAKES_SIDES] = everywhere[rows]
+    del everywhere
     told = np.empty((len(rows), TOLD), dtype=np.float32)
     told[:, pair_count(CANDIDATES) :] = beside
     if len(rows):
@@ -148,7 +151,7 @@ def find_candidates(
                     sides = consistent_normals(mesh, each, zone, settings.align_passes)
                 normals[:, TAKES_SIDES + number] = sides[rows]
         tell_pairs(normals, told)
-    return Candidates(rows, normals, told, _turn(near), _turn(far))
+    return Candidates(rows, normals, told, turn, wide_turn)
 
 
 def _passed(gate: Network, candidates: Singles, beside: Singles) -> npt.NDArray[np.bool_]:
@@ -186,17 +189,18 @@ class _Surroundings:
         self._heights = np.empty((mesh.vertex_count, len(_PASSES)))
         run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far,
             self._heights)  # fmt: skip
-        changes = np.empty((mesh.face_count, _AROUND))
+        changes: npt.NDArray = np.empty((mesh.face_count, _AROUND), dtype=np.float32)
         run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
             mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),
             changes)  # fmt: skip
         around = average_to_vertices(mesh, changes)
+        del changes
         around[:, -1] = self._heights[:, -1] ** 2
         around = smooth_vertices(mesh, around, 2)
         run(_to_logarithms, len(around), around)
         self._around = around
-        self._number = np.full(mesh.vertex_count, -1, dtype=np.int32)
-        self._measures = np.empty((0, _AROUND * (1 + len(_CELLS))))
+        self._known = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        self._measures = np.empty((mesh.vertex_count, _AROUND * (1 + len(_CELLS))), np.float32)
         used = np.diff(mesh.corners[0]) > 0
         self._cells: list[MeansAround] = []
         self._place: npt.NDArray | None = None
@@ -214,13 +218,14 @@ class _Surroundings:
             self._cells = [MeansAround(*self._grids, size) for size in _CELLS]
         wanted = np.zeros(mesh.vertex_count, dtype=np.bool_)
         wanted[mesh.faces[rows]] = True
-        new = np.flatnonzero(wanted & (self._number < 0))
-        self._number[new] = np.arange(len(self._measures), len(self._measures) + len(new))
+        new = np.flatnonzero(wanted & ~self._known)
+        self._known[new] = True
         place = new if self._place is None else self._place[new]
-        found = [self._around[new], *(cells.at(place) for cells in self._cells)]
-        self._measures = np.concatenate([self._measures, np.concatenate(found, axis=1)])
-        run(_tell_around, len(rows), rows, mesh.faces, self._heights, self._number,
-            self._measures, told)  # fmt: skip
+        self._measures[new, :_AROUND] = self._around[new]
+        for k, cells in enumerate(self._cells, 1):
+            self._measures[new, k * _AROUND : (k + 1) * _AROUND] = cells.at(place)
+        run(_tell_around, len(rows), rows, mesh.faces, self._heights, self._measures,
+            told)  # fmt: skip
         return told
 
 
@@ -317,14 +322,13 @@ def _to_logarithms(start, stop, values):
 
 
 @kernel
-def _tell_around(start, stop, rows, faces, heights, place, measures, told):
+def _tell_around(start, stop, rows, faces, heights, measures, told):
     # Means over a face's corners.
     for r in range(start, stop):
         a, b, c = faces[rows[r], 0], faces[rows[r], 1], faces[rows[r], 2]
         for i in range(heights.shape[1]):
             height = (abs(heights[a, i]) + abs(heights[b, i]) + abs(heights[c, i])) / 3.0
             told[r, i] = np.log(height + 0.005) + 3.0
-        p, q, s = place[a], place[b], place[c]
         begin = heights.shape[1]
         for i in range(measures.shape[1]):
-            told[r, begin + i] = (measures[p, i] + measures[q, i] + measures[s, i]) / 3.0
+            told[r, begin + i] = (measures[a, i] + measures[b, i] + measures[c, i]) / 3.0

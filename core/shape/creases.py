@@ -182,7 +182,8 @@ def _weighed(mesh: TriangleMesh, settings: GeometrySettings) -> tuple[Candidates
     with phase(0.0, 0.9, "Finding creases"):
         found = find_candidates(mesh, settings, networks()["gate"])
     with phase(0.9, 1.0, "Finding creases"):
-        return found, networks()["mixture"].scores(found.told)
+        scores = networks()["mixture"].scores(found.told)
+    return found._replace(told=found.told[:0].copy()), scores  # what was told is large
 
 
 def _taken(
