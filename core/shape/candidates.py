@@ -189,7 +189,7 @@ class _Surroundings:
         self._heights = np.empty((mesh.vertex_count, len(_PASSES)))
         run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far,
             self._heights)  # fmt: skip
-        changes: npt.NDArray = np.empty((mesh.face_count, _AROUND), dtype=np.float32)
+        changes = np.empty((mesh.face_count, _AROUND))
         run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
             mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),
             changes)  # fmt: skip
@@ -331,4 +331,5 @@ def _tell_around(start, stop, rows, faces, heights, measures, told):
             told[r, i] = np.log(height + 0.005) + 3.0
         begin = heights.shape[1]
         for i in range(measures.shape[1]):
-            told[r, begin + i] = (measures[a, i] + measures[b, i] + measures[c, i]) / 3.0
+            total = np.float64(measures[a, i]) + measures[b, i] + measures[c, i]
+            told[r, begin + i] = total / 3.0  # in double precision: the order does not matter

@@ -49,7 +49,7 @@ TURNS = 2.0
 MISSED = 0.01
 """Share of all turns that the gate may miss."""
 
-USUAL, AS_IT_IS = 3.0, 12.0
+USUAL, AS_IT_IS = 3.0, 8.0
 """Degrees: a mesh counts the less the more wrong it is, beyond the first; and how much those count
 that are as they should be."""
 
