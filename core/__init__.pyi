@@ -59,6 +59,7 @@ from .flow.potential import (
 from .mesh.directions import (
     axis_directions,
     gradient_directions,
+    principal_curvatures,
     principal_directions,
 )
 from .mesh.triangle_mesh import (
@@ -185,6 +186,7 @@ __all__ = [
     "line_integral_convolution",
     "object_normals",
     "osher_rudin_image",
+    "principal_curvatures",
     "principal_directions",
     "reaction_diffusion",
     "sharpen_corner_signal",

@@ -3,13 +3,13 @@
 
 From the rows come the public names of `core`, the commands of ``shock-filter`` and of Blender's
 command line, and the list of modules with kernels. A new filter of a kind that is here already
-costs a settings class, a module in the room of its data and a row. Needs neither numpy nor numba.
+costs a settings class, a module in the room of its data and a row, with the small function above it
+that imports the filter when it is first run. Needs neither numpy nor numba.
 Annotations are not postponed here, since evaluating them later takes longer.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any, dataclass_transform
 
 from . import settings as _settings
@@ -114,17 +114,35 @@ class Filter(Row):
         What people type to have files filtered.
     about : str
         What it is for, in a few words that follow the command's name.
+    load : callable
+        Imports the function and returns it.
     corners : str
         For `COLORS`: name of the function for signals at the corners, in the same module.
+    load_corners : callable
+        Imports that and returns it.
     vertices : str
         For `FIELD`: name of the function that gives values at the vertices instead, if there is
         one, in the same module.
+    load_vertices : callable
+        Imports that and returns it.
+    load_solver : callable or None
+        For `TEXTURE`: imports and returns a class that keeps what results with different gains
+        share: ``solver(mesh, uv, image, settings, normals=, atlas=)``, and
+        ``solver.filtered(gain, mask)``, linear in the gain but for normals. None if there is none.
+    is_slow : bool
+        Whether a preview computes less at once than with other filters.
+    needs_levels : bool
+        For `TEXTURE`: whether it solves by multigrid, which small textures need not.
+    closes_creases : bool
+        For `GEOMETRY`: whether it closes creases, whose edges a host may mark as sharp.
+    fills_gutter : bool
+        For `TEXTURE`: whether it changes the texels beside the charts, and not those in them.
     takes_mask : bool
         Whether it has a mask.
     takes_guide : bool
         Whether another image's flow may move the values.
     takes_gain : bool
-        Whether its gain may be painted.
+        Whether its gain may be painted: the setting with that role.
     takes_others : bool
         Whether it makes one image of several.
     takes_normals : bool
@@ -149,8 +167,16 @@ class Filter(Row):
     kind: Kind
     command: str
     about: str
+    load: Callable[[], Any]
     corners: str = ""
+    load_corners: Callable[[], Any] | None = None
     vertices: str = ""
+    load_vertices: Callable[[], Any] | None = None
+    load_solver: Callable[[], Any] | None = None
+    is_slow: bool = False
+    needs_levels: bool = False
+    closes_creases: bool = False
+    fills_gutter: bool = False
     takes_mask: bool = True
     takes_guide: bool = False
     takes_gain: bool = False
@@ -182,14 +208,16 @@ class Filter(Row):
         callable
             ``function(*data, settings=None, mask=None, progress=None)``
         """
-        name = self.corners if corners else self.vertices if vertices else self.name
-        function = _load(self.module, name)
-        if not self.takes_mask and self.kind is not FIELD:
+        load = self.load_corners if corners else self.load_vertices if vertices else self.load
+        assert load is not None
+        function = load()
+        if not self.takes_mask and not self.kind.is_drawn:
             function = _without_mask(function)
         if then_time is None:
             return function
+        from .then_sharpen import then_sharpen
+
         sharpen = find(self.then).function(corners=corners)
-        then_sharpen = _load("then_sharpen", "then_sharpen")
         return then_sharpen(function, sharpen, self.sharpening(then_time))
 
     def sharpening(self, time: float | None) -> Any:
@@ -202,6 +230,120 @@ class Filter(Row):
         return settings
 
 
+def _denoise_geometry() -> Any:
+    from .shape.denoising import denoise_geometry
+
+    return denoise_geometry
+
+
+def _beltrami_vertex_signal() -> Any:
+    from .color.signal_denoising import beltrami_vertex_signal
+
+    return beltrami_vertex_signal
+
+
+def _beltrami_corner_signal() -> Any:
+    from .color.signal_denoising import beltrami_corner_signal
+
+    return beltrami_corner_signal
+
+
+def _beltrami_image() -> Any:
+    from .color.image_denoising import beltrami_image
+
+    return beltrami_image
+
+
+def _beltrami_texture() -> Any:
+    from .texture.denoising import beltrami_texture
+
+    return beltrami_texture
+
+
+def _sharpen_geometry() -> Any:
+    from .shape.sharpening import sharpen_geometry
+
+    return sharpen_geometry
+
+
+def _sharpen_vertex_signal() -> Any:
+    from .color.signal_sharpening import sharpen_vertex_signal
+
+    return sharpen_vertex_signal
+
+
+def _sharpen_corner_signal() -> Any:
+    from .color.signal_sharpening import sharpen_corner_signal
+
+    return sharpen_corner_signal
+
+
+def _sharpen_image() -> Any:
+    from .color.image_sharpening import sharpen_image
+
+    return sharpen_image
+
+
+def _sharpen_texture() -> Any:
+    from .texture.sharpening import sharpen_texture
+
+    return sharpen_texture
+
+
+def _filter_texture() -> Any:
+    from .texture.gradient_domain import filter_texture
+
+    return filter_texture
+
+
+def _texture_solver() -> Any:
+    from .texture.gradient_domain import TextureSolver
+
+    return TextureSolver
+
+
+def _stitch_textures() -> Any:
+    from .texture.stitching import stitch_textures
+
+    return stitch_textures
+
+
+def _geodesic_distance() -> Any:
+    from .texture.distance import geodesic_distance
+
+    return geodesic_distance
+
+
+def _vertex_distance() -> Any:
+    from .texture.distance import vertex_distance
+
+    return vertex_distance
+
+
+def _surface_line_convolution() -> Any:
+    from .texture.streaks import surface_line_convolution
+
+    return surface_line_convolution
+
+
+def _reaction_diffusion() -> Any:
+    from .texture.patterns import reaction_diffusion
+
+    return reaction_diffusion
+
+
+def _advect_noise() -> Any:
+    from .advection.noise import advect_noise
+
+    return advect_noise
+
+
+def _dilate_texture() -> Any:
+    from .texture.sharpening import dilate_texture
+
+    return dilate_texture
+
+
 FILTERS: tuple[Filter, ...] = (
     Filter(
         "denoise_geometry",
@@ -210,6 +352,8 @@ FILTERS: tuple[Filter, ...] = (
         GEOMETRY,
         "denoise-geometry",
         "remove noise from meshes; creases stay",
+        _denoise_geometry,
+        is_slow=True,
         then="sharpen_geometry",
         then_settings={
             **_settings.OF_PAPER,
@@ -223,7 +367,10 @@ FILTERS: tuple[Filter, ...] = (
         COLORS,
         "denoise-colors",
         "remove noise from the vertex colors of meshes; edges stay",
+        _beltrami_vertex_signal,
+        is_slow=True,
         corners="beltrami_corner_signal",
+        load_corners=_beltrami_corner_signal,
         then="sharpen_vertex_signal",
     ),
     Filter(
@@ -233,6 +380,8 @@ FILTERS: tuple[Filter, ...] = (
         IMAGE,
         "denoise-image",
         "remove noise from images; edges stay",
+        _beltrami_image,
+        is_slow=True,
         then="sharpen_image",
         then_time=16.0,
     ),
@@ -243,6 +392,8 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "denoise-texture",
         "remove noise from textures on the surface of a mesh, across seams; edges stay",
+        _beltrami_texture,
+        is_slow=True,
         then="sharpen_texture",
         then_time=16.0,
     ),
@@ -253,6 +404,8 @@ FILTERS: tuple[Filter, ...] = (
         GEOMETRY,
         "sharpen-geometry",
         "sharpen the creases of meshes",
+        _sharpen_geometry,
+        closes_creases=True,
     ),
     Filter(
         "sharpen_vertex_signal",
@@ -261,7 +414,9 @@ FILTERS: tuple[Filter, ...] = (
         COLORS,
         "sharpen-colors",
         "sharpen the vertex colors of meshes",
+        _sharpen_vertex_signal,
         corners="sharpen_corner_signal",
+        load_corners=_sharpen_corner_signal,
     ),
     Filter(
         "sharpen_image",
@@ -270,6 +425,7 @@ FILTERS: tuple[Filter, ...] = (
         IMAGE,
         "sharpen-image",
         "sharpen images",
+        _sharpen_image,
         takes_guide=True,
     ),
     Filter(
@@ -279,6 +435,7 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "sharpen-texture",
         "sharpen textures on the surface of a mesh, across seams",
+        _sharpen_texture,
         takes_guide=True,
     ),
     Filter(
@@ -288,6 +445,9 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "filter-texture",
         "raise or smooth the detail of textures on the surface of a mesh, across seams",
+        _filter_texture,
+        load_solver=_texture_solver,
+        needs_levels=True,
         takes_gain=True,
         takes_normals=True,
     ),
@@ -298,6 +458,8 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "stitch-textures",
         "take the steps at seams away: baked light, scans, projected photos",
+        _stitch_textures,
+        needs_levels=True,
         takes_others=True,
         takes_normals=True,
     ),
@@ -308,7 +470,9 @@ FILTERS: tuple[Filter, ...] = (
         FIELD,
         "geodesic-distance",
         "draw how far each texel is along the surface",
+        _geodesic_distance,
         vertices="vertex_distance",
+        load_vertices=_vertex_distance,
         takes_mask=False,
         takes_starts=True,
     ),
@@ -319,6 +483,7 @@ FILTERS: tuple[Filter, ...] = (
         FIELD,
         "surface-streaks",
         "draw streaks along directions on the surface, such as of brushed metal",
+        _surface_line_convolution,
         takes_mask=False,
         way="flat",
     ),
@@ -329,6 +494,8 @@ FILTERS: tuple[Filter, ...] = (
         FIELD,
         "surface-pattern",
         "grow stripes, dots and labyrinths on the surface, as on animals",
+        _reaction_diffusion,
+        is_slow=True,
         takes_mask=False,
         way="",
         takes_scale=True,
@@ -340,6 +507,7 @@ FILTERS: tuple[Filter, ...] = (
         FLOW,
         "visualize-flow",
         "show a flow as a moving texture: noise, dye, or a still picture of streaks",
+        _advect_noise,
         takes_mask=False,
     ),
     Filter(
@@ -349,6 +517,8 @@ FILTERS: tuple[Filter, ...] = (
         TEXTURE,
         "dilate-texture",
         "fill the texels around the charts of textures with what lies across the seams",
+        _dilate_texture,
+        fills_gutter=True,
         takes_mask=False,
     ),
 )
@@ -365,7 +535,12 @@ OTHERS: dict[str, tuple[str, ...]] = {
         "SolverError",
     ),
     "settings": ("ConvolutionSettings", "DyeSettings", "FitSettings"),
-    "mesh.directions": ("axis_directions", "gradient_directions", "principal_directions"),
+    "mesh.directions": (
+        "axis_directions",
+        "gradient_directions",
+        "principal_curvatures",
+        "principal_directions",
+    ),
     "mesh.triangle_mesh": ("TriangleMesh",),
     "mesh.weld": ("weld", "weld_borders"),
     "atlas": ("TextureAtlas", "UVReport"),
@@ -412,7 +587,3 @@ def kernel_modules() -> list[str]:
 
 def _without_mask(function: Any) -> Any:
     return lambda *data, mask=None, **words: function(*data, **words)
-
-
-def _load(module: str, name: str) -> Any:
-    return getattr(import_module(f".{module}", __package__), name)

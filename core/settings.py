@@ -10,7 +10,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar, dataclass_transform
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar, dataclass_transform
 
 from .errors import InvalidSettings
 
@@ -39,11 +39,27 @@ class Setting(NamedTuple):
     advanced : bool
         True for fields that belong into a closed sub-panel.
     length_power : int
-        For numbers that count in mean edge lengths: the power of length in their unit, by which
-        they change where the mean edge is another one.
+        The power of length in the unit of a number.
+    counts_in : str
+        What that length is measured in: ``"edges"``, ``"texels"`` or ``"pixels"``, each the mean
+        one; or ``"faces"``, see `_Settings.counts_in`. A preview on shorter edges or on larger
+        texels converts the number. Empty for lengths that depend on none of these.
     label : str
         Words on screen where those of the field's name are too long or too technical; at most
         14 letters, which is what Blender's sidebar shows.
+    role : str
+        What programs use the value for, beside handing it to the filter: ``"time"``, ``"width"``
+        (of the borders that are closed; 0 measures it), ``"gain"``, ``"opacity"``,
+        ``"content"``, ``"enlargement"`` or ``"repeats"``. See `named` and `value_of`.
+    of_data : bool
+        Whether it says what the data are, so that a filter that follows in the same run takes it
+        over.
+    rehearsed : tuple
+        Values with compiled code of their own, beside the default and all choices.
+    brief : number or None
+        A value with which the filter is done quickly, and compiles the same code as with others.
+    tried_at_most : float
+        A preview takes no more, so that it is done in time.
     """
 
     description: str
@@ -55,7 +71,13 @@ class Setting(NamedTuple):
     choices: Mapping[str, str] = {}
     advanced: bool = False
     length_power: int = 0
+    counts_in: str = ""
     label: str = ""
+    role: str = ""
+    of_data: bool = False
+    rehearsed: tuple[Any, ...] = ()
+    brief: Any = None
+    tried_at_most: float = INF
 
 
 def _setting(default: Any, description: str, **about: Any) -> Any:
@@ -81,6 +103,19 @@ def describe(settings: type) -> dict[str, tuple[Any, Any, Setting]]:
             f.name: (f.type, f.default, f.metadata["setting"]) for f in dataclasses.fields(settings)
         }
     return _described[settings]
+
+
+def named(settings: type, role: str) -> str:
+    """Name the field that has a role (see `Setting`); empty if the class has none."""
+    return next(
+        (name for name, (_, _, about) in describe(settings).items() if about.role == role), ""
+    )
+
+
+def value_of(settings: Any, role: str, default: Any = None) -> Any:
+    """Return the value of the field that has a role, or the default if there is none."""
+    name = named(type(settings), role)
+    return getattr(settings, name) if name else default
 
 
 _Class = TypeVar("_Class", bound=type)
@@ -117,6 +152,38 @@ class _Settings:
             if instead:
                 raise InvalidSettings(f"{name} is no setting any more: {instead}")
             raise TypeError(f"{type(self).__name__} has no setting {name!r}")
+
+    def changed(self, **values: Any) -> Any:
+        """Return the same settings with other values."""
+        return dataclasses.replace(self, **values)  # type: ignore[type-var]
+
+    @property
+    def kernel(self) -> Any:
+        """The settings of the filter itself; see `host.inputs.Denoising`."""
+        return self
+
+    @property
+    def sharpen_time(self) -> float | None:
+        """The time of a sharpening that follows in the same run; None if none does."""
+        return None
+
+    @property
+    def by_width(self) -> bool:
+        """Whether the width of borders says how far values flow, and no time."""
+        return False
+
+    @property
+    def reach(self) -> float:
+        """How many pixels are read for each one, where that decides how long it takes; 0 if not."""
+        return 0.0
+
+    def counts_in(self, name: str) -> str:
+        """Say in what the length of a setting is measured; see `Setting`.
+
+        Numbers that count in faces say how many steps from face to face there are, on surfaces that
+        are taken for scans, whatever the size of the faces; on all others they count in edges.
+        """
+        return describe(type(self))[name][2].counts_in
 
     def __setattr__(self, name: str, value: Any) -> None:
         # Each field is set once, when the object is made.
@@ -229,6 +296,8 @@ class _FlowSettings(_Settings):
         unit="flow time in mean edge lengths",
         soft_maximum=4096.0,
         length_power=4,  # P falls with the square of the lengths, and the flow is its gradient
+        counts_in="edges",
+        role="time",
     )
     smoothing_passes: int = _setting(
         1,
@@ -290,6 +359,8 @@ class ShockSettings(_Settings):
         maximum=64.0,
         soft_maximum=16.0,
         length_power=1,
+        counts_in="edges",
+        role="width",
     )
     amount: float = _amount()
     time: float = _changed(
@@ -344,6 +415,8 @@ def _alpha() -> Any:
             "none": "No channel is opacity: all are filtered alike",
         },
         advanced=True,
+        role="opacity",
+        of_data=True,
     )
 
 
@@ -351,9 +424,11 @@ def _alpha() -> Any:
 class ImageSettings(ShockSettings):
     """Settings of :func:`shock_filter.core.sharpen_image`."""
 
-    time: float = _changed(ShockSettings, "time", BY_WIDTH, unit="flow time in pixels")
+    time: float = _changed(
+        ShockSettings, "time", BY_WIDTH, unit="flow time in pixels", counts_in="pixels"
+    )
     what: str = _what("auto")
-    width: float = _changed(ShockSettings, "width", 0.0, unit="pixels")
+    width: float = _changed(ShockSettings, "width", 0.0, unit="pixels", counts_in="pixels")
     enlarge: int = _setting(
         1,
         "How many times higher and wider the result is. 1 keeps the size; 2 and 4 enlarge the image"
@@ -362,6 +437,8 @@ class ImageSettings(ShockSettings):
         minimum=1,
         maximum=8,
         soft_maximum=4,
+        role="enlargement",
+        rehearsed=(2,),
     )
     alpha: str = _alpha()
 
@@ -378,6 +455,7 @@ class DilateSettings(_Settings):
         unit="texels",
         maximum=1024,
         soft_maximum=64,
+        of_data=True,
     )
     background: str = _setting(
         "keep",
@@ -387,6 +465,7 @@ class DilateSettings(_Settings):
             "nearest": "They get the value of the nearest filled texel",
         },
         advanced=True,
+        of_data=True,
     )
     seams: str = _setting(
         "auto",
@@ -397,6 +476,7 @@ class DilateSettings(_Settings):
             "continue": "What the surface has beyond the seam, whatever its color",
             "extend": "More of the same: no color crosses a seam",
         },
+        of_data=True,
     )
 
 
@@ -410,6 +490,8 @@ def _content() -> Any:
             " a chart that lies turned, and made unit length again",
         },
         advanced=True,
+        role="content",
+        of_data=True,
     )
 
 
@@ -425,6 +507,8 @@ def _content_of_vectors() -> Any:
             "object_normals": "Object-space normals, as colors",
         },
         advanced=True,
+        role="content",
+        of_data=True,
     )
 
 
@@ -437,9 +521,12 @@ class TextureSettings(DilateSettings, ShockSettings):
         "time",
         BY_WIDTH,
         unit="flow time in mean texel sizes on the surface",
+        counts_in="texels",
     )
     what: str = _what("auto")
-    width: float = _changed(ShockSettings, "width", 0.0, unit="mean texel sizes on the surface")
+    width: float = _changed(
+        ShockSettings, "width", 0.0, unit="mean texel sizes on the surface", counts_in="texels"
+    )
     alpha: str = _alpha()
     content: str = _content()
 
@@ -454,6 +541,7 @@ class FilterSettings(DilateSettings):
         unit="times the gradients",
         maximum=10.0,
         soft_maximum=4.0,
+        role="gain",
     )
     radius: float = _setting(
         30.0,
@@ -465,6 +553,7 @@ class FilterSettings(DilateSettings):
         soft_minimum=2.0,
         soft_maximum=200.0,
         length_power=1,
+        counts_in="texels",
     )
     alpha: str = _alpha()
     content: str = _content_of_vectors()
@@ -530,6 +619,7 @@ class DistanceSettings(_Settings):
         unit="units of the mesh",
         soft_maximum=10.0,
         length_power=1,
+        role="width",
     )
     smoothing: float = _setting(
         0.0,
@@ -538,6 +628,7 @@ class DistanceSettings(_Settings):
         maximum=1e4,
         soft_maximum=100.0,
         length_power=1,
+        counts_in="texels",
     )
     gutter: int = _changed(DilateSettings, "gutter", 16)
 
@@ -554,6 +645,7 @@ class StreakSettings(_Settings):
         maximum=1e4,
         soft_maximum=200.0,
         length_power=1,
+        counts_in="texels",
     )
     width: float = _setting(
         2.0,
@@ -562,6 +654,7 @@ class StreakSettings(_Settings):
         maximum=1e4,
         soft_maximum=20.0,
         length_power=1,
+        counts_in="texels",
     )
     contrast: float = _setting(
         1.0,
@@ -591,6 +684,8 @@ class ReactionSettings(_Settings):
         unit="steps",
         maximum=MOST_STEPS,
         soft_maximum=10_000,
+        brief=4,
+        tried_at_most=500,  # that covers the surface
     )
     feed: float = _setting(
         0.037,
@@ -615,6 +710,8 @@ class ReactionSettings(_Settings):
         maximum=1e4,
         soft_maximum=100.0,
         length_power=1,
+        counts_in="texels",
+        rehearsed=(60.0,),
     )
     stretch: float = _setting(
         2.0,
@@ -662,12 +759,15 @@ def _loop() -> Any:
         unit="frames",
         maximum=10_000,
         soft_maximum=100,
+        rehearsed=(2,),
     )
 
 
 @_fields
 class NoiseSettings(_Settings):
     """Settings of :func:`shock_filter.core.advect_noise`."""
+
+    draws: ClassVar[Literal["noise"]] = "noise"
 
     step: float = _step()
     blending: float = _setting(
@@ -687,6 +787,7 @@ class NoiseSettings(_Settings):
         unit="pixels",
         maximum=100,
         soft_maximum=20,
+        rehearsed=(4,),
     )
     contrast: float = _changed(StreakSettings, "contrast", 1.0)
     speed_mask: float = _setting(
@@ -732,6 +833,8 @@ class NoiseSettings(_Settings):
 class DyeSettings(_Settings):
     """Settings of :func:`shock_filter.core.advect_dye`."""
 
+    draws: ClassVar[Literal["dye"]] = "dye"
+
     step: float = _step()
     sharpness: float = _setting(
         0.2,
@@ -748,6 +851,8 @@ class DyeSettings(_Settings):
 @_fields
 class ConvolutionSettings(_Settings):
     """Settings of :func:`shock_filter.core.line_integral_convolution`."""
+
+    draws: ClassVar[Literal["lines"]] = "lines"
 
     length: float = _setting(
         20.0,
@@ -799,7 +904,9 @@ class FitSettings(_Settings):
         soft_maximum=30.0,
         advanced=True,
         length_power=1,
+        counts_in="edges",
         label="Fit Radius",
+        rehearsed=(30.0,),
     )
 
 
@@ -833,6 +940,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         maximum=4.0,
         soft_maximum=4.0,
         length_power=1,
+        counts_in="edges",
         label="Widest Fillet",
     )
     amount: float = _amount()
@@ -847,6 +955,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         soft_maximum=16,
         advanced=True,
         label="Pre-Smoothing",
+        rehearsed=(1,),
     )
     feature_threshold: float = _setting(
         1.1,
@@ -889,6 +998,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
         soft_maximum=5.0,
         advanced=True,
         length_power=1,
+        counts_in="edges",
         label="Move Limit",
     )
     align_passes: int = _setting(
@@ -944,7 +1054,7 @@ CUTOFF = 0.01
 """Weights of the kernel below this part of the largest one count as nothing."""
 
 
-def _kernel_time(lengths: str, maximum: float) -> Any:
+def _kernel_time(lengths: str, maximum: float, counts_in: str = "edges") -> Any:
     return _setting(
         1.0,
         "Time of the kernel, applied at once. 0 changes nothing; where values do not change it"
@@ -953,10 +1063,12 @@ def _kernel_time(lengths: str, maximum: float) -> Any:
         maximum=maximum,
         soft_maximum=10.0,
         length_power=2,
+        counts_in=counts_in,
+        role="time",
     )
 
 
-def _kernel_beta(default: float, lengths: str) -> Any:
+def _kernel_beta(default: float, lengths: str, counts_in: str = "edges") -> Any:
     return _setting(
         default,
         "How much values count against lengths: a step from 0 to 1 is as far as this many"
@@ -965,6 +1077,7 @@ def _kernel_beta(default: float, lengths: str) -> Any:
         maximum=1e6,
         soft_maximum=30.0,
         length_power=1,
+        counts_in=counts_in,
         label="Keep Edges",
     )
 
@@ -986,6 +1099,7 @@ class BeltramiMeshSettings(_Settings):
         minimum=1,
         maximum=1000,
         soft_maximum=10,
+        role="repeats",
     )
 
     @property
@@ -998,8 +1112,8 @@ class BeltramiMeshSettings(_Settings):
 class BeltramiSettings(BeltramiMeshSettings):
     """Settings of :func:`shock_filter.core.beltrami_image` and `beltrami_manifold`."""
 
-    time: float = _kernel_time("pixels", 100.0)
-    beta: float = _kernel_beta(7.0, "pixels")
+    time: float = _kernel_time("pixels", 100.0, counts_in="pixels")
+    beta: float = _kernel_beta(7.0, "pixels", counts_in="pixels")
     iterations: int = _changed(BeltramiMeshSettings, "iterations", 2)
     alpha: str = _alpha()
 
@@ -1013,8 +1127,8 @@ class BeltramiSettings(BeltramiMeshSettings):
 class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
     """Settings of :func:`shock_filter.core.beltrami_texture`."""
 
-    time: float = _kernel_time("texels", 100.0)
-    beta: float = _kernel_beta(7.0, "texels")
+    time: float = _kernel_time("texels", 100.0, counts_in="texels")
+    beta: float = _kernel_beta(7.0, "texels", counts_in="texels")
     alpha: str = _alpha()
     content: str = _content()
 
@@ -1029,6 +1143,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         0.5,
         "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
         " variance 2 * time. 10 removes coarse noise, and fine relief with it",
+        counts_in="faces",
     )
     beta: float = _changed(
         BeltramiMeshSettings,
@@ -1039,6 +1154,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         " many. 0 blurs across creases; 5 keeps even faint ones, and noise with them",
         unit="mean edge lengths for the noise",
         soft_maximum=5.0,
+        counts_in="faces",
     )
     iterations: int = _changed(
         BeltramiMeshSettings,
@@ -1068,3 +1184,8 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         soft_maximum=4,
     )
     repeat: int = _changed(GeometrySettings, "repeat", 3)
+
+    def counts_in(self, name: str) -> str:
+        """See `_Settings.counts_in`: positions are averaged by lengths, on scans, too."""
+        unit = super().counts_in(name)
+        return "edges" if unit == "faces" and self.filtered == "positions" else unit

@@ -16,12 +16,10 @@ from .base.progress import ProgressCallback, phase, reporting
 from .color.signal_sharpening import sharpen_corner_signal
 from .errors import InvalidMesh
 from .mesh.triangle_mesh import Floats, TriangleMesh
-from .settings import GeometrySettings, ShockSettings
+from .settings import GeometrySettings, ShockSettings, describe
 from .shape.sharpening import sharpen_geometry
 
 Filter = Callable[..., Any]
-
-_SAME = "alpha", "content", "gutter", "background", "seams"  # what the data are
 
 
 def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
@@ -67,8 +65,7 @@ def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
         progress: ProgressCallback | None = None,
         **more: Any,
     ) -> Any:
-        same = [name for name in _SAME if hasattr(settings, name) and hasattr(sharpening, name)]
-        chosen = replace(sharpening, **{name: getattr(settings, name) for name in same})
+        chosen = _on_same_data(sharpening, settings)
         with reporting(progress):
             with phase(0.0, 0.5, "Denoising"):
                 result = denoise(*data, settings=settings, mask=mask, **more)
@@ -81,6 +78,18 @@ def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
                 return sharpen(*data[:-1], denoised, settings=chosen, mask=mask, **more)
 
     return denoise_and_sharpen
+
+
+def _on_same_data(sharpening: Any, settings: Any) -> Any:
+    # What the data are is as the first filter's settings say.
+    if settings is None:
+        return sharpening
+    given = {
+        name: getattr(settings, name)
+        for name, (_, _, about) in describe(type(settings)).items()
+        if about.of_data and name in describe(type(sharpening))
+    }
+    return replace(sharpening, **given)
 
 
 def sharpen_both(

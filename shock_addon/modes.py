@@ -4,7 +4,7 @@
 Property groups, operators, buttons, menus, presets, previews, statistics, links into the manual and
 Blender's command line are made by walking over the rows; operators by ``type(...)`` in
 `operators.filtering`. What a row does not say, its filter says (`core.registry`: settings, kind of
-data, what may follow), and `DATA`, the table of Blender's data.
+data, what may follow), and `kinds`, the table of Blender's data.
 
 *Mode* means a row here, as it does on screen; what Blender calls a mode of the 3D view is an
 *object mode*. Needs no bpy, neither numpy nor numba. Annotations are not postponed here, since
@@ -14,163 +14,14 @@ evaluating them later takes longer.
 import math
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 from ..core import registry
 from ..core.registry import Row
-from ..core.settings import OF_PAPER, Setting, describe
+from ..core.settings import OF_PAPER, Setting, describe, named
+from .kinds import DATA, MASK, Data
 
 STEADY_STATE = "steady_state"
-
-_WHERE = ("vertex_group", "invert_mask", "selected_only")
-_MASK = {*_WHERE, "mask_image"}
-_TEXTURE = ("image", "maps", "output", "assign")
-PICTURES = ("image_2", "image_3", "image_4")
-"""Properties that name further pictures of the same surface."""
-
-_GENERATED = ("image", "image_size", "add_node")
-"""Properties of what makes images."""
-
-_SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
-
-
-class Data(Row):
-    """A kind of Blender's data.
-
-    Attributes
-    ----------
-    base : str
-        "module:class" of what its operators have in common.
-    properties : tuple of str
-        What the panel keeps for it beside settings; see `operators.properties`.
-    filter : str
-        "module:function", ``function(surface, name, settings, weld, progress)`` for meshes and
-        ``function(surface, name, settings, progress)`` for images: filters what was read by the
-        filter of that name in the registry, on any thread.
-    read, write : str
-        "module:function"; see `data.mesh.meshes.read_targets`. Empty for images.
-    flow : str
-        "module:function" that computes where shock filters pull, for Show Flow; or empty.
-    object_modes : tuple of str
-        Object modes whose menu offers it.
-    in_images : bool
-        Whether the Image Editor offers it.
-    on_surface : bool
-        Whether it is there on mesh objects only.
-    """
-
-    base: str
-    properties: tuple[str, ...]
-    filter: str
-    read: str = ""
-    write: str = ""
-    flow: str = ""
-    object_modes: tuple[str, ...] = ()
-    in_images: bool = False
-    on_surface: bool = True
-
-
-_MESH = ".operators.meshes:MeshOperator"
-_GENERATOR = ".operators.generating:GenerateOperator"
-_FLOW = ".operators.visualizing:FlowOperator"
-_FRAMES = ("frames", "in_colors", "folder")
-"""Properties of what makes frames."""
-_ON_SURFACE = ("image_size", "add_node")
-
-DATA = {
-    "geometry": Data(
-        _MESH,
-        (*_WHERE, "output", "weld", *_SHADING),
-        "..core.host.geometry:filter_shape",
-        ".data.mesh.geometry:read_geometry",
-        ".data.mesh.geometry:write_geometry",
-        "..core.preview.flow:flow_of_shape",
-        object_modes=("OBJECT", "EDIT_MESH", "SCULPT"),
-    ),
-    "colors": Data(
-        _MESH,
-        ("attribute", *_WHERE, "weld"),
-        "..core.host.colors:filter_colors",
-        ".data.mesh.colors:read_colors",
-        ".data.mesh.colors:write_colors",
-        "..core.preview.flow:flow_of_colors",
-        object_modes=("OBJECT", "PAINT_VERTEX"),
-    ),
-    "both": Data(
-        _MESH,
-        ("attribute", *_WHERE, "output", "weld", *_SHADING),
-        "..core.host.denoising:filter_both",
-        ".data.mesh.painted:read_painted",
-        ".data.mesh.painted:write_painted",
-        object_modes=("OBJECT",),
-    ),
-    "image": Data(
-        ".operators.images:ImageOperator",
-        ("output",),
-        "..core.host.images:filter_image",
-        in_images=True,
-        on_surface=False,
-    ),
-    "texture": Data(
-        ".operators.textures:TextureOperator",
-        (*_WHERE, "mask_image", *_TEXTURE),
-        "..core.host.textures:filter_texture",
-        object_modes=("OBJECT", "PAINT_TEXTURE"),
-        in_images=True,
-    ),
-    "detail": Data(
-        ".operators.textures:TextureOperator",
-        (*_WHERE, "mask_image", "gain_map", "gain_colors", *_TEXTURE),
-        "..core.host.textures:filter_texture",
-        object_modes=("OBJECT", "PAINT_TEXTURE"),
-        in_images=True,
-    ),
-    "stitch": Data(
-        ".operators.textures:TextureOperator",
-        (*_WHERE, "mask_image", *PICTURES, "image", "output", "assign"),
-        "..core.host.textures:filter_texture",
-        object_modes=("OBJECT", "PAINT_TEXTURE"),
-        in_images=True,
-    ),
-    "distance": Data(
-        _GENERATOR,
-        ("start", "start_group", "start_image", "into", *_GENERATED),
-        "..core.host.fields:generate",
-        object_modes=("OBJECT", "EDIT_MESH"),
-    ),
-    "streaks": Data(
-        _GENERATOR,
-        ("along", "along_attribute", *_GENERATED),
-        "..core.host.fields:generate",
-        object_modes=("OBJECT",),
-    ),
-    "pattern": Data(
-        _GENERATOR,
-        ("scale_map", "stretch_along", *_GENERATED),
-        "..core.host.fields:generate",
-        object_modes=("OBJECT",),
-    ),
-    "flow": Data(
-        _FLOW,
-        (*_FRAMES, *_ON_SURFACE),
-        "..core.host.advection:frames_of",
-        object_modes=("OBJECT",),
-    ),
-    "attribute_flow": Data(
-        _FLOW,
-        ("field", *_FRAMES, *_ON_SURFACE),
-        "..core.host.advection:frames_of",
-        object_modes=("OBJECT",),
-    ),
-    "flow_map": Data(
-        _FLOW,
-        ("image", "y_axis", *_FRAMES),
-        "..core.host.advection:frames_of",
-        in_images=True,
-    ),
-}
-"""The kinds of Blender's data; those that the registry knows have its names."""
 
 
 class Preset(Row):
@@ -213,11 +64,12 @@ class Target(Row):
     prefix : str
         What the names of its settings' properties begin with.
     kind : str
-        Key of `DATA`; the registry's one if left out.
+        Key of `kinds.DATA`; the registry's one if left out.
     defaults : mapping
         Those of settings that are other ones here.
     dials : tuple of str or None
-        Settings that mouse and wheel change in a preview, if not the time and the mode's second.
+        Settings that mouse and wheel change in a preview, if not the time and the mode's second;
+        empty for none.
     """
 
     filter: str
@@ -236,7 +88,7 @@ class Target(Row):
 
     @property
     def data_kind(self) -> str:
-        """Key of `DATA`."""
+        """Key of `kinds.DATA`."""
         return self.kind or self.row.kind.name
 
     @property
@@ -246,21 +98,25 @@ class Target(Row):
 
     @property
     def time(self) -> str:
-        """The property of the flow time; empty if there is none."""
-        name = f"{self.prefix}time"
-        return name if name in self.fields else ""
+        """The property of the time; empty if there is none."""
+        return self._named("time")
+
+    @property
+    def width(self) -> str:
+        """The property of the width, which counts while a time is below 0; empty if none."""
+        return self._named("width")
+
+    def _named(self, role: str) -> str:
+        name = named(self.row.settings, role)
+        return name and self.prefix + name
 
     def dial(self, parameters: Any) -> str:
         """Name the property that the mouse changes in a preview; empty if there is none."""
-        width = f"{self.prefix}width"
         if self.dials is not None:
-            return self.prefix + self.dials[0]
-        if not self.time:
-            names = (f"{self.prefix}gain", f"{self.prefix}radius")
-            return next((name for name in names if name in self.fields), "")
+            return self.dials[0] and self.prefix + self.dials[0]
         is_endless = self.steady_state and getattr(parameters, self.steady_state)
-        if width in self.fields and not is_endless and getattr(parameters, self.time) < 0:
-            return width
+        if self.time and self.width and not is_endless and getattr(parameters, self.time) < 0:
+            return self.width
         return self.time
 
     def second(self, of_mode: str) -> str:
@@ -291,7 +147,7 @@ class Target(Row):
     def places(self) -> list[str]:
         """List the properties that say where it is done."""
         names, row = self.data.properties, self.row
-        return [name for name in names if row.takes_mask or name not in _MASK]
+        return [name for name in names if row.takes_mask or name not in MASK]
 
 
 @cache
@@ -324,10 +180,10 @@ class Mode(Row):
         What is said instead where no vertex has moved.
     changes : str
         How much was done, where this is not how much colors have changed.
+    announced : str
+        What the panel says of the texture that a run would take.
     flow : str
         Whose flow Show Flow shows, for its choice; empty where the filter has none.
-    is_slow : bool
-        Whether a preview takes small patches.
     icon : str
         Of the button.
     presets : tuple of Preset
@@ -350,8 +206,8 @@ class Mode(Row):
     advice: str = ""
     nothing: str = ""
     changes: str = ""
+    announced: str = "Will filter: {}"
     flow: str = ""
-    is_slow: bool = False
     icon: str = "SHARPCURVE"
     presets: tuple[Preset, ...] = ()
     within: str = ""
@@ -387,14 +243,7 @@ class Mode(Row):
     @property
     def has_preview(self) -> bool:
         """Whether what is tried can be shown before a run; films cannot."""
-        return "frames" not in self.names
-
-    @property
-    def stage(self) -> str:
-        """Name the module of `preview` that shows what is tried."""
-        if "image_size" in self.names:
-            return "fields"
-        return "images" if self.data.in_images else "meshes"
+        return self.data.handled_as != "films"
 
     @property
     def follows(self) -> type | None:
@@ -458,8 +307,8 @@ MODES: list[Mode] = [
         "Denoised",
         "denoising",
         second="beta",
+        announced="Will denoise: {}",
         advice="for more noise raise Time or lower Keep Edges",
-        is_slow=True,
         icon="SMOOTHCURVE",
         presets=(
             Preset(
@@ -498,8 +347,8 @@ MODES: list[Mode] = [
         "denoising",
         second="beta",
         about_in_images="Remove noise; edges stay",
+        announced="Will denoise: {}",
         advice="for more noise raise Time or lower Keep Edges",
-        is_slow=True,
         icon="SMOOTHCURVE",
         presets=(
             Preset(
@@ -533,8 +382,8 @@ MODES: list[Mode] = [
         second="beta",
         about_in_images="Remove noise on the surface of the selected objects that show it, across"
         " seams",
+        announced="Will denoise: {}",
         advice="for more noise raise Time or lower Keep Edges",
-        is_slow=True,
         icon="SMOOTHCURVE",
         presets=(
             Preset(
@@ -680,6 +529,7 @@ MODES: list[Mode] = [
         "Sharpened",
         "textures",
         second="amount",
+        announced="Will sharpen: {}",
         advice="for wider edges raise Width",
         about_in_images="Sharpen it on the surface of the selected objects that show it, across"
         " seams",
@@ -712,10 +562,16 @@ MODES: list[Mode] = [
         "filter_texture",
         "Raise or smooth the detail of a texture, on the surface and across UV seams",
         # Wider, logos and letters get a glow.
-        (Target("filter_texture", kind="detail", defaults={"radius": 10.0}),),
+        (
+            Target(
+                "filter_texture",
+                kind="detail",
+                defaults={"radius": 10.0},
+                dials=("gain", "radius"),
+            ),
+        ),
         "Filtered",
         "detail",
-        second="radius",
         advice="a Gain of 1 changes nothing; 2 doubles detail, 0 smooths it away",
         about_in_images="Raise or smooth its detail on the surface of the selected objects that"
         " show it, across seams",
@@ -751,7 +607,7 @@ MODES: list[Mode] = [
         "stitch_textures",
         "Take away the steps between the charts of a texture, or make one texture without steps of"
         " several pictures",
-        (Target("stitch_textures", kind="stitch"),),
+        (Target("stitch_textures", kind="stitch", dials=("radius", "")),),
         "Stitched",
         "stitch",
         advice="steps that are still seen need a larger Radius",
@@ -961,9 +817,3 @@ def choices() -> list[Mode]:
 def below(mode: Mode) -> list[Mode]:
     """List what stands below a mode's button."""
     return [each for each in MODES if each.within == mode.key]
-
-
-def load(where: str) -> Any:
-    """Import what a "module:name" of a row means."""
-    module, _, name = where.partition(":")
-    return getattr(import_module(module, __package__), name)

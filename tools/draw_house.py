@@ -24,8 +24,9 @@ PLACES = {
     "shock_addon.flow": (400, 1, "Show Flow"),
     "shock_addon.operators": (300, 2, "what buttons run: read, filter, write, tell"),
     "shock_addon.running": (160, 3, "jobs on a thread, Esc, compiling"),
-    "shock_addon.data": (430, 3, "Blender's data in and out"),
-    "shock_addon.modes": (680, 3, "one row per button"),
+    "shock_addon.data": (410, 3, "Blender's data in and out"),
+    "shock_addon.modes": (620, 3, "one row per button"),
+    "shock_addon.kinds": (800, 3, "one row per kind of data"),
     "core.cli": (720, 4, "shock-filter"),
     "core.rehearsal": (130, 4, "compiles kernels before"),
     "core.preview": (400, 4, "patches, crops, arrows"),
@@ -45,7 +46,7 @@ PLACES = {
     "core.grid": (720, 11, "images: walk, sample"),
     "core.base": (460, 12, "kernels, threads, progress, checks; settings, errors: all use these"),
 }
-TABLES = {"shock_addon.modes", "core.registry"}
+TABLES = {"shock_addon.modes", "shock_addon.kinds", "core.registry"}
 STEP, HEIGHT, TOP = 92, 46, 50
 BORDER = 4  # the core's first row
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -54,7 +53,7 @@ def pictures_of_plane(
     under: NoiseSettings | None = None,
     progress: ProgressCallback | None = None,
 ) -> Iterator[npt.NDArray[np.float32]]:
-    """Show a flow in the plane as its settings' class says; lines are one picture.
+    """Show a flow in the plane as what its settings draw; lines are one picture.
 
     Parameters
     ----------
@@ -68,13 +67,13 @@ def pictures_of_plane(
     under : NoiseSettings, optional
         Lays dye over noise.
     """
-    if isinstance(settings, ConvolutionSettings):
+    if settings.draws == "lines":
         if frames != 1:
             raise InvalidSettings("Lines are a still picture; choose noise for frames.")
         return iter([line_integral_convolution(
             velocity, settings=settings, size=size, progress=progress
         )])  # fmt: skip
-    if isinstance(settings, NoiseSettings):
+    if settings.draws == "noise":
         return advect_noise(
             velocity, in_front(settings, in_colors), frames=frames, size=size,
             background=background, colors=SPEEDS if in_colors else None, progress=progress,
@@ -151,6 +150,6 @@ def releases_in(frames: int, colors: int) -> int:
     return fitting[-1]
 
 
-def still(settings: Any) -> bool:
+def still(settings: Settings) -> bool:
     """Whether there is one picture rather than frames."""
-    return isinstance(settings, ConvolutionSettings)
+    return settings.draws == "lines"

@@ -69,6 +69,8 @@ def smooth_grid(
 
 def reach_of(settings: BeltramiSettings) -> int:
     """How far around a pixel of a flat image others count when the kernel is applied once."""
+    # Splits of obtuse triangles look farther than any kernel reaches. In 6,000 random pictures that
+    # made no difference, but no proof is known.
     return math.ceil(math.sqrt(settings.limit)) + FARTHEST_SPLIT
 
 

@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 Command = Filter
 """The names of all commands, including `TEXTURE_MASK`."""
 
+
+def _texture_mask_file() -> Any:
+    from ..files.textures import texture_mask_file
+
+    return texture_mask_file
+
+
 TEXTURE_MASK = Command(
     "texture_mask",
     "files.textures",
@@ -25,6 +32,7 @@ TEXTURE_MASK = Command(
     MASK,
     "texture-mask",
     "draw what each texel of a mesh's texture is",
+    _texture_mask_file,
     takes_mask=False,
 )
 COMMANDS = (*FILTERS, TEXTURE_MASK)

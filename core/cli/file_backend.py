@@ -7,11 +7,11 @@ import argparse
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE
+from ..registry import COLORS, FIELD, FLOW, GEOMETRY, IMAGE, MASK, TEXTURE, Kind
+from ..settings import named, value_of
 from . import flows
 from .commands import Command
 from .inputs import FileName
@@ -33,13 +33,6 @@ _FORMATS = {
     MASK: f"from {_MESHES} to {_IMAGES}; NumPy, TIFF and EXR hold numbers, -1 for none, all others"
     " a picture",
 }
-_PIPELINES = {
-    GEOMETRY: ("meshes", "filter_mesh_file"),
-    COLORS: ("meshes", "filter_colors_file"),
-    IMAGE: ("images", "filter_image_file"),
-    TEXTURE: ("textures", "filter_texture_file"),
-}
-"""Module and name of the function that reads, filters and writes the files of each kind."""
 
 
 class FileBackend:
@@ -119,12 +112,10 @@ class FileBackend:
         names = {field.name for field in fields(Options)} & given.keys()
         asked = Options(progress=progress, **{name: given[name] for name in names})
         if command.takes_gain:
-            asked = replace(asked, gain=settings.gain)
+            asked = replace(asked, gain=value_of(settings, "gain"))
         if command.kind is MASK:
-            from ..files.textures import texture_mask_file
-
             size = options.size or options.like
-            return texture_mask_file(source, target, settings.kind, size, asked)
+            return command.load()(source, target, settings.kind, size, asked)
         if command.kind is FLOW:
             return _visualize(source, target, settings, options, asked)
         if command.kind is FIELD:
@@ -134,11 +125,31 @@ class FileBackend:
             size = options.size or options.like
             return field_file(function, source, target, size, sources_of(options), asked)
         files = [options.mesh, source, target] if command.kind.on_mesh else [source, target]
-        module, name = _PIPELINES[command.kind]
-        pipeline = getattr(import_module(f"...files.{module}", __name__), name)
         function = command.function(options.then_sharpen if command.then else None)
-        words = {"times": settings.enlarge} if hasattr(settings, "enlarge") else {}
+        words = {}
+        if named(command.settings, "enlargement"):
+            words["times"] = value_of(settings, "enlargement")
+        pipeline = _pipeline(command.kind)
         return pipeline(partial(function, settings=settings), *files, asked, **words)
+
+
+def _pipeline(kind: Kind) -> Any:
+    # What reads, filters and writes files of this kind.
+    if kind is GEOMETRY:
+        from ..files.meshes import filter_mesh_file
+
+        return filter_mesh_file
+    if kind is COLORS:
+        from ..files.meshes import filter_colors_file
+
+        return filter_colors_file
+    if kind is IMAGE:
+        from ..files.images import filter_image_file
+
+        return filter_image_file
+    from ..files.textures import filter_texture_file
+
+    return filter_texture_file
 
 
 def _visualize(

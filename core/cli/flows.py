@@ -9,10 +9,13 @@ from typing import Any, NamedTuple
 from ..settings import ConvolutionSettings, DyeSettings, NoiseSettings, describe
 from .inputs import FileName, UsageError, read_size
 
-KINDS = {
-    "noise": (NoiseSettings, "noise that moves"),
-    "dye": (DyeSettings, "dye that is released and carried along"),
-    "lines": (ConvolutionSettings, "a still picture of streaks; OUT is an image"),
+KINDS: dict[str, tuple[Any, str]] = {
+    NoiseSettings.draws: (NoiseSettings, "noise that moves"),
+    DyeSettings.draws: (DyeSettings, "dye that is released and carried along"),
+    ConvolutionSettings.draws: (
+        ConvolutionSettings,
+        "a still picture of streaks; OUT is an image",
+    ),
 }
 ARRAYS = (".npy", ".npz", ".nc", ".nc4", ".cdf", ".zarr")
 """Endings of files of velocities that are neither images nor meshes."""

@@ -41,12 +41,12 @@ from ..grid.channels import channel_groups, opacity_channel
 from ..grid.part import LeftPart, Part
 from ..grid.potential import flow_reach
 from ..settings import BeltramiSettings, ImageSettings
-from .dials import tell_widths
+from .by_width.dials import tell_widths
+from .by_width.images import reach_by_width
+from .by_width.measuring import Measured, measured
 from .guides import check_guide, checked_guide
 from .image_smoothing import smoothed_image
 from .image_steps import LARGEST, large_pixels, measured_each, opacity_in_range, sharpen_checked
-from .images_by_width import reach_by_width
-from .measuring import Measured, measured
 from .pde import check_kind, evolved
 
 log = logging.getLogger(__name__)

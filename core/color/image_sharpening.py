@@ -17,9 +17,9 @@ from ..base.progress import ProgressCallback, reporting
 from ..errors import InvalidSettings
 from ..grid.channels import channel_groups
 from ..settings import ImageSettings, given_or_default
+from .by_width.measuring import Measured, measured
 from .guides import checked_guide
 from .image_steps import LARGEST, large_pixels, opacity_in_range, sharpen_checked
-from .measuring import Measured, measured
 
 
 @by_keyword

@@ -21,10 +21,10 @@ from ..grid.enlarge import enlarged
 from ..grid.part import Part
 from ..grid.pixels import mix
 from ..settings import ImageSettings
-from .domain import flow_for_time
-from .grid_domain import GridDomain
-from .images_by_width import follow_pixels_by_width, sharpen_pixels_by_width
-from .measuring import Measured, measured
+from .by_width.domain import flow_for_time
+from .by_width.grid_domain import GridDomain
+from .by_width.images import follow_pixels_by_width, sharpen_pixels_by_width
+from .by_width.measuring import Measured, measured
 
 LARGEST = 1e15
 """Beyond, squares of what borders are measured by leave the range of float32."""

@@ -18,10 +18,10 @@ from ..flow.advect import average_corners
 from ..flow.borders import borders_of, measured, noise_of
 from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..settings import ShockSettings, given_or_default
-from .by_width import sharpen_by_width
-from .dials import counted_width, plan_of, tell_widths
-from .domain import flow_for_time
-from .mesh_domain import MeshDomain
+from .by_width.dials import counted_width, plan_of, tell_widths
+from .by_width.domain import flow_for_time
+from .by_width.mesh_domain import MeshDomain
+from .by_width.recipe import sharpen_by_width
 from .signals import (
     cut_at_jumps,
     from_own_corners,

@@ -29,7 +29,7 @@ class Look:
     Attributes
     ----------
     settings : NoiseSettings, DyeSettings or ConvolutionSettings
-        The class selects noise, dye or lines.
+        They select noise, dye or lines.
     frames : int
     size : (int, int), optional
         Rows and columns; those of the background or the velocity if left out.
@@ -148,7 +148,7 @@ def _on_surface(flow: SurfaceFlow, look: Look, options: Options) -> Iterator[Pix
 
 def size_on_surface(look: Look) -> tuple[int, int]:
     """Return rows and columns of the texture; refuses kinds that cannot be shown on surfaces."""
-    if not isinstance(look.settings, NoiseSettings):
+    if look.settings.draws != "noise":
         raise ShockError(
             "On a mesh flows are shown as noise; leave --kind out, or draw still streaks with"
             " surface-streaks."

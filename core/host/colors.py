@@ -7,6 +7,7 @@ colors as sRGB values, float colors as linear ones. Only red, green and blue tak
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..base.progress import ProgressCallback, aside, reporting
 from ..color.signal_sharpening import width_to_close
 from ..errors import InvalidSignal
 from ..mesh.calculus import group_means
-from .applying import applied
+from ..registry import find
 from .inputs import ColoredSurface
 from .recolored import Colors, Recolored, recolored
 from .welding import welded
@@ -36,7 +37,7 @@ def filter_colors(
     ----------
     surface : ColoredSurface
     name, settings
-        Of the filter; see `applying.applied`.
+        As in `geometry.filter_shape`.
     weld : bool
         Vertices at exactly the same place count as one where their colors agree; of their masks
         the lowest counts.
@@ -54,7 +55,8 @@ def filter_colors(
     ShockError
         See `TriangleMesh` and the filter.
     """
-    function = applied(name, settings, corners=surface.corners is not None)
+    function = find(name).function(settings.sharpen_time, corners=surface.corners is not None)
+    function = partial(function, settings=settings.kernel)
     with reporting(progress):
         check_colors(surface)
         if surface.corners is None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,13 +25,7 @@ from .textures import analyse
 _ANALYSIS = 0.3  # of the time that a run takes
 
 _QUICK, _SLOW = 256, 192
-"""Most texels in each direction of an image that is tried; of what takes many steps."""
-
-_STEPS = 500
-"""Most steps of what is tried."""
-
-_TEXELS = "mean texel sizes on the surface"
-"""Unit of the settings that count in texels."""
+"""Most texels in each direction of an image that is tried; of slow filters."""
 
 
 @dataclass(frozen=True)
@@ -89,17 +84,17 @@ class Generated:
         return np.clip(values / max(largest, 1.0), 0.0, 1.0)
 
 
-def reduced(surface: FieldSurface, settings: type) -> FieldSurface:
+def reduced(surface: FieldSurface, is_slow: bool) -> FieldSurface:
     """Return a surface whose image is so small that settings can be tried.
 
     Parameters
     ----------
     surface : FieldSurface
-    settings : type
-        The settings class of the filter.
+    is_slow : bool
+        Whether the filter is slow, as its row in the registry says.
     """
     height, width = surface.shape
-    most = _SLOW if "steps" in describe(settings) else _QUICK
+    most = _SLOW if is_slow else _QUICK
     smaller = min(1.0, most / max(height, width))
     shape = max(round(smaller * height), 1), max(round(smaller * width), 1)
     given = dict(surface.given)
@@ -112,17 +107,19 @@ def reduced(surface: FieldSurface, settings: type) -> FieldSurface:
 def reduced_settings(settings: Any, large: tuple[int, int], small: tuple[int, int]) -> Any:
     """Return settings for an image of another size, on which the same is to be seen.
 
-    What counts in texels is as large on the surface, unless so few texels cannot show it; and a
-    pattern grows for so long that it covers the surface.
+    What counts in texels is as large on the surface, unless so few texels cannot show it; and what
+    takes long is done no more than `tried_at_most` says.
     """
     smaller = max(small) / max(large)
     changes = {}
     for name, (_, _, about) in describe(type(settings)).items():
-        if about.unit == _TEXELS:
-            changes[name] = max(smaller * getattr(settings, name), about.minimum)
-    if hasattr(settings, "steps"):
-        changes["steps"] = min(settings.steps, _STEPS)
-    return replace(settings, **changes)
+        value = getattr(settings, name)
+        if settings.counts_in(name) == "texels":
+            value = max(smaller**about.length_power * value, about.minimum)
+        if about.tried_at_most < math.inf:
+            value = min(value, about.tried_at_most)
+        changes[name] = value
+    return settings.changed(**changes)
 
 
 def generate(

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
+from ..registry import find
 from ..settings import GeometrySettings
 from ..shape.creases import vertices_at_creases
 from ..shape.noise import noise_of_normals
-from .applying import applied
 from .inputs import MirroredSurface, Surface
 from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
@@ -58,8 +58,10 @@ def filter_shape(
     Parameters
     ----------
     surface : MirroredSurface
-    name, settings
-        Of the filter; see `applying.applied`.
+    name : str
+        Of the filter, in the registry.
+    settings : object
+        Of the filter's settings class; a `Denoising` where a sharpening may follow.
     weld : bool
         Vertices at exactly the same place move together, as the most protected of them.
     progress : callable, optional
@@ -75,11 +77,13 @@ def filter_shape(
     ShockError
         See `TriangleMesh` and the filter.
     """
-    function = applied(name, settings)
+    row = find(name)
+    function = row.function(settings.sharpen_time)
     with reporting(progress):
         part = welded(surface, weld)
-        shape = placed(surface, part, function(part.mesh, mask=part.mask))
-        if not isinstance(settings, GeometrySettings):
+        positions = function(part.mesh, settings=settings.kernel, mask=part.mask)
+        shape = placed(surface, part, positions)
+        if not row.closes_creases:
             return shape
         with aside("Finding creases"):
             return replace(shape, creases=_creases(surface, part, settings))

@@ -13,11 +13,11 @@ import numpy.typing as npt
 from ..base.memo import kept
 from ..base.parallel import blocks
 from ..base.progress import ProgressCallback, aside, reporting
+from ..color.by_width.measuring import Measured
 from ..color.image_sharpening import measure_image
-from ..color.measuring import Measured
 from ..grid.enlarge import enlarged
-from ..settings import BY_WIDTH
-from .applying import applied
+from ..registry import find
+from ..settings import BY_WIDTH, named, value_of
 from .inputs import HostImage, Pixels
 from .recolored import Recolored, recolored
 
@@ -34,7 +34,7 @@ def filter_image(
     ----------
     image : HostImage
     name, settings
-        Of the filter; see `applying.applied`. With ``alpha="none"`` in the settings, all four
+        As in `geometry.filter_shape`. Where the settings say that there is no opacity, all four
         channels are filtered alike, whatever the fourth is.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
@@ -56,7 +56,7 @@ def filter_image(
 
 def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage:
     """Return a part of an image that goes by what is measured in the whole."""
-    if not getattr(settings, "by_width", False):
+    if not settings.kernel.by_width:
         return part
 
     def measure() -> Measured:
@@ -83,19 +83,25 @@ def filter_pixels(
 
     As `recolored` says, `shown` tells which pixels are counted.
     """
-    kernel = getattr(settings, "kernel", settings)
+    kernel, run = settings.kernel, find(name).function(settings.sharpen_time)
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
-        return applied(name, settings, alpha=alpha)(*before, pixels, **words)
+        return run(*before, pixels, settings=with_opacity(kernel, alpha), **words)
 
-    times = getattr(kernel, "enlarge", 1)
-    new = filter_channels(image, function, getattr(kernel, "alpha", "auto"), times)
+    times = value_of(kernel, "enlargement", 1)
+    new = filter_channels(image, function, value_of(kernel, "opacity", "auto"), times)
     if times == 1:
         return recolored(image.pixels, new, image.levels, shown)
     large = enlarged(image.pixels, times)
     if image.levels:
         large = np.rint(large * image.levels) / np.float32(image.levels)
     return replace(recolored(large, new, image.levels), changed=new[..., 0].size)
+
+
+def with_opacity(settings: Any, alpha: str) -> Any:
+    """Return settings that say which channel is opacity, if they say that at all."""
+    name = named(type(settings), "opacity")
+    return settings.changed(**{name: alpha}) if name else settings
 
 
 def filter_channels(

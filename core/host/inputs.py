@@ -6,7 +6,7 @@ Needs numpy only, so that a host can read its data before the compiled kernels a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -228,7 +228,14 @@ class TexturedSurface:
 
 @dataclass(frozen=True)
 class Denoising:
-    """What is done: settings for the kernel, and the sharpening's time or None."""
+    """What is done: settings for the kernel, and the sharpening's time or None.
+
+    Settings of a filter have both attributes, too, so that no reader has to tell them apart.
+    """
 
     kernel: Any
     sharpen_time: float | None
+
+    def changed(self, **values: Any) -> Denoising:
+        """Return the same with other values of the kernel's settings."""
+        return replace(self, kernel=self.kernel.changed(**values))

@@ -7,7 +7,7 @@ linear ones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,11 @@ from ..base.progress import ProgressCallback, phase, reporting
 from ..grid.resize import resized
 from ..mesh.triangle_mesh import TriangleMesh
 from ..mesh.weld import weld_borders
-from ..registry import find
-from ..settings import FilterSettings
-from ..texture.gradient_domain import TextureSolver
+from ..registry import Filter, find
+from ..settings import named, value_of
 from ..texture.painted_gain import gains_of
-from .applying import applied
-from .images import divided, filter_channels, filter_pixels
-from .inputs import Denoising, Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
+from .images import divided, filter_channels, filter_pixels, with_opacity
+from .inputs import Floats, HostImage, Pixels, TexturedFaces, TexturedSurface
 from .recolored import Recolored, recolored
 
 _ANALYSIS = 0.3  # of the time that a run takes
@@ -58,6 +56,7 @@ def filter_texture(
     ShockError
         See `TriangleMesh`, `TextureAtlas` and the filter.
     """
+    row = find(name)
     height, width = surface.picture.pixels.shape[:2]
     if surface.content:
         settings = _holding(settings, surface.content)
@@ -66,20 +65,20 @@ def filter_texture(
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
             atlas = _atlas(surface)
             mask = _mask(surface, atlas)
-            shown = atlas.inside if find(name).takes_mask else None  # all, if it is the gutter's
+            shown = None if row.fills_gutter else atlas.inside
         with phase(_ANALYSIS, 1.0, "Filtering"):
-            if surface.guide is not None and find(name).takes_guide:
+            if surface.guide is not None and row.takes_guide:
                 words["guide"] = _guiding(surface.guide, (height, width))
             words |= {"mask": mask, "atlas": atlas}
-            if find(name).takes_normals:
+            if row.takes_normals:
                 words["normals"] = surface.faces.normals
-            if find(name).takes_gain and surface.is_tried:
-                changed = _tried(surface, atlas, settings, mask)
+            if row.load_solver is not None and surface.is_tried:
+                changed = _tried(surface, atlas, row.load_solver(), settings, mask)
             elif surface.others:
-                changed = _joined(surface, atlas, name, settings, words)
+                changed = _joined(surface, atlas, row, settings, words)
             else:
-                if find(name).takes_gain:
-                    words["gain"] = _gains(surface, atlas, settings.gain)
+                if row.takes_gain:
+                    words["gain"] = _gains(surface, atlas, value_of(settings, "gain"))
                 where = atlas.mesh, surface.faces.uv
                 changed = filter_pixels(
                     surface.picture, name, settings, *where, shown=shown, **words
@@ -99,9 +98,8 @@ def analyse(
 
 
 def _holding(settings: Any, content: str) -> Any:
-    if isinstance(settings, Denoising):
-        return replace(settings, kernel=_holding(settings.kernel, content))
-    return replace(settings, content=content) if hasattr(settings, "content") else settings
+    field = named(type(settings.kernel), "content")
+    return settings.changed(**{field: content}) if field else settings
 
 
 def _atlas(surface: TexturedSurface) -> TextureAtlas:
@@ -113,7 +111,11 @@ def _atlas(surface: TexturedSurface) -> TextureAtlas:
 
 
 def _tried(
-    surface: TexturedSurface, atlas: TextureAtlas, settings: FilterSettings, mask: Floats | None
+    surface: TexturedSurface,
+    atlas: TextureAtlas,
+    solver_of: Any,
+    settings: Any,
+    mask: Floats | None,
 ) -> Recolored:
     """Filter with a gain that others will follow; what they share is kept with the faces.
 
@@ -122,17 +124,20 @@ def _tried(
     They are looked at only: nothing is rounded, and changes are not counted.
     """
     picture, uv = surface.picture, surface.faces.uv
+    wanted = value_of(settings, "gain")
+    is_painted = surface.grays is not None or surface.faces.grays is not None
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
-        if settings.is_neutral and surface.grays is None and surface.faces.grays is None:
+        if wanted == 1 and not is_painted:
             return pixels.copy()
-        shared = replace(settings, gain=1.0, alpha=alpha)
+        shared = settings.changed(**{named(type(settings), "gain"): 1.0})
+        shared = with_opacity(shared, alpha)
         key = (id(picture), *vars(shared).values())
 
         # The picture is kept with its solver, so that no other one has its number meanwhile.
-        def make() -> tuple[HostImage, TextureSolver]:
+        def make() -> tuple[HostImage, Any]:
             normals = surface.faces.normals
-            solver = TextureSolver(atlas.mesh, uv, pixels, shared, normals=normals, atlas=atlas)
+            solver = solver_of(atlas.mesh, uv, pixels, shared, normals=normals, atlas=atlas)
             return picture, solver
 
         def result(gain: float) -> Pixels:
@@ -142,27 +147,32 @@ def _tried(
         with phase(0.0, 0.5, "Measuring texels"):
             _, solver = kept(surface.faces, "solver", key, make)
         with phase(0.5, 1.0, "Filtering"):
-            if settings.content != "values":
-                return result(settings.gain)
+            if value_of(settings, "content", "values") != "values":
+                return result(wanted)
             key = surface.grays, surface.mask
-            gain, first = kept(solver, "first", key, lambda: (settings.gain, result(settings.gain)))
+            gain, first = kept(solver, "first", key, lambda: (wanted, result(wanted)))
             other = 0.0 if gain > 0.5 else 2.0
-            is_painted = surface.grays is not None or surface.faces.grays is not None
-            if settings.gain == gain and is_painted:  # the second one takes another solution
+            if wanted == gain and is_painted:  # the second one takes another solution
                 return first
             if surface.grays is not None and surface.faces.grays is not None:
-                return result(settings.gain)  # their product is not linear
+                return result(wanted)  # their product is not linear
             second = kept(solver, "second", (*key, other), lambda: result(other))
-            share = np.float32((settings.gain - other) / (gain - other))
+            share = np.float32((wanted - other) / (gain - other))
             return second + share * (first - second)
 
-    return Recolored(filter_channels(picture, function, settings.alpha), 0, 0.0, 0)
+    alpha = value_of(settings, "opacity", "auto")
+    return Recolored(filter_channels(picture, function, alpha), 0, 0.0, 0)
 
 
 def _joined(
-    surface: TexturedSurface, atlas: TextureAtlas, name: str, settings: Any, given: dict[str, Any]
+    surface: TexturedSurface,
+    atlas: TextureAtlas,
+    row: Filter,
+    settings: Any,
+    given: dict[str, Any],
 ) -> Recolored:
     """Make one image of several; opacity says where each is known."""
+    join = row.function()
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
         words = dict(given)
@@ -174,11 +184,11 @@ def _joined(
             others = [np.ascontiguousarray(each[..., :3]) for each in straight]
             opacities = [each[..., 3].astype(np.float64) for each in straight]
             words["confidences"] = [np.ones(pixels.shape[:2]), *opacities]
-        images = [pixels, *others]
-        return applied(name, settings, alpha=alpha)(atlas.mesh, surface.faces.uv, images, **words)
+        words["settings"] = with_opacity(settings, alpha)
+        return join(atlas.mesh, surface.faces.uv, [pixels, *others], **words)
 
     picture = surface.picture
-    new = filter_channels(picture, function, settings.alpha)
+    new = filter_channels(picture, function, value_of(settings, "opacity", "auto"))
     return recolored(picture.pixels, new, picture.levels, atlas.inside)
 
 

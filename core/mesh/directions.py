@@ -72,15 +72,7 @@ def principal_directions(
     checked_word(which, "which", ("least", "most"))
     passes = checked_count(passes, "passes", most=_MOST_PASSES)
     with reporting(progress), phase(0.0, 1.0, "Finding directions"):
-        normals = average_to_vertices(mesh, mesh.normals)
-        normals = unit_vectors(normals)
-        # The shape operator of each face, in its plane.
-        change = _tangential(mesh.normals, gradient(mesh, normals))
-        ask()
-        rows = 0.5 * (change + change.transpose(0, 2, 1)).reshape(-1, 9)
-        rows = smooth_vertices(mesh, average_to_vertices(mesh, rows), passes)
-        one, two = _frames(normals)
-        a, b, c = _in_frames(one, two, rows.reshape(-1, 3, 3))
+        one, two, a, b, c = _curvature_tensors(mesh, passes)
         ask()
         # The principal curvature of larger magnitude has the sign of the mean curvature.
         angle = 0.5 * np.arctan2(2.0 * b, a - c)
@@ -89,6 +81,54 @@ def principal_directions(
         largest = 0.5 * (apart + mean)
         clear = np.minimum(apart, mean) / np.maximum(largest, _LITTLE)
         return clear[:, None] * (np.cos(angle)[:, None] * one + np.sin(angle)[:, None] * two)
+
+
+@by_keyword
+def principal_curvatures(
+    mesh: TriangleMesh, *, passes: int = 8, progress: ProgressCallback | None = None
+) -> Floats:
+    """Compute how much a surface bends at its vertices: the principal curvatures.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    passes : int
+        How often the curvature is smoothed: 0 shows all that the mesh has, 50 large shapes only.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    (n, 2) float64
+        The lesser and the greater one, in 1 / units of the mesh: 1 / r on a ball of radius r, 0 on
+        a plane. Positive where the surface bends away from the side to which its normals point, as
+        on a ball, and negative where it bends towards it.
+
+    Raises
+    ------
+    InvalidSettings
+        If `passes` is no whole number from 0 to 100,000.
+    Cancelled
+        If `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.meshgrid(np.linspace(-1, 1, 33), np.linspace(-1, 1, 33), indexing="ij")
+    >>> vertices = np.stack([x, y, np.sqrt(4 - x * x)], axis=-1).reshape(-1, 3)
+    >>> a = np.arange(32 * 33).reshape(32, 33)[:, :32].reshape(-1)
+    >>> faces = np.concatenate([np.stack([a, a + 33, a + 34], 1), np.stack([a, a + 34, a + 1], 1)])
+    >>> curvatures = core.principal_curvatures(core.TriangleMesh(vertices, faces))
+    >>> curvatures[16 * 33 + 16].round(2).tolist()  # of a cylinder of radius 2
+    [0.0, 0.5]
+    """
+    check_mesh(mesh)
+    passes = checked_count(passes, "passes", most=_MOST_PASSES)
+    with reporting(progress), phase(0.0, 1.0, "Finding directions"):
+        _, _, a, b, c = _curvature_tensors(mesh, passes)
+        mean, half = 0.5 * (a + c), 0.5 * np.hypot(a - c, 2.0 * b)
+        return np.stack([mean - half, mean + half], axis=1) / mesh.mean_edge_length
 
 
 @by_keyword
@@ -275,6 +315,21 @@ def face_tensors(mesh: TriangleMesh, directions: Floats) -> Floats:
         u, v = _dots(given, one), _dots(given, two)
         tensors += np.stack([u * u, u * v, v * v], axis=1) / directions.shape[1]
     return tensors
+
+
+def _curvature_tensors(
+    mesh: TriangleMesh, passes: int
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    # Two tangents at each vertex, and the entries 11, 12 and 22 of the smoothed shape operator in
+    # their frame, per mean edge length.
+    normals = unit_vectors(average_to_vertices(mesh, mesh.normals))
+    # The shape operator of each face, in its plane.
+    change = _tangential(mesh.normals, gradient(mesh, normals))
+    ask()
+    rows = 0.5 * (change + change.transpose(0, 2, 1)).reshape(-1, 9)
+    rows = smooth_vertices(mesh, average_to_vertices(mesh, rows), passes)
+    one, two = _frames(normals)
+    return one, two, *_in_frames(one, two, rows.reshape(-1, 3, 3))
 
 
 def _dots(one: Floats, other: Floats) -> Floats:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy.typing as npt
 
-from ..host.inputs import Denoising, HostImage
+from ..host.inputs import HostImage
+from ..settings import value_of
 
 _MARGIN = 16
 """Most pixels around a patch that are filtered with it and not shown: they lack neighbors."""
@@ -115,18 +116,16 @@ def filtered_at_once(settings: Any) -> float:
     Parameters
     ----------
     settings : object
-        Of the filter. If each pixel costs more the farther the filter looks, they have `reach`, the
-        number of pixels that are read for each one, and `iterations` if that is done several times;
-        `enlarge` if the result is larger.
+        Of the filter. Their `reach`, repeats and enlargement count.
     """
-    settings = settings.kernel if isinstance(settings, Denoising) else settings
-    times = getattr(settings, "enlarge", 1)
+    kernel = settings.kernel
+    times = value_of(kernel, "enlargement", 1)
     if times > 1:
         return _MADE // times**2
-    if not hasattr(settings, "reach"):
+    if not kernel.reach:
         return math.inf
-    work = _REACHED / getattr(settings, "iterations", 1)
-    return max(int(work / settings.reach), math.isqrt(int(work)))  # none reaches beyond the patch
+    work = _REACHED / value_of(kernel, "repeats", 1)
+    return max(int(work / kernel.reach), math.isqrt(int(work)))  # none reaches beyond the patch
 
 
 def _range(place: float, length: int, side: int) -> tuple[int, int]:

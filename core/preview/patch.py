@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InvalidMesh
-from ..host.inputs import ColoredSurface, Denoising, MirroredSurface, PaintedSurface, Surface
-from ..settings import BeltramiGeometrySettings, ShockSettings, describe
+from ..host.inputs import ColoredSurface, MirroredSurface, PaintedSurface, Surface
+from ..settings import ShockSettings, describe
 
 _REACH = 12.0
 _SAMPLE = 200_000
@@ -62,32 +62,31 @@ class Patch:
         """Turn settings that are meant for the whole surface into the part's units of length."""
         if self.share == 1.0:
             return settings
-        if isinstance(settings, Denoising):
-            time = settings.sharpen_time
-            if time is not None:
-                time *= self.lengths ** describe(ShockSettings)["time"][2].length_power
-            return Denoising(self._scaled(settings.kernel), time)
-        return self._scaled(settings)
+        settings = settings.changed(**self._scaled(settings.kernel))
+        if settings.sharpen_time is None:
+            return settings
+        power = describe(ShockSettings)["time"][2].length_power
+        return replace(settings, sharpen_time=settings.sharpen_time * self.lengths**power)
 
-    def _scaled(self, settings: Any) -> Any:
-        if isinstance(settings, ShockSettings) and settings.by_width and settings.width == 0:
-            width = self.width(settings.what)
-            nothing = replace(settings, amount=0.0)
-            settings = replace(settings, width=width) if width > 0 else nothing
-        steps = ("time", "beta") if self._counts_steps(settings) else ()
-        new = {
-            name: min(getattr(settings, name) * self.lengths**about.length_power, about.maximum)
-            for name, (_, _, about) in describe(type(settings)).items()
-            if about.length_power
-            and name not in steps
-            and getattr(settings, name) > 0  # a time below 0 is no length
-        }
-        return replace(settings, **new)
+    def _scaled(self, settings: Any) -> dict[str, Any]:
+        # The values that are others on the part.
+        fields = describe(type(settings))
+        given = {name: getattr(settings, name) for name in fields}
+        new: dict[str, Any] = {}
+        if settings.by_width and settings.width == 0:
+            given["width"] = self.width(settings.what)
+            if not given["width"] > 0:
+                new["amount"] = 0.0
+        for name, (_, _, about) in fields.items():
+            if not about.length_power:
+                continue
+            if not self._in_edges(settings.counts_in(name)) or not given[name] > 0:
+                continue  # a time below 0 is no length
+            new[name] = min(given[name] * self.lengths**about.length_power, about.maximum)
+        return new
 
-    def _counts_steps(self, settings: Any) -> bool:
-        # On scans times say how many steps there are from face to face, whatever their size.
-        is_shape = isinstance(settings, BeltramiGeometrySettings) and settings.filtered == "normals"
-        return is_shape and self.is_scan()
+    def _in_edges(self, unit: str) -> bool:
+        return unit == "edges" or (unit == "faces" and not self.is_scan())
 
 
 def whole_surface(surface: Any) -> Patch:

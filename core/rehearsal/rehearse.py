@@ -36,16 +36,7 @@ from ..host.inputs import (
 from ..host.textures import filter_texture
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
-from ..settings import (
-    FilterSettings,
-    GeometrySettings,
-    ImageSettings,
-    NoiseSettings,
-    ReactionSettings,
-    ShockSettings,
-    StitchSettings,
-    describe,
-)
+from ..settings import GeometrySettings, ShockSettings, describe, named
 
 _CORE = __package__.rpartition(".")[0]
 
@@ -58,16 +49,8 @@ _SIZE = 48
 _SOLVED = 160
 """Height of textures on which is solved, so that these have three levels."""
 
-_STEPS = 4
-"""Steps of what takes many."""
-
-_NUMBERS: dict[type, tuple[dict[str, Any], ...]] = {
-    GeometrySettings: ({"mollify_passes": 1}, {"screening_radius": 30.0}),
-    ImageSettings: ({"enlarge": 2},),
-    NoiseSettings: ({"convolution": 4}, {"loop": 2}),
-    ReactionSettings: ({"scale": 60.0},),
-}
-"""Settings that are no choices, and have kernels of their own."""
+_FRAMES = 4
+"""Frames of films."""
 
 _ORDER = ["geometry", "colors", "image", "texture", "field", "flow"]
 """Kinds of data, those first that are asked for most."""
@@ -142,18 +125,20 @@ def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
 
 
 def _settings(row: Filter) -> Iterator[Any]:
-    """List the defaults, what follows them, each other choice, and `_NUMBERS`."""
-    changes: list[dict[str, Any]] = [{}, *_NUMBERS.get(row.settings, ())]
+    """List the defaults, each other choice, other numbers to rehearse, and what follows."""
     fields = describe(row.settings)
-    short = {"time": 1.0} if "time" in fields else {}
-    for name, (kind, default, about) in fields.items():
-        words = about.choices if kind is str else ()
-        changes += [{**short, name: word} for word in words if word != default]
+    brief = {name: about.brief for name, (*_, about) in fields.items() if about.brief is not None}
+    time = named(row.settings, "time")
+    short = {time: 1.0} if time else {}
+    changes: list[dict[str, Any]] = [{}]
+    for name, (_, default, about) in fields.items():
+        changes += [{name: value} for value in about.rehearsed if value != default]
+        changes += [{**short, name: word} for word in about.choices if word != default]
     for change in changes:
-        settings = row.settings(**change)
+        settings = row.settings(**{**brief, **change})
         yield Denoising(settings, None) if row.then else settings
     if row.then:
-        yield Denoising(row.settings(), 1.0)
+        yield Denoising(row.settings(**brief), 1.0)
 
 
 def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
@@ -177,8 +162,6 @@ def _generated(name: str, settings: Any, **given: Any) -> Any:
     shape = 2 * (_SOLVED,)
     row = find(name)
     start = {"vertices": [0], "edges": [[1, 2]]} if row.takes_starts else {}
-    if hasattr(settings, "steps"):
-        settings = replace(settings, steps=_STEPS)
     for at_vertices in [False] + [True] * bool(row.vertices):
         surface = FieldSurface(_textured(_SIZE)[0].faces, shape, start | given, at_vertices)
         found = generate(surface, name, settings)
@@ -198,13 +181,13 @@ def _flowing(in_colors: bool, name: str, settings: Any) -> Any:
         colors = np.repeat(rising[..., None], 3, axis=2), ShockSettings()
         flows.append(FlowSurface(faces, shape, "colors", colors))
     for flow in flows:
-        for frame in frames_of(flow, settings, _STEPS, in_colors):
+        for frame in frames_of(flow, settings, _FRAMES, in_colors):
             found = frame
     return found
 
 
 def _on_texture(number: int, name: str, settings: Any, with_other: bool = False) -> Any:
-    size = _SOLVED if isinstance(settings, FilterSettings | StitchSettings) else _SIZE
+    size = _SOLVED if find(name).needs_levels else _SIZE
     surface = _textured(size)[number]
     if with_other:
         surface = replace(surface, others=(_image("STRAIGHT", size),))

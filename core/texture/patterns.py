@@ -245,7 +245,8 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     near = cKDTree(places).query_pairs(apart, output_type="ndarray")
     places = np.delete(places, near.max(axis=1, initial=0), axis=0) if len(near) else places
     texels = np.flatnonzero(atlas.inside)
-    away, _ = cKDTree(places).query(atlas.bake(corners).reshape(-1, 3)[texels])
+    baked = atlas.bake(mesh.own_corners(corners)).reshape(-1, 3)
+    away, _ = cKDTree(places).query(baked[texels])
     inside = np.exp(-((away / (_SPOT * distance)) ** 4))
     start = np.zeros((atlas.height * atlas.width, 2), dtype=np.float32)
     start[:, 0] = 1.0

@@ -13,7 +13,7 @@ from ..atlas.ghosts import fill_ghosts
 from ..atlas.seams import settle_seams
 from ..base.checks import LARGEST, by_keyword, checked_image, checked_weights
 from ..base.progress import ProgressCallback, aside, phase, reporting
-from ..color.domain import flow_for_time
+from ..color.by_width.domain import flow_for_time
 from ..color.guides import checked_guide
 from ..errors import InvalidSignal
 from ..grid.channels import channel_groups, opacity_channel

@@ -20,8 +20,8 @@ from ..atlas.potential import texel_potential
 from ..atlas.walk import shock_flow
 from ..atlas.windows import smooth_as_far, texel_ranges
 from ..base.progress import phase
-from ..color.dials import contrast
-from ..color.domain import Domain, Nearby
+from ..color.by_width.dials import contrast
+from ..color.by_width.domain import Domain, Nearby
 from ..grid.channels import Channels
 
 Texels = npt.NDArray[np.float32]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sharpening of textures by the width of their borders; see `core.color.by_width`.
+"""Sharpening of textures by the width of their borders; see `core.color.by_width.recipe`.
 
 Widths are measured within charts.
 """
@@ -12,9 +12,9 @@ import numpy.typing as npt
 from ..atlas import TextureAtlas
 from ..base.findings import is_gathered
 from ..base.progress import aside
-from ..color.by_width import Lead, sharpen_by_width
-from ..color.dials import flow_only, plan_of
-from ..color.measuring import Measured, measured, tell_closed
+from ..color.by_width.dials import flow_only, plan_of
+from ..color.by_width.measuring import Measured, measured, tell_closed
+from ..color.by_width.recipe import Lead, sharpen_by_width
 from ..grid.borders import measure_borders
 from ..grid.channels import Channels
 from ..settings import TextureSettings

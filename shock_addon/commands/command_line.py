@@ -20,8 +20,8 @@ from ...core.errors import Cancelled, InvalidUV, ShockError
 from ...core.files.output import Outcome, staged
 from ...core.registry import FIELD, FLOW, GEOMETRY, MASK
 from .. import data
+from ..data import PICTURES
 from ..data.skipped import Skipped
-from ..modes import PICTURES
 from ..operators import base as operators
 from ..running import kernels
 from . import blender_files as files

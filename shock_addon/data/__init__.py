@@ -9,6 +9,9 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+PICTURES = ("image_2", "image_3", "image_4")
+"""Properties that name further pictures of the same surface."""
+
 if TYPE_CHECKING:
     from . import (  # noqa: F401
         arrays,

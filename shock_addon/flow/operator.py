@@ -7,9 +7,10 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..modes import Mode, choices, find, load
+from ..kinds import Data
+from ..modes import Mode, choices, find
 from ..operators import poll as obstacles
-from ..operators.base import Done, Filter, Written, write_results
+from ..operators.base import Done, Task, Written, write_results
 from ..operators.meshes import MeshOperator
 from ..operators.properties import settings_of
 from . import showing as flow_shown
@@ -55,12 +56,13 @@ class SHOCK_FILTER_OT_show_flow(MeshOperator, bpy.types.Operator):
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read the active object."""
-        return data.mesh.meshes.read_active(context, self.reader(), self._parameters())
+        return data.mesh.meshes.read_active(context, self.kind.read, self._parameters())
 
-    def filter(self, settings: Any) -> Filter:
-        """Compute one object's flow."""
-        flow, weld = self.row.data.flow, self._parameters().weld
-        return lambda surface, progress: load(flow)(surface, settings, weld, progress)
+    def task(self, settings: Any) -> Task:
+        """Compute the flow of `self.targets`, and filter nothing."""
+        showing = Data(self.kind.handled_as, (), self.kind.flow)
+        name, weld = self.row.targets[0].filter, self._parameters().weld
+        return Task(self.targets, showing, name, settings, weld, [])
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Draw the flow from now on, and write it if asked to."""

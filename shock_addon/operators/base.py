@@ -14,13 +14,16 @@ from bpy.app.translations import pgettext_iface, pgettext_rpt
 from ...core.errors import Cancelled, InvalidMesh, InvalidSignal, InvalidUV, ShockError, SolverError
 from .. import data
 from ..data.skipped import Refused, Skipped, as_reason, explain, sentences
-from ..modes import Mode, load
+from ..kinds import Data
+from ..modes import Mode
 from ..running import kernels
-from ..running.jobs import ModalJob, Work, current, is_scene_read
+from ..running.jobs import ModalJob, current, is_scene_read
 from .properties import settings_of
 
 Progress = Callable[[float, str], bool]
-Filter = Callable[[Any, Progress], Any]
+
+if TYPE_CHECKING:
+    from ...core.base.findings import Finding
 
 _HARDLY_SEEN = 0.01
 """A change of colors that people hardly see."""
@@ -59,6 +62,78 @@ Done = tuple[list[Written], list[str]]
 """What was written, and a sentence for each target that was left alone."""
 
 
+class Task(NamedTuple):
+    """What a run computes, on any thread; it knows no bpy.
+
+    Attributes
+    ----------
+    targets : sequence
+        They have `surface`, which is handed to the filter and has `size`.
+    kind : Data
+        How they are filtered.
+    name : str
+        Of the filter, in the registry.
+    settings : object
+        Of `settings_of`.
+    weld : bool
+        Whether vertices at the same place are one.
+    findings : list of Finding
+        What the filter says about its work; filled by `run`.
+    """
+
+    targets: Sequence[Any]
+    kind: Data
+    name: str
+    settings: Any
+    weld: bool
+    findings: list[Finding]
+
+    def run(self, progress: Progress) -> list[Any]:
+        """Filter all targets; one that fails gives its error as its result."""
+        from ...core.base.findings import gathering
+
+        progress(0.0, "Preparing")
+        kernels.load()
+        total = sum(target.surface.size for target in self.targets)
+        done = 0
+        results: list[Any] = []
+        with gathering() as found:
+            for target in self.targets:
+                surface = target.surface
+
+                def part(
+                    fraction: float, message: str, done: int = done, size: int = surface.size
+                ) -> bool:
+                    return progress((done + fraction * size) / total, message)
+
+                try:
+                    results.append(
+                        self.kind.filter(surface, self.name, self.settings, self.weld, part)
+                    )
+                except (InvalidMesh, InvalidSignal, InvalidUV, SolverError) as error:
+                    results.append(error)
+                done += surface.size
+        self.findings.extend(found)
+        return results
+
+
+def task_of(mode: Mode, parameters: Any, settings: Any, targets: Sequence[Any]) -> Task:
+    """Say what a run computes.
+
+    Parameters
+    ----------
+    mode : Mode
+    parameters : object
+        Those of the operator or the panel.
+    settings : object
+        Of `settings_of`.
+    targets : sequence
+    """
+    chosen = mode.target(parameters)
+    weld = "weld" in chosen.places and parameters.weld
+    return Task(targets, chosen.data, chosen.filter, settings, weld, [])
+
+
 class FilterOperator(ModalJob):
     """Mixin for operators; subclasses say what they read, filter and write.
 
@@ -85,20 +160,20 @@ class FilterOperator(ModalJob):
         return self.row.group
 
     def read_settings(self) -> Any:
-        """Read what is handed to `filter` from the operator's properties."""
+        """Read what is handed to the filter from the operator's properties."""
         return settings_of(self.row, self)
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
-        """Return the targets, which have `name` and `surface`, and reasons for what is no target.
+        """Return the targets, and reasons for what is no target.
 
-        What is handed to the filter is ``target.surface``, which has `size`. A `ShockError` or
-        `Refused` that is raised is reported.
+        Targets have `name`, beside what `Task` says. A `ShockError` or `Refused` that is raised is
+        reported.
         """
         raise NotImplementedError
 
-    def filter(self, settings: Any) -> Filter:
-        """Return ``filter(surface, progress)``, which runs on any thread and knows no bpy."""
-        return filter_of(self.row, settings, self)
+    def task(self, settings: Any) -> Task:
+        """Say what is computed of `self.targets`."""
+        return task_of(self.row, self, settings, self.targets)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write the results of `self.targets`; see `write_results`."""
@@ -134,8 +209,8 @@ class FilterOperator(ModalJob):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run to the end: for scripts, background and redo."""
-        work = self._prepare(context)
-        if work is None:
+        task = self._prepare(context)
+        if task is None:
             return {"CANCELLED"}
         manager = context.window_manager
 
@@ -145,7 +220,7 @@ class FilterOperator(ModalJob):
 
         manager.progress_begin(0.0, 1.0)
         try:
-            return self.finish(context, lambda: work(show))
+            return self.finish(context, lambda: task.run(show))
         finally:
             manager.progress_end()
 
@@ -153,12 +228,11 @@ class FilterOperator(ModalJob):
         """Run on a thread, so that the window stays alive."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        work = self._prepare(context)
-        return {"CANCELLED"} if work is None else self.run_job(context, work)
+        task = self._prepare(context)
+        return {"CANCELLED"} if task is None else self.run_job(context, task.run)
 
-    def _prepare(self, context: bpy.types.Context) -> Work | None:
-        from ...core.base.findings import Finding, gathering
-
+    def _prepare(self, context: bpy.types.Context) -> Task | None:
+        # Reads; on the main thread.
         self._began = time.perf_counter()
         self._compiled = kernels.seconds_compiling()
         with self._errors_reported(_FAILED):
@@ -167,18 +241,10 @@ class FilterOperator(ModalJob):
             settings = self.read_settings()
             self.targets, self._skipped = self.read(context)
             if self.targets:
-                targets, function = self.targets, self.filter(settings)
+                task = self.task(settings)
+                self._findings = task.findings
                 kernels.choose_folder()
-                findings: list[Finding] = []
-                self._findings = findings
-
-                def work(progress: Progress) -> list[Any]:
-                    with gathering() as found:
-                        results = filter_targets(targets, function, progress)
-                    findings.extend(found)
-                    return results
-
-                return work
+                return task
             self.tell("ERROR", " ".join(self._skipped))
         return None
 
@@ -264,27 +330,6 @@ def summary_of(context: bpy.types.Context, key: str) -> str:
     return summaries.get(key, "") if same else ""
 
 
-def filter_of(mode: Mode, settings: Any, parameters: Any) -> Filter:
-    """Return ``filter(surface, progress)``, for any thread: a mode's filter with settings.
-
-    Parameters
-    ----------
-    mode : Mode
-    settings : object
-        Of `settings_of`.
-    parameters : object
-        Those of the operator or the panel.
-    """
-    target = mode.target(parameters)
-    weld = (parameters.weld,) if "weld" in target.places else ()
-
-    def run(surface: Any, progress: Progress) -> Any:
-        function = load(target.data.filter)
-        return function(surface, target.filter, settings, *weld, progress)
-
-    return run
-
-
 def can_run(operator: type, obstacle: str) -> bool:
     """Whether there is no obstacle and no other run; else the operator's button says what is."""
     if is_scene_read():
@@ -294,27 +339,6 @@ def can_run(operator: type, obstacle: str) -> bool:
     if obstacle:
         operator.poll_message_set(pgettext_rpt(obstacle))
     return not obstacle
-
-
-def filter_targets(targets: Sequence[Any], function: Filter, progress: Progress) -> list[Any]:
-    """Filter all targets, on any thread; one that fails gives its error as its result."""
-    progress(0.0, "Preparing")
-    kernels.load()
-    total = sum(target.surface.size for target in targets)
-    done = 0
-    results: list[Any] = []
-    for target in targets:
-        size = target.surface.size
-
-        def part(fraction: float, message: str, done: int = done, size: int = size) -> bool:
-            return progress((done + fraction * size) / total, message)
-
-        try:
-            results.append(function(target.surface, part))
-        except (InvalidMesh, InvalidSignal, InvalidUV, SolverError) as error:
-            results.append(error)
-        done += size
-    return results
 
 
 def write_results(

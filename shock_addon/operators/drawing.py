@@ -6,7 +6,8 @@ from __future__ import annotations
 import bpy
 
 from .. import data
-from ..modes import PICTURES, Mode, Target
+from ..data import PICTURES
+from ..modes import Mode, Target
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
@@ -132,10 +133,8 @@ def _draw_time(
 
 def _overridden(parameters: Parameters, target: Target, name: str) -> bool:
     """Whether a setting does not matter, since a time says what is done."""
-    by_width = (f"{target.prefix}what", f"{target.prefix}width")
-    if name not in by_width or by_width[1] not in target.fields:
-        return False
-    return target.dial(parameters) == target.time
+    by_width = (f"{target.prefix}what", target.width)
+    return name in by_width and bool(target.width) and target.dial(parameters) == target.time
 
 
 def draw_mask(

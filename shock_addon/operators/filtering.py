@@ -3,22 +3,39 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import bpy
 
-from ..modes import MODES, Mode, load
+from ..modes import MODES, Mode
+from .base import FilterOperator
+from .generating import GenerateOperator
+from .images import ImageOperator
+from .meshes import MeshOperator
 from .properties import OF_ONE_RUN, parameters_of
+from .textures import TextureOperator
+from .visualizing import FlowOperator
 
 
 def classes() -> list[type]:
-    """Make them; they have the parameters that the panel keeps, and those of one run."""
-    return [_operator(mode) for mode in MODES]
+    """List them all."""
+    return [operator_of(mode) for mode in MODES]
 
 
-def _operator(mode: Mode) -> type:
+@cache
+def operator_of(mode: Mode) -> type[bpy.types.Operator]:
+    """Make a mode's operator: it has the parameters that the panel keeps, and those of one run."""
+    bases: dict[str, type[FilterOperator]] = {
+        "meshes": MeshOperator,
+        "images": ImageOperator,
+        "textures": TextureOperator,
+        "fields": GenerateOperator,
+        "films": FlowOperator,
+    }
     of_one_run = OF_ONE_RUN.get(mode.targets[-1].data_kind, {})
     return type(
         f"SHOCK_FILTER_OT_{mode.operator}",
-        (load(mode.data.base), bpy.types.Operator),
+        (bases[mode.data.handled_as], bpy.types.Operator),
         {
             "__doc__": mode.tooltip,
             "__module__": __name__,

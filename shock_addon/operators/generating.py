@@ -65,8 +65,8 @@ class GenerateOperator(FilterOperator):
             return image
         kind = pgettext_rpt(self.row.target(self).label)
         name = f"{target.name} {kind}"
-        is_float = self.row.target(self).data_kind == "distance"
-        return data.image.fields.add_or_reuse(name, self.result, pixels, is_float)
+        in_floats = self.row.target(self).data.in_floats
+        return data.image.fields.add_or_reuse(name, self.result, pixels, in_floats)
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
         """Count the texels that were made."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -11,7 +10,7 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
-from ..modes import load
+from ..kinds import Data
 from . import poll as obstacles
 from .base import Done, FilterOperator, Written, counted, describe_colors, write_results
 
@@ -26,31 +25,25 @@ class MeshOperator(FilterOperator):
 
     obstacle = staticmethod(obstacles.of_meshes)
 
-    def reader(self) -> Callable:
-        """Return ``read(obj, object_mode, parameters)``; see `data.mesh.meshes.read_targets`."""
-        return load(self.row.target(self).data.read)
-
-    def writer(self) -> Callable:
-        """Return ``write(target, result)``, for Object Mode; it returns the object."""
-        target = self.row.target(self)
-        write = load(target.data.write)
-        if "output" not in target.places:
-            return write
-        write = partial(write, key_name=self.row.done)
-        if not self.row.makes_objects(self):
-            return write
-        return partial(data.mesh.visible.write_new, write=write, suffix=self.row.done.lower())
+    @property
+    def kind(self) -> Data:
+        """The kind of data that is chosen."""
+        return self.row.target(self).data
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
         """Read all selected objects, or those in the current object mode."""
         visible = self.row.makes_objects(self)
-        return data.mesh.meshes.read_targets(context, self.reader(), self, visible=visible)
+        return data.mesh.meshes.read_targets(context, self.kind.read, self, visible=visible)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Write them, and return to the current object mode."""
+        write: Any = partial(self.kind.write, key_name=self.row.done)
+        if self.row.makes_objects(self):
+            suffix = self.row.done.lower()
+            write = partial(data.mesh.visible.write_new, write=write, suffix=suffix)
         with data.mesh.meshes.object_mode(context):
             swaps = data.replaced.of_meshes(self.targets)
-            done = write_results(self.targets, results, self.writer())
+            done = write_results(self.targets, results, write)
             for swap in swaps:
                 swap.note_after()
             data.replaced.hold(swaps)
@@ -60,11 +53,11 @@ class MeshOperator(FilterOperator):
         """Count vertices, where positions differ at all, and colors."""
         changed = total = 0
         for target, _, result in written:
-            if "output" in self.row.target(self).places:
+            if self.kind.moves:
                 old = getattr(target.surface, "shape", target.surface).positions
                 moved = (getattr(result, "shape", result).positions != old).any(axis=1)
                 changed, total = changed + int(moved.sum()), total + len(moved)
-            if "attribute" in self.row.target(self).places:
+            if self.kind.paints:
                 paint = getattr(result, "paint", result)
                 changed, total = changed + paint.changed, total + len(paint.colors)
         return changed, total
@@ -73,16 +66,16 @@ class MeshOperator(FilterOperator):
         """Count meshes, and what has changed of them."""
         results = [each.result for each in written]
         meshes = counted(len(written), "1 mesh", "{:,} meshes")
-        kind = self.row.target(self).data_kind
+        kind = self.kind
         text, advice = pgettext_rpt("{done} {meshes}: {changes}, {seconds:.1f} s."), ""
-        if kind == "geometry":
+        if not kind.paints:
             changes = describe_moves(results, "" if self.row.nothing else self.row.advice)
             if self.row.nothing and not any(result.moved for result in results):
                 has_modifiers = any(each.data.modifiers for each in written)
                 advice = _APPLY if has_modifiers else self.advice
                 text = pgettext_rpt(self.row.nothing)
                 advice = advice and pgettext_rpt(advice)
-        elif kind == "colors":
+        elif not kind.moves:
             meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
             changes = describe_colors(results, "colors", self.advice)
         else:
@@ -95,7 +88,7 @@ class MeshOperator(FilterOperator):
 
     def notes(self, written: list[Written]) -> str:
         """Say what shapes what is seen beside the vertices, where these may have moved."""
-        if "output" not in self.row.target(self).places:
+        if not self.kind.moves:
             return ""
         said = notes([each.data for each in written], self)
         if not self.row.makes_objects(self):

@@ -28,13 +28,14 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     str
         Empty if there is no obstacle.
     """
-    if "frames" in mode.names:
+    handled_as = mode.data.handled_as
+    if handled_as == "films":
         return of_flows(context) or _of_flow(context, settings)
-    if not mode.data.on_surface:
+    if handled_as == "images":
         return of_images(context) or _of_image(data.chosen.edited_image(context), tiles=False)
-    if mode.data.in_images:
+    if handled_as == "textures":
         return of_textures(context) or _of_texture(context, settings)
-    if "image_size" in mode.names:
+    if handled_as == "fields":
         return of_unwrapped(context)
     obstacle = of_meshes(context)
     if mode.makes_objects(settings):  # what is seen may have faces
@@ -42,7 +43,7 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
             obstacle = "New objects are made in Object Mode; go there, or choose another output."
     else:
         obstacle = obstacle or _of_links(context) or _of_faces(context)
-    if not obstacle and "attribute" in mode.target(settings).places:
+    if not obstacle and mode.target(settings).data.paints:
         obstacle = _of_colors(context)
     return obstacle
 

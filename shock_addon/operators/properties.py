@@ -11,8 +11,9 @@ from typing import Any
 import bpy
 
 from ...core.registry import WAYS, Filter, find
-from ...core.settings import Setting, describe
-from ..modes import PICTURES, STEADY_STATE, Mode, choices
+from ...core.settings import Setting, describe, named
+from ..data import PICTURES
+from ..modes import STEADY_STATE, Mode, choices
 
 _WIDE = 100.0
 """Numbers with a larger range are shown with one digit after the point instead of three."""
@@ -31,7 +32,7 @@ def annotations_of(
     for name, (kind, default, about) in describe(settings).items():
         default = defaults.get(name, default)
         annotations[prefix + name] = _property(name, kind, default, about)
-        if name == "time" and math.isinf(about.maximum):
+        if about.role == "time" and math.isinf(about.maximum):
             annotations[prefix + STEADY_STATE] = bpy.props.BoolProperty(
                 name="Steady State",
                 description="Flow until nothing changes any more: the time is infinite",
@@ -57,13 +58,14 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
 
     """
     values = {}
-    for name, (kind, _, about) in describe(settings).items():
+    fields = describe(settings)
+    for name, (kind, _, about) in fields.items():
         value = getattr(owner, prefix + name)
         if kind is float:
             value = min(max(shortest(value), about.minimum), about.maximum)
         values[name] = value
     if getattr(owner, prefix + STEADY_STATE, False):
-        values["time"] = math.inf
+        values[named(settings, "time")] = math.inf
     return settings(**values)
 
 

@@ -54,7 +54,8 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
     if not mode.data.on_surface:
         return Counts(pixels=_pixels(data.chosen.edited_image(context)))
     image = data.chosen.edited_image(context)
-    if "frames" in mode.names and image is not None:
+    is_film = mode.data.handled_as == "films"
+    if is_film and image is not None:
         return Counts(pixels=_pixels(image))
     objects = data.chosen.mesh_objects(context)
     found = {obj.data.session_uid: obj.data for obj in objects}.values()
@@ -64,7 +65,7 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
         vertices=sum(len(mesh.vertices) for mesh in meshes),
         faces=sum(len(mesh.polygons) for mesh in meshes),
     )
-    if mode.data.in_images and meshes and "frames" not in mode.names:
+    if mode.data.in_images and meshes and not is_film:
         pixels = _pixels(_texture(context, settings))
         return counts._replace(pixels=pixels) if pixels else Counts()
     return counts
@@ -73,13 +74,13 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
 def learn(operator: bpy.types.Operator, seconds: float) -> None:
     """Remember how long an operator's run took, and on how much."""
     size = sum(target.surface.size for target in operator.targets)
-    _last[operator.bl_idname, getattr(operator, "target", "")] = Run(size, seconds)
+    _last[operator.bl_idname, operator.row.target(operator).key] = Run(size, seconds)
 
 
 def last_run(mode: Mode, settings: Any) -> Run | None:
     """Return the last such run in this session, if there was one."""
     name = f"SHOCK_FILTER_OT_{mode.operator}"
-    return _last.get((name, getattr(settings, "target", "")))
+    return _last.get((name, mode.target(settings).key))
 
 
 def forget() -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from .. import data
 from ..data.skipped import Refused, Skipped, sentences
 from ..modes import find
 from . import poll as obstacles
-from .base import Done, Filter, FilterOperator, Progress, Written, write_results
+from .base import Done, FilterOperator, Written, write_results
 from .properties import settings_of
 
 _SHOCK = {"shape": "geometry", "colors": "colors"}
@@ -39,7 +40,10 @@ class FlowOperator(FilterOperator):
             return [], sentences([(name, str(reason))])
         used = "" if self.options.is_repeat_last else self.result
         self._folder = data.image.sequences.find_folder(self.folder, target.name, used)
-        return [target], skipped
+        film = data.image.flows.Film(
+            target.surface, self.frames, self.in_colors, self._folder.parent
+        )
+        return [replace(target, surface=film)], skipped
 
     def _flow_map(self, context: bpy.types.Context) -> bpy.types.Image:
         if not self.image:
@@ -61,18 +65,6 @@ class FlowOperator(FilterOperator):
             settings = settings_of(find(key), parameters)
             colors = getattr(parameters, "attribute", "")
         return data.image.flows.read_surface(context, self.target, self, settings, colors)
-
-    def filter(self, settings: Any) -> Filter:
-        """Draw frames, and write them beside their place."""
-        frames, in_colors, parent = self.frames, self.in_colors, self._folder.parent
-        stage = data.image.sequences.stage
-
-        def run(surface: Any, progress: Progress) -> Any:
-            from ...core.host.advection import frames_of
-
-            return stage(frames_of(surface, settings, frames, in_colors, progress), parent, frames)
-
-        return run
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Move the frames to their place, and show the sequence."""
@@ -112,7 +104,7 @@ class FlowOperator(FilterOperator):
     def summary(self, written: list[Written], seconds: float) -> str:
         """Name the image and its folder."""
         target, image, staged = written[0]
-        height, width = target.surface.shape
+        height, width = target.surface.flow.shape
         text = pgettext_rpt(
             "Showed the flow in {name}: {count:,} frames of {width} x {height} pixels in {folder},"
             " {seconds:.1f} s."

@@ -32,13 +32,13 @@ class FieldStage:
     Parameters
     ----------
     target : FieldTarget
-    settings : object
-        Those of the filter.
+    is_slow : bool
+        Whether the filter is slow.
     """
 
-    def __init__(self, target: data.image.fields.FieldTarget, settings: Any) -> None:
+    def __init__(self, target: data.image.fields.FieldTarget, is_slow: bool) -> None:
         self.chosen, self.note = {}, ""
-        self._shape, self._surface = target.surface.shape, reduced(target.surface, settings)
+        self._shape, self._surface = target.surface.shape, reduced(target.surface, is_slow)
         self._uids = [bpy.data.objects[name].session_uid for name in target.objects]
         self._coat = Coat(target.surface.faces)
 
@@ -87,4 +87,4 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
         found, _ = data.image.fields.read_field(context, image, parameters, target.places)
     except Skipped as reason:
         raise Refused("There is nothing to preview: {reason}.", reason=reason) from None
-    return Preview(mode, parameters, FieldStage(found, target.row.settings))
+    return Preview(mode, parameters, FieldStage(found, target.row.is_slow))

@@ -107,7 +107,7 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
         if mode.data.on_surface:
             stage = _read_texture(context, mode, parameters)
         else:
-            stage = _read_image(context, event, _SLOW if mode.is_slow else _QUICK)
+            stage = _read_image(context, event, _SLOW if mode.targets[0].row.is_slow else _QUICK)
     except Skipped as reason:
         raise Refused("There is nothing to preview: {reason}.", reason=reason) from None
     return Preview(mode, parameters, stage)

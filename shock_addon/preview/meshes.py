@@ -16,7 +16,7 @@ from ...core.preview.patch import Patch, patch_around, seen_vertex, whole_surfac
 from .. import data
 from ..data.mesh.original import Original, color_attribute, show
 from ..data.skipped import Refused, Skipped
-from ..modes import Mode, load
+from ..modes import Mode
 from .outline import Outline
 from .pointing import is_over_view, pointed_at
 from .previewing import Preview, parameters_of
@@ -105,11 +105,11 @@ def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Pre
                 " output, or press the filter's own button."
             )
         parameters.output = "MESH"
-    read = load(mode.target(parameters).data.read)
-    targets, skipped = data.mesh.meshes.read_active(context, read, parameters)
+    chosen = mode.target(parameters)
+    targets, skipped = data.mesh.meshes.read_active(context, chosen.data.read, parameters)
     if not targets:
         raise Refused(" ".join(skipped))
-    patch = _patch(context, event, targets[0], _SLOW if mode.is_slow else _QUICK)
+    patch = _patch(context, event, targets[0], _SLOW if chosen.row.is_slow else _QUICK)
     words = "patch of {size:,} vertices"
     if not is_over_view(context.area, event):
         words = "patch of {size:,} vertices in the middle of the view"

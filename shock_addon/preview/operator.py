@@ -16,7 +16,7 @@ from bpy.app.translations import pgettext_rpt
 from ...core.errors import ShockError
 from .. import data
 from ..data.skipped import Refused, Skipped, explain
-from ..modes import STEADY_STATE, Mode, find, load
+from ..modes import STEADY_STATE, Mode, find
 from ..operators import poll as obstacles
 from ..operators.base import can_run
 from ..running import jobs
@@ -114,9 +114,8 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
             return self.execute(context)
         stop()  # what an operator left that Blender has freed
         self._mode = _shown_mode(context)
-        begin = load(f".preview.{self._mode.stage}:begin")
         try:
-            self._preview = begin(context, event, self._mode)
+            self._preview = _begin(context, event, self._mode)
         except (ShockError, Refused) as error:
             self.report({"ERROR"}, explain(error))
             return {"CANCELLED"}
@@ -206,6 +205,21 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def _begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
+    # The modules need numpy.
+    if mode.data.handled_as == "meshes":
+        from . import meshes
+
+        return meshes.begin(context, event, mode)
+    if mode.data.handled_as == "fields":
+        from . import fields
+
+        return fields.begin(context, event, mode)
+    from . import images
+
+    return images.begin(context, event, mode)
+
+
 def is_running() -> bool:
     """Whether a preview is under way."""
     return any(session.is_under_way for session in _running)
@@ -224,7 +238,7 @@ def _of_meshes(context: bpy.types.Context) -> str:
     if context.object not in data.chosen.mesh_objects(context):
         return "Make one of the selected mesh objects the active one."
     mode = _shown_mode(context)
-    if mode.stage == "fields":
+    if mode.data.handled_as == "fields":
         return obstacles.of_unwrapped(context)
     if not mode.data.in_images:
         return ""

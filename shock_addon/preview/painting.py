@@ -104,7 +104,7 @@ def _tick() -> float | None:
 
 def _mode(context: bpy.types.Context) -> Mode:
     chosen = context.scene.shock_filter.mode.lower()
-    modes = [mode for mode in choices() if "gain_map" in mode.names]
+    modes = [mode for mode in choices() if mode.targets[0].row.takes_gain]
     return next((mode for mode in modes if mode.key == chosen), modes[0])
 
 

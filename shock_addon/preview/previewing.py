@@ -16,7 +16,7 @@ from ...core.preview.dials import LogarithmicDial, turned
 from ...core.settings import describe
 from ..data.skipped import explain
 from ..modes import STEADY_STATE, Mode
-from ..operators.base import Progress, filter_of, filter_targets
+from ..operators.base import Progress, task_of
 from ..operators.properties import label, settings_of
 from ..running import kernels
 from ..running.jobs import Job
@@ -126,7 +126,7 @@ class Preview:
         if self.is_before:
             return iface_("Before")
         parts = []
-        if self.dial.endswith("width"):
+        if self.dial and self._about[self.dial][2].role == "width":
             width = getattr(self.parameters, self.dial)
             text = f"{width:g}" if width > 0 else iface_("Auto")
             parts.append(iface_("Width {width} (move mouse)").format(width=text))
@@ -188,10 +188,9 @@ class Preview:
         def work(progress: Progress) -> Any:
             settings = stage.settings(settings_of(mode, parameters))
             part, seen = stage.part(settings)
-            function = filter_of(mode, settings, parameters)
-            target = SimpleNamespace(surface=part)
-            (result,) = filter_targets([target], lambda *data: seen(function(*data)), progress)
-            return result
+            task = task_of(mode, parameters, settings, [SimpleNamespace(surface=part)])
+            (result,) = task.run(progress)
+            return result if isinstance(result, ShockError) else seen(result)
 
         self._job = Job(work)
 

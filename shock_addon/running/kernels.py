@@ -20,7 +20,7 @@ from ...core import registry
 from ...core.base import cache_folder
 from ...core.errors import ShockError
 
-_PACKAGE = __package__.removesuffix(".shock_addon.operators")
+_PACKAGE = __package__.removesuffix(".shock_addon.running")
 _REMEDY = (
     "what is missing comes inside the Shock Filter zip; install the zip that was made for this"
     " Blender version and platform"

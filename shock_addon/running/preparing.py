@@ -22,7 +22,7 @@ from .jobs import Job, redraw_sidebars
 if TYPE_CHECKING:
     from .compiling import Process
 
-_PACKAGE = __package__.removesuffix(".shock_addon.operators")
+_PACKAGE = __package__.removesuffix(".shock_addon.running")
 _ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 _AT_FIRST = 1.0

@@ -15,6 +15,7 @@ from ..modes import Mode, below
 from ..operators import base as operators
 from ..operators import comparing, drawing, statistics
 from ..operators import poll as obstacles
+from ..operators.filtering import operator_of
 from ..operators.wrapping import draw_text, fit
 from ..preview import operator as preview_operator
 from ..preview import painting
@@ -88,15 +89,15 @@ def draw_filter(
     words = {}
     if mode.follows is not None:
         words["text"] = f"{mode.title}, then Sharpen" if settings.then_sharpen else mode.title
-    operator = layout.operator(f"shock_filter.{mode.operator}", icon=mode.icon, **words)
+    operator = layout.operator(operator_of(mode).bl_idname, icon=mode.icon, **words)
     for name in mode.names:
         setattr(operator, name, getattr(settings, name))
     image = data.chosen.edited_image(context)
     if "image" in mode.names and image is not None:
         # In the Image Editor, the image that is seen counts, not the one that the 3D view names.
         operator.image = image.name
-        if "frames" in mode.names:
-            operator.target = mode.targets[-1].key  # the flow map
+        if len(mode.targets) > 1 and mode.data.in_images:
+            operator.target = next(each.key for each in mode.targets if each.data.in_images)
     return operator
 
 
@@ -115,7 +116,7 @@ def _draw_target(panel: Panel, context: bpy.types.Context) -> None:
         row.prop(settings, "image_size")
     elif "image" in names:
         column.prop_search(settings, "image", bpy.data, "images")
-        if not settings.image and "frames" not in names:
+        if not settings.image and panel.mode(context).data.handled_as == "textures":
             _draw_shown_image(layout, context, panel.mode(context))
 
 
@@ -127,9 +128,8 @@ def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context, mo
         name = data.chosen.shown_image(context).name
     except Skipped:  # the line below the button says why
         return
-    words = {"Denoised": "Will denoise: {}", "Sharpened": "Will sharpen: {}"}
-    text = iface_(words.get(mode.done, "Will filter: {}"))
-    layout.label(text=text.format(name), icon="IMAGE_DATA", translate=False)
+    text = iface_(mode.announced).format(name)
+    layout.label(text=text, icon="IMAGE_DATA", translate=False)
 
 
 def _draw_choices(
@@ -168,7 +168,7 @@ def _draw_buttons(
     preview.enabled = enabled
     if mode.has_preview:
         preview.operator("shock_filter.preview")
-    if "gain_map" in mode.names and context.space_data.type == "VIEW_3D":
+    if mode.targets[0].row.takes_gain and context.space_data.type == "VIEW_3D":
         row.operator("shock_filter.paint_gain", depress=painting.is_running())
     shown = flow_shown.shown_object()
     is_active = context.object is not None and context.object.name == shown

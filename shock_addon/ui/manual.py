@@ -11,7 +11,8 @@ from pathlib import Path
 
 import bpy
 
-from ..modes import MODES, PICTURES, choices
+from ..data import PICTURES
+from ..modes import MODES, choices
 
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 

@@ -6,7 +6,8 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 from bpy.app.translations import pgettext_tip
 
-from ..modes import DEFAULTS, PICTURES, Mode, Preset, choices, find
+from ..data import PICTURES
+from ..modes import DEFAULTS, Mode, Preset, choices, find
 from ..operators.properties import label
 
 _OF_ONE_OBJECT = {

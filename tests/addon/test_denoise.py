@@ -18,6 +18,7 @@ from shock_filter.shock_addon.data.mesh.meshes import (
     write_positions,
 )
 from shock_filter.shock_addon.data.skipped import Skipped
+from shock_filter.shock_addon.kinds import DATA
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.operators import properties
@@ -255,7 +256,8 @@ def test_modifiers_are_named_when_vertices_move():
     operator = bpy.types.SHOCK_FILTER_OT_denoise
     quiet = {"custom_normals": "CLEAR", "mark_sharp": False, "output": "SHAPE_KEY"}
     of_geometry, of_colors = (
-        SimpleNamespace(row=operator.row, target=t, **quiet) for t in ("geometry", "colors")
+        SimpleNamespace(row=operator.row, target=t, kind=DATA[t], **quiet)
+        for t in ("geometry", "colors")
     )
     written = [operators.Written(None, obj, None)]
     assert operator.notes(of_geometry, written).startswith("Modifiers were left in place")

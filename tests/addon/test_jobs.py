@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 import pytest
 from shock_filter.core import Cancelled, GeometrySettings
-from shock_filter.core.host.geometry import filter_shape
 from shock_filter.shock_addon import data
 from shock_filter.shock_addon.data.mesh.geometry import read_geometry, write_geometry
 from shock_filter.shock_addon.data.mesh.meshes import read_positions, read_targets, write_positions
+from shock_filter.shock_addon.kinds import DATA, Data
 from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.operators import base as operators
 from shock_filter.shock_addon.running import jobs
@@ -488,10 +488,8 @@ def target(rounded_box):
 
 
 def sharpened(*targets, progress=lambda fraction, message: True):
-    def function(surface, part):
-        return filter_shape(surface, "sharpen_geometry", GeometrySettings(), True, part)
-
-    return operators.filter_targets(targets, function, progress)
+    kind, settings = DATA["geometry"], GeometrySettings()
+    return operators.Task(targets, kind, "sharpen_geometry", settings, True, []).run(progress)
 
 
 def written(target, results):
@@ -529,11 +527,12 @@ def test_progress_counts_targets_by_their_size():
     targets = [SimpleNamespace(name="", surface=SimpleNamespace(size=size)) for size in (10, 30)]
     seen = []
 
-    def function(surface, part):
-        part(0.5, "Half")
-        part(1.0, "All")
+    def halfway(surface, name, settings, weld, progress):
+        progress(0.5, "Half")
+        progress(1.0, "All")
 
-    operators.filter_targets(targets, function, lambda *now: seen.append(now) or True)
+    task = operators.Task(targets, Data("meshes", (), halfway), "", None, True, [])
+    task.run(lambda *now: seen.append(now) or True)
     steps = [fraction for fraction, message in seen if message in {"Half", "All"}]
     assert steps == pytest.approx([0.125, 0.25, 0.625, 1.0])
 

@@ -30,9 +30,9 @@ if sys.argv[1:] == ["load only"]:
     kernels.choose_folder()
     kernels.load()
 elif sys.argv[1:] == ["console"]:
-    pde = importlib.import_module(NAME + ".core.color.pde")
+    osher_rudin = importlib.import_module(NAME + ".core.color.osher_rudin")
     import numpy as np
-    pde.osher_rudin_image(np.eye(8), 1)
+    osher_rudin.osher_rudin_image(np.eye(8), steps=1)
 else:
     bpy.ops.mesh.primitive_uv_sphere_add()
     result = bpy.ops.shock_filter.sharpen_geometry(feature_threshold=0.0)

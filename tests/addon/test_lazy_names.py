@@ -11,9 +11,11 @@ from shock_filter import shock_addon
 from shock_filter.shock_addon import data
 
 
-@pytest.mark.parametrize("package", [data])
+@pytest.mark.parametrize("package", [data, data.image, data.mesh])
 def test_all_modules_are_given_and_nothing_else(package):
-    files = {path.stem for path in Path(package.__file__).parent.glob("[a-z]*.py")}
+    folder = Path(package.__file__).parent
+    files = {path.stem for path in folder.glob("[a-z]*.py")}
+    files |= {path.parent.name for path in folder.glob("*/__init__.py")}
     assert all(isinstance(getattr(package, name), ModuleType) for name in files)
     code = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
     listed = [n for n in ast.walk(code) if isinstance(n, ast.ImportFrom) and n.level == 1]

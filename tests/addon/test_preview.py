@@ -26,7 +26,7 @@ from shock_filter.core.settings import (
 from shock_filter.shock_addon.data.mesh.geometry import read_geometry
 from shock_filter.shock_addon.data.mesh.meshes import read_active, read_positions, write_positions
 from shock_filter.shock_addon.data.skipped import Skipped
-from shock_filter.shock_addon.modes import find, load
+from shock_filter.shock_addon.modes import find
 from shock_filter.shock_addon.preview import meshes as preview_meshes
 from shock_filter.shock_addon.preview import operator as preview_operator
 from shock_filter.shock_addon.preview import previewing
@@ -38,7 +38,7 @@ def begun(mode, size=None):
     """Begin a preview of the active object, on a patch if a size is given."""
     row = find(mode)
     parameters = previewing.parameters_of(bpy.context.scene, row)
-    read = load(row.target(parameters).data.read)
+    read = row.target(parameters).data.read
     (target,), _ = read_active(bpy.context, read, parameters)
     patch = whole_surface(target.surface)
     if size is not None:
@@ -432,7 +432,7 @@ def test_settings_mean_the_same_on_a_patch_with_shorter_edges(name, settings):
 @dataclass(kw_only=True, repr=False, eq=False)
 class OtherSettings(_Settings):
     time: float = _setting(3.0, "How long it takes", unit="seconds", maximum=9.0)
-    width: float = _setting(2.0, "How wide", unit="mean edge lengths", length_power=1)
+    width: float = _setting(2.0, "How wide", length_power=1, counts_in="edges")
 
 
 def test_only_settings_in_edge_lengths_change_on_a_patch():
@@ -506,7 +506,7 @@ def test_an_error_is_said_and_the_preview_goes_on(painted_sheet, monkeypatch):
         raise InvalidSettings("The sheet is too red; paint it blue.")
 
     with monkeypatch.context() as patch:
-        patch.setattr(colors, "applied", refuse)
+        patch.setattr(colors, "find", refuse)
         running.parameters.time = 200_000.0
         settle(running)
     assert "paint it blue" in running.text()

@@ -8,7 +8,8 @@ import sys
 
 import bpy
 import pytest
-from shock_filter.shock_addon.modes import MODES, load
+from shock_filter.shock_addon.modes import MODES
+from shock_filter.shock_addon.operators.filtering import operator_of
 
 INVENTORY = """
 import json, sys
@@ -137,7 +138,7 @@ shock_filter.unregister()
 TRY = """
 bpy.ops.wm.read_homefile(use_empty=True)
 shock_filter.register()
-from shock_filter.shock_addon.operators import kernels
+from shock_filter.shock_addon.running import kernels
 known_before = kernels.problem()
 bpy.ops.mesh.primitive_monkey_add()
 before = [tuple(v.co) for v in bpy.context.object.data.vertices]
@@ -178,7 +179,7 @@ def test_nothing_of_a_file_is_kept_when_another_is_opened(blender):
         """
 shock_filter.register()
 from shock_filter.shock_addon.operators import base as operators
-from shock_filter.shock_addon.data import images as image_data
+from shock_filter.shock_addon.data.image import images as image_data
 from shock_filter.core.host import welding
 def kept():
     return [len(operators.summaries), len(image_data._overwritten), len(welding._recent)]
@@ -219,7 +220,7 @@ def test_disabling_during_a_run_stops_it(blender):
 import time
 shock_filter.register()
 from shock_filter.core import Cancelled
-from shock_filter.shock_addon.operators import jobs
+from shock_filter.shock_addon.running import jobs
 def work(progress):
     while progress(0.5, "Working"):
         time.sleep(0.01)
@@ -249,8 +250,7 @@ def test_a_process_that_forgets_to_unregister_ends_well(tmp_path, enable):
 
 REFUSAL = "NotImplementedError"
 HOOKS = {
-    "finish", "read", "filter", "write", "summary", "done", "changes",
-    "steps",
+    "finish", "read", "task", "write", "summary", "done",
 }  # fmt: skip
 
 
@@ -263,14 +263,14 @@ def test_each_operator_fills_in_the_hooks_of_its_mixins(name):
     cls = getattr(bpy.types, f"SHOCK_FILTER_OT_{name}")
     functions = {hook: getattr(cls, hook) for hook in dir(cls) if hook in HOOKS}
     codes = {hook: getattr(value, "__code__", None) for hook, value in functions.items()}
-    assert {"finish", "read", "filter", "write", "summary"} <= set(codes)
+    assert {"finish", "read", "task", "write", "summary"} <= set(codes)
     empty = [hook for hook, code in codes.items() if code and REFUSAL in code.co_names]
     assert not empty
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.operator)
 def test_no_setting_hides_what_its_operator_does(mode):
-    bases = load(mode.data.base).__mro__
+    bases = operator_of(mode).__bases__[0].__mro__
     taken = {name for base in bases if base is not object for name in vars(base)}
     cls = getattr(bpy.types, f"SHOCK_FILTER_OT_{mode.operator}")
     assert not taken & set(cls.__annotations__)

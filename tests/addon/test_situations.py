@@ -77,7 +77,6 @@ ELSEWHERE = {
     "split-seams": "test_sharpen_geometry.py::test_seams_of_split_meshes_stay_closed_if_welded",
     "nan": "test_sharpen_geometry.py::test_a_nan_is_named_and_nothing_changes",
     "time-zero": "test_sharpen_geometry.py::test_time_zero_changes_no_bit",
-    "settings": "test_sharpen_colors.py::test_contradicting_settings_are_named",
     # Colors
     "color-kinds": "test_sharpen_colors.py::test_a_blend_becomes_an_edge_within_its_range",
     "color-jumps": "test_sharpen_colors.py::test_jumps_between_corners_stay",

@@ -2,17 +2,11 @@
 """A new filter costs a settings class, two rows and a module: nothing else has to know it."""
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-import shock_filter
 from PIL import Image
-
-ROOT = Path(shock_filter.__file__).parent
+from toys import IN_BATCH, OUTSIDE, run, tree_with
 
 SETTINGS = '''
 
@@ -20,7 +14,8 @@ SETTINGS = '''
 class InvertSettings(_Settings):
     """Settings of the toy."""
 
-    time: float = _setting(0.0, "Nothing", unit="seconds", minimum=0.0, maximum=9.0, soft_maximum=9)
+    time: float = _setting(0.0, "Nothing", unit="seconds", minimum=0.0, maximum=9.0, soft_maximum=9,
+                           role="time")
     strength: float = _setting(1.0, "How much. 0 changes nothing", minimum=0.0, maximum=1.0,
                                soft_minimum=0.0, soft_maximum=1.0)
     alpha: str = _alpha()
@@ -59,13 +54,38 @@ def invert_texture(mesh, uv, image, settings=None, progress=None, atlas=None):
 """
 
 FILTERS = """
+def _invert_vertex_signal():
+    from .color.inverting import invert_vertex_signal
+
+    return invert_vertex_signal
+
+
+def _invert_corner_signal():
+    from .color.inverting import invert_corner_signal
+
+    return invert_corner_signal
+
+
+def _invert_image():
+    from .color.inverting import invert_image
+
+    return invert_image
+
+
+def _invert_texture():
+    from .color.inverting import invert_texture
+
+    return invert_texture
+
+
 FILTERS += (
     Filter("invert_vertex_signal", "color.inverting", _settings.InvertSettings, COLORS,
-           "invert-colors", "invert the vertex colors of meshes", corners="invert_corner_signal"),
+           "invert-colors", "invert the vertex colors of meshes", _invert_vertex_signal,
+           corners="invert_corner_signal", load_corners=_invert_corner_signal),
     Filter("invert_image", "color.inverting", _settings.InvertSettings, IMAGE,
-           "invert-image", "invert images"),
+           "invert-image", "invert images", _invert_image),
     Filter("invert_texture", "color.inverting", _settings.InvertSettings, TEXTURE,
-           "invert-texture", "invert textures", takes_mask=False),
+           "invert-texture", "invert textures", _invert_texture, takes_mask=False),
 )
 """
 
@@ -85,36 +105,8 @@ MODES += [
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
-    """A copy of the package with the toy: a new module and three additions."""
-    root = tmp_path_factory.mktemp("tree") / "shock_filter"
-    root.mkdir()
-    for name in ("__init__.py", "blender_manifest.toml"):
-        shutil.copy(ROOT / name, root)
-    for name in ("core", "shock_addon"):
-        shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
-    (root / "core" / "color" / "inverting.py").write_text(MODULE)
-    for path, words in (
-        ("core/settings.py", SETTINGS),
-        ("core/registry.py", FILTERS),
-        ("shock_addon/modes.py", MODES),
-    ):
-        with open(root / path, "a") as file:
-            file.write(words)
-    return root
-
-
-def run(tree, code, *arguments):
-    environment = {**os.environ, "PYTHONPATH": str(tree.parent)}
-    done = subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        env=environment,
-        cwd=tree.parent,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    folder = tmp_path_factory.mktemp("tree")
+    return tree_with(folder, "color.inverting", MODULE, SETTINGS, FILTERS, MODES)
 
 
 IN_BLENDER = """
@@ -128,7 +120,7 @@ from shock_filter import core
 from shock_filter.shock_addon.ui import manual, menus
 from shock_filter.shock_addon.preview import images as preview_images, previewing
 from shock_filter.shock_addon.modes import find
-from shock_filter.shock_addon.operators.base import filter_of
+from shock_filter.shock_addon.operators.base import task_of
 from shock_filter.shock_addon.operators.properties import settings_of
 
 bpy.ops.mesh.primitive_grid_add(x_subdivisions=3, y_subdivisions=3)
@@ -153,8 +145,9 @@ def tried(name):
     preview = preview_images.begin(bpy.context, None, find(name))
     settings = settings_of(preview.mode, preview.parameters)
     part, seen = preview.stage.part(settings)
-    run = filter_of(preview.mode, settings, preview.parameters)
-    found = seen(run(part, lambda *_: True))
+    target = SimpleNamespace(surface=part)
+    task = task_of(preview.mode, preview.parameters, settings, [target])
+    found = seen(task.run(lambda *_: True)[0])
     colors = found.pieces[0].colors if found.pieces else found.pixels
     preview.end()
     return [part.size, float(colors[0, 0, 0])]
@@ -237,24 +230,6 @@ def test_the_panel_draws_its_settings_and_button(found):
     properties, operators = found["drawn"]
     assert properties == ["time", "strength"]
     assert ["shock_filter.invert_colors"] in operators
-
-
-OUTSIDE = """
-import sys
-from shock_filter.core import cli
-sys.exit(cli.main(sys.argv[1:]))
-"""
-
-IN_BATCH = """
-import sys
-import bpy, shock_filter
-bpy.ops.wm.read_homefile(use_empty=True)
-shock_filter.register()
-from shock_filter.shock_addon.commands import command_line
-code = command_line.run(sys.argv[1:], "blender")
-shock_filter.unregister()
-sys.exit(code)
-"""
 
 
 @pytest.mark.parametrize("code", [OUTSIDE, IN_BATCH], ids=["shock-filter", "Blender"])

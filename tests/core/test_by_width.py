@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
-from shock_filter.core.color.by_width import Lead, sharpen_by_width
-from shock_filter.core.color.dials import plan_of
-from shock_filter.core.color.domain import Domain, Nearby, flow_for_time
+from shock_filter.core.color.by_width.dials import plan_of
+from shock_filter.core.color.by_width.domain import Domain, Nearby, flow_for_time
+from shock_filter.core.color.by_width.recipe import Lead, sharpen_by_width
 
 WIDTH = 8.0
 X = np.arange(64.0)

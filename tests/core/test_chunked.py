@@ -50,6 +50,14 @@ def test_same_bits_as_in_memory(settings):
     np.testing.assert_array_equal(computed(lazy), core.sharpen_image(image, settings))
 
 
+def test_denoising_has_the_same_bits_as_in_memory():
+    image = shapes()
+    settings = core.BeltramiSettings(time=6.0, iterations=2)
+    lazy = core.beltrami_image(cut(image), settings)
+    assert lazy.numblocks == (5, 4, 1)
+    np.testing.assert_array_equal(computed(lazy), core.beltrami_image(image, settings))
+
+
 def test_what_is_measured_in_many_windows_is_the_same():
     noise = np.random.default_rng(3).normal(size=(1300, 1100))
     image = gaussian_filter(noise, 12.0).astype(np.float32) * 10

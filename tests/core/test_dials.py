@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from shock_filter.core.color.dials import (
+from shock_filter.core.color.by_width.dials import (
     WIDEST,
     contrast,
     counted_width,

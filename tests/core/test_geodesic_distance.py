@@ -237,7 +237,7 @@ def test_along_a_line_that_leans_a_little_the_front_is_straight():
             faces = np.array([[0, 1, 2], [0, 2, 5], [5, 2, 3], [5, 3, 4]])
             mesh = core.TriangleMesh(np.pad(vertices, ((0, 0), (0, 1))), faces)
             uv = vertices[faces] / 24
-            found = core.geodesic_distance(mesh, uv, (24, 24), edges=[[5, 2]])
+            found = core.geodesic_distance(mesh, uv, size=(24, 24), edges=[[5, 2]])
             y, x = np.mgrid[:24, :24] + 0.5
             expected = np.abs(y - high - sign * leaning * (x - 12)) / np.hypot(1, leaning)
             assert np.abs(found - expected)[:, 1:-1].max() < 1e-3

@@ -562,7 +562,7 @@ def watch(fraction, message):
     return True
 
 def sharpen(pixels, mask=None, out=None):
-    return core.sharpen_image(pixels, core.ImageSettings(time=16), mask, out=out)
+    return core.sharpen_image(pixels, core.ImageSettings(time=16), mask=mask, out=out)
 
 filter_image_file(sharpen, "small.npy", "small_out.npy")  # compiles
 before = anonymous()

@@ -9,8 +9,8 @@ from scipy import ndimage
 from scipy.special import erf
 from shock_filter import core
 from shock_filter.core.base.findings import gathering
-from shock_filter.core.color.dials import counted_width, plan_of, tell_widths
-from shock_filter.core.color.measuring import measured
+from shock_filter.core.color.by_width.dials import counted_width, plan_of, tell_widths
+from shock_filter.core.color.by_width.measuring import measured
 from shock_filter.core.grid import borders
 from shock_filter.core.grid.channels import channel_groups
 from shock_filter.core.grid.windows import gaussian, least_and_greatest, smooth

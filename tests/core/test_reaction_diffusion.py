@@ -57,6 +57,20 @@ def test_a_step_is_that_of_a_direct_solve(layout, scale):
     assert np.abs(wanted - before).max() > 30 * np.abs(off).max()
 
 
+def test_patterns_begin_at_the_same_places_on_faces_that_are_turned_over():
+    settings = core.ReactionSettings(steps=0, scale=10)
+    mesh, uv, size = square(48, False)
+    faces, turned = mesh.faces.copy(), uv.copy()
+    for corners in (faces, turned):
+        corners[::3] = corners[::3, [0, 2, 1]]  # the mesh turns them back
+    other = core.TriangleMesh(mesh.vertices, faces)
+    assert other.flipped.any()
+    one = core.reaction_diffusion(mesh, uv, settings, size=(size, size))
+    found = core.reaction_diffusion(other, turned, settings, size=(size, size))
+    assert one[..., 1].max() > 0.2
+    assert np.allclose(found, one, atol=1e-5)
+
+
 def test_patterns_do_not_know_where_the_surface_is_cut():
     settings = core.ReactionSettings(steps=300, scale=10)
     places = np.random.default_rng(0).random((4000, 3))

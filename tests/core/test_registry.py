@@ -24,6 +24,14 @@ def test_each_name_is_there(name, module):
     assert getattr(sys.modules[found.__module__], name) is found
 
 
+@pytest.mark.parametrize("row", registry.FILTERS, ids=lambda row: row.name)
+def test_each_row_loads_the_function_that_it_names(row):
+    assert row.load() is getattr(core, row.name)
+    for name, load in ((row.corners, row.load_corners), (row.vertices, row.load_vertices)):
+        assert bool(name) == bool(load)
+        assert not name or load() is getattr(core, name)
+
+
 def test_other_names_are_refused():
     with pytest.raises(AttributeError, match=f"module '{core.__name__}' has no attribute 'no'"):
         _ = core.no
@@ -109,11 +117,25 @@ def invert_image(image, settings=None, mask=None, progress=None):
 def invert_vertex_signal(mesh, signal, settings=None, mask=None, progress=None):
     return settings.white - signal
 """
+NEW_LOADERS = """
+def _invert_image():
+    from .color.invert import invert_image
+
+    return invert_image
+
+
+def _invert_vertex_signal():
+    from .color.invert import invert_vertex_signal
+
+    return invert_vertex_signal
+
+
+"""
 NEW_ROWS = """
     Filter("invert_image", "color.invert", _settings.InvertSettings, IMAGE, "invert-image",
-           "turn images to their negatives"),
+           "turn images to their negatives", _invert_image),
     Filter("invert_vertex_signal", "color.invert", _settings.InvertSettings, COLORS,
-           "invert-colors", "turn colors to their negatives"),
+           "invert-colors", "turn colors to their negatives", _invert_vertex_signal),
 """
 
 
@@ -127,7 +149,7 @@ def test_a_new_filter_is_settings_a_module_and_a_row(tmp_path):
     (package / "core" / "color" / "invert.py").write_text(NEW_MODULE)
     table = package / "core" / "registry.py"
     before, start, after = table.read_text().partition("FILTERS: tuple[Filter, ...] = (")
-    table.write_text(before + start + NEW_ROWS + after)
+    table.write_text(before + NEW_LOADERS + start + NEW_ROWS + after)
 
     np.save(tmp_path / "in.npy", np.full((4, 5), 0.25))
     rows = ["0 0 0 255 0 51", "1 0 0 255 0 51", "0 1 0 255 0 51", "3 0 1 2"]

@@ -356,7 +356,7 @@ def test_a_picture_that_others_see_otherwise_replaces_nothing(target, monkeypatc
         return row.write(path, image_file, pixels // 4)
 
     monkeypatch.setitem(images.FORMATS, Path(target).suffix, row._replace(write=write))
-    monkeypatch.setattr(images, "_read_back", lambda path, pixels: None)
+    monkeypatch.setattr(images, "read_back", lambda path, pixels: None)
     with pytest.raises(core.ShockError, match=f"{target}: its mean brightness is"):
         sharpen_image_file("in.npy", target, core.ImageSettings(time=1), overwrite=True)
     assert Path(target).read_bytes() == b"kept"

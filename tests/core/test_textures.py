@@ -183,7 +183,7 @@ def test_whole_numbers_meet_better_at_seams_than_rounded_fractions():
     # Where a texture is nearly even, texels around charts may leave its range by one whole number.
     mesh = core.TriangleMesh(*icosphere(2, radius=8.0))
     uv, size = apart(mesh, texels_per_length=6.0)
-    atlas = core.TextureAtlas(mesh, uv, size, size)
+    atlas = core.TextureAtlas(mesh, uv, size=(size, size))
     at = 0.3 * atlas.bake(mesh.vertices[mesh.faces])
     waves = np.sin(at[..., :1] + 0.5) * np.sin(at[..., 1:2] + 1.0) * [1.6, 4.0, 8.0]
     image = np.rint(np.where(atlas.inside[..., None], 128 + waves, 0))

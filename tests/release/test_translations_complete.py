@@ -154,7 +154,7 @@ def texts_of_errors():
 
 def texts_of_modes():
     for mode in MODES:
-        yield from (mode.title, mode.done, mode.advice, mode.nothing, mode.changes)
+        yield from (mode.title, mode.done, mode.advice, mode.nothing, mode.changes, mode.announced)
         if mode.follows is not None:
             yield from (f"{mode.title}, then Sharpen", f"{mode.done} and sharpened")
         for preset in (DEFAULTS, *mode.presets):

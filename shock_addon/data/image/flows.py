@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -23,6 +24,32 @@ _BYTE = 255.0
 
 
 @dataclass(frozen=True)
+class Film:
+    """A flow, and the frames that are to show it.
+
+    Attributes
+    ----------
+    flow : FlowSurface or FlowPlane
+    frames : int
+        How many there are.
+    in_colors : bool
+        Whether colors say how fast it is.
+    parent : path
+        The folder beside whose contents they are written.
+    """
+
+    flow: FlowSurface | FlowPlane
+    frames: int
+    in_colors: bool
+    parent: Path
+
+    @property
+    def size(self) -> int:
+        """How much work it is, beside others."""
+        return self.flow.size
+
+
+@dataclass(frozen=True)
 class FlowTarget:
     """A flow that is to be shown.
 
@@ -30,8 +57,8 @@ class FlowTarget:
     ----------
     name : str
         Of the active object or the flow map.
-    surface : FlowSurface or FlowPlane
-        What is handed to the filter.
+    surface : FlowSurface, FlowPlane or Film
+        The flow, and then what is handed to the filter.
     objects : list of str
         Names of the objects whose faces were read, the active one first.
     image_uid : int
@@ -39,7 +66,7 @@ class FlowTarget:
     """
 
     name: str
-    surface: FlowSurface | FlowPlane
+    surface: FlowSurface | FlowPlane | Film
     objects: list[str] = field(default_factory=list)
     image_uid: int = 0
 

@@ -14,8 +14,7 @@ from bpy.app.translations import pgettext_rpt
 
 from ....core.host.inputs import HostImage, TexturedFaces, TexturedSurface
 from ....core.host.mosaic import Mosaic
-from ...modes import PICTURES
-from .. import arrays
+from .. import PICTURES, arrays
 from ..chosen import mesh_users, refusal
 from ..materials import image_nodes
 from ..mesh import meshes
@@ -63,7 +62,7 @@ def read_texture(
     image : bpy.types.Image
     parameters : object
         Those of `color_mask`, and `mask_image` where the filter takes a mask; `gain_map` and
-        `gain_colors` where its gain may be painted; `modes.PICTURES` where it makes one image of
+        `gain_colors` where its gain may be painted; `data.PICTURES` where it makes one image of
         several; `gutter` where it fills one, so that tiles are laid out farther apart; and
         `content` where it takes normals.
     takes_normals : bool

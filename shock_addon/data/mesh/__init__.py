@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         painted,
         shading,
         shape_keys,
+        targets,
         vertex_groups,
         visible,
     )

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import blocks
-from ..base.progress import aside, phase
+from ...base.parallel import blocks
+from ...base.progress import aside, phase
 from .dials import Plan, blended, flow_times, limited_unsharp
 from .domain import Domain, Nearby
 

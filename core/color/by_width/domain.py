@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..base.progress import phase
+from ...base.progress import phase
 
 
 class Nearby(NamedTuple):

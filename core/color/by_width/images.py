@@ -7,15 +7,15 @@ from collections.abc import Sequence
 
 import numpy.typing as npt
 
-from ..base.findings import is_gathered
-from ..grid.channels import Channels
-from ..grid.part import Part
-from ..grid.potential import flow_reach
-from ..settings import ImageSettings
-from .by_width import Lead, sharpen_by_width
+from ...base.findings import is_gathered
+from ...grid.channels import Channels
+from ...grid.part import Part
+from ...grid.potential import flow_reach
+from ...settings import ImageSettings
 from .dials import Plan, plan_of
 from .grid_domain import GridDomain, contrast_reach, nearby_reach
 from .measuring import Measured, tell_closed
+from .recipe import Lead, sharpen_by_width
 
 
 def sharpen_pixels_by_width(

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import SCALES
-from ..base.progress import aside
-from ..grid.borders import Borders, is_drawing, measure_borders
-from ..grid.channels import Channels
-from ..settings import ImageSettings, TextureSettings
+from ...base.checks import SCALES
+from ...base.progress import aside
+from ...grid.borders import Borders, is_drawing, measure_borders
+from ...grid.channels import Channels
+from ...settings import ImageSettings, TextureSettings
 from .dials import counted_width, tell_widths
 
 

@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..base.findings import tell
-from ..settings import WIDTH_OF_SIGMA
+from ...base.findings import tell
+from ...settings import WIDTH_OF_SIGMA
 
 SHARP = 1.6
 """Measured widths up to this are sharp already, and stay as they are."""

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..flow.advect import average_corners, read_points
-from ..flow.borders import diffused, local_contrast, nearby_range
-from ..flow.potential import flow_potential
-from ..flow.trace import corner_offsets, trace
-from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ...flow.advect import average_corners, read_points
+from ...flow.borders import diffused, local_contrast, nearby_range
+from ...flow.potential import flow_potential
+from ...flow.trace import corner_offsets, trace
+from ...mesh.triangle_mesh import Floats, TriangleMesh
+from ..signals import luminance
 from .domain import Domain, Nearby
-from .signals import luminance
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import SCALES
-from ..base.parallel import run
-from ..grid.advect import advect_pixels
-from ..grid.borders import guide_planes
-from ..grid.channels import Channels
-from ..grid.part import Part
-from ..grid.potential import image_potential
-from ..grid.windows import gaussian, least_and_greatest, smooth
-from ..settings import ImageSettings
+from ...base.checks import SCALES
+from ...base.parallel import run
+from ...grid.advect import advect_pixels
+from ...grid.borders import guide_planes
+from ...grid.channels import Channels
+from ...grid.part import Part
+from ...grid.potential import image_potential
+from ...grid.windows import gaussian, least_and_greatest, smooth
+from ...settings import ImageSettings
 from .dials import contrast
 from .domain import Domain, Nearby
 
