@@ -39,7 +39,7 @@ HIDDEN = 128, 64
 GATE = (24,)
 """Sizes of the inner layers of both networks."""
 
-EPOCHS, GATE_EPOCHS = 10, 4
+EPOCHS, GATE_EPOCHS = 8, 3
 KEPT_ASIDE = 12
 """One mesh in so many tells the error and is not learned from."""
 
@@ -49,7 +49,7 @@ TURNS = 2.0
 MISSED = 0.01
 """Share of all turns that the gate may miss."""
 
-USUAL, AS_IT_IS = 3.0, 8.0
+USUAL, AS_IT_IS = 10.0, 10.0
 """Degrees: a mesh counts the less the more wrong it is, beyond the first; and how much those count
 that are as they should be."""
 
