@@ -84,6 +84,10 @@ from .settings import (
     StreakSettings,
     TextureSettings,
 )
+from .shape.crease_lines import (
+    CreaseLine,
+    find_creases,
+)
 from .shape.denoising import (
     beltrami_corner_signal,
     beltrami_joint,
@@ -135,6 +139,7 @@ __all__ = [
     "BeltramiTextureSettings",
     "Cancelled",
     "ConvolutionSettings",
+    "CreaseLine",
     "DilateSettings",
     "DistanceSettings",
     "DyeSettings",
@@ -173,6 +178,7 @@ __all__ = [
     "denoise_geometry",
     "dilate_texture",
     "filter_texture",
+    "find_creases",
     "fit_to_normals",
     "flow_field",
     "flow_frames",

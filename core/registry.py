@@ -377,6 +377,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "advection.surface": ("advect_on_surface",),
     "advection.velocity": ("flow_frames",),
     "color.image_denoising": ("beltrami_manifold",),
+    "shape.crease_lines": ("CreaseLine", "find_creases"),
     "shape.denoising": ("beltrami_joint", "beltrami_mesh"),
     "shape.fit": ("fit_to_normals",),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
