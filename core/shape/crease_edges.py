@@ -73,6 +73,7 @@ def crease_edges(
     turns: Singles,
     angle: float = STRONG,
     allowed: Bools | None = None,
+    hidden: Bools | None = None,
 ) -> Bools:
     """Choose the half-edges that form lines of creases.
 
@@ -87,6 +88,8 @@ def crease_edges(
         Degrees from which an edge is a crease by itself; half of that continues one.
     allowed : (n,) bool, optional
         Lines only go through these vertices.
+    hidden : (m, 3) bool, optional
+        Half-edges that lines go around, such as diagonals of quads.
 
     Returns
     -------
@@ -97,13 +100,16 @@ def crease_edges(
     run(_choose_strong, mesh.face_count, turns, angle, chosen)
     if chosen.any():
         _join_small_regions(mesh, normals, turns, chosen)
+    barred = np.zeros(chosen.shape, dtype=np.bool_) if hidden is None else hidden.copy()
+    if hidden is not None:
+        _go_around(mesh.twins, turns, hidden, chosen)
     if allowed is not None:
-        run(_leave_out, mesh.face_count, mesh.faces, allowed, chosen)
-    allowed = np.ones(mesh.vertex_count, dtype=np.bool_) if allowed is None else allowed
+        barred |= ~(allowed[mesh.faces] & allowed[mesh.faces[:, (1, 2, 0)]])
+        chosen &= ~barred
     degrees = np.zeros(mesh.vertex_count, dtype=np.int32)
     run_in_order(_count_edges, mesh.face_count, mesh.faces, chosen, degrees)
     of_mesh = mesh.scaled_vertices, mesh.faces, mesh.twins, *mesh.corners
-    more = turns, angle, allowed, chosen, degrees
+    more = turns, angle, barred, chosen, degrees
     _prune(_ends(mesh, degrees), *of_mesh, *_SPECK, chosen, degrees)
     _continue(_ends(mesh, degrees), *of_mesh, *more)
     for _ in range(2):
@@ -180,10 +186,24 @@ def _choose_strong(start, stop, turns, least, chosen):
 
 
 @kernel
-def _leave_out(start, stop, faces, allowed, chosen):
-    for f in range(start, stop):
+def _go_around(twins, turns, hidden, chosen):
+    # Instead of the diagonal of a quad, its two sides on the sharper side of it.
+    for f in range(len(twins)):
         for k in range(3):
-            chosen[f, k] &= allowed[faces[f, k]] and allowed[faces[f, after(k)]]
+            twin = twins[f, k]
+            if not (hidden[f, k] and chosen[f, k]) or twin < 3 * f + k:
+                continue
+            g, j = twin // 3, twin % 3
+            a, b = after(k), after(after(k))
+            c, d = after(j), after(after(j))
+            here, there = abs(turns[f, a]) + abs(turns[f, b]), abs(turns[g, c]) + abs(turns[g, d])
+            chosen[f, k] = chosen[g, j] = False
+            face, one, other = (f, a, b) if here >= there else (g, c, d)
+            for side in (one, other):
+                beyond = twins[face, side]
+                if beyond >= 0 and not hidden[face, side]:
+                    chosen[face, side] = True
+                    chosen[beyond // 3, beyond % 3] = True
 
 
 @kernel
@@ -285,7 +305,7 @@ def _turn_to(vertices, way, a, b):
 
 @kernel
 def _continue(
-    ends, vertices, faces, twins, corner_start, corners, turns, angle, allowed, chosen, degrees
+    ends, vertices, faces, twins, corner_start, corners, turns, angle, barred, chosen, degrees
 ):
     # Along the strongest of the weaker edges ahead, until another line is met or there are none.
     last = np.empty(4, dtype=np.int32)
@@ -306,7 +326,7 @@ def _continue(
                     turn < _WEAK * angle
                     or turn <= strongest
                     or chosen[h // 3, h % 3]
-                    or not allowed[w]
+                    or barred[h // 3, h % 3]
                 ):
                     continue
                 if _turn_to(vertices, way, v, w)[0] > _AHEAD:
@@ -329,7 +349,7 @@ def _price(vertices, turns, angle, way, v, h, faces):
 
 @kernel
 def _bridge(
-    ends, vertices, faces, twins, corner_start, corners, turns, angle, allowed, chosen, degrees
+    ends, vertices, faces, twins, corner_start, corners, turns, angle, barred, chosen, degrees
 ):
     # To the vertex of another line, or far along the same one, over at most three edges.
     last = np.empty(_OWN, dtype=np.int32)
@@ -354,7 +374,7 @@ def _bridge(
             h = corners[cursor[depth]]
             cursor[depth] += 1
             w = _end_of(h, faces)
-            if chosen[h // 3, h % 3] or twins[h // 3, h % 3] < 0 or not allowed[w]:
+            if chosen[h // 3, h % 3] or twins[h // 3, h % 3] < 0 or barred[h // 3, h % 3]:
                 continue
             price = cost[depth] + _price(vertices, turns, angle, way, a, h, faces)
             if not price < best:

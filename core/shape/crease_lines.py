@@ -114,6 +114,7 @@ def find_creases(
     settings: GeometrySettings | None = None,
     *,
     angle: float = STRONG,
+    edges: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> list[CreaseLine]:
     """Find the creases of a mesh, as lines along its edges.
@@ -127,6 +128,9 @@ def find_creases(
         flow count.
     angle : float
         Least strength, in degrees, from 5 to 170. Lines may go on where they are half as strong.
+    edges : (k, 2) array of int, optional
+        Vertices of the edges that lines may go along, such as those of the quads that triangles
+        were cut from: lines go around diagonals then. All edges if left out.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -169,10 +173,15 @@ def find_creases(
     if not 5.0 <= angle <= 170.0:
         raise InvalidSettings(f"angle is {angle:g}; give degrees from 5 to 170.")
     with reporting(progress):
+        pairs = None if edges is None else np.asarray(edges, dtype=np.int64).reshape(-1, 2)
         if not is_scattered(mesh):
-            return _found(mesh, settings, angle)
+            return _found(mesh, settings, angle, pairs)
         ordered, order, _ = kept(mesh, "order", (), lambda: sorted_along_curve(mesh))
-        lines = _found(ordered, settings, angle)
+        if pairs is not None:
+            rank = np.empty(mesh.vertex_count, dtype=np.int64)
+            rank[order] = np.arange(mesh.vertex_count)
+            pairs = rank[pairs]
+        lines = _found(ordered, settings, angle, pairs)
         return [replace(line, vertices=order[line.vertices]) for line in lines]
 
 
@@ -181,13 +190,19 @@ def edges_of(lines: Iterable[CreaseLine]) -> npt.NDArray[np.intp]:
     return np.concatenate([np.zeros((0, 2), dtype=np.intp), *(line.edges for line in lines)])
 
 
-def _found(mesh: TriangleMesh, settings: GeometrySettings, angle: float) -> list[CreaseLine]:
+def _found(
+    mesh: TriangleMesh,
+    settings: GeometrySettings,
+    angle: float,
+    edges: npt.NDArray[np.int64] | None,
+) -> list[CreaseLine]:
+    hidden = None if edges is None else kept(mesh, "hidden", (edges,), lambda: _hidden(mesh, edges))
     with phase(0.0, 0.8, "Finding creases"):
         targets = find_targets(mesh, settings)
         found, scores = kept(mesh, "weighed", flow_key(settings), lambda: weighed(mesh, settings))
     with phase(0.8, 0.9, "Tracing creases"):
         turns = turns_across(mesh, targets.normals)
-        chosen = crease_edges(mesh, targets.normals, turns, angle)
+        chosen = crease_edges(mesh, targets.normals, turns, angle, hidden=hidden)
         lines = _traced(mesh, chosen)
         cosines = np.einsum("ij,ij->i", mesh.normals, targets.normals)
         turned = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
@@ -205,12 +220,22 @@ def _found(mesh: TriangleMesh, settings: GeometrySettings, angle: float) -> list
         closed = mesh.normals.copy()
         closed[found.rows] = mixture(found.normals, scores, TAKES_SIDES)[0]
         turns = turns_across(mesh, closed)
-        lines = _traced(mesh, crease_edges(mesh, closed, turns, angle, allowed))
+        lines = _traced(mesh, crease_edges(mesh, closed, turns, angle, allowed, hidden))
         sided = np.zeros(mesh.face_count)
         sided[found.rows] = targets.sided[found.rows]
         left = _described(mesh, lines, turns, sided, found, angle, np.full(len(lines.loops), ""))
         left = [line for line in left if line.strength >= angle]
         return given + _with_reasons(mesh, left, closed, settings)
+
+
+def _hidden(mesh: TriangleMesh, edges: npt.NDArray[np.int64]) -> Bools:
+    # The half-edges that are none of the edges: (m, 3).
+    ends = np.stack([mesh.faces, mesh.faces[:, (1, 2, 0)]], axis=-1)
+    keys, given = (
+        pairs.min(axis=-1) * np.int64(mesh.vertex_count) + pairs.max(axis=-1)
+        for pairs in (ends, edges)
+    )
+    return ~np.isin(keys, given)
 
 
 def _traced(mesh: TriangleMesh, chosen: Bools) -> _Lines:

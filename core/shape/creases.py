@@ -28,7 +28,6 @@ from ..mesh.calculus import (
     greatest_to_vertices,
     smooth_vertices,
 )
-from ..mesh.order import in_good_order
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mixture.choice import mixture
 from ..mixture.network import Network, Singles, load
@@ -95,17 +94,6 @@ def find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     """Find the normals that faces should have; of the settings, flow and widest fillet count."""
     key = (*flow_key(settings), settings.widest_fillet)
     return kept(mesh, "creases", key, lambda: _find_targets(mesh, settings))
-
-
-def vertices_at_creases(mesh: TriangleMesh, settings: GeometrySettings) -> npt.NDArray[np.bool_]:
-    """Tell which vertices lie where the filter closes creases: (n,)."""
-
-    def closed(current: TriangleMesh, _: Floats | None) -> Floats:
-        found = np.zeros((current.vertex_count, 1))
-        found[current.faces[find_targets(current, settings).shares > 0]] = 1.0
-        return found
-
-    return in_good_order(mesh, closed, None)[:, 0] > 0
 
 
 def tell_creases(

@@ -11,6 +11,7 @@ from .. import importing
 if TYPE_CHECKING:
     from . import (  # noqa: F401
         colors,
+        creases,
         flow,
         geometry,
         masks,

@@ -17,7 +17,7 @@ from ..arrays import check_same, read_attribute, write_attribute
 from ..skipped import Skipped
 from . import meshes
 from .masks import color_mask
-from .targets import MeshTarget
+from .targets import MeshTarget, find
 
 
 def read_colors(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[str, ColoredSurface]:
@@ -52,7 +52,7 @@ def write_colors(target: MeshTarget, result: Recolored) -> bpy.types.Object:
     Skipped
         If the object was removed or its colors have changed since they were read.
     """
-    obj = meshes.find(target)
+    obj = find(target)
     check_unchanged(obj, target)
     attribute = obj.data.color_attributes[target.place]
     values = read_attribute(attribute)
