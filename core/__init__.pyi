@@ -98,6 +98,10 @@ from .shape.denoising import (
 from .shape.fit import (
     fit_to_normals,
 )
+from .shape.low_poly import (
+    LowPoly,
+    crisp_low_poly,
+)
 from .shape.sharpening import (
     geometry_flow,
     sharpen_geometry,
@@ -152,6 +156,7 @@ __all__ = [
     "InvalidSettings",
     "InvalidSignal",
     "InvalidUV",
+    "LowPoly",
     "NoiseSettings",
     "ReactionSettings",
     "ShockError",
@@ -175,6 +180,7 @@ __all__ = [
     "beltrami_mesh",
     "beltrami_texture",
     "beltrami_vertex_signal",
+    "crisp_low_poly",
     "denoise_geometry",
     "dilate_texture",
     "filter_texture",

@@ -380,6 +380,7 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "shape.crease_lines": ("CreaseLine", "find_creases"),
     "shape.denoising": ("beltrami_joint", "beltrami_mesh"),
     "shape.fit": ("fit_to_normals",),
+    "shape.low_poly": ("LowPoly", "crisp_low_poly"),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
     "texture.gradient_domain": ("TextureSolver",),
     "texture.normal_maps": ("object_normals", "tangent_normals"),
