@@ -103,6 +103,19 @@ class MirroredSurface(Surface):
 
 
 @dataclass(frozen=True)
+class CutSurface(Surface):
+    """A mesh object's geometry, and edges across which its data differ.
+
+    Attributes
+    ----------
+    cuts : (k, 2) int
+        Vertices of the edges: seams of UVs, borders of materials.
+    """
+
+    cuts: npt.NDArray[np.integer]
+
+
+@dataclass(frozen=True)
 class ColoredSurface(Surface):
     """A mesh object's geometry and colors.
 

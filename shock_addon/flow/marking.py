@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operators Mark Creases, Show Creases and Hide Creases."""
+"""The operators Mark Creases, Show Creases, Hide Creases and Crisp Low Poly."""
 
 from __future__ import annotations
 
@@ -206,8 +206,90 @@ class SHOCK_FILTER_OT_hide_creases(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
+    """Make an object of few triangles between the creases."""
+
+    bl_idname = "shock_filter.crisp_low_poly"
+    bl_label = "Crisp Low Poly"
+    bl_description = (
+        "Sharpen a remeshed part with the panel's settings, and dissolve what is flat or simply"
+        " curved between its creases: a clean mesh of few triangles in a new object. Materials and"
+        " UVs are kept; the original is hidden"
+    )
+    bl_options = {"REGISTER", "UNDO"}
+
+    tolerance: bpy.props.FloatProperty(
+        name="Tolerance",
+        description="How far the surface may move, in mean edge lengths",
+        default=0.25,
+        min=0.001,
+        max=10.0,
+        soft_max=1.0,
+    )
+    turn: bpy.props.FloatProperty(
+        name="Turn",
+        description="How far faces may turn from those that they replace: smaller keeps more faces"
+        " on what is round",
+        subtype="ANGLE",
+        default=math.radians(8.0),
+        min=math.radians(0.1),
+        max=math.radians(60.0),
+    )
+
+    def reader(self) -> Callable:
+        """Return what reads an object."""
+        return data.mesh.low_poly.read_cut
+
+    def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
+        """Read all selected objects."""
+        return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
+
+    def filter(self, settings: Any) -> Filter:
+        """Make the low poly of one object."""
+        weld, tolerance, turn = self._parameters().weld, self.tolerance, math.degrees(self.turn)
+
+        def run(surface: Any, progress: Any) -> Any:
+            from ...core.host.low_poly import low_poly_of
+
+            return low_poly_of(surface, settings, weld, tolerance, turn, progress)
+
+        return run
+
+    def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
+        """Add the objects."""
+        with data.mesh.meshes.object_mode(context):
+            return write_results(self.targets, results, self._add)
+
+    def _add(self, target: Any, low: Any) -> bpy.types.Object:
+        return data.mesh.low_poly.add_low_poly(target, low, f"{target.name} low poly")
+
+    def counts(self, written: list[Written]) -> tuple[int, int]:
+        """Count triangles now and before."""
+        return (
+            sum(len(each.result.faces) for each in written),
+            sum(len(each.target.surface.triangles) for each in written),
+        )
+
+    def summary(self, written: list[Written], seconds: float) -> str:
+        """Count triangles."""
+        now, before = self.counts(written)
+        text = pgettext_rpt(
+            "Made {names}: {now:,} triangles of {before:,}; the originals are hidden,"
+            " {seconds:.1f} s."
+        )
+        names = ", ".join(each.data.name for each in written)
+        return text.format(names=names, now=now, before=before, seconds=seconds)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Show the dials after the run."""
+        self.layout.use_property_split = True
+        self.layout.prop(self, "tolerance")
+        self.layout.prop(self, "turn")
+
+
 CLASSES = (
     SHOCK_FILTER_OT_mark_creases,
+    SHOCK_FILTER_OT_crisp_low_poly,
     SHOCK_FILTER_OT_show_creases,
     SHOCK_FILTER_OT_hide_creases,
 )

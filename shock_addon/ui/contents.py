@@ -188,6 +188,7 @@ def _draw_creases(layout: bpy.types.UILayout, context: bpy.types.Context, enable
     finds = row.row(align=True)
     finds.enabled = enabled
     finds.operator("shock_filter.mark_creases")
+    finds.operator("shock_filter.crisp_low_poly")
     if context.space_data.type != "VIEW_3D":
         return
     shown = flow_shown.shown_object("creases")

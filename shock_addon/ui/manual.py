@@ -25,6 +25,7 @@ _OPERATORS = {
     "mark_creases": "creases#mark-creases",
     "show_creases": "creases#show-creases",
     "hide_creases": "creases#show-creases",
+    "crisp_low_poly": "creases#crisp-low-poly",
     "cancel": "panel#while-it-runs",
     "before_after": "panel#before-and-after",
     "use_preset": "presets",

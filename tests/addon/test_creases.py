@@ -148,3 +148,29 @@ def test_show_and_hide(rounded_box):
     assert bpy.ops.shock_filter.show_creases() == {"FINISHED"}
     assert showing.shown_object("creases") is None  # there is no window
     assert not bpy.ops.shock_filter.hide_creases.poll()
+
+
+def test_a_soft_box_becomes_a_low_poly_with_its_materials_and_uvs(rounded_box):
+    box = rounded_box(location=(2.0, 0.0, 0.0), cuts=19)
+    for name in ("One", "Two"):
+        box.data.materials.append(bpy.data.materials.new(name))
+    for polygon in box.data.polygons:
+        polygon.material_index = int(polygon.center.z > 0.9)
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object
+    assert low is not box
+    assert box.hide_get()
+    assert len(low.data.polygons) < 0.1 * len(box.data.polygons)
+    assert low.matrix_world.translation.x == 2.0
+    assert [each.name for each in low.data.materials] == ["One", "Two"]
+    top = [polygon for polygon in low.data.polygons if polygon.material_index == 1]
+    assert top
+    assert all(polygon.center.z > 0.8 for polygon in top)
+    edges = {}
+    for polygon in low.data.polygons:
+        for key in polygon.edge_keys:
+            edges[key] = edges.get(key, 0) + 1
+    assert set(edges.values()) == {2}
+    uv = np.empty(2 * len(low.data.loops), dtype=np.float32)
+    low.data.uv_layers[0].uv.foreach_get("vector", uv)
+    assert np.ptp(uv) > 0.3

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         creases,
         flow,
         geometry,
+        low_poly,
         masks,
         meshes,
         original,
