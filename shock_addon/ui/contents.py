@@ -189,13 +189,11 @@ def _draw_creases(layout: bpy.types.UILayout, context: bpy.types.Context, enable
     finds.enabled = enabled
     finds.operator("shock_filter.mark_creases")
     finds.operator("shock_filter.crisp_low_poly")
-    if context.space_data.type != "VIEW_3D":
-        return
     shown = flow_shown.shown_object("creases")
-    if shown is not None and context.object is not None and context.object.name == shown:
-        row.operator("shock_filter.hide_creases")
-    else:
+    if context.object is None or context.object.name != shown:
         finds.operator("shock_filter.show_creases")
+    if shown is not None:
+        row.operator("shock_filter.hide_creases")
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:
