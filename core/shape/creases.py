@@ -29,7 +29,6 @@ from ..mesh.calculus import (
     greatest_to_vertices,
     smooth_vertices,
 )
-from ..mesh.order import in_good_order
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mixture.choice import mixture
 from ..mixture.network import Network, Singles, load
@@ -46,7 +45,7 @@ _TURNED = np.cos(np.radians(_TURNS[1]))
 _RINGS = 3
 """How far around, in edges."""
 
-_WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
+WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (1.08, 1.10, 1.15, 1.22, 1.30, 1.46, 1.54)
 """Radii of fillets between two planes, in edges, and how the turn of normals over 8 smoothing
 passes compares with that over 2 there, after a remesh: measured."""
 
@@ -100,17 +99,6 @@ def find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     return kept(mesh, "creases", key, lambda: _find_targets(mesh, settings))
 
 
-def vertices_at_creases(mesh: TriangleMesh, settings: GeometrySettings) -> npt.NDArray[np.bool_]:
-    """Tell which vertices lie where the filter closes creases: (n,)."""
-
-    def closed(current: TriangleMesh, _: Floats | None) -> Floats:
-        found = np.zeros((current.vertex_count, 1))
-        found[current.faces[find_targets(current, settings).shares > 0]] = 1.0
-        return found
-
-    return in_good_order(mesh, closed, None)[:, 0] > 0
-
-
 def tell_creases(
     mesh: TriangleMesh, creases: Creases, chosen: npt.NDArray[np.bool_] | None
 ) -> None:
@@ -153,7 +141,7 @@ def ramp(values: Floats, ends: tuple[float, float]) -> Floats:
 def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     message = "Finding creases"
     with phase(0.0, 0.8, message):
-        found, scores = kept(mesh, "weighed", flow_key(settings), lambda: _weighed(mesh, settings))
+        found, scores = kept(mesh, "weighed", flow_key(settings), lambda: weighed(mesh, settings))
     if len(found.rows) == 0:
         none = np.zeros(mesh.face_count)
         return Creases(mesh.normals, none, none.astype(np.float32), 0.0, False)
@@ -178,7 +166,7 @@ def _find_targets(mesh: TriangleMesh, settings: GeometrySettings) -> Creases:
     return Creases(normals, shares, everywhere, _radius(mesh, found, crest, shares), too_wide)
 
 
-def _weighed(mesh: TriangleMesh, settings: GeometrySettings) -> tuple[Candidates, Singles]:
+def weighed(mesh: TriangleMesh, settings: GeometrySettings) -> tuple[Candidates, Singles]:
     with phase(0.0, 0.9, "Finding creases"):
         found = find_candidates(mesh, settings, networks()["gate"])
     with phase(0.9, 1.0, "Finding creases"):
@@ -211,10 +199,10 @@ def _fillets(
     mesh: TriangleMesh, found: Candidates, crest: Floats, widest: float
 ) -> tuple[Floats, Floats]:
     # How surely a face lies at a rounding that is wider than asked for, and at one that is not.
-    sums = np.stack([crest, crest * _widths(found)], axis=1)
+    sums = np.stack([crest, crest * widths(found)], axis=1)
     sums = smooth_vertices(mesh, sums, _AROUND)
     width = np.divide(sums[:, 1], sums[:, 0], out=np.zeros(len(sums)), where=sums[:, 0] > 0)
-    most = float(np.interp(widest, *_WIDTHS))
+    most = float(np.interp(widest, *WIDTHS))
     wide = greatest_to_faces(mesh, ramp(width, (most - _MARGIN, most + _MARGIN)))
     clear = dilation(mesh, ramp(np.degrees(np.sqrt(crest)), _CLEAR), _RINGS)
     wide, clear = wide[found.rows], greatest_to_faces(mesh, clear)[found.rows]
@@ -225,10 +213,10 @@ def _radius(mesh: TriangleMesh, found: Candidates, crest: Floats, shares: Floats
     at = (crest > 0) & (greatest_to_vertices(mesh, shares) > 0.5)
     if not at.any():
         return 0.0
-    return float(np.interp(np.median(_widths(found)[at]), *_WIDTHS[::-1]))
+    return float(np.interp(np.median(widths(found)[at]), *WIDTHS[::-1]))
 
 
-def _widths(found: Candidates) -> Floats:
+def widths(found: Candidates) -> Floats:
     # 1 at a crease; the wider a rounding, the more.
     return found.wide_turn / np.maximum(found.turn, 1e-12)
 
