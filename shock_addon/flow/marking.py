@@ -12,8 +12,9 @@ import bpy
 from bpy.app.translations import pgettext_rpt
 
 from .. import data
+from ..kinds import Data
 from ..modes import Mode, find
-from ..operators.base import Done, Filter, Written, counted, write_results
+from ..operators.base import Done, Task, Written, counted, write_results
 from ..operators.meshes import MeshOperator
 from ..operators.properties import settings_of
 from . import showing as shown
@@ -40,16 +41,14 @@ class _CreaseOperator(MeshOperator):
         """Return what reads an object."""
         return partial(data.mesh.creases.read_creases, angle=self.angle)
 
-    def filter(self, settings: Any) -> Filter:
-        """Find the creases of one object."""
-        weld = self._parameters().weld
+    def task(self, settings: Any) -> Task:
+        """Find the creases of `self.targets`, and filter nothing."""
+        finding = Data("meshes", (), self.compute())
+        return Task(self.targets, finding, "", settings, self._parameters().weld, [])
 
-        def run(surface: Any, progress: Any) -> Any:
-            from ...core.host.creases import creases_of
-
-            return creases_of(surface, settings, weld, progress)
-
-        return run
+    def compute(self) -> Callable:
+        """Return what is computed for one object; see `Data.filter`."""
+        return _find_creases
 
     def notes(self, written: list[Written]) -> str:
         """Leave it at that: nothing has moved."""
@@ -244,16 +243,9 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
         """Read all selected objects."""
         return data.mesh.meshes.read_targets(context, self.reader(), self._parameters())
 
-    def filter(self, settings: Any) -> Filter:
-        """Make the low poly of one object."""
-        weld, tolerance, turn = self._parameters().weld, self.tolerance, math.degrees(self.turn)
-
-        def run(surface: Any, progress: Any) -> Any:
-            from ...core.host.low_poly import low_poly_of
-
-            return low_poly_of(surface, settings, weld, tolerance, turn, progress)
-
-        return run
+    def compute(self) -> Callable:
+        """Return what makes the low poly of one object."""
+        return partial(_make_low_poly, self.tolerance, math.degrees(self.turn))
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
         """Add the objects."""
@@ -285,6 +277,20 @@ class SHOCK_FILTER_OT_crisp_low_poly(_CreaseOperator, bpy.types.Operator):
         self.layout.use_property_split = True
         self.layout.prop(self, "tolerance")
         self.layout.prop(self, "turn")
+
+
+def _find_creases(surface: Any, _: str, settings: Any, weld: bool, progress: Any) -> Any:
+    from ...core.host.creases import creases_of
+
+    return creases_of(surface, settings, weld, progress)
+
+
+def _make_low_poly(
+    tolerance: float, turn: float, surface: Any, _: str, settings: Any, weld: bool, progress: Any
+) -> Any:
+    from ...core.host.low_poly import low_poly_of
+
+    return low_poly_of(surface, settings, weld, tolerance, turn, progress)
 
 
 CLASSES = (
