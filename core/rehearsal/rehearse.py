@@ -142,7 +142,9 @@ def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
     yield partial(flow_of_shape, shape, GeometrySettings(), True, None)
     quads = replace(shape, edges=_sides_of_quads(shape))
     yield partial(creases_of, quads, GeometrySettings(), True)
-    cut = CutSurface(shape.positions, shape.triangles, None, shape.to_world, quads.edges[:9])
+    cut = CutSurface(
+        shape.positions, shape.triangles, None, shape.to_world, shape.triangles[:9, :2]
+    )
     yield partial(low_poly_of, cut, GeometrySettings(), True, 0.25, 8.0)
     for surface in (painted, _at_corners()):
         yield partial(flow_of_colors, surface, ShockSettings(), True, None)
