@@ -123,10 +123,11 @@ def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
             both = PaintedSurface(replace(shape, mask=mask), replace(painted, mask=mask))
             yield partial(filter_both, both, "beltrami_vertex_signal", settings, True)
     yield partial(flow_of_shape, shape, GeometrySettings(), True, None)
-    sides = _sides_of_quads(shape)
-    quads = replace(shape, edges=sides)
+    quads = replace(shape, edges=_sides_of_quads(shape))
     yield partial(creases_of, quads, GeometrySettings(), True)
-    cut = CutSurface(shape.positions, shape.triangles, None, shape.to_world, sides[:9])
+    cut = CutSurface(
+        shape.positions, shape.triangles, None, shape.to_world, shape.triangles[:9, :2]
+    )
     yield partial(low_poly_of, cut, GeometrySettings(), True, 0.25, 8.0)
     for surface in (painted, _at_corners()):
         yield partial(flow_of_colors, surface, ShockSettings(), True, None)
