@@ -81,7 +81,7 @@ FLOW = Kind("flow", "flow map, array, NetCDF or Zarr file, or mesh", makes_frame
 """``function(velocity, settings, frames=, progress=)`` returns an iterator of frames."""
 
 MASK = Kind("mask", "mesh file", is_drawn=True)
-"""What each texel is: drawn from a mesh, and so the kind of no filter."""
+"""Masks of texels, drawn from a mesh; no filter has this kind."""
 
 
 WAYS: Mapping[str, str] = {

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoise, then sharpen what is left, in one run.
+"""Denoise and then sharpen, in one run.
 
-Noise has to go before edges are pulled together: what remains of it is taken for edges.
+Noise must be removed first, because the sharpening would take it for edges.
 """
 
 from __future__ import annotations

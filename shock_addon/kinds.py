@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The kinds of Blender's data: what panels keep for them, and how they are read and written.
+"""The kinds of Blender's data: their properties in panels, and how they are read and written.
 
 Enabling the extension must import neither numpy nor kernels, so each kind names small functions
 that import what they need when they are called. Needs no bpy itself. Annotations are not postponed

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The table of modes: one row for each thing that the panels do.
+"""The table of modes: one row for each choice in the panels.
 
 Property groups, operators, buttons, menus, presets, previews, statistics, links into the manual and
 Blender's command line are made by walking over the rows; operators by ``type(...)`` in
-`operators.filtering`. What a row does not say, its filter says (`core.registry`: settings, kind of
-data, what may follow), and `kinds`, the table of Blender's data.
+`operators.filtering`. The rest stands in the row of its filter (`core.registry`: settings, kind
+of data, the filter that may follow) and in `kinds`, the table of Blender's data.
 
 *Mode* means a row here, as it does on screen; what Blender calls a mode of the 3D view is an
 *object mode*. Needs no bpy, neither numpy nor numba. Annotations are not postponed here, since

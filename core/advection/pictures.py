@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of a flow of all kinds, where a program lets people choose one."""
+"""Pictures of a flow: noise, dye or streaks, as the class of the settings says."""
 
 from __future__ import annotations
 

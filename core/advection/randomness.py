@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random numbers that are a hash of seed, frame and cell: they need no state and no order.
+"""Counter-based random numbers: a hash of seed, frame and cell, without state or order.
 
 A stream has a key, made by `stream`; each row of cells has a key made from that by `row_key`; and
-`random_bits` gives the 32 bits of each column. Rows and columns may be those of anything.
+`random_bits` gives the 32 bits of each column. Rows and columns may number anything.
 """
 
 from __future__ import annotations

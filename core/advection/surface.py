@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Noise that moves with a flow on a surface, as frames of its texture, across seams.
 
-In the sheet of an atlas charts lie apart, and noise moves in it as in the plane. Steps that leave
-their chart are found once; in each frame their nodes are carried on by themselves.
+The charts lie apart in the sheet of an atlas, where noise moves as in the plane. The steps that
+leave their chart are found once; each frame moves their nodes one by one.
 """
 
 from __future__ import annotations

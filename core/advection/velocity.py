@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The velocity of a flow in the plane, as steps from frame to frame (paper D, 4.3, 4.6, 6).
 
-Given are velocities (right, up) of any resolution, steady or not; a `Motion` has them in pixels of
-the image, right and down its rows.
+The input is a velocity field (right, up) of any resolution, steady or not. A `Motion` holds it in
+pixels of the image, right and down.
 """
 
 from __future__ import annotations

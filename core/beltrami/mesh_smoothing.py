@@ -6,8 +6,8 @@ mean edge lengths, I in [0, 1]. Each value becomes the mean of the values around
 ``exp(-d^2 / 4 t)`` with d the geodesic distance on that surface (paper C, equations 20 to 22; the
 constant H0 is what makes the weights sum to one).
 
-The paper integrates over the surface and does not say what a vertex stands for: here, for a third
-of the area around it on the mesh, so that crowded vertices do not count more.
+The paper integrates over the surface and leaves open how a vertex is weighted. Here its weight is a
+third of the area around it, so that dense vertices do not count more.
 """
 
 from __future__ import annotations

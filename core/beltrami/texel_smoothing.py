@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weighted means over an atlas's texels, across seams: those of `grid_smoothing` on patches."""
+"""Weighted means over the texels of an atlas, across seams: `grid_smoothing` on patches."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images of any size, as dask arrays, chunk by chunk.
 
-The result has the bits of the whole image in memory, whatever the chunks. Each chunk is filtered
-with as much around it, its halo, as counts for it. How far a flow-line goes is not known before:
-one that leaves the halo makes its chunk run again with a halo twice as wide, at last with all of
-the image; `counting_reruns` tells how often.
+The result has the same bits as that of the whole image in memory, for any chunks. Each chunk is
+filtered together with its halo, the pixels around it that influence it. The length of a flow-line
+is not known in advance: if one leaves the halo, the chunk runs again with a halo twice as wide, at
+last with the whole image; `counting_reruns` counts this.
 
-What looks at the whole image first, What and Width, is measured when the function is called, in
-windows all over the image; all else waits until the result is computed. So no chunk stays in
-memory between both.
+What and Width depend on the whole image. They are measured when the function is called, in windows
+all over the image; the rest waits until the result is computed. So no chunk stays in memory in
+between.
 
 Only the functions here import dask.
 """

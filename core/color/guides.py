@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images whose flow moves the values of others."""
+"""Guide images: the values of an image follow the flow of its guide."""
 
 from __future__ import annotations
 

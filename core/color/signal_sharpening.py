@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sharpening of colors and other signals on meshes (paper A, sections 3 and 4).
 
-Where Width says how far values flow, `dials` says for how long; that is not in the paper.
+If Width says how far values flow, `by_width` computes the flow times; this is not in the paper.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Show a flow as moving noise, as a host program such as Blender keeps it."""
+"""Show a flow as moving noise, with the arrays of a host program such as Blender."""
 
 from __future__ import annotations
 

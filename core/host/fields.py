@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make an image on the surface that will show it, as a host program such as Blender keeps both."""
+"""Generate an image on a surface, with the arrays of a host program such as Blender."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is dropped when another file is loaded, by modules that may not be loaded themselves."""
+"""Callbacks that drop cached data when another file is loaded."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a host program such as Blender keeps, as arrays: surfaces, their colors, images.
+"""The data of a host program such as Blender as arrays: surfaces, their colors, images.
 
-Needs numpy only, so that a host can read its data before the compiled kernels are there.
+Needs numpy only, so that a host can read its data before the compiled kernels are loaded.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""New colors beside the old ones: what changed, in numbers."""
+"""New colors with statistics of the changes."""
 
 from __future__ import annotations
 

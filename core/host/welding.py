@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A surface as a host program keeps it, made ready: seams, loose parts, object scale.
+"""Preparation of a host program's surface: welded seams, loose parts, object scale.
 
-The last surfaces stay here with what the core has found out about them, so that a
-redo with other settings computes only what depends on these.
+The last surfaces are kept with the results that the core has cached for them, so that a redo with
+other settings computes only what depends on these.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A patch of a large image, to preview on."""
+"""A patch of a large image, for previews."""
 
 from __future__ import annotations
 

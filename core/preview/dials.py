@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings that a preview changes: a time or width by the mouse, another one by the wheel."""
+"""The settings that a preview changes: a time or width by the mouse, another one by the wheel."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the filters will pull a surface as a host program keeps it, or its colors."""
+"""The flow of the filters on the surface of a host program, or on its colors."""
 
 from __future__ import annotations
 

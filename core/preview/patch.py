@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A patch of a large surface, to preview on."""
+"""A patch of a large surface, for previews."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a screen shows of an image's pixels."""
+"""Conversion of an image's pixels to the colors on the screen."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A script: compiles in a process of its own what a host program would compile on first use.
+"""A script that compiles kernels in a process of its own, before a host program needs them.
 
 Reads one line of JSON from stdin: the name under which the host imports this package, which
 compiled code remembers; where Python looks for modules; the folder for compiled code; and the kinds

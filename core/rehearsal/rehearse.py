@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that a host program may ask for, done once on tiny examples, so that nothing compiles later.
+"""Run each filter once on tiny examples, so that nothing compiles later.
 
-Which types a kernel gets is decided by the code that calls it, so that code is run. Examples have
-the types of what a host reads (`inputs`), with and without masks; settings are the defaults and
-each other choice.
+The types of a kernel follow from the code that calls it, so that code is run. The examples have the
+types that a host reads (`inputs`), with and without masks; the settings are the defaults and each
+other choice.
 """
 
 from __future__ import annotations

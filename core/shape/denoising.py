@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The short-time Beltrami kernel on triangle meshes: their surface, or that and a signal.
+"""The short-time Beltrami kernel on the surface of a mesh, alone or together with a signal.
 
 Signals alone are filtered in `core.color.signal_denoising`.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The short-time Beltrami kernel on the normals of the faces of a mesh, and their noise."""
+"""The noise of face normals, and the short-time Beltrami kernel that smooths them."""
 
 from __future__ import annotations
 
@@ -44,13 +44,14 @@ _SPIKE_PASSES = 2
 _BETA = 0.9
 """The `beta` that these are for."""
 
-# Which noise it is, chosen on virtual scans; see `benchmarks/scans.py`. Noise is at least the share
-# _SHARE of what normals differ by over two rings; for relief without noise, the ratio of squared
-# differences over one ring and over two is below _CLEAN, or lower where there is little relief.
-# What smoothing leaves of the differences: much of relief, little of noise; and after one pass less
-# of white noise, which differs from vertex to vertex, than of that of scans. Where most of what is
-# left lies in few creases, the surface is calm between them. Squared differences over two rings
-# above _WILD are no scanner's; and smoothing leaves more of them than of lesser noise.
+# Thresholds for the kind of noise, chosen on virtual scans; see `benchmarks/scans.py`. Noise makes
+# up at least the share _SHARE of the differences of normals over two rings. For relief without
+# noise, the ratio of the squared differences over one ring and over two is below _CLEAN, or lower
+# if there is little relief. Smoothing leaves much of relief and little of noise (_LEFT). After one
+# pass it leaves less of white noise, which differs from vertex to vertex, than of the noise of
+# scans (_WHITE). If most of the rest lies in few creases (_CREASED), the surface between them is
+# calm. Squared differences over two rings above _WILD come from no scanner, and smoothing leaves
+# more of them than of weaker noise.
 _SHARE, _CLEAN, _LOWER = 0.5, 0.45, 0.8
 _WILD = 0.4
 _LEFT = 0.39, 0.32

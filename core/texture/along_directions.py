@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Directions on a surface that textures are made along, and tensors that diffuse along them."""
+"""Direction fields for textures, and the tensors that diffuse along them."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Normal maps from tangent space to object space and back.
 
-In object space, normals are vectors like others: what filters and stitches textures across seams
-does so with normals, whichever way the charts lie.
+In object space, normals are ordinary vectors: the filters work on them across seams, whatever the
+orientation of the charts.
 """
 
 from __future__ import annotations

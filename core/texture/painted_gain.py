@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Gains that are painted in gray."""
+"""Gains painted as gray values."""
 
 from __future__ import annotations
 

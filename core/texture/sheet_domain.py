@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The texels of an atlas as a domain.
 
-Windows reach across seams, so that both sides of one agree on contrasts and limits.
+Windows reach across seams, so that both sides of a seam agree on contrasts and limits.
 """
 
 from __future__ import annotations

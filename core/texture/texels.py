@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The way of a texture through a filter: into the sheet of its atlas, and back into its image."""
+"""Textures as values on the sheet of their atlas, and results written back into images."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The flags that only Blender's command line has, and what operators are told by them."""
+"""The flags that only Blender's command line has, and the operator properties that they set."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the last run has replaced, to be swapped with its result and back, bit for bit.
+"""The data that the last run replaced, swapped with its result and back, bit for bit.
 
-Which of both is there now is told from the data themselves, so that it holds after undo and redo.
+The data themselves tell which of the two is there now, so that it holds after undo and redo.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Image Editors show when undo takes away the image that they show, and redo brings it back.
+"""Image Editors whose image is taken away by undo, or brought back by redo.
 
-Blender leaves them empty then, since what editors show is no part of its undo.
+Blender leaves such an editor empty, since the choice of its image is no part of undo.
 """
 
 from __future__ import annotations

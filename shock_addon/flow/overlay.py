@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is drawn over an object, and whether that can be read."""
+"""The data of a drawn flow, and whether its object can be read."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whose potential and flow is drawn over it in the 3D views.
+"""Show and hide the potential and flow over an object in the 3D views.
 
-Drawn is what was computed once, on the mesh as it is now, until that has more or fewer vertices or
-faces. While nothing is shown, nothing is registered, and what draws is not imported.
+The flow was computed once. It is drawn on the current mesh until the number of vertices or faces
+changes. While no flow is shown, no handler is registered and the drawing code is not imported.
 """
 
 from __future__ import annotations

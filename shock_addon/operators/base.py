@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all operators do: read, filter with progress and Esc, write, say what was done."""
+"""The base of all operators: read, filter with progress and Esc, write, report."""
 
 from __future__ import annotations
 

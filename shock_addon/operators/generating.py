@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators do that make an image from the shape of objects."""
+"""The base of operators that generate an image from the shape of objects."""
 
 from __future__ import annotations
 

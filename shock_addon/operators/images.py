@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators on images do; those on textures are of the same kind."""
+"""The base of operators on images, also of those on textures."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators on mesh objects do: read, filter and write each of them."""
+"""The base of operators on mesh objects: each object is read, filtered and written."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Why nothing can be filtered now, in sentences that name the remedy: for buttons and panels."""
+"""Obstacles: why nothing can be filtered now, and the remedy, for buttons and panels."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run would work on, and how fast the last one was.
+"""Statistics of the input of a run, and the speed of the last one.
 
-All of this is asked for at each redraw, so it only counts: nothing is read from meshes or images.
+They are computed at each redraw, so elements are only counted, and no data is read.
 """
 
 from __future__ import annotations

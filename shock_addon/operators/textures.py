@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators on textures do: an image and the faces of all objects that show it."""
+"""The base of operators on textures: an image and the faces of all objects that show it."""
 
 from __future__ import annotations
 

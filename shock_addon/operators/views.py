@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What those that draw into the 3D views share."""
+"""Helpers for drawing into the 3D views."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the operator does that shows flows as moving textures."""
+"""The operator that shows flows as moving textures."""
 
 from __future__ import annotations
 

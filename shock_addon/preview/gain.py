@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A gain map while it is painted on the model, which shows the result meanwhile."""
+"""A gain map that is being painted on the model, which shows the result live."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the mouse or else the view points at, and where an image is seen."""
+"""The place that the mouse or the view points at, and the part of an image that is visible."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A preview while it lasts: which settings are wanted, computing them, and what is shown."""
+"""A running preview: its settings, their computation, and the result on screen."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A plain Python, beside Blender, that compiles kernels."""
+"""A Python process beside Blender that compiles kernels."""
 
 from __future__ import annotations
 

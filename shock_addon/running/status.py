@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A line of text while something is under way, taken away again wherever it was put."""
+"""A line in the status bar while a job runs."""
 
 from __future__ import annotations
 

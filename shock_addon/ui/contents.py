@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stands in the panels of the tab."""
+"""The contents of the panels."""
 
 from __future__ import annotations
 

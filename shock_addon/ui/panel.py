@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all panels of the tab have in common."""
+"""The base class of the panels."""
 
 from __future__ import annotations
 

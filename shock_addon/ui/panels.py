@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar tab "Shock Filter" in the 3D view and the Image Editor.
 
-What stands in its panels is imported when they are first drawn.
+The contents of the panels are imported when these are first drawn.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is shown, in other languages than English.
+"""Translations of the interface.
 
 Each file in ``locale/`` is named after Blender's code of a language and maps the English texts
 of the interface to those of the language. Texts that Blender knows itself are shown in Blender's

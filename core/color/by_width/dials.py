@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the dials mean: from What, Width and noise to amounts and flow times.
+"""The dials What and Width, and the noise, as amounts of sharpening and flow times.
 
 Pure functions of numbers and arrays, the same for colors on meshes, images and textures. A filter
 measures the width (where it is 0), asks `plan_of` what to do, and then

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where signals live and flow: what a mesh, a grid of pixels and a sheet of texels have in common.
+"""The interface of a domain of signals: a mesh, a grid of pixels or a sheet of texels.
 
-A `Domain` says what lies near a place, and how values flow. A new one is a class that derives from
-it, in a file of its own: `mesh_domain`, `grid_domain` and `core.texture.sheet_domain` are those
-there are.
+A `Domain` computes neighbourhoods of a place and lets values flow. Each domain is a subclass in a
+file of its own: `mesh_domain`, `grid_domain` and `core.texture.sheet_domain`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pixels of an image as a domain.
 
-What is near is found in bands of rows, on threads, with as many rows around them as windows reach.
+Neighbourhoods are computed in bands of rows, on threads, with the rows around them that windows
+reach.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What and Width of images and textures, where they are not given."""
+"""Measurement of the dials What and Width of images and textures."""
 
 from __future__ import annotations
 

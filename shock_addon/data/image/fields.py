@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between mesh objects and images that are made from their shape: where to start, which way."""
+"""Read mesh objects, starting places and directions for images that are generated."""
 
 from __future__ import annotations
 

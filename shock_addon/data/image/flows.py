@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read flows that are to be shown: of shapes, colors, attributes and flow maps."""
+"""Read the flows to show: of shapes, colors, attributes and flow maps."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What may change: vertex group, selection, sculpt mask, paint mask, hidden parts."""
+"""Masks: vertex group, selection, sculpt mask, paint mask, hidden parts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between Blender's mesh objects and arrays: what to sharpen, and finding it again."""
+"""Between Blender's mesh objects and arrays."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a preview shows in a mesh, and what was there before."""
+"""The original data of a mesh while a preview shows something else in it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read and write the shape and the colors of mesh objects in one."""
+"""Read and write the shape and the colors of mesh objects together."""
 
 from __future__ import annotations
 

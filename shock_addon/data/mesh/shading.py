@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What shading goes by beside the shape: sharp edges and custom normals."""
+"""Shading data: sharp edges and custom normals."""
 
 from __future__ import annotations
 

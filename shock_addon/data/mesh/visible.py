@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an object shows, with modifiers and shape keys applied, as the mesh of a new object."""
+"""The evaluated mesh of an object, with modifiers and shape keys applied, as a new object."""
 
 from __future__ import annotations
 
