@@ -19,11 +19,11 @@ PAPER = core.GeometrySettings.of_paper()
 PULL = 0.3
 
 EXPECTED = [
-    [0.0039574, -0.0575990, -0.2705868],
-    [0.0349183, 0.0128097, -0.0150048],
-    [0.0096247, -0.0621441, -0.0241333],
-    [0.0120563, 0.0104577, 0.0343962],
-    [-0.0526243, -0.0139048, -0.0067619],
+    [0.0127426, -0.0658572, -0.2459336],
+    [0.0301709, 0.0251026, -0.0137091],
+    [0.0115928, -0.0570135, -0.0276232],
+    [0.0056909, 0.0199681, 0.0317111],
+    [-0.0484129, -0.0051027, 0.0241847],
 ]
 
 
@@ -59,7 +59,7 @@ def test_fine_and_uneven_remeshes_come_out_alike(count, graded):
     sharp = mesh.moved_to(core.sharpen_geometry(mesh))
     before = angles_to(mesh.normals, mesh.areas, axes)
     # The rest lies along the creases, whose share of the faces falls with their size.
-    assert angles_to(sharp.normals, sharp.areas, axes) < 0.15 * before
+    assert angles_to(sharp.normals, sharp.areas, axes) < 0.18 * before
 
 
 def test_its_corners_come_back(box):
