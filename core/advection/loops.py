@@ -18,7 +18,7 @@ def repeating(
     fade: int,
     mix: Callable[[npt.NDArray, npt.NDArray, float], npt.NDArray[np.float32]],
 ) -> Frames:
-    """Give frames of which the last is followed by the first.
+    """Yield frames of a loop: the first one continues the last.
 
     Frame t of the last `fade` ones is mixed with frame t - frames, which comes before the first,
     so that it is that frame alone where the first frame follows. Nothing is stored for it: frames

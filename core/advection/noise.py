@@ -121,7 +121,7 @@ def told(frames: Frames, count: int, progress: ProgressCallback | None) -> Frame
 
 
 def noise_frames(flow: Flow, settings: NoiseSettings, look: Look) -> Frames:
-    """Yield frames of noise for a flow that is ready; `advect_noise` says what they are."""
+    """Yield the frames of `advect_noise` for a prepared flow."""
 
     def begin(first: int) -> Frames:
         return grays(Noise(flow.size, flow.longest, settings), flow.at, settings, first)
@@ -158,7 +158,7 @@ def mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
 
 
 class Noise:
-    """Noise on a grid, carried on from frame to frame.
+    """Noise on a grid that moves from frame to frame.
 
     A cell has a value, 0 or 1, which it takes from another: steps are whole numbers. Of frames in
     a row, as many take the longer of the two nearest as the fraction of the step says, so that the
@@ -207,7 +207,7 @@ class Noise:
         self.make_ready(-(1 << 40))
 
     def step(self, motion: Motion, number: int) -> None:
-        """Go on by a frame."""
+        """Advance by a frame."""
         settings = self._settings
         if self._motion is not motion:
             self._motion = motion
@@ -235,13 +235,13 @@ class Noise:
         )
 
     def find_places(self, motion: Motion) -> None:
-        """Find where each cell comes from."""
+        """Find the source of each cell."""
         stride = self._noise.shape[1]
         run(_find_places, len(self.places), self._rim, stride, motion.right, motion.down,
             self.places, chunk=ROWS)  # fmt: skip
 
     def make_ready(self, number: int) -> None:
-        """Fill the rim, and gather what the next step reads."""
+        """Fill the rim, and gather the values that the next step reads."""
         key = stream(self._settings.seed, number, BESIDE)
         wrap_x, wrap_y = self._wraps
         inner = len(self._noise) - 2 * self._rim

@@ -27,7 +27,7 @@ _SLOWEST = 1e-30
 
 
 class Look:
-    """What becomes of blended noise on its way to a frame.
+    """The conversion of blended noise to a frame.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Look:
 
 
 def checked_background(background: npt.ArrayLike | None, size: tuple[int, int]) -> _Singles | None:
-    """Return what is behind the noise; raises `InvalidSignal` unless it fits the frames."""
+    """Return the background of the noise; raises `InvalidSignal` unless it fits the frames."""
     if background is None:
         return None
     given = as_array(background, "background")

@@ -53,7 +53,7 @@ def pictures_of_plane(
     under: NoiseSettings | None = None,
     progress: ProgressCallback | None = None,
 ) -> Iterator[npt.NDArray[np.float32]]:
-    """Show a flow in the plane as what its settings draw; lines are one picture.
+    """Show a flow in the plane as noise, dye or lines, by its settings; lines are one picture.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ _Singles = npt.NDArray[np.float32]
 
 
 class DyeSource:
-    """A spot, a strip or a curve from which dye comes.
+    """A spot, a strip or a curve that releases dye.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class DyeSource:
 
 
 def coverage(source: DyeSource, size: tuple[int, int], joined: tuple[bool, bool]) -> _Singles:
-    """Return how much of each pixel lies in a source: (h, w), between 0 and 1 along its border."""
+    """Return the share of each pixel in a source: (h, w), between 0 and 1 along its border."""
     rows, columns = size
     y, x = np.mgrid[:rows, :columns].astype(np.float64)
     places = np.stack(

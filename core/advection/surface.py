@@ -231,7 +231,7 @@ class _SurfaceNoise(Noise):
         self.places.reshape(-1)[nodes] = self.quads.size - len(nodes) + np.arange(len(nodes))
 
     def make_ready(self, number: int) -> None:
-        """Fill ghosts, and gather what the next step reads, beyond seams, too."""
+        """Fill ghosts, and gather the values that the next step reads, also beyond seams."""
         cells, beyond = self.cells, self._flow.beyond
         ghosts, nodes = self._flow.ghosts.T
         columns = cells.shape[1]

@@ -101,7 +101,7 @@ def sharpen_chunks(
     known: Measured | None = None,
     guide: npt.ArrayLike | None = None,
 ) -> Dask:
-    """Do what `sharpen_image` does to a dask array; mask and guide may be dask arrays, too."""
+    """Sharpen a dask array as `sharpen_image` does; mask and guide may be dask arrays, too."""
     pixels = _checked_picture(image)
     weights = _checked_mask(mask, pixels)
     lead = _checked_lead(guide, pixels, settings)
@@ -125,14 +125,14 @@ def sharpen_chunks(
 
 
 def measure_chunks(image: Dask, settings: ImageSettings) -> Measured:
-    """Do what `measure_image` does to a dask array."""
+    """Measure a dask array as `measure_image` does."""
     view: Any = _View(_checked_picture(image), settings)
     channels = channel_groups(view.shape[2], settings)[0]
     return measured(view, channels, settings, enlarge=settings.enlarge)
 
 
 def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike | None) -> Dask:
-    """Do what `beltrami_image` does to a dask array; the mask may be one, too."""
+    """Denoise a dask array as `beltrami_image` does; the mask may be one, too."""
     pixels = _checked_picture(image)
     weights = _checked_mask(mask, pixels)
     sources = [pixels] if weights is None else [pixels, weights]
@@ -141,7 +141,7 @@ def smooth_chunks(image: Dask, settings: BeltramiSettings, mask: npt.ArrayLike |
 
 
 def evolve_chunks(image: Dask, steps: int, time_step: float, detector: int) -> Dask:
-    """Do what `osher_rudin_image` does to a dask array."""
+    """Evolve a dask array as `osher_rudin_image` does."""
     pixels = _checked_picture(image)
     check_kind(pixels)
     function = partial(_evolve_part, steps=steps, time_step=time_step, detector=detector)

@@ -23,7 +23,7 @@ _FARTHEST = 1e15  # its square is far from the ends of float32
 def smoothed_image(
     given: npt.NDArray, settings: BeltramiSettings, weights: npt.NDArray | None
 ) -> npt.NDArray:
-    """Do what `beltrami_image` does to an image, and weights, that were checked."""
+    """Denoise an image as `beltrami_image` does, from checked arguments."""
     if settings.time == 0:
         return given.copy()
     flat = np.empty((*given.shape[:2], 0), dtype=np.float32)

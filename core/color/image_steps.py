@@ -39,7 +39,7 @@ def sharpen_checked(
     known: Measured | Sequence[Measured] | None,
     part: Part | None = None,
 ) -> None:
-    """Do what `sharpen_image` does to what was checked.
+    """Sharpen an image as `sharpen_image` does, from checked arguments.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ def check_kind(array: npt.NDArray) -> None:
 
 
 def evolved(array: npt.NDArray, steps: int, time_step: float, detector: int) -> npt.NDArray:
-    """Do what `osher_rudin_image` does to an image of finite values."""
+    """Evolve an image of finite values as `osher_rudin_image` does."""
     check_kind(array)
     if max(array.max(), -array.min()) > LARGEST:
         raise InvalidSignal(f"The image holds values beyond {LARGEST:g}; scale them to [0, 1].")

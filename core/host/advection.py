@@ -136,7 +136,7 @@ def _field(flow: FlowSurface, mesh: TriangleMesh) -> npt.NDArray[np.float64]:
 
 
 def limited(field: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Slow the fastest vectors down to what is fast among the others."""
+    """Slow outliers down to the speed of the fastest other vectors."""
     speeds = np.linalg.norm(field, axis=1)
     some = speeds[speeds > 0]
     if not len(some):

@@ -31,7 +31,7 @@ def filter_colors(
     weld: bool,
     progress: ProgressCallback | None = None,
 ) -> Recolored:
-    """Filter the colors of a surface; what has no faces keeps its color.
+    """Filter the colors of a surface; loose vertices keep their color.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def width_of_borders(surface: ColoredSurface, what: str) -> float:
 
 
 def check_colors(surface: ColoredSurface) -> None:
-    """Refuse what no filter can work on."""
+    """Refuse colors that no filter can work on."""
     if not np.isfinite(surface.colors).all():
         raise InvalidSignal("The colors hold NaN or infinity; paint over these first.")
     if np.abs(surface.colors).max(initial=0.0) > LARGEST:

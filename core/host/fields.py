@@ -61,7 +61,7 @@ class FieldSurface:
 
 @dataclass(frozen=True)
 class Generated:
-    """A new image or attribute, and what is unusual about the texture coordinates.
+    """A new image or attribute, and remarks on the texture coordinates.
 
     Attributes
     ----------

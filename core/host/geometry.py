@@ -26,7 +26,7 @@ _VISIBLE = 0.02
 
 @dataclass(frozen=True)
 class Reshaped:
-    """What became of a surface.
+    """The result of a filter on a surface.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ def filter_image(
 
 
 def with_measures(part: HostImage, whole: HostImage, settings: Any) -> HostImage:
-    """Return a part of an image that goes by what is measured in the whole."""
+    """Return a part of an image with the measurements of the whole."""
     if not settings.kernel.by_width:
         return part
 
@@ -79,7 +79,7 @@ def filter_pixels(
     shown: npt.NDArray[np.bool_] | None = None,
     **words: Any,
 ) -> Recolored:
-    """Filter an image, given what its filter wants before the pixels, and by name.
+    """Filter an image with the arguments of its filter before the pixels, and by name.
 
     As `recolored` says, `shown` tells which pixels are counted.
     """

@@ -82,7 +82,7 @@ class MirrorPlane:
 
 @dataclass(frozen=True)
 class MirroredSurface(Surface):
-    """A mesh object's geometry, and what keeps it symmetric.
+    """The geometry of a mesh object, with its mirror symmetry.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class ColoredSurface(Surface):
 
 @dataclass(frozen=True)
 class PaintedSurface:
-    """A mesh object's shape and colors; the shape's mask says what may change of both."""
+    """The shape and the colors of a mesh object; the mask of the shape holds for both."""
 
     shape: MirroredSurface
     paint: ColoredSurface
@@ -228,7 +228,7 @@ class TexturedSurface:
 
 @dataclass(frozen=True)
 class Denoising:
-    """What is done: settings for the kernel, and the sharpening's time or None.
+    """The settings of the kernel, and the time of the sharpening or None.
 
     Settings of a filter have both attributes, too, so that no reader has to tell them apart.
     """

@@ -15,7 +15,7 @@ _TOLERANCE = 1e-3  # of a tile
 
 @dataclass(frozen=True)
 class Mosaic:
-    """Where each tile lies.
+    """The place of each tile.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ class Recolored:
 def recolored(
     old: Colors, new: Colors, levels: int, shown: npt.NDArray[np.bool_] | None = None
 ) -> Recolored:
-    """Round new colors to what can be stored, and compare them with the old ones.
+    """Round new colors to the stored type, and compare them with the old ones.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ _ANALYSIS = 0.3  # of the time that a run takes
 
 @dataclass(frozen=True)
 class Retextured:
-    """New colors of a texture, which of them count, and what is unusual about its coordinates."""
+    """New colors of a texture, the texels that count, and remarks on its coordinates."""
 
     recolored: Recolored
     shown: npt.NDArray[np.bool_] | None

@@ -46,7 +46,7 @@ class Crop:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Left, bottom, right and top of what is shown, in parts of the whole image."""
+        """Left, bottom, right and top of the visible part, in parts of the whole image."""
         (left, bottom), (width, height) = self.corner, self.whole
         return (
             (left + self.columns.start) / width,
@@ -61,7 +61,7 @@ class Crop:
         return self.box == (0.0, 0.0, 1.0, 1.0)
 
     def shown(self, pixels: npt.NDArray) -> npt.NDArray:
-        """Return what is shown of the filtered pixels, which may be enlarged."""
+        """Return the visible part of the filtered pixels, which may be enlarged."""
         times = len(pixels) // len(self.image.pixels)
         rows, columns = (
             slice(times * each.start, times * each.stop) for each in (self.rows, self.columns)

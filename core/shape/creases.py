@@ -201,7 +201,7 @@ def vertices_at_creases(mesh: TriangleMesh, settings: GeometrySettings) -> npt.N
 
 
 def tell_creases(regions: Regions) -> None:
-    """Say, for reports, what was found; see `base.findings`."""
+    """Report the creases that were found; see `base.findings`."""
     if not regions.closed.any():
         if regions.too_wide:
             tell("The creases are rounded more widely than Widest Fillet, and stay.")

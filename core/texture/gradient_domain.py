@@ -133,7 +133,7 @@ def filter_texture(
 
 
 class TextureSolver:
-    """What the gradient-domain filter of one texture needs, kept for many gains.
+    """The gradient-domain filter of one texture, set up once for many gains.
 
     The first result takes as long as `filter_texture`; each further one, for other gains, a
     fraction: one gain for all texels costs no solution, as the change is proportional to gain - 1.

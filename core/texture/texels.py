@@ -37,7 +37,7 @@ _WithContent = BeltramiTextureSettings | FilterSettings | StitchSettings | Textu
 
 
 class Texture(NamedTuple):
-    """The texels of an atlas, and what their channels hold.
+    """The texels of an atlas, and the content of their channels.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ def normals_of(
 
 
 def check_content(pixels: npt.NDArray, settings: _WithContent) -> None:
-    """Raise `InvalidSignal` if an image cannot hold what the settings say."""
+    """Raise `InvalidSignal` if an image cannot hold the content that the settings name."""
     if settings.content != "values":
         check_channels(pixels)
 
@@ -140,7 +140,7 @@ def values_of(
 
 
 def least_step(pixels: npt.NDArray) -> float:
-    """Return what whole numbers count in; 0 for floats."""
+    """Return the step of whole numbers; 0 for floats."""
     return SCALES[pixels.dtype.name] if pixels.dtype.kind == "u" else 0.0
 
 
@@ -183,7 +183,7 @@ class Output:
     def written(
         self, values: npt.NDArray[np.float32], keep: npt.NDArray[np.bool_] | None
     ) -> npt.NDArray:
-        """Return the image with values of nodes inside charts, and what follows beside them.
+        """Return the image with the values of nodes inside charts, and with the gutter filled.
 
         Parameters
         ----------
@@ -248,7 +248,7 @@ def checked_atlas(
 
 
 def grays_of(values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]) -> npt.NDArray:
-    """Take what is to be seen of an image that was made: (h, w).
+    """Return the visible values of a generated image: (h, w).
 
     Of several channels, as of substances that react, it is the last one, stretched to [0, 1].
     """

@@ -65,7 +65,7 @@ def follow_texels_by_width(
     *,
     normals: bool = False,
 ) -> None:
-    """Do to a texture what is done to another one, whose flow it follows.
+    """Let a texture follow the flow of another one.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ _WIDE = 8.0  # width from which a second smoothing pass pays off where there is 
 
 
 class Plan(NamedTuple):
-    """What is done for one width.
+    """The amounts and lengths for one width.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ def _square(flow: float, own: float, passes: int) -> float:
 
 
 def flow_only(plan: Plan, width: float, what: str = "photo") -> Plan:
-    """Leave the unsharp part out of a plan, for what cannot be added up, or follows others."""
+    """Leave the unsharp part out of a plan: for values that cannot be added, or follow others."""
     plain = plan_of("photo", width, 0.0, plan.passes)
     own = _PHOTO_OWN if what == "photo" else 0.0
     square = _square(width, own, plan.passes)

@@ -17,7 +17,7 @@ from ...base.progress import phase
 
 
 class Nearby(NamedTuple):
-    """What lies near each place of a piece of a signal; arrays of one shape.
+    """The neighbourhood of each place in a piece of a signal; arrays of one shape.
 
     Attributes
     ----------

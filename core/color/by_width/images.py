@@ -55,7 +55,7 @@ def follow_pixels_by_width(
     found: Sequence[Measured],
     part: Part | None = None,
 ) -> None:
-    """Do to an image what is done to another one, whose flow it follows.
+    """Let an image follow the flow of another one.
 
     Parameters
     ----------

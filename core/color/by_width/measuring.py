@@ -17,7 +17,7 @@ from .dials import counted_width, tell_widths
 
 
 class Measured(NamedTuple):
-    """What is done to an image, as far as its pixels say it.
+    """The measurements of an image that decide how it is sharpened.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ def measured(
     enlarge: int = 1,
     inside: npt.NDArray[np.bool_] | None = None,
 ) -> Measured:
-    """Find out What and Width where they are not given.
+    """Measure What and Width unless they are given.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def sharpen_by_width(
     target: npt.NDArray,
     lead: Lead | None = None,
 ) -> None:
-    """Sharpen a signal, or do to it what is done to another one.
+    """Sharpen a signal, or let it follow the flow of another one.
 
     Parameters
     ----------
