@@ -41,6 +41,8 @@ PROJECT = nox.project.load_toml("pyproject.toml")["project"]
 # For the manual, which the extension's zips carry.
 DOCS = PROJECT["optional-dependencies"]["docs"]
 
+PYTEST = ["pytest>=8", "pytest-timeout>=2.3", "pytest-rerunfailures>=15"]
+
 EXTRAS = ["files", "fields", "video", "cluster"]
 
 # What is tested with the wheel: all that needs neither Blender nor a clone's files.
@@ -160,7 +162,7 @@ def test_blender(session: nox.Session, blender: str) -> None:
     """Install the extension's zip into each supported Blender and run it there."""
     provide_system_libraries(session)
     manual = [] if "SHOCK_FILTER_ZIPS" in os.environ else DOCS
-    install_blender(session, blender, *manual, "pytest>=8", "pytest-timeout>=2.3")
+    install_blender(session, blender, *manual, *PYTEST)
     # The first to run compiles all kernels, which takes long beside other tests.
     session.run("pytest", "tests/extension", "--timeout=1800", *session.posargs)
 
@@ -170,7 +172,7 @@ def test_blender(session: nox.Session, blender: str) -> None:
 def test_window(session: nox.Session, debian: str | None) -> None:
     """Use the extension in Blender's window: the one on the PATH, or Debian's 4.3 and 5.2."""
     provide_system_libraries(session)
-    install_blender(session, "4.5", "pytest>=8", "pytest-timeout>=2.3", "pillow>=11")
+    install_blender(session, "4.5", *PYTEST, "pillow>=11")
     choice = [f"--debian={debian}"] if debian else []
     session.run("pytest", "tests/gui", *choice, *session.posargs)
 
@@ -263,7 +265,7 @@ def wheel(session: nox.Session, oldest: bool) -> None:
 @nox.parametrize("extra", EXTRAS, ids=EXTRAS)
 def wheel_extra(session: nox.Session, extra: str) -> None:
     """Test that an extra of the wheel names all that it needs."""
-    install(session, f"{build_wheel(session)}[{extra}]", "pytest>=8", "pytest-timeout>=2.3")
+    install(session, f"{build_wheel(session)}[{extra}]", *PYTEST)
     session.run("pytest", f"tests/wheel/test_{extra}.py", *session.posargs)
 
 

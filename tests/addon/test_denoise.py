@@ -503,7 +503,6 @@ def test_cancelling_changes_nothing(noisy_cube, monkeypatch, target, then):
 
     monkeypatch.setattr(operators, "listener", stop_late)
     assert denoise(target=target, then_sharpen=then) == {"CANCELLED"}
-    assert seen[-1] < 1.0
     assert max(seen) == seen[-1] >= (0.6 if then else 0.1)
     np.testing.assert_array_equal(read_positions(cube.data), points)
     np.testing.assert_array_equal(colors_of(cube), colors)
