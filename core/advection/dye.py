@@ -37,20 +37,20 @@ def advect_dye(
     background: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Frames:
-    """Release dye into a flow, and show where it goes.
+    """Release dye into a flow and advect it.
 
     Parameters
     ----------
     velocity, frames, size, mask, progress
         As in `advect_noise`.
     sources : DyeSource or sequence of these
-        Where dye comes from, when, and in which colors.
+        Places, times and colors of the dye.
     settings : DyeSettings, optional
     noise : NoiseSettings, optional
-        Lays the dye over noise that moves with the same flow. Its step, its sides that are joined
-        and its loop are those of the dye's settings.
+        Draws the dye over noise in the same flow. `step`, `periodic` and `loop` are those of the
+        dye's settings.
     background : (h, w) or (h, w, 3) array of float, optional
-        Lays the dye over a picture; with noise, over that on the picture.
+        Draws the dye over a picture; with `noise`, over the noise on the picture.
 
     Yields
     ------
@@ -65,9 +65,9 @@ def advect_dye(
 
     Notes
     -----
-    Paper D, section 5. There, colors are advected and sharpened by channels, which changes them;
-    here each color is a dye of its own, of which a pixel holds a share from 0 to 1. The default
-    sharpening is not of that paper: a shock filter in conservative form, which loses no dye.
+    Paper D, section 5, advects and sharpens the channels of colors, which changes the colors. Here
+    each color is a dye of its own, of which a pixel holds a share from 0 to 1. The sharpening is
+    not in the paper: it is a shock filter in conservative form, which loses no dye.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def _told(
 
 
 def _palette(sources: list[DyeSource]) -> tuple[list[list[int]], _Singles]:
-    """Number the colors: those of each source, and a table of all."""
+    """Return the numbers of each source's colors, and a table of all colors."""
     table = list(dict.fromkeys(color for source in sources for color in source.colors))
     dyes = [[table.index(color) for color in source.colors] for source in sources]
     return dyes, np.array(table, dtype=np.float32).reshape(-1, 3)
@@ -156,7 +156,7 @@ def _shares(
     settings: DyeSettings,
     first: int,
 ) -> Frames:
-    """Yield how much there is of each dye, from frame `first` on: (k, h, w)."""
+    """Yield the share of each dye, from frame `first` on: (k, h, w)."""
     kinds = max((max(each) for each in dyes), default=-1) + 1
     joined = wraps(settings.periodic)
     rows = flow.size[0]

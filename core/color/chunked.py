@@ -7,7 +7,7 @@ is not known in advance: if one leaves the halo, the chunk runs again with a hal
 last with the whole image; `counting_reruns` counts this.
 
 What and Width depend on the whole image. They are measured when the function is called, in windows
-all over the image; the rest waits until the result is computed. So no chunk stays in memory in
+all over the image; everything else is computed with the result, so that no chunk stays in memory in
 between.
 
 Only the functions here import dask.

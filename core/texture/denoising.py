@@ -63,8 +63,8 @@ def beltrami_texture(
     array like `image`
         Inside the charts, each value is within the range of the input near it on the surface, up
         to rounding to single precision; opacity stays. The gutter around them is filled with the
-        colors across the seam; where seams are open, the chart's own colors are extended. A time
-        of 0 returns the input bit for bit.
+        colors across the seam; at closed seams, the chart's own colors are extended. A time of 0
+        returns the input bit for bit.
 
     Raises
     ------

@@ -70,7 +70,7 @@ def geodesic_distance(
     mesh, uv, progress, atlas
         As in `sharpen_texture`.
     size : (int, int)
-        Rows and columns of the image that is made.
+        Rows and columns of the image.
     vertices : (k,) array of int, optional
         Vertices that are sources.
     points : ((k,) array of int, (k, 3) array of float), optional

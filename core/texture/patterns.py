@@ -66,32 +66,32 @@ def reaction_diffusion(
     at: str | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
-    """Grow stripes, spots or mazes on a surface, across seams.
+    """Generate stripes, spots or mazes on a surface by reaction-diffusion, across seams.
 
     Parameters
     ----------
     mesh, uv, progress, atlas
         As in `sharpen_texture`.
     size : (int, int)
-        Rows and columns of the image that is made.
+        Rows and columns of the image.
     settings : ReactionSettings, optional
     start : (h, w, 2) array of float in [0, 1], optional
-        Both substances at the beginning, such as an earlier result that is to go on. Where they
-        add up to more than 1, there is less of the first. Left out, the first one is everywhere,
-        and the second one in spots at random.
+        Initial values of both substances, such as an earlier result to continue. Where they add up
+        to more than 1, the first one is reduced. By default, the first one is everywhere, and the
+        second one in random spots.
     rates : (h, w) array of float in [0, 10], optional
-        What the scale is multiplied by at each texel; less than 0.1 counts as that.
+        Factors of the scale at each texel; values below 0.1 count as 0.1.
     directions : (m, 3) or (n, 3) array of float, optional
-        At faces or at vertices: along these the pattern is longer, as `stretch` says. Signs and
-        lengths do not matter; where a vector is zero, all directions are alike.
+        At faces or at vertices; the pattern is stretched along them, see `stretch`. Signs and
+        lengths do not matter; where a vector is zero, the pattern is isotropic.
     at : {"faces", "vertices"}, optional
         Where the directions are; needed where the mesh has as many faces as vertices.
 
     Returns
     -------
     (h, w, 2) float32
-        Both substances, in [0, 1]. The second one is the pattern: up to 0.4 in it, and 0 between.
-        Around the charts the gutter is filled; beyond, it is 0.
+        Both substances, in [0, 1]. The second one shows the pattern, with values up to 0.4. The
+        gutter around the charts is filled; the rest is 0.
 
     Raises
     ------
@@ -108,11 +108,10 @@ def reaction_diffusion(
     -----
     The model of Gray and Scott (1984) with patterns after Pearson (1993):
     ``u' = D_u lap u - u v^2 + feed (1 - u)`` and ``v' = D_v lap v + u v^2 - (feed + kill) v``. Each
-    step is 1 long, explicit in the reaction and implicit in diffusion (the
-    paper has no such program; its systems, section 6, are of the same kind). The mass is lumped, so
-    that no step leaves the range of its values where texels are not much stretched.
-    A stripe needs about three texels in each direction: where those of a chart are so long that it
-    has fewer, nothing grows.
+    step has the length 1, and is explicit in the reaction and implicit in the diffusion, whose
+    systems are like those of paper B, section 6. The mass is lumped, so that steps keep the range
+    of values where texels are not much stretched. A stripe must be about three texels wide: nothing
+    grows in charts with longer texels.
 
     Patterns by feed and kill, and the steps after which they look finished:
 

@@ -58,11 +58,11 @@ def surface_line_convolution(
     mesh, uv, progress, atlas
         As in `sharpen_texture`.
     size : (int, int)
-        Rows and columns of the image that is made.
+        Rows and columns of the image.
     directions : (m, 3) or (n, 3) array of float, optional
-        At faces or at vertices. Signs and lengths do not matter, but where a vector is zero
-        there are grains instead of streaks. Left out, where the surface bends least, see
-        `principal_directions`; others are made by `gradient_directions` and `axis_directions`.
+        At faces or at vertices, such as from `gradient_directions` or `axis_directions`. Signs and
+        lengths do not matter; where a vector is zero, there are grains instead of streaks. Default:
+        the directions of least curvature, see `principal_directions`.
     settings : StreakSettings, optional
     at : {"faces", "vertices"}, optional
         Where the directions are; needed where the mesh has as many faces as vertices.
@@ -70,7 +70,7 @@ def surface_line_convolution(
     Returns
     -------
     (h, w) float32
-        In [0, 1], 0.5 on the mean. Around the charts the gutter is filled; beyond, it is 0.
+        In [0, 1], with a mean of 0.5. The gutter around the charts is filled; the rest is 0.
 
     Raises
     ------
@@ -86,9 +86,8 @@ def surface_line_convolution(
     Notes
     -----
     White noise is diffused, in one implicit step, by a tensor that is 1 along the direction and
-    (width / length)^2 across. Paper B smooths a random value of each texel; here the noise is as
-    strong for each area of the surface, so that it does not change at seams or with the density
-    of texels.
+    (width / length)^2 across. Paper B smooths a random value of each texel; here the variance of
+    the noise depends on the area, so that streaks do not change at seams or with the texel density.
 
     Examples
     --------
