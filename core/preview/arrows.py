@@ -122,7 +122,7 @@ def arrows(
 def _thinned(chosen: npt.NDArray, centers: Values, size: float) -> npt.NDArray:
     """Keep the first arrow in each cell of a lattice.
 
-    The lattice is shifted by half a cell along all axes, so that no two arrows are closer than that.
+    The lattice is shifted by half a cell along all axes, so that no two arrows are closer.
     """
     for shift in product((0.0, 0.5), repeat=3):
         cells = np.floor(centers[chosen] / size + shift).astype(np.int64) & 0x1FFFFF
