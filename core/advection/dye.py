@@ -101,9 +101,9 @@ def advect_dye(
     behind = checked_background(background, flow.size)
     under = None
     if noise is not None:
-        below = _as_the_dye(given_or_default(noise, NoiseSettings), settings)
+        below = _noise_of(given_or_default(noise, NoiseSettings), settings)
         under = noise_frames(flow, below, Look(flow.longest, below, behind, None))
-    return _told(flow, given, settings, count, under, behind, progress)
+    return _frames_of(flow, given, settings, count, under, behind, progress)
 
 
 def _listed(sources: Any) -> list[DyeSource]:
@@ -111,12 +111,12 @@ def _listed(sources: Any) -> list[DyeSource]:
     return list(sources) if is_row else [sources]
 
 
-def _as_the_dye(noise: NoiseSettings, settings: DyeSettings) -> NoiseSettings:
+def _noise_of(noise: NoiseSettings, settings: DyeSettings) -> NoiseSettings:
     given = vars(noise) | {name: getattr(settings, name) for name in ("step", "periodic", "loop")}
     return NoiseSettings(**given)
 
 
-def _told(
+def _frames_of(
     flow: Flow,
     sources: list[DyeSource],
     settings: DyeSettings,

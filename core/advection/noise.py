@@ -109,10 +109,10 @@ def advect_noise(
     flow = Flow(velocity, size, mask, settings.step, settings.periodic, count, settings.loop > 0)
     behind = checked_background(background, flow.size)
     look = Look(flow.longest, settings, behind, checked_colors(colors))
-    return told(noise_frames(flow, settings, look), count, progress)
+    return reported(noise_frames(flow, settings, look), count, progress)
 
 
-def told(frames: Frames, count: int, progress: ProgressCallback | None) -> Frames:
+def reported(frames: Frames, count: int, progress: ProgressCallback | None) -> Frames:
     """Yield frames, and report the progress of each."""
     for number in range(count):
         with one_of(progress, number, count, "Advecting noise"):
@@ -135,7 +135,7 @@ def grays(
 ) -> Frames:
     """Yield the blended noise of the frames from `first` on; each is overwritten by the next."""
     # The start is the same for all frames of a loop, so that they go on from each other.
-    number = -settings.loop - _run_in(settings.blending)
+    number = -settings.loop - _warm_up(settings.blending)
     while True:
         motion = motions(number)
         noise.step(motion, number)
@@ -144,7 +144,7 @@ def grays(
         number += 1
 
 
-def _run_in(blending: float) -> int:
+def _warm_up(blending: float) -> int:
     """Return the number of steps after which the initial noise is hardly visible."""
     return math.ceil(math.log(_LEFT_OVER) / math.log1p(-blending)) if blending < 1 else 1
 

@@ -75,7 +75,7 @@ def pictures_of_plane(
         )])  # fmt: skip
     if settings.draws == "noise":
         return advect_noise(
-            velocity, in_front(settings, in_colors), frames=frames, size=size,
+            velocity, with_noise_mask(settings, in_colors), frames=frames, size=size,
             background=background, colors=SPEEDS if in_colors else None, progress=progress,
         )  # fmt: skip
     if not sources:
@@ -103,13 +103,13 @@ def pictures_of_surface(
 ) -> Iterator[npt.NDArray[np.float32]]:
     """Show a flow on a surface; see `advect_on_surface`, and `pictures_of_plane` for the rest."""
     return advect_on_surface(
-        mesh, uv, field, in_front(settings, in_colors), size=size, frames=frames, at=at,
+        mesh, uv, field, with_noise_mask(settings, in_colors), size=size, frames=frames, at=at,
         background=background, colors=SPEEDS if in_colors else None, progress=progress, atlas=atlas,
     )  # fmt: skip
 
 
-def in_front(settings: NoiseSettings, in_colors: bool) -> NoiseSettings:
-    """Let colors show the noise as their opacity, unless the settings say how."""
+def with_noise_mask(settings: NoiseSettings, in_colors: bool) -> NoiseSettings:
+    """Set a `noise_mask`, which makes noise the opacity of colors, unless there is one."""
     if not in_colors or settings.noise_mask:
         return settings
     return replace(settings, noise_mask=1.0)
@@ -150,6 +150,6 @@ def releases_in(frames: int, colors: int) -> int:
     return fitting[-1]
 
 
-def still(settings: Settings) -> bool:
+def is_picture(settings: Settings) -> bool:
     """Whether the settings draw a single picture instead of frames."""
     return settings.draws == "lines"

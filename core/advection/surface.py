@@ -25,7 +25,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, NoiseSettings, given_or_default
 from ..texture.texels import checked_atlas
 from .loops import Frames, repeating
-from .noise import Noise, grays, mixed, told
+from .noise import Noise, grays, mixed, reported
 from .opacity import Look, checked_background, checked_colors
 from .randomness import BEYOND, random_bits, row_key, stream
 from .velocity import MOST_PIXELS, ROWS, Motion, checked_frames
@@ -121,7 +121,7 @@ def advect_on_surface(
             texture = _Texture(atlas)
             look = Look(flow.longest, settings, behind, palette)
     shown = _shown(flow, texture, look, settings, count)
-    return told(shown, count, part_of(progress, _ANALYSIS, 1.0))
+    return reported(shown, count, part_of(progress, _ANALYSIS, 1.0))
 
 
 def _shown(

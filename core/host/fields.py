@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
 from ..grid.resize import resized
 from ..mesh.directions import gradient_directions, named_directions
@@ -20,7 +19,7 @@ from ..registry import find
 from ..settings import describe
 from ..texture.texels import grays_of
 from .inputs import TexturedFaces
-from .textures import analyse
+from .textures import atlas_of
 
 _ANALYSIS = 0.3  # of the time that a run takes
 
@@ -141,7 +140,7 @@ def generate(
     """
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
-            atlas = _atlas(surface)
+            atlas = atlas_of(surface.faces, surface.shape, surface.is_tried)
         with phase(_ANALYSIS, 1.0, "Generating"):
             uv, given = surface.faces.uv, dict(surface.given)
             if "along" in given:
@@ -177,10 +176,3 @@ def _at_vertices(
         given["edges"] = np.stack([mesh.faces[f, k], mesh.faces[f, (k + 1) % 3]], axis=1)
         settings = replace(settings, source="given")
     return find(name).function(vertices=True)(mesh, settings, **given)
-
-
-def _atlas(surface: FieldSurface) -> TextureAtlas:
-    faces, shape = surface.faces, surface.shape
-    if not surface.is_tried:
-        return analyse(faces, shape)
-    return kept(faces, "atlas", shape, lambda: analyse(faces, shape))

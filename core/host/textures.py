@@ -63,7 +63,7 @@ def filter_texture(
     words: dict[str, Any] = {}
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
-            atlas = _atlas(surface)
+            atlas = atlas_of(surface.faces, (height, width), surface.is_tried)
             mask = _mask(surface, atlas)
             shown = None if row.fills_gutter else atlas.inside
         with phase(_ANALYSIS, 1.0, "Filtering"):
@@ -97,17 +97,16 @@ def analyse(
             return TextureAtlas(mesh, faces.uv, size=size)
 
 
+def atlas_of(faces: TexturedFaces, size: tuple[int, int], is_tried: bool) -> TextureAtlas:
+    """Return `analyse` of faces, kept with these for previews."""
+    if not is_tried:
+        return analyse(faces, size)
+    return kept(faces, "atlas", size, lambda: analyse(faces, size))
+
+
 def _holding(settings: Any, content: str) -> Any:
     field = named(type(settings.kernel), "content")
     return settings.changed(**{field: content}) if field else settings
-
-
-def _atlas(surface: TexturedSurface) -> TextureAtlas:
-    height, width = surface.picture.pixels.shape[:2]
-    size = height, width
-    if not surface.is_tried:
-        return analyse(surface.faces, size)
-    return kept(surface.faces, "atlas", size, lambda: analyse(surface.faces, size))
 
 
 def _tried(
