@@ -165,7 +165,7 @@ def _shares(
     new = np.empty_like(old)
     back = np.empty((*flow.size, 2), dtype=np.float32)
     back_of: Motion | None = None
-    # What a loop begins with was released in the round before.
+    # Dye at the start of a loop was released in the previous round.
     number = -flow.frames if settings.loop else 0
     while True:
         for spot, source, kind in zip(spots, sources, dyes, strict=True):
@@ -202,7 +202,7 @@ def _release(start, stop, spot, released, shares):
 
 @kernel
 def _corner(x, count, joined):
-    # The two samples that a place lies between, and its share of the second; -1 is outside.
+    # The two samples on both sides of a place, and the share of the second; -1 is outside.
     before = int(np.floor(x))
     share = x - np.floor(x)
     after = before + 1
@@ -227,7 +227,7 @@ def _find_midpoint(start, stop, right, down, right_halfway, down_halfway, joined
             y = down[i, j]
             left, after, across = _corner(np.float64(j) - half * x, columns, joined[0])
             top, below, share = _corner(np.float64(i) - half * y, rows, joined[1])
-            # Beyond the border there is no velocity halfway: that at the end is all there is.
+            # Beyond the border there is no velocity halfway, so that at the end is used.
             if (
                 left >= 0
                 and top >= 0

@@ -28,7 +28,7 @@ _LEFT_OVER = 0.01
 SHARES = 1 << 16
 """Unit of `rates`: shares of cells are multiples of it."""
 
-# Multiples of the golden and the silver ratio, without their whole parts, lie most evenly.
+# The fractional parts of multiples of the golden and the silver ratio are spread most evenly.
 _TURN_X, _TURN_Y = 0.5 * (math.sqrt(5.0) - 1.0), math.sqrt(2.0) - 1.0
 
 
@@ -134,7 +134,7 @@ def grays(
     noise: Noise, motions: Callable[[float], Motion], settings: NoiseSettings, first: int
 ) -> Frames:
     """Yield the blended noise of the frames from `first` on; each is overwritten by the next."""
-    # The start is the same for all frames of a loop, so that they go on from each other.
+    # The start is the same for all frames of a loop, so that each frame continues the previous one.
     number = -settings.loop - _warm_up(settings.blending)
     while True:
         motion = motions(number)
@@ -151,7 +151,7 @@ def _warm_up(blending: float) -> int:
 
 def mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
     """Mix noise of two frames."""
-    # Both vary by as much and independently: roots of the shares keep the contrast.
+    # Both are independent with equal variance; roots of the shares keep the contrast.
     old_share, new_share = np.float32(math.sqrt(1.0 - share)), np.float32(math.sqrt(share))
     middle = np.float32(0.5)
     return middle + old_share * (old - middle) + new_share * (new - middle)
@@ -261,7 +261,7 @@ def _begin(start, stop, key, noise):
 
 @kernel
 def _find_rates(start, stop, right, down, defined, injection, divergence, rates):
-    # Where the flow is undefined, half of the cells change: that makes fresh noise of any.
+    # Where the flow is undefined, half of the cells change, which makes the noise new.
     rows, columns = right.shape
     for i in range(start, stop):
         above = max(i - 1, 0)
@@ -276,7 +276,7 @@ def _find_rates(start, stop, right, down, defined, injection, divergence, rates)
                     spread += (right[i, after] - right[i, before]) / (after - before)
                 if defined[above, j] and defined[below, j] and below > above:
                     spread += (down[below, j] - down[above, j]) / (below - above)
-                # So many are copies of others, and half of them have the right value by chance.
+                # This share are copies of others; half of these have the right value by chance.
                 rate = injection + divergence * 0.5 * max(spread, 0.0) / (1.0 + max(spread, 0.0))
             rates[i, j] = np.uint16(min(rate, 0.5) * SHARES + 0.5)
 
@@ -296,8 +296,8 @@ def _carry(
     start, stop, rim, quads, places, right, down, turn_x, turn_y, alpha, new, blended, rates,
     key,
 ):  # fmt: skip
-    # Each row in loops: what is where its cells come from, and what follows. All but the first run
-    # on many cells at once.
+    # Loops over each row: the first reads the sources of its cells, and the compiler vectorizes the
+    # others.
     columns = right.shape[1]
     found = np.empty(columns, dtype=np.uint8)
     one = np.float32(1)
@@ -318,7 +318,7 @@ def _carry(
         for j in range(columns):
             x = right[i, j] - np.floor(right[i, j])
             y = down[i, j] - np.floor(down[i, j])
-            # As often as the fraction is large, the step is a cell longer.
+            # The step is a cell longer in a share of the frames that is its fraction.
             shorter_x, shorter_y = np.uint8(x + turn_x < one), np.uint8(y + turn_y < one)
             carried = (found[j] >> (shorter_x + 2 * shorter_y)) & 1
             changes = (random_bits(keys, j) & np.uint32(0xFFFF)) < rates[i, j]

@@ -210,7 +210,7 @@ class _SurfaceFlow:
 
 
 def _projected(mesh: TriangleMesh, field: Floats) -> Floats:
-    # What lies in the face, at its corners: (m, 3, 3).
+    # The tangential part of a field, at the corners of faces: (m, 3, 3).
     normals = mesh.normals[:, None]
     flat = field - (field * normals).sum(axis=2, keepdims=True) * normals
     return np.array(np.broadcast_to(flat, (mesh.face_count, 3, 3)))

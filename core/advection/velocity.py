@@ -311,7 +311,7 @@ def _checked_field(field: npt.NDArray, shape: tuple[int, ...] | None) -> _Single
 def _places(
     count: int, given: int, wraps: bool
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Singles]:
-    # Where pixels read a field of another resolution, along an axis: two samples and a share.
+    # How pixels interpolate a field of another resolution along an axis: two samples and a share.
     places = (np.arange(count) + 0.5) * (given / count) - 0.5
     if not wraps:
         places = np.clip(places, 0.0, given - 1.0)

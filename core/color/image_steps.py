@@ -141,7 +141,7 @@ def measured_each(
 def _leading(
     pixels: npt.NDArray, lead: npt.NDArray, settings: ImageSettings
 ) -> tuple[Channels, Channels]:
-    # The channels that are filtered, and those of the guide that count.
+    # The filtered channels, and the guiding channels.
     (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
     (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
     return channels, guides

@@ -164,7 +164,7 @@ def generate(
 def _at_vertices(
     surface: FieldSurface, atlas: TextureAtlas, name: str, settings: Any, given: dict[str, Any]
 ) -> npt.NDArray[np.float64]:
-    # Vertices on painted texels count as given, and so do the edges of seams.
+    # Vertices on painted texels are sources, and so are the edges of seams.
     mesh, given = atlas.mesh, dict(given)
     if "image" in given:
         texels = np.floor(surface.faces.uv * surface.shape[::-1]).astype(np.int64)

@@ -69,7 +69,7 @@ class Patch:
         return replace(settings, sharpen_time=settings.sharpen_time * self.lengths**power)
 
     def _scaled(self, settings: Any) -> dict[str, Any]:
-        # The values that are others on the part.
+        # The values that differ on the part.
         fields = describe(type(settings))
         given = {name: getattr(settings, name) for name in fields}
         new: dict[str, Any] = {}
@@ -229,7 +229,7 @@ def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[An
 
 
 def _spread(result: Any, name: str, old: npt.NDArray, places: npt.NDArray) -> Any:
-    # The part's values among the others', which stay.
+    # All values, with those of the part replaced.
     new = old.copy()
     new[places] = getattr(result, name)
     return replace(result, **{name: new})

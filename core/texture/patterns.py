@@ -221,7 +221,7 @@ def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
         eaten = u * v * v
         u += feed * (one - u) - eaten
         v += eaten - loss * v
-        # Far from all patterns it would fall for ever, and the smallest numbers take longest.
+        # Far from patterns it would decrease forever, and arithmetic with denormal numbers is slow.
         v = v if v > _LEAST else np.float32(0)
         rhs_u[i], rhs_v[i] = masses_u[i] * u, masses_v[i] * v
         us[i], vs[i] = u + more_u, v + more_v
@@ -240,7 +240,7 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     shares = np.sort(random.random((count, 2)), axis=1)
     shares = np.stack([shares[:, 0], shares[:, 1] - shares[:, 0], 1.0 - shares[:, 1]], axis=1)
     places = np.einsum("sk,skx->sx", shares, corners[np.minimum(faces, len(corners) - 1)])
-    # Of two that are too near the first one stays (Matern 1960): neither crowds nor large gaps.
+    # Of two close spots the first one stays (Matern 1960), which avoids clusters and large gaps.
     near = cKDTree(places).query_pairs(apart, output_type="ndarray")
     places = np.delete(places, near.max(axis=1, initial=0), axis=0) if len(near) else places
     texels = np.flatnonzero(atlas.inside)
@@ -254,14 +254,14 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
 
 
 def _tensors(mesh: TriangleMesh, directions: Floats, stretch: float) -> Floats:
-    # Diffusion by the stretch along, and as much less across.
+    # Diffusion is multiplied by the stretch along the direction, and divided by it across.
     tensors = face_tensors(mesh, directions)
     clear = clearness(tensors)
     return stretched(tensors, stretch**clear, stretch**-clear)
 
 
 def _varied(space: TextureSpace, factors: _Single) -> TextureSpace:
-    # Scales go with the root of diffusion.
+    # Scales are proportional to the root of the diffusion.
     squares = np.maximum(factors, np.float32(_LEAST_RATE)).astype(np.float32) ** np.float32(2)
     other = space.weighted(space.means(squares.astype(np.float32)))
     other.cells[..., 3] = space.cells[..., 3]

@@ -203,7 +203,7 @@ def dilate_texture(
 def _gathered_with(
     texture: Texture, lead: npt.NDArray, settings: TextureSettings
 ) -> tuple[Texture, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    # As `gathered`, with the guide's values; both say where seams are closed.
+    # As `gathered`, with the guide's values; seams are closed where either of them differs.
     atlas, pixels, alpha, normals = texture[:4]
     guiding = opacity_channel(lead.shape[2], "auto")
     with aside("Comparing the seams"):

@@ -48,16 +48,16 @@ _HELD = 1e6
 
 
 class _Source(NamedTuple):
-    # One picture, and how far it is to be believed.
+    # One picture, and its confidence.
     values: _Single  # (rows, columns, c) at nodes and ghosts
     corners: Floats  # (v, c) at the corners of the pieces, as their own chart shows them
     confidence: _Single  # (n,) at nodes
 
 
 class _Target(NamedTuple):
-    # What the result is to be like.
+    # The desired values of the result, and their confidence.
     values: _Single  # (n, c)
-    unbalance: _Single  # (n, c): how far the gradients of these are from those that are wanted
+    unbalance: _Single  # (n, c): difference of their gradients from the desired ones
     confidence: CellWeights
     known: npt.NDArray[np.bool_]  # (n,)
 
@@ -250,7 +250,7 @@ def _source(
 
 
 def _least_known(space: TextureSpace, source: _Source, labels: npt.ArrayLike | None) -> CellWeights:
-    # How far each cell and piece is to be believed: 0 if one of its nodes, or corners, is unknown.
+    # The confidence of each cell and piece: 0 if one of its nodes, or corners, is unknown.
     pieces = space.cut_cells.pieces
     least = space.least(source.confidence)
     missing = np.isnan(source.corners[:, 0])
@@ -272,7 +272,7 @@ def _divided(part: npt.NDArray, whole: npt.NDArray) -> npt.NDArray:
 
 
 def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _Single:
-    # What is to be added to the target's values.
+    # The correction of the target's values.
     largest = max(float(target.confidence.cells.max(initial=0.0)),
                   float(target.confidence.pieces.max(initial=0.0)), 1e-30)  # fmt: skip
     cells = np.maximum(target.confidence.cells / np.float32(largest), np.float32(_UNKNOWN))
@@ -283,7 +283,7 @@ def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _
     matrix = space.weighted(held, only_mass=True).matrix(screen)
     change = np.zeros_like(target.values)
     SheetSolver(matrix).solve(target.unbalance, change, _TOLERANCE, message="Stitching")
-    # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
+    # The exact change has a mean of 0. An error of the mean hardly shows in the residual.
     space.without_means(change, matrix.screen, change)
     if settings.where == "seams":
         free = ~target.known

@@ -138,8 +138,8 @@ def _streaks(space: TextureSpace, settings: StreakSettings) -> _Single:
 
 
 def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) -> None:
-    # Where streaks are nearly as long as a limb is wide or long, they have little contrast: it is
-    # measured around each place, and made the same, in place.
+    # Streaks have little contrast if they are nearly as long as a limb. The local contrast is
+    # measured and equalized, in place.
     screen = max(_AROUND * settings.width, _LEAST_AROUND) ** -2.0
     matrix = space.matrix(screen)
     solver, masses = SheetSolver(matrix), matrix.screen[:, None]
@@ -164,7 +164,7 @@ def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) ->
 
 
 def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings) -> Floats:
-    # Those of diffusion: in each direction the square of how far it goes, against the length.
+    # Diffusion tensors: in each direction, the squared reach relative to the length.
     directions = principal_directions(mesh)[mesh.faces] if given is None else given
     tensors = face_tensors(mesh, directions)
     clear = clearness(tensors)
@@ -172,7 +172,7 @@ def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings)
         trace = tensors[:, 0] + tensors[:, 2]
         clear *= np.minimum(np.sqrt(trace) * 2.0, 1.0)
     across = max(settings.width / settings.length, _LEAST_WIDTH)
-    # The same area is smoothed over everywhere, which keeps the noise as strong.
+    # The area of smoothing is the same everywhere, so the variance of the noise is, too.
     return stretched(tensors, across ** (1.0 - clear), across ** (1.0 + clear))
 
 
