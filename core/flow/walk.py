@@ -65,13 +65,8 @@ def find_shock_rates(start, stop, triangles, potential, rates):
         rates[f, 1] = scale * (vv * p - uv * q)
         rates[f, 2] = scale * (uu * q - uv * p)
         rates[f, 0] = -rates[f, 1] - rates[f, 2]
-        _clear_tiny(rates, f)
-
-
-@kernel
-def _clear_tiny(rates, f):
-    if max(abs(rates[f, 0]), abs(rates[f, 1]), abs(rates[f, 2])) < 1e-100:
-        rates[f] = 0.0  # keeps crossing times finite
+        if max(abs(rates[f, 0]), abs(rates[f, 1]), abs(rates[f, 2])) < 1e-100:
+            rates[f] = 0.0  # keeps crossing times finite
 
 
 @kernel
@@ -82,17 +77,9 @@ def _sides(vertices, faces, f, k):
 
 
 @kernel
-def _sliding(potential, triangles, f, k):
-    # Inner product of half-edge k of a face, into which both its faces flow, with the flow.
+def _flow_along(potential, triangles, f, k):
+    # Inner product of half-edge k of a face with the flow along it.
     return 0.5 * (potential[triangles.faces[f, k]] - potential[triangles.faces[f, after(k)]])
-
-
-@kernel
-def _edge_away(potential, triangles, f, k):
-    # Inner product of half-edge k with a flow along it that leaves its first corner; 0 if there
-    # is none.
-    a, b = triangles.faces[f, k], triangles.faces[f, after(k)]
-    return 0.5 * (potential[a] - potential[b]) if potential[b] < potential[a] else 0.0
 
 
 @kernel
@@ -116,7 +103,7 @@ def _leave_vertex(triangles, rates, potential, f, k, arrival):
             return -1, -1, 0
         u, w = _sides(vertices, faces, g, c)
         uu, uw, ww = dot(u, u), dot(u, w), dot(w, w)
-        away = _edge_away(potential, triangles, g, c)
+        away = _flow_along(potential, triangles, g, c)
         if away > 0:
             merit = away / np.sqrt(uu)
             side = dot(TIE_BREAKER, u) / np.sqrt(uu)
@@ -248,7 +235,7 @@ def walk_exactly(
                 else:
                     # Both faces flow into the edge. The inner product of both flows, unfolded,
                     # times the squared length of the edge, tells whether the flow turns back.
-                    sliding = _sliding(potential, triangles, f, k)
+                    sliding = _flow_along(potential, triangles, f, k)
                     across = (rates[f, exit_corner] * areas[f]) * (inward * areas[g])
                     if sliding * sliding - 4 * across <= 0 or sliding == 0:
                         b[k] = 1.0 - along
@@ -259,7 +246,7 @@ def walk_exactly(
                 f = slide // 3
                 k = slide - 3 * f
                 along = 0.0
-                sliding = _sliding(potential, triangles, f, k)
+                sliding = _flow_along(potential, triangles, f, k)
             if corner < 0:
                 e = edge(vertices, faces[f, k], faces[f, after(k)])
                 rate = sliding / dot(e, e)
