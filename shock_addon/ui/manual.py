@@ -103,14 +103,9 @@ class SHOCK_FILTER_preferences(bpy.types.AddonPreferences):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the link to the manual."""
-        draw_link(self.layout, "Manual")
-
-
-def draw_link(layout: bpy.types.UILayout, text: str, where: str = HOME) -> None:
-    """Draw a button that opens the manual, if the manual is there."""
-    url = address(where)
-    if url is not None:
-        layout.operator("wm.url_open", text=text, icon="HELP").url = url
+        url = address()
+        if url is not None:
+            self.layout.operator("wm.url_open", text="Manual", icon="HELP").url = url
 
 
 CLASSES = (SHOCK_FILTER_preferences,)
