@@ -20,12 +20,14 @@ from numba.core.dispatcher import Dispatcher
 from ..base.progress import ProgressCallback
 from ..host.advection import FlowPlane, FlowSurface, frames_of
 from ..host.colors import filter_colors
+from ..host.creases import creases_of
 from ..host.denoising import filter_both
 from ..host.fields import FieldSurface, generate
 from ..host.geometry import filter_shape
 from ..host.images import filter_image
 from ..host.inputs import (
     ColoredSurface,
+    CutSurface,
     Denoising,
     HostImage,
     MirroredSurface,
@@ -33,6 +35,7 @@ from ..host.inputs import (
     TexturedFaces,
     TexturedSurface,
 )
+from ..host.low_poly import low_poly_of
 from ..host.textures import filter_texture
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
@@ -120,6 +123,12 @@ def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
             both = PaintedSurface(replace(shape, mask=mask), replace(painted, mask=mask))
             yield partial(filter_both, both, "beltrami_vertex_signal", settings, True)
     yield partial(flow_of_shape, shape, GeometrySettings(), True, None)
+    quads = replace(shape, edges=_sides_of_quads(shape))
+    yield partial(creases_of, quads, GeometrySettings(), True)
+    cut = CutSurface(
+        shape.positions, shape.triangles, None, shape.to_world, shape.triangles[:9, :2]
+    )
+    yield partial(low_poly_of, cut, GeometrySettings(), True, 0.25, 8.0)
     for surface in (painted, _at_corners()):
         yield partial(flow_of_colors, surface, ShockSettings(), True, None)
 
@@ -227,7 +236,14 @@ def _box() -> tuple[np.ndarray, np.ndarray]:
 def _shape() -> MirroredSurface:
     positions, triangles = _box()
     mask = np.linspace(0.0, 1.0, len(positions))
-    return MirroredSurface(positions, triangles, mask, np.identity(3), (True, False, False), ())
+    return MirroredSurface(
+        positions, triangles, mask, np.identity(3), (True, False, False), (), 30.0
+    )
+
+
+def _sides_of_quads(surface: MirroredSurface) -> np.ndarray:
+    # The edges of each two triangles that make a square of `_box`.
+    return np.concatenate([surface.triangles[:, :2], surface.triangles[:, 1:]])
 
 
 def _painted() -> ColoredSurface:

@@ -228,6 +228,7 @@ def refitted(
     steps: int = 1,
     freedom: float = 0.0,
     unfolds: bool = False,
+    mend: Callable[[TriangleMesh, Floats, Floats], Floats] | None = None,
 ) -> Floats:
     """Filter the normals of a mesh and fit its positions to them, `settings.repeat` times.
 
@@ -247,6 +248,8 @@ def refitted(
         As `fit_steps` and `crease_freedom` in `GeometrySettings`.
     unfolds : bool
         Whether moves that fold faces onto each other are taken back; those that are limited are.
+    mend : callable, optional
+        Corrects each displacement, given a mesh before it and the normals that it was fitted to.
 
     Returns
     -------
@@ -261,8 +264,12 @@ def refitted(
             if weights is not None:
                 with aside(message):
                     normals = blended_normals(mesh, current.normals, normals, weights)
-            with phase(0.6, 1.0, "Fitting the surface"):
+            last = 1.0 if mend is None else 0.9
+            with phase(0.6, last, "Fitting the surface"):
                 step, _ = displacement(current, normals, settings, weights, steps, freedom)
+            if mend is not None:
+                with phase(last, 1.0, "Fitting the surface"):
+                    step = mend(current, normals, step)
         moved = step if iteration == 0 else moved + step
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)
