@@ -163,7 +163,7 @@ def crisp_low_poly(
             held = _half_edges(mesh, pairs) | (mesh.twins < 0)
         with phase(0.6, 0.8, "Fitting the surface"):
             # Once more, to normals that are the same all over a side.
-            normals = _smooth_normals(sharp, held)
+            normals = _smooth_normals(sharp, held | _bends(sharp, 0.5 * angle))
             moved, _ = displacement(sharp, normals, settings, None, settings.fit_steps,
                                     settings.crease_freedom)  # fmt: skip
             sharp = sharp.moved_to(sharp.vertices + moved)
@@ -227,6 +227,13 @@ def _dissolved(
     corner = np.where(mesh.flipped[face] & (corner > 0), 3 - corner, corner)
     positions = mesh.vertices[vertices] + mesh.mean_edge_length * moved[vertices]
     return LowPoly(positions, given, vertices, left, 3 * face + corner)
+
+
+def _bends(mesh: TriangleMesh, degrees: float) -> Bools:
+    # Half-edges across which normals differ by more: lines may leave some out.
+    other = np.where(mesh.twins >= 0, mesh.twins // 3, np.arange(mesh.face_count)[:, None])
+    cosines = np.einsum("fx,fkx->fk", mesh.normals, mesh.normals[other])
+    return cosines < np.cos(np.radians(degrees))
 
 
 def _smooth_normals(mesh: TriangleMesh, held: Bools) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.ndimage
 from distances import Floats, Solid, gradient, nearest, norm, placed, truths, turn
 from meshings import EXTENT, marching_cubes, mean_edge, sampled, surface_nets, umbrella
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, Delaunay
 from shock_filter import core
 from solids import KINDS, SHARES, part, smooth, solid, statue
 
@@ -323,6 +323,97 @@ def _figure(rng):
     return v, f
 
 
+def _few_faces(rng):
+    # Eyes, knobs, wheels and tubes: balls, cones and rings of some dozen faces, open or closed.
+    n, m = int(rng.integers(5, 25)), int(rng.integers(2, 13))
+    a = np.arange(n) * 2 * np.pi / n
+    if rng.random() < 0.5:
+        t = np.linspace(rng.uniform(0.05, 1.0), rng.uniform(1.6, 3.1), m)
+        x = np.stack([np.sin(t), -np.cos(t)], 1)
+    else:
+        x = np.stack([rng.uniform(0.3, 1.0, m), np.linspace(-1, 1, m)], 1)
+    v = np.stack([x[:, :1] * np.cos(a), x[:, :1] * np.sin(a), np.repeat(x[:, 1:], n, 1)], -1)
+    v, f = v.reshape(-1, 3), _grid_faces(m, n, False, True)
+    around = np.arange(n)
+    for row, up in ((0, x[0, 1]), (m - 1, x[-1, 1])):
+        if rng.random() < 0.5:  # closed by a fan
+            fan = np.stack([row * n + around, row * n + (around + 1) % n, np.full(n, len(v))], 1)
+            bulge = 0.3 * rng.uniform(0, 1) * np.sign(row - 0.5)
+            v = np.concatenate([v, [[0, 0, up + bulge]]])
+            f = np.concatenate([f, fan if row else fan[:, ::-1]])
+    return v, f
+
+
+def _panel(rng):
+    # A bent sheet with an outline and holes, cut into as few triangles as its borders allow: body
+    # panels and what programs for construction write.
+    count = int(np.exp(rng.uniform(np.log(12), np.log(70))))
+    a = np.arange(count) * 2 * np.pi / count
+    square = 1 / np.maximum(abs(np.cos(a)), abs(np.sin(a))) ** rng.uniform(0, 1)
+    borders = [square[:, None] * np.stack([np.cos(a), np.sin(a)], 1)]
+    for _ in range(rng.integers(0, 4)):
+        k = int(rng.integers(6, 24))
+        b, radius = np.arange(k) * 2 * np.pi / k, rng.uniform(0.08, 0.3)
+        borders.append(rng.uniform(-0.5, 0.5, 2) + radius * np.stack([np.cos(b), np.sin(b)], 1))
+    inner = rng.uniform(-0.7, 0.7, (int(np.exp(rng.uniform(0, np.log(300)))), 2))
+    x = np.concatenate([*borders, inner])
+    x = x + rng.normal(size=x.shape) * 1e-4
+    f = Delaunay(x).simplices
+    middle = x[f].mean(1)
+    outside = np.zeros(len(f), bool)
+    for border in borders[1:]:
+        outside |= norm(middle - border.mean(0)) < norm(border[:1] - border.mean(0))
+    f = f[~outside]
+    a, b, c = (x[f[:, k]] for k in range(3))
+    wound = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    f = np.where((wound < 0)[:, None], f[:, ::-1], f)
+    z = np.zeros(len(x))
+    for _ in range(rng.integers(1, 5)):
+        along = x @ rng.normal(size=2) + rng.uniform(-0.5, 0.5)
+        bend = rng.choice(["bow", "fold", "round"])
+        if bend == "bow":
+            z += rng.uniform(-0.4, 0.4) * along**2
+        elif bend == "fold":
+            z += rng.uniform(-1, 1) * np.maximum(along, 0)
+        else:
+            z += rng.uniform(-0.5, 0.5) * np.sqrt(along**2 + rng.uniform(0.02, 0.3) ** 2)
+    return np.concatenate([x, z[:, None]], 1), f
+
+
+def _plate(rng):
+    # An outline with holes, pulled up: flat caps of long triangles, walls of long ones.
+    v, f = _panel(rng)
+    low, high = v * (1, 1, 0), v * (1, 1, 0) + (0, 0, rng.uniform(0.05, 1.0))
+    ends = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]])
+    known = {tuple(e) for e in ends.tolist()}
+    rim = np.array([e for e in ends.tolist() if (e[1], e[0]) not in known])
+    n = len(v)
+    walls = np.concatenate([np.stack([rim[:, 1], rim[:, 0], rim[:, 0] + n], 1),
+                            np.stack([rim[:, 1], rim[:, 0] + n, rim[:, 1] + n], 1)])  # fmt: skip
+    return np.concatenate([low, high]), np.concatenate([f[:, ::-1], f + n, walls[:, ::-1]])
+
+
+def _horn(rng):
+    # A profile that grows along a bent line, its rows uneven, made smooth by cutting: horns, claws,
+    # teeth, straps.
+    n, m = int(rng.integers(4, 14)), int(rng.integers(4, 18))
+    a = np.arange(n) * 2 * np.pi / n
+    t = np.cumsum(rng.uniform(0.1, 1, m) ** rng.uniform(0, 3))
+    t = t / t[-1]
+    ring = 1 + rng.uniform(0, 0.7) * np.cos(rng.integers(1, 5) * a)
+    size = (1 - t) ** rng.uniform(0, 1) * (1 + rng.uniform(0, 0.5) * rng.normal(size=m)) + 0.02
+    wind, tilt = rng.uniform(0, 6), rng.uniform(0, 2)
+    line = np.stack([np.cos(wind * t), np.sin(wind * t), tilt * t * 2], 1)
+    side = line * (1, 1, 0)
+    out = 0.35 * size[:, None] * ring
+    v = (line[:, None] + (out * np.cos(a))[..., None] * side[:, None]
+         + (out * np.sin(a))[..., None] * np.array([0, 0, 1.0]))  # fmt: skip
+    v, f = v.reshape(-1, 3), _grid_faces(m, n, False, True)
+    for _ in range(rng.integers(0, 4)):
+        v, f = _subdivided(v, f, crisp=rng.random() < 0.1)
+    return v, f
+
+
 def _low_poly(rng):
     # All edges are creases; some cut once more.
     points = rng.normal(size=(rng.integers(60, 700), 3))
@@ -423,4 +514,5 @@ def _faceted_ball(rng):
 
 
 _CRISP = _even_block, _even_block, _stairs, _roof, _roof, _faceted_ball
-_PIECES = _lathe, _lathe, _extruded, _terrain, _torus, _figure, _figure, _blocks, _low_poly
+_PIECES = (_lathe, _lathe, _extruded, _terrain, _torus, _figure, _figure, _blocks, _low_poly,
+           _few_faces, _few_faces, _panel, _panel, _plate, _horn, _horn)  # fmt: skip

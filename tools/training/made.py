@@ -13,7 +13,7 @@ import numpy as np
 from shock_filter import core
 from shock_filter.core.mesh.calculus import average_to_faces, average_to_vertices, smooth_vertices
 
-FACES = 300, 60_000
+FACES = 24, 60_000
 """Fewest and most of a mesh that counts."""
 
 ROWS = 2400

@@ -31,8 +31,8 @@ HERE = Path(__file__).resolve().parent
 VERSION = 1
 """Counts the trainings that were shipped."""
 
-COUNTS = {"remeshed": 1100, "narrow": 320, "coarse": 200, "relief": 260, "scanned": 200,
-          "modelled": 340, "softened": 240, "sculpted": 400, "sharp": 200}  # fmt: skip
+COUNTS = {"remeshed": 1800, "narrow": 400, "coarse": 200, "relief": 260, "scanned": 200,
+          "modelled": 800, "softened": 240, "sculpted": 400, "sharp": 200}  # fmt: skip
 """How many seeds of each kind; see `made.MAKERS`."""
 
 HIDDEN = 128, 64
