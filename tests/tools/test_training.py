@@ -27,7 +27,7 @@ def test_a_tiny_network_learns_to_come_nearer_on_solids_it_has_not_seen(tmp_path
     monkeypatch.setattr(made, "MAKERS", {"remeshed": tiny})
     paths = made.make_all({"remeshed": 14}, tmp_path, 1)
     assert made.make_all({"remeshed": 14}, tmp_path, 1) == paths  # made once
-    rows = train_creases.gathered(paths)
+    rows = train_creases.gathered(paths, 1)
     said = []
     networks = train_creases.train(rows, epochs=10, log=said.append)
     aside = train_creases.chosen(rows, rows["aside"])

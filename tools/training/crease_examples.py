@@ -72,12 +72,7 @@ def remeshed(seed, kinds=None, meshings=None, cells=None, noise=None) -> Example
     if how == "uneven":
         v = umbrella(v, f, int(rng.integers(0, 3)), 0.5)
     elif how in ("crisp", "softened"):
-        mesh = core.TriangleMesh(v, f)
-        for _ in range(3):
-            normals = gradient(shape, nearest(shape, mesh.vertices[f].mean(1), h))
-            settings = core.FitSettings(screening_radius=8.0)
-            mesh = mesh.moved_to(core.fit_to_normals(mesh, normals, settings))
-        v = mesh.vertices
+        v = _crisp_again(v, f, shape, h)
     centres = v[f].mean(1)
     if how == "softened":
         v = umbrella(v, f, int(np.exp(rng.uniform(0, np.log(14)))))
@@ -201,6 +196,31 @@ def modelled(seed) -> Example:
     return _as_it_is(core.TriangleMesh(vertices, faces), "modelled", "modelled")
 
 
+def decimated(seed) -> Example:
+    """Statues and crisp parts of few faces, as decimation leaves them: game models, bones."""
+    import fast_simplification  # only for this
+
+    rng = np.random.default_rng(seed)
+    kind = str(rng.choice(["statue", "smooth", "plinth", "part", "filleted"],
+                          p=[0.4, 0.2, 0.1, 0.15, 0.15]))  # fmt: skip
+    n = int(np.exp(rng.uniform(np.log(28), np.log(72))))
+    h = 2 * EXTENT / (n - 1)
+    shape = solid(rng, kind, h)
+    d = sampled(shape, n)
+    v, f = marching_cubes(d) if rng.random() < 0.3 else surface_nets(d)
+    v = v * h - EXTENT
+    if kind in ("part", "filleted") or rng.random() < 0.3:
+        v = _crisp_again(v, f, shape, h)
+    else:
+        v = umbrella(v, f, int(rng.integers(0, 6)), 0.5)
+    count = int(np.exp(rng.uniform(np.log(80), np.log(4000))))
+    if count < len(f):
+        v, f = fast_simplification.simplify(v, f, target_count=count)
+    if rng.random() < 0.3:
+        v = umbrella(np.asarray(v, float), f, 1, rng.uniform(0.1, 0.5))
+    return _as_it_is(core.TriangleMesh(v, f), "decimated", kind)
+
+
 def softened(seed) -> Example:
     """Clean crisp meshes of even faces, smoothed in part or all: their creases are wanted."""
     rng = np.random.default_rng(seed)
@@ -215,6 +235,15 @@ def softened(seed) -> Example:
         soft = soft + rng.normal(size=v.shape) * mean_edge(v, f) * rng.uniform(0, 0.03)
     targets = lambda rows: (clean.normals[rows], clean.normals[rows])  # noqa: E731
     return Example(core.TriangleMesh(soft, f), targets, "softened", "softened")
+
+
+def _crisp_again(v, f, shape, h):
+    mesh = core.TriangleMesh(v, f)
+    for _ in range(3):
+        normals = gradient(shape, nearest(shape, mesh.vertices[f].mean(1), h))
+        settings = core.FitSettings(screening_radius=8.0)
+        mesh = mesh.moved_to(core.fit_to_normals(mesh, normals, settings))
+    return mesh.vertices
 
 
 def _as_it_is(mesh, kind, how) -> Example:

@@ -37,6 +37,7 @@ MAKERS: dict[str, Callable[[int], examples.Example]] = {
         kinds=("filleted", "filleted", "part", "mixed"),
         meshings=("crisp", "crisp", "uneven", "softened"),
     ),
+    "decimated": examples.decimated,
 }
 """What is learned from, by name."""
 
