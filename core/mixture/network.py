@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ..base.parallel import kernel, run
+from ..base.parallel import chunk_size, kernel, run
 
 Singles = npt.NDArray[np.float32]
 
 _CHUNK = 2048
-"""Rows that a thread takes at once."""
+"""Most rows that a thread takes at once: each costs as much as many of other kernels."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,11 @@ class Network:
         there are, and on any number of threads.
         """
         rows = told
+        chunk = min(_CHUNK, chunk_size(len(rows)))
         for i, (weights, shift) in enumerate(zip(self.weights, self.shifts, strict=True)):
             out = np.empty((len(rows), len(shift)), dtype=np.float32)
             last = i + 1 == len(self.weights)
-            run(_layer, len(rows), rows, weights, shift, last, out, chunk=_CHUNK)
+            run(_layer, len(rows), rows, weights, shift, last, out, chunk=chunk)
             rows = out
         return rows
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from ..base.parallel import kernel, run, run_in_order
 from ..base.progress import ask
 from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
+from ..mesh.calculus import greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 
 Bools = npt.NDArray[np.bool_]
@@ -31,7 +32,7 @@ _SMALL = 2.0
 """Area, in squared mean edge lengths, below which a region between creases may be none."""
 
 _TURNED = np.cos(np.radians(2.0))
-"""Small regions are none if their faces turn by more."""
+"""Small regions are none if their faces, or those beside these, turn by more."""
 
 _SLIVER = 0.035
 """Others are none if their area is less than this part of the squared length around them."""
@@ -98,8 +99,7 @@ def crease_edges(
     """
     chosen = np.empty(mesh.faces.shape, dtype=np.bool_)
     run(_choose_strong, mesh.face_count, turns, angle, chosen)
-    if chosen.any():
-        _join_small_regions(mesh, normals, turns, chosen)
+    _join_small_regions(mesh, normals, turns, chosen)
     barred = np.zeros(chosen.shape, dtype=np.bool_) if hidden is None else hidden.copy()
     if hidden is not None:
         _go_around(mesh.twins, turns, hidden, chosen)
@@ -114,6 +114,7 @@ def crease_edges(
     _continue(_ends(mesh, degrees), *of_mesh, *more)
     for _ in range(2):
         _bridge(_ends(mesh, degrees), *of_mesh, *more)
+        _drop_doubles(mesh, normals, turns, chosen, degrees)
         _prune(_ends(mesh, degrees), *of_mesh, *_SHORT, chosen, degrees)
         ask()
     return chosen
@@ -125,8 +126,32 @@ def _ends(mesh: TriangleMesh, degrees: npt.NDArray[np.int32]) -> npt.NDArray[np.
     return ends[np.argsort(mesh.scaled_vertices[ends] @ np.array(TIE_BREAKER), kind="stable")]
 
 
+def _drop_doubles(
+    mesh: TriangleMesh,
+    normals: Floats,
+    turns: Singles,
+    chosen: Bools,
+    degrees: npt.NDArray[np.int32],
+) -> None:
+    # Bridges enclose small regions, too: joins these, but where a line would end.
+    before, inner = chosen.copy(), degrees > 1
+    _join_small_regions(mesh, normals, turns, chosen)
+    missing = before & ~chosen
+    while True:
+        degrees[:] = 0
+        run_in_order(_count_edges, mesh.face_count, mesh.faces, chosen, degrees)
+        ends = (inner & (degrees == 1))[mesh.faces]
+        back = missing & (ends | ends[:, (1, 2, 0)])
+        if not back.any():
+            return
+        chosen |= back
+        missing &= ~back
+
+
 def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, chosen: Bools) -> None:
     # Takes away what bounds regions that are too small to be sides of a crease.
+    if not chosen.any():
+        return
     parts = np.arange(mesh.face_count, dtype=np.int32)
     run_in_order(_unite, mesh.face_count, mesh.twins, chosen, parts)
     run_in_order(_flatten, mesh.face_count, parts)
@@ -137,7 +162,8 @@ def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, cho
     # Long common borders count, and those across which normals hardly turn.
     length = np.linalg.norm(steps, axis=1)
     alike = length * (1.0 + np.cos(np.radians(turns[face, side])))
-    turned = mesh.areas * (np.einsum("ij,ij->i", mesh.normals, normals) < _TURNED)
+    turned = (np.einsum("ij,ij->i", mesh.normals, normals) < _TURNED).astype(np.float64)
+    turned = mesh.areas * greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
     first = parts.copy()
     for _ in range(_ROUNDS):
         area = np.bincount(parts, mesh.areas, minlength=mesh.face_count)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from ..base.checks import by_keyword
 from ..base.memo import kept
 from ..base.parallel import kernel
 from ..base.progress import ProgressCallback, ask, phase, reporting
@@ -109,6 +110,7 @@ class _Lines(NamedTuple):
     loops: Bools
 
 
+@by_keyword
 def find_creases(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,

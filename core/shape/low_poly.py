@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..base.checks import Floats
+from ..base.checks import Floats, by_keyword
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
@@ -77,6 +77,7 @@ class LowPoly:
     corner_source: npt.NDArray[np.intp]
 
 
+@by_keyword
 def crisp_low_poly(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,

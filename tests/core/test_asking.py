@@ -137,8 +137,8 @@ def test_kernels_on_meshes_ask(silent, run):
 
 
 def test_the_watch_names_kernels_that_do_not_ask(silent):
-    mesh = core.TriangleMesh(*soft_cube(20))
-    assert "walk_exactly" in silent(lambda ask: core.sharpen_geometry(mesh))
+    sharpen = lambda ask: core.sharpen_geometry(core.TriangleMesh(*soft_cube(20)))  # noqa: E731
+    assert "walk_exactly" in silent(sharpen)
     image = np.zeros((300, 20), dtype=np.float32)
     assert silent(lambda ask: core.sharpen_image(image, core.ImageSettings(time=16.0)))
 
