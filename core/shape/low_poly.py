@@ -33,15 +33,13 @@ Ints = npt.NDArray[np.int32]
 _SHAPE = 2e-3
 """Height of the thinnest face over its longest edge; only those that were thinner may be."""
 
-_FLIP = 0.3
-"""Cosine of the angle by which a face may turn at once."""
-
 _REACH = 1.0
 """Edge lengths that vertices may move away from where they were."""
 
 _SHORT = 1e-6
 _ACROSS = 1.0
-_WORSE = 1.0
+_WORSE = 3.2
+_UPRIGHT = 0.5
 
 _SMOOTHING = 8
 """Passes over the normals that faces are held to: those of slivers mean nothing."""
@@ -168,7 +166,7 @@ def crisp_low_poly(
                                     settings.crease_freedom)  # fmt: skip
             sharp = sharp.moved_to(sharp.vertices + moved)
         with phase(0.8, 1.0, "Dissolving faces"):
-            return _dissolved(sharp, normals, held, tolerance, np.cos(np.radians(turn)))
+            return _dissolved(sharp, normals, held, tolerance, np.radians(turn))
 
 
 def _half_edges(mesh: TriangleMesh, pairs: npt.NDArray[np.intp]) -> Bools:
@@ -180,58 +178,85 @@ def _half_edges(mesh: TriangleMesh, pairs: npt.NDArray[np.intp]) -> Bools:
     return np.isin(keys, given)
 
 
-def _lines_at(mesh: TriangleMesh, held: Bools) -> Ints:
+def _lines_at(faces: Ints, held: Bools, count: int) -> Ints:
     # How many held edges meet at each vertex; more than 2 where some edge has three faces.
-    begin, end = mesh.faces, mesh.faces[:, (1, 2, 0)]
-    keys = np.minimum(begin, end) * np.int64(mesh.vertex_count) + np.maximum(begin, end)
+    begin, end = faces, faces[:, (1, 2, 0)]
+    keys = np.minimum(begin, end) * np.int64(count) + np.maximum(begin, end)
     keys, counts = np.unique(keys[held], return_counts=True)
-    ends = np.concatenate(np.divmod(keys, mesh.vertex_count))
-    weights = np.tile(np.where(counts > 2, 9, 1), 2)
-    return np.bincount(ends, weights, minlength=mesh.vertex_count).astype(np.int32)
+    ends = np.concatenate(np.divmod(keys, count))
+    return np.bincount(ends, np.tile(np.where(counts > 2, 9, 1), 2), count).astype(np.int32)
 
 
-def _sectors(mesh: TriangleMesh, held: Bools) -> npt.NDArray[np.int64]:
-    # For each corner, one at the same vertex between the same held edges: the first.
-    here = np.flatnonzero((mesh.twins >= 0) & ~held)
-    face, k = np.divmod(mesh.twins.reshape(-1)[here], 3)
-    count = 3 * mesh.face_count
-    links = coo_array((np.ones(len(here), bool), (here, 3 * face + (k + 1) % 3)), (count, count))
+def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
+    # For each corner, the first one at the same vertex between the same held edges.
+    here = np.flatnonzero((twins >= 0) & ~held)
+    face, k = np.divmod(twins.reshape(-1)[here], 3)
+    links = coo_array(
+        (np.ones(len(here), bool), (here, 3 * face + (k + 1) % 3)), (twins.size, twins.size)
+    )
     _, labels = connected_components(links, directed=False)
     _, firsts = np.unique(labels, return_index=True)
     return firsts[labels].reshape(-1, 3)
 
 
+def _parted(mesh: TriangleMesh) -> tuple[Ints, Ints, npt.NDArray[np.intp]]:
+    # Faces and twins after sheets that touch at edges and vertices have come apart, and the
+    # vertex of the mesh that each of theirs is. Four faces at an edge become the two sheets that
+    # bend less.
+    twins = mesh.twins.copy()
+    loose = np.flatnonzero(twins < 0)
+    face, k = np.divmod(loose, 3)
+    a, b = mesh.faces[face, k].astype(np.int64), mesh.faces[face, (k + 1) % 3]
+    keys = np.minimum(a, b) * mesh.vertex_count + np.maximum(a, b)
+    order = np.lexsort((a < b, keys))
+    _, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    rows = order[starts[counts == 4][:, None] + np.arange(4)]
+    four = loose[rows[(a < b)[rows].sum(axis=1) == 2]]
+    n = mesh.normals[four // 3]
+    bends = [np.einsum("gkx,gkx->g", n[:, :2], n[:, way]) for way in ((2, 3), (3, 2))]
+    here, there = four[:, :2], np.where(bends[0] < bends[1], four[:, (3, 2)].T, four[:, 2:].T).T
+    twins.reshape(-1)[here], twins.reshape(-1)[there] = there, here
+    fans = _sectors(twins, np.zeros_like(twins, dtype=bool))
+    # At borders sheets that touch stay together.
+    whole = np.ones(mesh.vertex_count, dtype=bool)
+    whole[mesh.faces[twins < 0]] = False
+    whole[mesh.faces[:, (1, 2, 0)][twins < 0]] = False
+    firsts = np.full(mesh.vertex_count, -1)
+    firsts[mesh.faces.reshape(-1)] = fans.reshape(-1)
+    fans = np.where(whole[mesh.faces], fans, firsts[mesh.faces])
+    corners, faces = np.unique(fans, return_inverse=True)
+    return faces.reshape(-1, 3).astype(np.int32), twins, mesh.faces.reshape(-1)[corners]
+
+
 def _dissolved(
-    mesh: TriangleMesh, normals: Floats, held: Bools, tolerance: float, cosine: float
+    mesh: TriangleMesh, normals: Floats, held: Bools, tolerance: float, turn: float
 ) -> LowPoly:
-    count = mesh.vertex_count
-    points, faces = mesh.scaled_vertices.copy(), mesh.faces.copy()
+    faces, twins, origins = _parted(mesh)
+    held = held & ((twins < 0) | (mesh.twins >= 0))
+    home = mesh.scaled_vertices[origins]
+    points, count = home.copy(), len(home)
     # The corners at each vertex, as a list: its first one, and the one after each.
-    start, corners = mesh.corners
-    first = np.full(count, -1, dtype=np.int32)
-    following = np.full(3 * mesh.face_count, -1, dtype=np.int32)
-    used = np.flatnonzero(np.diff(start) > 0)
-    first[used] = corners[start[used]]
-    inner = np.ones(len(corners), dtype=bool)
-    inner[start[used + 1] - 1] = False
-    following[corners[inner]] = corners[np.flatnonzero(inner) + 1]
+    first, following = np.full(count, -1, dtype=np.int32), np.full(faces.size, -1, dtype=np.int32)
+    order = np.argsort(faces, axis=None, kind="stable").astype(np.int32)
+    same = np.diff(faces.reshape(-1)[order]) == 0
+    following[order[:-1][same]] = order[1:][same]
+    first[faces.reshape(-1)[order[::-1]]] = order[::-1]
     # The samples that each face stands for, as a list too: vertices, then middles of faces.
     samples = np.concatenate([points, points[faces].mean(axis=1)])
     wanted = np.concatenate([np.zeros_like(points), normals])
     areas = np.concatenate([np.zeros(count), mesh.areas])
     first_sample = count + np.arange(mesh.face_count, dtype=np.int32)
     next_sample = np.full(len(samples), -1, dtype=np.int32)
-    for v in used:
-        f = corners[start[v]] // 3
-        next_sample[v] = first_sample[f]
-        first_sample[f] = v
-    sums = np.column_stack([normals * mesh.areas[:, None], mesh.areas])
+    for v, f in enumerate(first // 3):
+        next_sample[v], first_sample[f] = first_sample[f], v
+    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), 4.0 * turn**2)
+    sums = np.column_stack([normals, off]) * mesh.areas[:, None]
     quadrics = np.zeros((count, 10))
     _add_planes(points, faces, normals, mesh.areas, held, quadrics)
-    lines, sources = _lines_at(mesh, held), _sectors(mesh, held)
+    lines, sources = _lines_at(faces, held, count), _sectors(twins, held)
     alive = mesh.areas >= 0
     changed, tried = np.zeros(count, np.int64), np.full(3 * mesh.face_count, -1)
-    state = (points, mesh.scaled_vertices, faces, mesh.normals.copy(), first, following, alive,
+    state = (points, home, faces, first, following, alive,
              held, lines, sources, quadrics, samples, wanted, areas, first_sample, next_sample,
              sums)  # fmt: skip
     seen = np.zeros(count, dtype=np.int64)
@@ -239,7 +264,7 @@ def _dissolved(
     left, done = mesh.face_count, 1
     while done:
         done = _collapse(*state, changed, tried, seen, scratch, max(left // 16, 64), tolerance**2,
-                         _WORSE * tolerance**2, cosine)  # fmt: skip
+                         turn)  # fmt: skip
         left -= 2 * done
         ask(1.0 - left / mesh.face_count)
     vertices = np.unique(faces[alive])
@@ -251,7 +276,8 @@ def _dissolved(
     given[turned], corner[turned] = given[turned][:, (0, 2, 1)], corner[turned][:, (0, 2, 1)]
     face, k = np.divmod(corner, 3)
     k = np.where(mesh.flipped[face] & (k > 0), 3 - k, k)
-    moved = points[vertices] - mesh.scaled_vertices[vertices]
+    moved = points[vertices] - home[vertices]
+    vertices = origins[vertices]
     positions = mesh.vertices[vertices] + mesh.mean_edge_length * moved
     return LowPoly(positions, given, vertices, kept, 3 * face + k)
 
@@ -444,19 +470,26 @@ def _drop_dead(v, first, following, alive):
 
 
 @kernel
+def _along(n, wanted):
+    # The cosine of the angle between a unit vector and another vector, 1 if that is zero.
+    length = np.sqrt(wanted[0] ** 2 + wanted[1] ** 2 + wanted[2] ** 2)
+    return (n[0] * wanted[0] + n[1] * wanted[1] + n[2] * wanted[2]) / length if length > 0 else 1.0
+
+
+@kernel
 def _shape(a, b, c):
-    # The unit normal of a triangle, and its height over its longest edge.
+    # The unit normal of a triangle, its height over its longest edge, and twice its area.
     x = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     y = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     z = y[0] - x[0], y[1] - x[1], y[2] - x[2]
     n = cross(x, y)
     double = max(np.sqrt(dot(n, n)), 1e-30)
     longest = max(dot(x, x), dot(y, y), dot(z, z), 1e-30)
-    return (n[0] / double, n[1] / double, n[2] / double), double / longest
+    return (n[0] / double, n[1] / double, n[2] / double), double / longest, double
 
 
 @kernel
-def _fan(u, v, p, points, faces, normals, first, following, fan, corners, new):
+def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
     # The faces around an edge once it is at p, those that vanish last; returns how many stay and
     # how many there are, -1 if some would turn over or become needles.
     size, gone = 0, 0
@@ -468,10 +501,12 @@ def _fan(u, v, p, points, faces, normals, first, following, fan, corners, new):
             if a != u and a != v and b != u and b != v:
                 if size + 2 > len(fan):
                     return -1, -1
-                n, shape = _shape(p, points[a], points[b])
-                if shape < _SHAPE and shape <= _shape(points[w], points[a], points[b])[1]:
+                n, shape, area = _shape(p, points[a], points[b])
+                old_n, old_shape, old_area = _shape(points[w], points[a], points[b])
+                if shape < _SHAPE and shape <= old_shape:
                     return -1, -1
-                if n[0] * normals[f, 0] + n[1] * normals[f, 1] + n[2] * normals[f, 2] < _FLIP:
+                turned = _along(n, sums[f])
+                if turned < _UPRIGHT and (turned < _along(old_n, sums[f]) or area > old_area):
                     return -1, -1
                 fan[size] = f
                 for x in range(3):
@@ -491,12 +526,16 @@ def _fan(u, v, p, points, faces, normals, first, following, fan, corners, new):
 
 @kernel
 def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sample, next_sample,
-             scratch, tally, most):  # fmt: skip
+             scratch, sums, tally, most, turn):  # fmt: skip
     # Finds the new face of each sample of the old ones; returns how many there are, -1 if one lies
     # too far from all.
     for i in range(size):
-        for x in range(4):
-            tally[i, x] = 0.0
+        # Faces that stand for nothing stay as they were meant.
+        n = sums[fan[i]]
+        length = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+        for x in range(3):
+            tally[i, x] = 1e-6 * n[x] / max(length, 1e-30)
+        tally[i, 3] = 0.0
     count = 0
     for j in range(whole):
         s = first_sample[fan[j]]
@@ -522,35 +561,16 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sampl
             count += 1
             for x in range(3):
                 tally[best, x] += areas[s] * wanted[s, x]
-            tally[best, 3] += areas[s]
+            n = new[best, 0], new[best, 1], new[best, 2]
+            tally[best, 3] += areas[s] * min(2.0 * (1.0 - dot(n, wanted[s])), 4.0 * turn * turn)
             s = next_sample[s]
     return count
 
 
 @kernel
-def _is_true(fan, size, whole, new, tally, normals, sums, worse, cosine):
-    # Whether faces do not turn too far from what they stand for.
-    change, before = 0.0, 1.0
-    for j in range(whole):
-        f = fan[j]
-        n = normals[f, 0] * sums[f, 0] + normals[f, 1] * sums[f, 1] + normals[f, 2] * sums[f, 2]
-        change -= sums[f, 3] - n
-        length = np.sqrt(sums[f, 0] ** 2 + sums[f, 1] ** 2 + sums[f, 2] ** 2)
-        if length > 0:
-            before = min(before, n / length)
-    for i in range(size):
-        n = new[i, 0] * tally[i, 0] + new[i, 1] * tally[i, 1] + new[i, 2] * tally[i, 2]
-        change += tally[i, 3] - n
-        length = np.sqrt(tally[i, 0] ** 2 + tally[i, 1] ** 2 + tally[i, 2] ** 2)
-        if n < min(cosine, before) * length:
-            return False
-    return 2.0 * change <= worse
-
-
-@kernel
-def _collapse(points, home, faces, normals, first, following, alive, held, lines, sources, quadrics,
+def _collapse(points, home, faces, first, following, alive, held, lines, sources, quadrics,
               samples, wanted, areas, first_sample, next_sample, sums, changed, tried, seen, scratch,
-              budget, most, worse, cosine):  # fmt: skip
+              budget, most, turn):  # fmt: skip
     # Merges up to so many vertices, the cheapest first; returns how many.
     q, q2 = np.empty(10), np.empty(10)
     fan, corners, new = np.empty(512, np.int32), np.empty((512, 3, 3)), np.empty((512, 3))
@@ -577,12 +597,19 @@ def _collapse(points, home, faces, normals, first, following, alive, held, lines
         tick += 1
         if u < 0 or not _is_linked(u, v, faces, first, following, seen, tick):
             continue
-        size, whole = _fan(u, v, p, points, faces, normals, first, following, fan, corners, new)
+        size, whole = _fan(u, v, p, points, faces, sums, first, following, fan, corners, new)
         if size < 0:
             continue
         count = _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sample,
-                         next_sample, scratch, tally, most)  # fmt: skip
-        if count < 0 or not _is_true(fan, size, whole, new, tally, normals, sums, worse, cosine):
+                         next_sample, scratch, sums, tally, most, turn)  # fmt: skip
+        if count < 0:
+            continue
+        change = -_WORSE * turn * turn
+        for i in range(whole):
+            change -= sums[fan[i], 3]
+            if i < size:
+                change += tally[i, 3]
+        if change > 0.0:
             continue
         if not _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
             continue
@@ -592,8 +619,6 @@ def _collapse(points, home, faces, normals, first, following, alive, held, lines
             quadrics[v, x] = q[x]
         for i in range(size):
             first_sample[fan[i]] = -1
-            for x in range(3):
-                normals[fan[i], x] = new[i, x]
             for x in range(4):
                 sums[fan[i], x] = tally[i, x]
         for i in range(count):
