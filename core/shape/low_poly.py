@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,6 @@ from ..errors import InvalidSettings
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from ..settings import GeometrySettings, given_or_default
 from .crease_edges import Bools
-from .fit import displacement
 from .sharpening import sharpen_geometry
 
 Ints = npt.NDArray[np.int32]
@@ -38,10 +38,12 @@ _REACH = 1.0
 
 _SHORT = 1e-6
 _ACROSS = 1.0
-_WORSE = 3.2
+_AREA = 1.5
+_BESIDE = 0.25
+_MOST = 0.08
 _UPRIGHT = 0.5
 
-_SMOOTHING = 8
+_SMOOTHING = 12
 """Passes over the normals that faces are held to: those of slivers mean nothing."""
 
 _HOLD = 1e-3
@@ -89,7 +91,7 @@ def crisp_low_poly(
     *,
     tolerance: float = 0.25,
     turn: float = 8.0,
-    angle: float = 25.0,
+    angle: float = 15.0,
     keep: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> LowPoly:
@@ -154,19 +156,24 @@ def crisp_low_poly(
     if not 0.1 <= turn <= 60.0:
         raise InvalidSettings(f"turn is {turn:g}; give 0.1 to 60 degrees.")
     with reporting(progress):
-        with phase(0.0, 0.5, "Sharpening"):
-            sharp = mesh.moved_to(sharpen_geometry(mesh, settings))
-        held = mesh.twins < 0
+        whole, origins = _parted(mesh)
+        with phase(0.0, 0.7, "Sharpening"):
+            sharp = whole.moved_to(sharpen_geometry(whole, settings))
+        held = whole.twins < 0
         if keep is not None:
             held |= _half_edges(mesh, np.asarray(keep, dtype=np.intp).reshape(-1, 2))
-        with phase(0.5, 0.8, "Fitting the surface"):
-            # Once more, to normals that are the same all over a side.
-            normals = _smooth_normals(sharp, held | _bends(sharp, 0.5 * angle))
-            moved, _ = displacement(sharp, normals, settings, None, settings.fit_steps,
-                                    settings.crease_freedom)  # fmt: skip
-            sharp = sharp.moved_to(sharp.vertices + moved)
-        with phase(0.8, 1.0, "Dissolving faces"):
-            return _dissolved(sharp, normals, held, tolerance, np.radians(turn))
+        with phase(0.7, 1.0, "Dissolving faces"):
+            vertices, faces, corners, moved = _dissolved(
+                sharp, held, angle, tolerance, np.radians(turn)
+            )
+    turned = mesh.flipped[faces]
+    for each in (vertices, corners):
+        each[turned] = each[turned][:, (0, 2, 1)]
+    face, k = np.divmod(corners, 3)
+    k = np.where(mesh.flipped[face] & (k > 0), 3 - k, k)
+    used, given = np.unique(vertices, return_inverse=True)
+    given = given.reshape(-1, 3).astype(np.int32)
+    return LowPoly(moved[used], given, origins[used], faces, 3 * face + k)
 
 
 def _half_edges(mesh: TriangleMesh, pairs: npt.NDArray[np.intp]) -> Bools:
@@ -199,87 +206,83 @@ def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
     return firsts[labels].reshape(-1, 3)
 
 
-def _parted(mesh: TriangleMesh) -> tuple[Ints, Ints, npt.NDArray[np.intp]]:
-    # Faces and twins after sheets that touch at edges and vertices have come apart, and the
-    # vertex of the mesh that each of theirs is. Four faces at an edge become the two sheets that
-    # bend less.
-    twins = mesh.twins.copy()
+def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
+    # The mesh after sheets that touch at edges and vertices have come apart, as remeshers leave
+    # them where a part is thin, and its vertex that each of the new ones is. Four faces at an edge
+    # become the two sheets that bend less.
+    faces, twins = mesh.faces, mesh.twins.copy()
     loose = np.flatnonzero(twins < 0)
     face, k = np.divmod(loose, 3)
-    a, b = mesh.faces[face, k].astype(np.int64), mesh.faces[face, (k + 1) % 3]
+    a, b = faces[face, k].astype(np.int64), faces[face, (k + 1) % 3]
     keys = np.minimum(a, b) * mesh.vertex_count + np.maximum(a, b)
     order = np.lexsort((a < b, keys))
     _, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
     rows = order[starts[counts == 4][:, None] + np.arange(4)]
     four = loose[rows[(a < b)[rows].sum(axis=1) == 2]]
     n = mesh.normals[four // 3]
-    bends = [np.einsum("gkx,gkx->g", n[:, :2], n[:, way]) for way in ((2, 3), (3, 2))]
-    here, there = four[:, :2], np.where(bends[0] < bends[1], four[:, (3, 2)].T, four[:, 2:].T).T
+    flat = [np.einsum("gkx,gkx->g", n[:, :2], n[:, way]) for way in ((2, 3), (3, 2))]
+    here, there = four[:, :2], np.where((flat[0] > flat[1])[:, None], four[:, 2:], four[:, :1:-1])
     twins.reshape(-1)[here], twins.reshape(-1)[there] = there, here
     fans = _sectors(twins, np.zeros_like(twins, dtype=bool))
     # At borders sheets that touch stay together.
-    whole = np.ones(mesh.vertex_count, dtype=bool)
-    whole[mesh.faces[twins < 0]] = False
-    whole[mesh.faces[:, (1, 2, 0)][twins < 0]] = False
-    firsts = np.full(mesh.vertex_count, -1)
-    firsts[mesh.faces.reshape(-1)] = fans.reshape(-1)
-    fans = np.where(whole[mesh.faces], fans, firsts[mesh.faces])
-    corners, faces = np.unique(fans, return_inverse=True)
-    return faces.reshape(-1, 3).astype(np.int32), twins, mesh.faces.reshape(-1)[corners]
+    firsts, closed = np.zeros(mesh.vertex_count, np.int64), np.ones(mesh.vertex_count, dtype=bool)
+    firsts[faces] = fans
+    for ends in (faces, faces[:, (1, 2, 0)]):
+        closed[ends[twins < 0]] = False
+    corners, parted = np.unique(
+        np.where(closed[faces], fans, firsts[faces]), return_inverse=True
+    )
+    origins = faces.reshape(-1)[corners]
+    return TriangleMesh(mesh.vertices[origins], parted.reshape(-1, 3)), origins
+
+
+def _chains(keys: npt.NDArray[Any], count: int) -> tuple[Ints, Ints]:
+    # Lists of the items of each key: its first one, and the one after each; -1 ends them.
+    first, following = np.full(count, -1, dtype=np.int32), np.full(len(keys), -1, dtype=np.int32)
+    order = np.argsort(keys, kind="stable").astype(np.int32)
+    same = np.diff(keys[order]) == 0
+    following[order[:-1][same]] = order[1:][same]
+    first[keys[order[::-1]]] = order[::-1]
+    return first, following
 
 
 def _dissolved(
-    mesh: TriangleMesh, normals: Floats, held: Bools, tolerance: float, turn: float
-) -> LowPoly:
-    faces, twins, origins = _parted(mesh)
-    held = held & ((twins < 0) | (mesh.twins >= 0))
-    home = mesh.scaled_vertices[origins]
-    points, count = home.copy(), len(home)
-    # The corners at each vertex, as a list: its first one, and the one after each.
-    first, following = np.full(count, -1, dtype=np.int32), np.full(faces.size, -1, dtype=np.int32)
-    order = np.argsort(faces, axis=None, kind="stable").astype(np.int32)
-    same = np.diff(faces.reshape(-1)[order]) == 0
-    following[order[:-1][same]] = order[1:][same]
-    first[faces.reshape(-1)[order[::-1]]] = order[::-1]
-    # The samples that each face stands for, as a list too: vertices, then middles of faces.
+    mesh: TriangleMesh, held: Bools, angle: float, tolerance: float, turn: float
+) -> tuple[Ints, npt.NDArray[np.intp], npt.NDArray[np.int64], Floats]:
+    # The vertices of the faces that are left, which they are, a corner of the mesh at each of
+    # theirs, and where the vertices are.
+    count, faces, home = mesh.vertex_count, mesh.faces.copy(), mesh.scaled_vertices
+    points = home.copy()
+    sharp = _bends(mesh, angle)
+    normals = _smooth_normals(mesh, held | sharp)
+    near = np.zeros(count, dtype=bool)
+    near[faces[sharp]] = near[faces[:, (1, 2, 0)][sharp]] = True
+    areas = np.where(near[faces].any(axis=1), _BESIDE, 1.0) * mesh.areas
+    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _MOST)
+    first, following = _chains(faces.reshape(-1), count)
+    # What faces stand for: the vertices and the middles of faces.
     samples = np.concatenate([points, points[faces].mean(axis=1)])
-    wanted = np.concatenate([np.zeros_like(points), normals])
-    areas = np.concatenate([np.zeros(count), mesh.areas])
-    first_sample = count + np.arange(mesh.face_count, dtype=np.int32)
-    next_sample = np.full(len(samples), -1, dtype=np.int32)
-    for v, f in enumerate(first // 3):
-        next_sample[v], first_sample[f] = first_sample[f], v
-    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), 4.0 * turn**2)
-    sums = np.column_stack([normals, off]) * mesh.areas[:, None]
+    lists = _chains(np.concatenate([first // 3, np.arange(mesh.face_count)]), mesh.face_count)
+    wanted = np.concatenate([np.zeros((count, 3)), normals])
+    weights = np.concatenate([np.zeros(count), areas])
+    sums = np.column_stack([normals, off]) * areas[:, None]
     quadrics = np.zeros((count, 10))
     _add_planes(points, faces, normals, mesh.areas, held, quadrics)
-    lines, sources = _lines_at(faces, held, count), _sectors(twins, held)
-    alive = mesh.areas >= 0
-    changed, tried = np.zeros(count, np.int64), np.full(3 * mesh.face_count, -1)
-    state = (points, home, faces, first, following, alive,
-             held, lines, sources, quadrics, samples, wanted, areas, first_sample, next_sample,
-             sums)  # fmt: skip
-    seen = np.zeros(count, dtype=np.int64)
-    scratch = np.empty((len(samples), 2), dtype=np.int32)
+    alive, sources = np.ones(mesh.face_count, dtype=bool), _sectors(mesh.twins, held)
+    state = (points, home, faces, first, following, alive, held, _lines_at(faces, held, count),
+             sources, quadrics, samples, wanted, weights, *lists, sums)  # fmt: skip
+    changed, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    tried = np.full(faces.size, -1)
+    found = np.empty((len(samples), 2), dtype=np.int32)
     left, done = mesh.face_count, 1
     while done:
-        done = _collapse(*state, changed, tried, seen, scratch, max(left // 16, 64), tolerance**2,
-                         turn)  # fmt: skip
+        done = _collapse(*state, changed, tried, seen, found, max(left // 16, 64), tolerance**2,
+                         _AREA * turn**2)  # fmt: skip
         left -= 2 * done
         ask(1.0 - left / mesh.face_count)
-    vertices = np.unique(faces[alive])
-    index = np.empty(count, dtype=np.int32)
-    index[vertices] = np.arange(len(vertices), dtype=np.int32)
     kept = np.flatnonzero(alive)
-    given, corner = index[faces[kept]], sources[kept]
-    turned = mesh.flipped[kept]
-    given[turned], corner[turned] = given[turned][:, (0, 2, 1)], corner[turned][:, (0, 2, 1)]
-    face, k = np.divmod(corner, 3)
-    k = np.where(mesh.flipped[face] & (k > 0), 3 - k, k)
-    moved = points[vertices] - home[vertices]
-    vertices = origins[vertices]
-    positions = mesh.vertices[vertices] + mesh.mean_edge_length * moved
-    return LowPoly(positions, given, vertices, kept, 3 * face + k)
+    moved = mesh.vertices + mesh.mean_edge_length * (points - home)
+    return faces[kept], kept, sources[kept], moved
 
 
 def _bends(mesh: TriangleMesh, degrees: float) -> Bools:
@@ -526,7 +529,7 @@ def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
 
 @kernel
 def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sample, next_sample,
-             scratch, sums, tally, most, turn):  # fmt: skip
+             found, sums, tally, most):  # fmt: skip
     # Finds the new face of each sample of the old ones; returns how many there are, -1 if one lies
     # too far from all.
     for i in range(size):
@@ -557,20 +560,20 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sampl
                     best, least = i, d2 + turned
             if not near:
                 return -1
-            scratch[count, 0], scratch[count, 1] = s, best
+            found[count, 0], found[count, 1] = s, best
             count += 1
             for x in range(3):
                 tally[best, x] += areas[s] * wanted[s, x]
             n = new[best, 0], new[best, 1], new[best, 2]
-            tally[best, 3] += areas[s] * min(2.0 * (1.0 - dot(n, wanted[s])), 4.0 * turn * turn)
+            tally[best, 3] += areas[s] * min(2.0 * (1.0 - dot(n, wanted[s])), _MOST)
             s = next_sample[s]
     return count
 
 
 @kernel
 def _collapse(points, home, faces, first, following, alive, held, lines, sources, quadrics,
-              samples, wanted, areas, first_sample, next_sample, sums, changed, tried, seen, scratch,
-              budget, most, turn):  # fmt: skip
+              samples, wanted, areas, first_sample, next_sample, sums, changed, tried, seen, found,
+              budget, most, worse):  # fmt: skip
     # Merges up to so many vertices, the cheapest first; returns how many.
     q, q2 = np.empty(10), np.empty(10)
     fan, corners, new = np.empty(512, np.int32), np.empty((512, 3, 3)), np.empty((512, 3))
@@ -601,10 +604,10 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
         if size < 0:
             continue
         count = _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sample,
-                         next_sample, scratch, sums, tally, most, turn)  # fmt: skip
+                         next_sample, found, sums, tally, most)  # fmt: skip
         if count < 0:
             continue
-        change = -_WORSE * turn * turn
+        change = -worse
         for i in range(whole):
             change -= sums[fan[i], 3]
             if i < size:
@@ -622,7 +625,7 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
             for x in range(4):
                 sums[fan[i], x] = tally[i, x]
         for i in range(count):
-            s, g = scratch[i, 0], fan[scratch[i, 1]]
+            s, g = found[i, 0], fan[found[i, 1]]
             next_sample[s] = first_sample[g]
             first_sample[g] = s
         for i in range(size):
