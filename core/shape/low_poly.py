@@ -38,6 +38,7 @@ _REACH = 1.0
 
 _SHORT = 1e-6
 _ACROSS = 1.0
+_LITTLE = 0.01
 _AREA = 1.5
 _BESIDE = 0.25
 _MOST = 0.08
@@ -155,6 +156,8 @@ def crisp_low_poly(
         raise InvalidSettings(f"tolerance is {tolerance:g}; give 0.001 to 10 edge lengths.")
     if not 0.1 <= turn <= 60.0:
         raise InvalidSettings(f"turn is {turn:g}; give 0.1 to 60 degrees.")
+    if not 5.0 <= angle <= 170.0:
+        raise InvalidSettings(f"angle is {angle:g}; give 5 to 170 degrees.")
     with reporting(progress):
         whole, origins = _parted(mesh)
         with phase(0.0, 0.7, "Sharpening"):
@@ -268,7 +271,9 @@ def _dissolved(
     sums = np.column_stack([normals, off]) * areas[:, None]
     quadrics = np.zeros((count, 10))
     _add_planes(points, faces, normals, mesh.areas, held, quadrics)
-    alive, sources = np.ones(mesh.face_count, dtype=bool), _sectors(mesh.twins, held)
+    # A corner between the same creases, and before it one between the same held edges.
+    sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
+    alive = np.ones(mesh.face_count, dtype=bool)
     state = (points, home, faces, first, following, alive, held, _lines_at(faces, held, count),
              sources, quadrics, samples, wanted, weights, *lists, sums)  # fmt: skip
     changed, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
@@ -276,13 +281,13 @@ def _dissolved(
     found = np.empty((len(samples), 2), dtype=np.int32)
     left, done = mesh.face_count, 1
     while done:
-        done = _collapse(*state, changed, tried, seen, found, max(left // 16, 64), tolerance**2,
+        done = _collapse(*state, changed, tried, seen, found, max(left // 8, 64), tolerance**2,
                          _AREA * turn**2)  # fmt: skip
         left -= 2 * done
         ask(1.0 - left / mesh.face_count)
     kept = np.flatnonzero(alive)
     moved = mesh.vertices + mesh.mean_edge_length * (points - home)
-    return faces[kept], kept, sources[kept], moved
+    return faces[kept], kept, sources[kept] & 0xFFFFFFFF, moved
 
 
 def _bends(mesh: TriangleMesh, degrees: float) -> Bools:
@@ -544,7 +549,8 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sampl
         s = first_sample[fan[j]]
         while s >= 0:
             best, least, near = -1, np.inf, False
-            for i in range(size):
+            for step in range(size):
+                i = (j + step) % size
                 n = new[i, 0], new[i, 1], new[i, 2]
                 d = (
                     n[0] * (samples[s, 0] - corners[i, 0, 0])
@@ -558,6 +564,8 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sampl
                 near |= d2 <= most
                 if d2 + turned < least:
                     best, least = i, d2 + turned
+                    if near and turned < _LITTLE and d2 <= d * d + 1e-9:
+                        break
             if not near:
                 return -1
             found[count, 0], found[count, 1] = s, best
@@ -662,20 +670,24 @@ def _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
                 return False
             if again == 1:
                 alive[f] = False
-                if of_u:
+                if of_u or of_v:
                     tip = faces[f, 3 - k - there]
                     for j in range(size):
                         g = fan[j]
                         for m in range(3):
                             a, b = faces[g, m], faces[g, after(m)]
-                            if (a == v and b == tip) or (a == tip and b == v):
+                            if (a == tip and b in (u, v)) or (b == tip and a in (u, v)):
                                 held[g, m] = True
     c = first[u]
     while c >= 0:
         f, k = c // 3, c % 3
         if alive[f]:
             faces[f, k] = v
-            sources[f, k] = given[1 if whole - size == 2 and sources[f, k] == old[1] else 0]
+            side = 0
+            for i in range(whole - size):
+                if old[i] == sources[f, k] or (i == 1 and old[0] >> 32 != sources[f, k] >> 32):
+                    side = i
+            sources[f, k] = given[side]
         c = following[c]
     c = first[v]
     while following[c] >= 0:
