@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Crisp low poly: few triangles between the creases of a part, out of a fine remesh of it.
 
-Not in the papers. Vertices are merged with neighbours, one by one (half-edge collapse with
-quadrics, as in Garland and Heckbert: Surface Simplification Using Quadric Error Metrics, SIGGRAPH
-1997). Those on a crease merge along it only, so that both of its sides share its vertices and no
-T-joints come up. Then each vertex that is left moves to where the planes around it meet best.
+Edges collapse, the cheapest first, to where the planes around them meet best (Garland and Heckbert:
+Surface Simplification Using Quadric Error Metrics, SIGGRAPH 1997). Not in the papers: each face
+keeps the vertices and normals of the sharpened mesh that it stands for, and an edge stays if its
+collapse took a vertex too far away or turned the surface too much from these normals.
 """
 
 from __future__ import annotations
@@ -30,25 +30,40 @@ from .sharpening import sharpen_geometry
 
 Ints = npt.NDArray[np.int32]
 
+_AREA = 1.5
+"""A collapse may turn the surface by as much as this area, in squared edge lengths, by `turn`."""
+
+_ABOUT = 0.08
+"""Squared turn, in radians, beyond which normals count no more: they are of faces that are wrong
+in the sharpened mesh, such as those across a crease."""
+
+_BESIDE = 0.25
+"""Weight of normals beside creases, which are the least sure."""
+
+_SMOOTHING = 12
+"""Passes over the normals that faces are held to."""
+
+_ACROSS = 1.0
+"""Squared edge lengths that count as much as normals across each other, where it is chosen which
+face stands for what."""
+
+_ALIKE = 0.01
+"""One minus the cosine between normals of which no face is sought that fits better."""
+
+_UPRIGHT = 0.5
+"""Least cosine between a face and the mean normal of what it stands for."""
+
 _SHAPE = 2e-3
 """Height of the thinnest face over its longest edge; only those that were thinner may be."""
 
 _REACH = 1.0
-"""Edge lengths that vertices may move away from where they were."""
-
-_SHORT = 1e-6
-_ACROSS = 1.0
-_LITTLE = 0.01
-_AREA = 1.5
-_BESIDE = 0.25
-_MOST = 0.08
-_UPRIGHT = 0.5
-
-_SMOOTHING = 12
-"""Passes over the normals that faces are held to: those of slivers mean nothing."""
+"""Edge lengths that vertices move at most."""
 
 _HOLD = 1e-3
 """How strongly vertices are held along directions in which no plane does."""
+
+_SHORT = 1e-6
+"""Cost of squared edge lengths: among equal edges the shortest go first."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +79,10 @@ class LowPoly:
     vertex_source : (k,) int
         The vertex of that mesh which each stands for.
     face_source : (j,) int
-        A face of that mesh which lies in each, between the same creases.
+        A face of that mesh on the same side of all kept edges, and between the same creases.
     corner_source : (j, 3) int
-        A corner of that mesh, 3 * face + number, at each corner: on the same side of all lines that
-        were kept, so that its UVs fit.
+        A corner of that mesh, 3 * face + number, at each corner: on the same side of all kept
+        edges, so that its UVs fit, and between the same creases.
 
     Examples
     --------
@@ -103,25 +118,27 @@ def crisp_low_poly(
     mesh : TriangleMesh
         Out of a voxel remesh, a scan, or sharpened already.
     settings : GeometrySettings, optional
-        With which it is sharpened and its creases are found; an amount of 0 moves nothing before.
+        With which it is sharpened; an amount of 0 moves nothing before.
     tolerance : float
-        How far the surface may move, in mean edge lengths: smaller keeps more faces on what is
-        round. From 0.001 to 10.
+        How far vertices of the sharpened mesh may lie from the new faces, in mean edge lengths.
+        From 0.001 to 10.
     turn : float
-        How far faces may turn from those that they replace, in degrees, from 0.1 to 60: what
-        keeps round surfaces round.
+        How far a collapse may turn the surface from that of the sharpened mesh, in degrees, from
+        0.1 to 60, over the area of a few faces, and less over larger ones: smaller keeps more
+        faces on what is round.
     angle : float
-        Least angle of creases, in degrees, from 5 to 170.
+        Angle of the weakest edges of the sharpened mesh across which normals are not smoothed, in
+        degrees, from 5 to 170.
     keep : (k, 2) array of int, optional
-        Vertices of edges that are kept as creases are, such as seams of UVs and borders of
-        materials.
+        Vertices of edges that stay, such as seams of UVs and borders of materials.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     LowPoly
-        As manifold and as closed as the mesh, without T-joints.
+        As closed as the mesh, without T-joints. Where sheets of the mesh touch, four faces at an
+        edge or several fans at a vertex, they come apart.
 
     Raises
     ------
@@ -132,8 +149,8 @@ def crisp_low_poly(
 
     Notes
     -----
-    Each vertex of the sharpened mesh stays within the tolerance of the faces that are left, before
-    these settle, which may move them by as much again.
+    Creases stay since faces may not turn, so they need not be found. Ends and forks of kept edges
+    and of borders stay where they are.
 
     Examples
     --------
@@ -159,8 +176,8 @@ def crisp_low_poly(
     if not 5.0 <= angle <= 170.0:
         raise InvalidSettings(f"angle is {angle:g}; give 5 to 170 degrees.")
     with reporting(progress):
-        whole, origins = _parted(mesh)
         with phase(0.0, 0.7, "Sharpening"):
+            whole, origins = _parted(mesh)
             sharp = whole.moved_to(sharpen_geometry(whole, settings))
         held = whole.twins < 0
         if keep is not None:
@@ -201,9 +218,8 @@ def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
     # For each corner, the first one at the same vertex between the same held edges.
     here = np.flatnonzero((twins >= 0) & ~held)
     face, k = np.divmod(twins.reshape(-1)[here], 3)
-    links = coo_array(
-        (np.ones(len(here), bool), (here, 3 * face + (k + 1) % 3)), (twins.size, twins.size)
-    )
+    there = 3 * face + (k + 1) % 3
+    links = coo_array((np.ones(len(here), bool), (here, there)), (twins.size, twins.size))
     _, labels = connected_components(links, directed=False)
     _, firsts = np.unique(labels, return_index=True)
     return firsts[labels].reshape(-1, 3)
@@ -232,9 +248,8 @@ def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
     firsts[faces] = fans
     for ends in (faces, faces[:, (1, 2, 0)]):
         closed[ends[twins < 0]] = False
-    corners, parted = np.unique(
-        np.where(closed[faces], fans, firsts[faces]), return_inverse=True
-    )
+    fans = np.where(closed[faces], fans, firsts[faces])
+    corners, parted = np.unique(fans, return_inverse=True)
     origins = faces.reshape(-1)[corners]
     return TriangleMesh(mesh.vertices[origins], parted.reshape(-1, 3)), origins
 
@@ -254,14 +269,14 @@ def _dissolved(
 ) -> tuple[Ints, npt.NDArray[np.intp], npt.NDArray[np.int64], Floats]:
     # The vertices of the faces that are left, which they are, a corner of the mesh at each of
     # theirs, and where the vertices are.
-    count, faces, home = mesh.vertex_count, mesh.faces.copy(), mesh.scaled_vertices
-    points = home.copy()
     sharp = _bends(mesh, angle)
     normals = _smooth_normals(mesh, held | sharp)
+    count, faces, home = mesh.vertex_count, mesh.faces.copy(), mesh.scaled_vertices
+    points = home.copy()
     near = np.zeros(count, dtype=bool)
     near[faces[sharp]] = near[faces[:, (1, 2, 0)][sharp]] = True
     areas = np.where(near[faces].any(axis=1), _BESIDE, 1.0) * mesh.areas
-    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _MOST)
+    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _ABOUT)
     first, following = _chains(faces.reshape(-1), count)
     # What faces stand for: the vertices and the middles of faces.
     samples = np.concatenate([points, points[faces].mean(axis=1)])
@@ -269,7 +284,7 @@ def _dissolved(
     wanted = np.concatenate([np.zeros((count, 3)), normals])
     weights = np.concatenate([np.zeros(count), areas])
     sums = np.column_stack([normals, off]) * areas[:, None]
-    quadrics = np.zeros((count, 10))
+    quadrics = np.zeros((count, 4, 4))
     _add_planes(points, faces, normals, mesh.areas, held, quadrics)
     # A corner between the same creases, and before it one between the same held edges.
     sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
@@ -320,17 +335,11 @@ def _average(start, stop, twins, held, normals, smoother):
 
 
 @kernel
-def _add_plane(q, n, d, weight):
-    q[0] += weight * n[0] * n[0]
-    q[1] += weight * n[0] * n[1]
-    q[2] += weight * n[0] * n[2]
-    q[3] += weight * n[1] * n[1]
-    q[4] += weight * n[1] * n[2]
-    q[5] += weight * n[2] * n[2]
-    q[6] += weight * n[0] * d
-    q[7] += weight * n[1] * d
-    q[8] += weight * n[2] * d
-    q[9] += weight * d * d
+def _add_plane(q, n, place, weight):
+    plane = n[0], n[1], n[2], -dot(n, place)
+    for x in range(4):
+        for y in range(4):
+            q[x, y] += weight * plane[x] * plane[y]
 
 
 @kernel
@@ -340,7 +349,7 @@ def _add_planes(points, faces, normals, areas, held, quadrics):
         n = normals[f, 0], normals[f, 1], normals[f, 2]
         middle = (points[faces[f, 0]] + points[faces[f, 1]] + points[faces[f, 2]]) / 3.0
         for k in range(3):
-            _add_plane(quadrics[faces[f, k]], n, -dot(n, middle), areas[f] / 3.0)
+            _add_plane(quadrics[faces[f, k]], n, middle, areas[f] / 3.0)
             if held[f, k]:
                 a, b = faces[f, k], faces[f, after(k)]
                 m = cross(edge(points, a, b), n)
@@ -348,67 +357,52 @@ def _add_planes(points, faces, normals, areas, held, quadrics):
                 if length > 1e-12:
                     m = m[0] / length, m[1] / length, m[2] / length
                     for v in (a, b):
-                        _add_plane(quadrics[v], m, -dot(m, points[a]), 0.5 * length)
+                        _add_plane(quadrics[v], m, points[a], 0.5 * length)
 
 
 @kernel
 def _value(q, p):
     # The sum of squared distances to the planes of a quadric.
-    x, y, z = p
-    return (x * (q[0] * x + 2.0 * (q[1] * y + q[2] * z + q[6])) + y * (q[3] * y + 2.0 * q[7])
-            + z * (q[5] * z + 2.0 * (q[4] * y + q[8])) + q[9])  # fmt: skip
+    total, place = 0.0, (p[0], p[1], p[2], 1.0)
+    for x in range(4):
+        for y in range(4):
+            total += q[x, y] * place[x] * place[y]
+    return total
 
 
 @kernel
 def _least(q, p):
     # Where the planes of a quadric meet best; p along directions in which they leave it open.
-    x, y, z = p
-    hold = _HOLD * (q[0] + q[3] + q[5])
-    a, b, c, d, e, f = q[0] + hold, q[1], q[2], q[3] + hold, q[4], q[5] + hold
-    r = -(q[0] * x + q[1] * y + q[2] * z + q[6])
-    s = -(q[1] * x + q[3] * y + q[4] * z + q[7])
-    t = -(q[2] * x + q[4] * y + q[5] * z + q[8])
-    i, j, k = d * f - e * e, c * e - b * f, b * e - c * d
-    g, h, m = a * f - c * c, b * c - a * e, a * d - b * b
-    whole = a * i + b * j + c * k
-    if not whole > 1e-12 * (a * d * f):
+    hold = _HOLD * (q[0, 0] + q[1, 1] + q[2, 2])
+    x, y, z = (
+        (q[0, 0] + hold, q[0, 1], q[0, 2]),
+        (q[1, 0], q[1, 1] + hold, q[1, 2]),
+        (q[2, 0], q[2, 1], q[2, 2] + hold),
+    )
+    r = dot(q[0], p) + q[0, 3], dot(q[1], p) + q[1, 3], dot(q[2], p) + q[2, 3]
+    yz = cross(y, z)
+    whole = dot(x, yz)
+    if not whole > 1e-12 * x[0] * y[1] * z[2]:
         return p
     return (
-        x + (i * r + j * s + k * t) / whole,
-        y + (j * r + g * s + h * t) / whole,
-        z + (k * r + h * s + m * t) / whole,
+        p[0] - dot(r, yz) / whole,
+        p[1] - dot(r, cross(z, x)) / whole,
+        p[2] - dot(r, cross(x, y)) / whole,
     )
 
 
 @kernel
-def _distance2(p, a, b, c):
-    # The squared distance of a point to a triangle (Ericson: Real-Time Collision Detection, 5.1.5).
-    u = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    v = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    w = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    d1, d2 = dot(u, w), dot(v, w)
-    uu, uv, vv, ww = dot(u, u), dot(u, v), dot(v, v), dot(w, w)
-    d3, d4, d5, d6 = d1 - uu, d2 - uv, d1 - uv, d2 - vv
-    if d1 <= 0.0 and d2 <= 0.0:
-        return ww
-    if d3 >= 0.0 and d4 <= d3:
-        s, t = 1.0, 0.0
-    elif d6 >= 0.0 and d5 <= d6:
-        s, t = 0.0, 1.0
-    else:
-        vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
-        if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-            s, t = d1 / max(d1 - d3, 1e-30), 0.0
-        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-            s, t = 0.0, d2 / max(d2 - d6, 1e-30)
-        elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-            t = (d4 - d3) / max((d4 - d3) + (d5 - d6), 1e-30)
-            s = 1.0 - t
-        else:
-            whole = max(va + vb + vc, 1e-30)
-            s, t = vb / whole, vc / whole
-    x, y, z = w[0] - s * u[0] - t * v[0], w[1] - s * u[1] - t * v[1], w[2] - s * u[2] - t * v[2]
-    return x * x + y * y + z * z
+def _distance2(p, triangle, n, height):
+    # The squared distance of a point at some height above the plane of a triangle.
+    least, inside = np.inf, True
+    for k in range(3):
+        e = edge(triangle, k, after(k))
+        w = p[0] - triangle[k, 0], p[1] - triangle[k, 1], p[2] - triangle[k, 2]
+        inside &= dot(cross(e, w), n) >= 0.0
+        t = min(max(dot(e, w) / max(dot(e, e), 1e-30), 0.0), 1.0)
+        x, y, z = w[0] - t * e[0], w[1] - t * e[1], w[2] - t * e[2]
+        least = min(least, x * x + y * y + z * z)
+    return height * height if inside else least
 
 
 @kernel
@@ -418,8 +412,7 @@ def _merger(f, k, points, home, faces, held, lines, quadrics, q):
     u, v = faces[f, k], faces[f, after(k)]
     u_goes = lines[u] == 0 or (lines[u] == 2 and held[f, k])
     v_goes = lines[v] == 0 or (lines[v] == 2 and held[f, k])
-    for x in range(10):
-        q[x] = quadrics[u, x] + quadrics[v, x]
+    q[:] = quadrics[u] + quadrics[v]
     a, b = (points[u, 0], points[u, 1], points[u, 2]), (points[v, 0], points[v, 1], points[v, 2])
     if v_goes and (not u_goes or _value(q, a) < _value(q, b)):
         u, v, a, b = v, u, b, a
@@ -439,7 +432,7 @@ def _merger(f, k, points, home, faces, held, lines, quadrics, q):
 @kernel
 def _is_linked(u, v, faces, first, following, seen, tick):
     # Whether u may go to v without two sheets touching: their only common neighbours are the tips
-    # of the faces at their edge. Also drops dead corners... 
+    # of the faces at their edge.
     dying, of_u, of_v, common = 0, 0, 0, 0
     c = first[u]
     while c >= 0:
@@ -460,7 +453,7 @@ def _is_linked(u, v, faces, first, following, seen, tick):
         of_v += 1
         c = following[c]
     # A solid needs four corners.
-    return common == dying and not (dying == 2 and of_u == 3 and of_v == 3)
+    return common == dying <= 2 and not (dying == 2 and of_u == 3 and of_v == 3)
 
 
 @kernel
@@ -537,7 +530,9 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sampl
              found, sums, tally, most):  # fmt: skip
     # Finds the new face of each sample of the old ones; returns how many there are, -1 if one lies
     # too far from all.
+    heights = np.empty(size)
     for i in range(size):
+        heights[i] = dot(new[i], corners[i, 0])
         # Faces that stand for nothing stay as they were meant.
         n = sums[fan[i]]
         length = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
@@ -548,23 +543,19 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sampl
     for j in range(whole):
         s = first_sample[fan[j]]
         while s >= 0:
-            best, least, near = -1, np.inf, False
+            best, least, near = -1, np.inf, areas[s] > 0.0
             for step in range(size):
                 i = (j + step) % size
-                n = new[i, 0], new[i, 1], new[i, 2]
-                d = (
-                    n[0] * (samples[s, 0] - corners[i, 0, 0])
-                    + n[1] * (samples[s, 1] - corners[i, 0, 1])
-                    + n[2] * (samples[s, 2] - corners[i, 0, 2])
-                )
+                n = new[i]
+                d = dot(n, samples[s]) - heights[i]
                 turned = _ACROSS * (1.0 - dot(n, wanted[s]))
                 if d * d + turned >= least and (near or d * d > most):
                     continue
-                d2 = _distance2(samples[s], corners[i, 0], corners[i, 1], corners[i, 2])
+                d2 = _distance2(samples[s], corners[i], n, d)
                 near |= d2 <= most
                 if d2 + turned < least:
                     best, least = i, d2 + turned
-                    if near and turned < _LITTLE and d2 <= d * d + 1e-9:
+                    if near and turned < _ALIKE and d2 == d * d:
                         break
             if not near:
                 return -1
@@ -572,8 +563,8 @@ def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sampl
             count += 1
             for x in range(3):
                 tally[best, x] += areas[s] * wanted[s, x]
-            n = new[best, 0], new[best, 1], new[best, 2]
-            tally[best, 3] += areas[s] * min(2.0 * (1.0 - dot(n, wanted[s])), _MOST)
+            off = 2.0 * (1.0 - dot(new[best], wanted[s]))
+            tally[best, 3] += areas[s] * min(off, _ABOUT)
             s = next_sample[s]
     return count
 
@@ -583,7 +574,7 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
               samples, wanted, areas, first_sample, next_sample, sums, changed, tried, seen, found,
               budget, most, worse):  # fmt: skip
     # Merges up to so many vertices, the cheapest first; returns how many.
-    q, q2 = np.empty(10), np.empty(10)
+    q, q2 = np.empty((4, 4)), np.empty((4, 4))
     fan, corners, new = np.empty(512, np.int32), np.empty((512, 3, 3)), np.empty((512, 3))
     tally = np.empty((512, 4))
     heap = [(0.0, 0, np.int64(-1))]
@@ -610,6 +601,9 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
             continue
         size, whole = _fan(u, v, p, points, faces, sums, first, following, fan, corners, new)
         if size < 0:
+            p = points[v, 0], points[v, 1], points[v, 2]
+            size, whole = _fan(u, v, p, points, faces, sums, first, following, fan, corners, new)
+        if size < 1:
             continue
         count = _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sample,
                          next_sample, found, sums, tally, most)  # fmt: skip
@@ -626,12 +620,10 @@ def _collapse(points, home, faces, first, following, alive, held, lines, sources
             continue
         for x in range(3):
             points[v, x] = p[x]
-        for x in range(10):
-            quadrics[v, x] = q[x]
+        quadrics[v] = q
         for i in range(size):
             first_sample[fan[i]] = -1
-            for x in range(4):
-                sums[fan[i], x] = tally[i, x]
+            sums[fan[i]] = tally[i]
         for i in range(count):
             s, g = found[i, 0], fan[found[i, 1]]
             next_sample[s] = first_sample[g]
