@@ -37,7 +37,7 @@ _ABOUT = 0.08
 """Squared turn, in radians, beyond which normals count no more: they are of faces that are wrong
 in the sharpened mesh, such as those across a crease."""
 
-_BESIDE = 0.25
+_BESIDE = 0.1
 """Weight of normals beside creases, which are the least sure."""
 
 _SMOOTHING = 12
@@ -238,8 +238,12 @@ def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
     _, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
     rows = order[starts[counts == 4][:, None] + np.arange(4)]
     four = loose[rows[(a < b)[rows].sum(axis=1) == 2]]
-    n = mesh.normals[four // 3]
-    flat = [np.einsum("gkx,gkx->g", n[:, :2], n[:, way]) for way in ((2, 3), (3, 2))]
+    n, tips = mesh.normals[four // 3], mesh.scaled_vertices[faces[four // 3, (four + 2) % 3]]
+    # Equal ones become ridges, rather than grooves.
+    flat = [
+        np.einsum("gkx,gkx->g", n[:, :2], n[:, way] - 1e-3 * (tips[:, way] - tips[:, :2]))
+        for way in ((2, 3), (3, 2))
+    ]
     here, there = four[:, :2], np.where((flat[0] > flat[1])[:, None], four[:, 2:], four[:, :1:-1])
     twins.reshape(-1)[here], twins.reshape(-1)[there] = there, here
     fans = _sectors(twins, np.zeros_like(twins, dtype=bool))
@@ -285,7 +289,7 @@ def _dissolved(
     weights = np.concatenate([np.zeros(count), areas])
     sums = np.column_stack([normals, off]) * areas[:, None]
     quadrics = np.zeros((count, 4, 4))
-    _add_planes(points, faces, normals, mesh.areas, held, quadrics)
+    _add_planes(points, faces, normals, areas, held, quadrics)
     # A corner between the same creases, and before it one between the same held edges.
     sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
     alive = np.ones(mesh.face_count, dtype=bool)
