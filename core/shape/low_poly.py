@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..base.checks import Floats
+from ..base.checks import Floats, by_keyword
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, ask, phase, reporting
 from ..base.vectors import after, cross, dot, edge
@@ -101,6 +101,7 @@ class LowPoly:
     corner_source: npt.NDArray[np.intp]
 
 
+@by_keyword
 def crisp_low_poly(
     mesh: TriangleMesh,
     settings: GeometrySettings | None = None,
