@@ -1,45 +1,69 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Crisp low poly: few triangles between the creases of a part, out of a fine remesh of it.
 
-Not in the papers. Vertices are merged with neighbours, one by one (half-edge collapse with
-quadrics, as in Garland and Heckbert: Surface Simplification Using Quadric Error Metrics, SIGGRAPH
-1997). Those on a crease merge along it only, so that both of its sides share its vertices and no
-T-joints come up. Then each vertex that is left moves to where the planes around it meet best.
+Edges collapse, the cheapest first, to where the planes around them meet best (Garland and Heckbert:
+Surface Simplification Using Quadric Error Metrics, SIGGRAPH 1997). Not in the papers: each face
+keeps the vertices and normals of the sharpened mesh that it stands for, and an edge stays if its
+collapse took a vertex too far away or turned the surface too much from these normals.
 """
 
 from __future__ import annotations
 
+import heapq
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ..base.checks import Floats, by_keyword
 from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, ask, phase, reporting
-from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
+from ..base.vectors import after, cross, dot, edge
 from ..errors import InvalidSettings
 from ..mesh.triangle_mesh import TriangleMesh, check_mesh
 from ..settings import GeometrySettings, given_or_default
 from .crease_edges import Bools
-from .crease_lines import edges_of, find_creases
-from .fit import displacement
 from .sharpening import sharpen_geometry
 
 Ints = npt.NDArray[np.int32]
 
+_AREA = 1.5
+"""A collapse may turn the surface by as much as this area, in squared edge lengths, by `turn`."""
+
+_ABOUT = 0.08
+"""Squared turn, in radians, beyond which normals count no more: they are of faces that are wrong
+in the sharpened mesh, such as those across a crease."""
+
+_BESIDE = 0.1
+"""Weight of normals beside creases, which are the least sure."""
+
+_SMOOTHING = 12
+"""Passes over the normals that faces are held to."""
+
+_ACROSS = 1.0
+"""Squared edge lengths that count as much as normals across each other, where it is chosen which
+face stands for what."""
+
+_ALIKE = 0.01
+"""One minus the cosine between normals of which no face is sought that fits better."""
+
+_UPRIGHT = 0.5
+"""Least cosine between a face and the mean normal of what it stands for."""
+
 _SHAPE = 2e-3
 """Height of the thinnest face over its longest edge; only those that were thinner may be."""
 
-_NODE = 2.0
-"""Edge lengths that ends and forks of lines move at most: what is no real corner goes so."""
+_REACH = 1.0
+"""Edge lengths that vertices move at most."""
 
-_SMOOTHING = 8
-"""Passes over the normals that faces are held to: those of slivers mean nothing."""
-
-_PASSES = 200
 _HOLD = 1e-3
 """How strongly vertices are held along directions in which no plane does."""
+
+_SHORT = 1e-6
+"""Cost of squared edge lengths: among equal edges the shortest go first."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +79,10 @@ class LowPoly:
     vertex_source : (k,) int
         The vertex of that mesh which each stands for.
     face_source : (j,) int
-        A face of that mesh which lies in each, between the same creases.
+        A face of that mesh on the same side of all kept edges, and between the same creases.
     corner_source : (j, 3) int
-        A corner of that mesh, 3 * face + number, at each corner: on the same side of all lines that
-        were kept, so that its UVs fit.
+        A corner of that mesh, 3 * face + number, at each corner: on the same side of all kept
+        edges, so that its UVs fit, and between the same creases.
 
     Examples
     --------
@@ -84,7 +108,7 @@ def crisp_low_poly(
     *,
     tolerance: float = 0.25,
     turn: float = 8.0,
-    angle: float = 25.0,
+    angle: float = 15.0,
     keep: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> LowPoly:
@@ -95,25 +119,27 @@ def crisp_low_poly(
     mesh : TriangleMesh
         Out of a voxel remesh, a scan, or sharpened already.
     settings : GeometrySettings, optional
-        With which it is sharpened and its creases are found; an amount of 0 moves nothing before.
+        With which it is sharpened; an amount of 0 moves nothing before.
     tolerance : float
-        How far the surface may move, in mean edge lengths: smaller keeps more faces on what is
-        round. From 0.001 to 10.
+        How far vertices of the sharpened mesh may lie from the new faces, in mean edge lengths.
+        From 0.001 to 10.
     turn : float
-        How far faces may turn from those that they replace, in degrees, from 0.1 to 60: what
-        keeps round surfaces round.
+        How far a collapse may turn the surface from that of the sharpened mesh, in degrees, from
+        0.1 to 60, over the area of a few faces, and less over larger ones: smaller keeps more
+        faces on what is round.
     angle : float
-        Least angle of creases, in degrees, from 5 to 170.
+        Angle of the weakest edges of the sharpened mesh across which normals are not smoothed, in
+        degrees, from 5 to 170.
     keep : (k, 2) array of int, optional
-        Vertices of edges that are kept as creases are, such as seams of UVs and borders of
-        materials.
+        Vertices of edges that stay, such as seams of UVs and borders of materials.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     LowPoly
-        As manifold and as closed as the mesh, without T-joints.
+        As closed as the mesh, without T-joints. Where sheets of the mesh touch, four faces at an
+        edge or several fans at a vertex, they come apart.
 
     Raises
     ------
@@ -124,8 +150,8 @@ def crisp_low_poly(
 
     Notes
     -----
-    Each vertex of the sharpened mesh stays within the tolerance of the faces that are left, before
-    these settle, which may move them by as much again.
+    Creases stay since faces may not turn, so they need not be found. Ends and forks of kept edges
+    and of borders stay where they are.
 
     Examples
     --------
@@ -148,28 +174,27 @@ def crisp_low_poly(
         raise InvalidSettings(f"tolerance is {tolerance:g}; give 0.001 to 10 edge lengths.")
     if not 0.1 <= turn <= 60.0:
         raise InvalidSettings(f"turn is {turn:g}; give 0.1 to 60 degrees.")
+    if not 5.0 <= angle <= 170.0:
+        raise InvalidSettings(f"angle is {angle:g}; give 5 to 170 degrees.")
     with reporting(progress):
-        with phase(0.0, 0.5, "Sharpening"):
-            sharp = mesh.moved_to(sharpen_geometry(mesh, settings))
-        with phase(0.5, 0.6, "Tracing creases"):
-            lines = find_creases(mesh, settings, angle=angle)
-            pairs = edges_of(line for line in lines if line.state in ("closes", "sharp"))
-            # How far ends and forks of lines have moved: what is asked for stays.
-            gone = np.zeros(mesh.vertex_count)
-            if keep is not None:
-                kept_edges = np.asarray(keep, dtype=np.intp).reshape(-1, 2)
-                degrees = np.bincount(kept_edges.reshape(-1), minlength=mesh.vertex_count)
-                gone[(degrees > 0) & (degrees != 2)] = np.inf
-                pairs = np.concatenate([pairs, kept_edges])
-            held = _half_edges(mesh, pairs) | (mesh.twins < 0)
-        with phase(0.6, 0.8, "Fitting the surface"):
-            # Once more, to normals that are the same all over a side.
-            normals = _smooth_normals(sharp, held | _bends(sharp, 0.5 * angle))
-            moved, _ = displacement(sharp, normals, settings, None, settings.fit_steps,
-                                    settings.crease_freedom)  # fmt: skip
-            sharp = sharp.moved_to(sharp.vertices + moved)
-        with phase(0.8, 1.0, "Dissolving faces"):
-            return _dissolved(sharp, normals, held, gone, tolerance, np.cos(np.radians(turn)))
+        with phase(0.0, 0.7, "Sharpening"):
+            whole, origins = _parted(mesh)
+            sharp = whole.moved_to(sharpen_geometry(whole, settings))
+        held = whole.twins < 0
+        if keep is not None:
+            held |= _half_edges(mesh, np.asarray(keep, dtype=np.intp).reshape(-1, 2))
+        with phase(0.7, 1.0, "Dissolving faces"):
+            vertices, faces, corners, moved = _dissolved(
+                sharp, held, angle, tolerance, np.radians(turn)
+            )
+    turned = mesh.flipped[faces]
+    for each in (vertices, corners):
+        each[turned] = each[turned][:, (0, 2, 1)]
+    face, k = np.divmod(corners, 3)
+    k = np.where(mesh.flipped[face] & (k > 0), 3 - k, k)
+    used, given = np.unique(vertices, return_inverse=True)
+    given = given.reshape(-1, 3).astype(np.int32)
+    return LowPoly(moved[used], given, origins[used], faces, 3 * face + k)
 
 
 def _half_edges(mesh: TriangleMesh, pairs: npt.NDArray[np.intp]) -> Bools:
@@ -181,57 +206,112 @@ def _half_edges(mesh: TriangleMesh, pairs: npt.NDArray[np.intp]) -> Bools:
     return np.isin(keys, given)
 
 
+def _lines_at(faces: Ints, held: Bools, count: int) -> Ints:
+    # How many held edges meet at each vertex; more than 2 where some edge has three faces.
+    begin, end = faces, faces[:, (1, 2, 0)]
+    keys = np.minimum(begin, end) * np.int64(count) + np.maximum(begin, end)
+    keys, counts = np.unique(keys[held], return_counts=True)
+    ends = np.concatenate(np.divmod(keys, count))
+    return np.bincount(ends, np.tile(np.where(counts > 2, 9, 1), 2), count).astype(np.int32)
+
+
+def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
+    # For each corner, the first one at the same vertex between the same held edges.
+    here = np.flatnonzero((twins >= 0) & ~held)
+    face, k = np.divmod(twins.reshape(-1)[here], 3)
+    there = 3 * face + (k + 1) % 3
+    links = coo_array((np.ones(len(here), bool), (here, there)), (twins.size, twins.size))
+    _, labels = connected_components(links, directed=False)
+    _, firsts = np.unique(labels, return_index=True)
+    return firsts[labels].reshape(-1, 3)
+
+
+def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
+    # The mesh after sheets that touch at edges and vertices have come apart, as remeshers leave
+    # them where a part is thin, and its vertex that each of the new ones is. Four faces at an edge
+    # become the two sheets that bend less.
+    faces, twins = mesh.faces, mesh.twins.copy()
+    loose = np.flatnonzero(twins < 0)
+    face, k = np.divmod(loose, 3)
+    a, b = faces[face, k].astype(np.int64), faces[face, (k + 1) % 3]
+    keys = np.minimum(a, b) * mesh.vertex_count + np.maximum(a, b)
+    order = np.lexsort((a < b, keys))
+    _, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    rows = order[starts[counts == 4][:, None] + np.arange(4)]
+    four = loose[rows[(a < b)[rows].sum(axis=1) == 2]]
+    n, tips = mesh.normals[four // 3], mesh.scaled_vertices[faces[four // 3, (four + 2) % 3]]
+    # Equal ones become ridges, rather than grooves.
+    flat = [
+        np.einsum("gkx,gkx->g", n[:, :2], n[:, way] - 1e-3 * (tips[:, way] - tips[:, :2]))
+        for way in ((2, 3), (3, 2))
+    ]
+    here, there = four[:, :2], np.where((flat[0] > flat[1])[:, None], four[:, 2:], four[:, :1:-1])
+    twins.reshape(-1)[here], twins.reshape(-1)[there] = there, here
+    fans = _sectors(twins, np.zeros_like(twins, dtype=bool))
+    # At borders sheets that touch stay together.
+    firsts, closed = np.zeros(mesh.vertex_count, np.int64), np.ones(mesh.vertex_count, dtype=bool)
+    firsts[faces] = fans
+    for ends in (faces, faces[:, (1, 2, 0)]):
+        closed[ends[twins < 0]] = False
+    fans = np.where(closed[faces], fans, firsts[faces])
+    corners, parted = np.unique(fans, return_inverse=True)
+    origins = faces.reshape(-1)[corners]
+    return TriangleMesh(mesh.vertices[origins], parted.reshape(-1, 3)), origins
+
+
+def _chains(keys: npt.NDArray[Any], count: int) -> tuple[Ints, Ints]:
+    # Lists of the items of each key: its first one, and the one after each; -1 ends them.
+    first, following = np.full(count, -1, dtype=np.int32), np.full(len(keys), -1, dtype=np.int32)
+    order = np.argsort(keys, kind="stable").astype(np.int32)
+    same = np.diff(keys[order]) == 0
+    following[order[:-1][same]] = order[1:][same]
+    first[keys[order[::-1]]] = order[::-1]
+    return first, following
+
+
 def _dissolved(
-    mesh: TriangleMesh, normals: Floats, held: Bools, gone: Floats, tolerance: float, cosine: float
-) -> LowPoly:
-    points, faces = mesh.scaled_vertices.copy(), mesh.faces.copy()
-    start, corners = mesh.corners
-    # The corners at each vertex, as a list: its first one, and the one after each.
-    first = np.full(mesh.vertex_count, -1, dtype=np.int32)
-    following = np.full(3 * mesh.face_count, -1, dtype=np.int32)
-    used = np.flatnonzero(np.diff(start) > 0)
-    first[used] = corners[start[used]]
-    inner = np.ones(len(corners), dtype=bool)
-    inner[start[used + 1] - 1] = False
-    following[corners[inner]] = corners[np.flatnonzero(inner) + 1]
-    quadrics = np.zeros((mesh.vertex_count, 11))
-    _add_planes(points, faces, normals, mesh.areas, held, mesh.twins, quadrics)
-    sources = np.arange(3 * mesh.face_count, dtype=np.int64).reshape(-1, 3)
-    alive = np.ones(mesh.face_count, dtype=np.bool_)
-    order = used[np.argsort(_scattered(points[used]), kind="stable")]
-    # What has gone into each face, as a list: its first vertex, and the one after each.
-    points_at = np.full(mesh.face_count, -1, dtype=np.int32)
-    next_point = np.full(mesh.vertex_count, -1, dtype=np.int32)
-    touched = np.zeros(mesh.vertex_count, dtype=np.int32)
-    share = 1.0 / 64.0
-    for number in range(1, _PASSES):
-        merged = _merge(order, points, faces, normals, first, following, held, alive,
-                        quadrics, sources, points_at, next_point, gone, touched, number,
-                        share * tolerance**2, cosine)  # fmt: skip
-        order = order[first[order] >= 0]
-        ask(number / _PASSES)
-        if merged < 0.02 * len(order):
-            if share == 1.0 and merged == 0:
-                break
-            share = min(4.0 * share, 1.0)
-    vertices = np.unique(faces[alive])
-    moved = np.zeros((mesh.vertex_count, 3))
-    _settle(vertices, points, quadrics, tolerance, moved)
-    index = np.empty(mesh.vertex_count, dtype=np.int32)
-    index[vertices] = np.arange(len(vertices), dtype=np.int32)
-    left = np.flatnonzero(alive)
-    turned = mesh.flipped[left]
-    given, kept_corners = index[faces[left]], sources[left]
-    given[turned] = given[turned][:, (0, 2, 1)]
-    kept_corners[turned] = kept_corners[turned][:, (0, 2, 1)]
-    face, corner = np.divmod(kept_corners, 3)
-    corner = np.where(mesh.flipped[face] & (corner > 0), 3 - corner, corner)
-    positions = mesh.vertices[vertices] + mesh.mean_edge_length * moved[vertices]
-    return LowPoly(positions, given, vertices, left, 3 * face + corner)
+    mesh: TriangleMesh, held: Bools, angle: float, tolerance: float, turn: float
+) -> tuple[Ints, npt.NDArray[np.intp], npt.NDArray[np.int64], Floats]:
+    # The vertices of the faces that are left, which they are, a corner of the mesh at each of
+    # theirs, and where the vertices are.
+    sharp = _bends(mesh, angle)
+    normals = _smooth_normals(mesh, held | sharp)
+    count, faces, home = mesh.vertex_count, mesh.faces.copy(), mesh.scaled_vertices
+    points = home.copy()
+    near = np.zeros(count, dtype=bool)
+    near[faces[sharp]] = near[faces[:, (1, 2, 0)][sharp]] = True
+    areas = np.where(near[faces].any(axis=1), _BESIDE, 1.0) * mesh.areas
+    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _ABOUT)
+    first, following = _chains(faces.reshape(-1), count)
+    # What faces stand for: the vertices and the middles of faces.
+    samples = np.concatenate([points, points[faces].mean(axis=1)])
+    lists = _chains(np.concatenate([first // 3, np.arange(mesh.face_count)]), mesh.face_count)
+    wanted = np.concatenate([np.zeros((count, 3)), normals])
+    weights = np.concatenate([np.zeros(count), areas])
+    sums = np.column_stack([normals, off]) * areas[:, None]
+    quadrics = np.zeros((count, 4, 4))
+    _add_planes(points, faces, normals, areas, held, quadrics)
+    # A corner between the same creases, and before it one between the same held edges.
+    sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
+    alive = np.ones(mesh.face_count, dtype=bool)
+    state = (points, home, faces, first, following, alive, held, _lines_at(faces, held, count),
+             sources, quadrics, samples, wanted, weights, *lists, sums)  # fmt: skip
+    changed, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    tried = np.full(faces.size, -1)
+    found = np.empty((len(samples), 2), dtype=np.int32)
+    left, done = mesh.face_count, 1
+    while done:
+        done = _collapse(*state, changed, tried, seen, found, max(left // 8, 64), tolerance**2,
+                         _AREA * turn**2)  # fmt: skip
+        left -= 2 * done
+        ask(1.0 - left / mesh.face_count)
+    kept = np.flatnonzero(alive)
+    moved = mesh.vertices + mesh.mean_edge_length * (points - home)
+    return faces[kept], kept, sources[kept] & 0xFFFFFFFF, moved
 
 
 def _bends(mesh: TriangleMesh, degrees: float) -> Bools:
-    # Half-edges across which normals differ by more: lines may leave some out.
+    # Half-edges across which normals differ by more.
     other = np.where(mesh.twins >= 0, mesh.twins // 3, np.arange(mesh.face_count)[:, None])
     cosines = np.einsum("fx,fkx->fk", mesh.normals, mesh.normals[other])
     return cosines < np.cos(np.radians(degrees))
@@ -248,11 +328,6 @@ def _smooth_normals(mesh: TriangleMesh, held: Bools) -> Floats:
     return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 1e-12)
 
 
-def _scattered(points: Floats) -> Floats:
-    # An order in which places that follow each other lie apart, whatever that of the vertices.
-    return np.modf(np.abs(np.sin(points @ np.array(TIE_BREAKER) * 12.9898) * 43758.5453))[0]
-
-
 @kernel
 def _average(start, stop, twins, held, normals, smoother):
     for f in range(start, stop):
@@ -265,389 +340,361 @@ def _average(start, stop, twins, held, normals, smoother):
 
 
 @kernel
-def _add_plane(q, n, d, weight):
-    q[0] += weight * n[0] * n[0]
-    q[1] += weight * n[0] * n[1]
-    q[2] += weight * n[0] * n[2]
-    q[3] += weight * n[1] * n[1]
-    q[4] += weight * n[1] * n[2]
-    q[5] += weight * n[2] * n[2]
-    q[6] += weight * n[0] * d
-    q[7] += weight * n[1] * d
-    q[8] += weight * n[2] * d
-    q[9] += weight * d * d
-    q[10] += weight
+def _add_plane(q, n, place, weight):
+    plane = n[0], n[1], n[2], -dot(n, place)
+    for x in range(4):
+        for y in range(4):
+            q[x, y] += weight * plane[x] * plane[y]
 
 
 @kernel
-def _add_planes(points, faces, normals, areas, held, twins, quadrics):
-    # Of each face at its corners, and through borders, upright on their faces.
+def _add_planes(points, faces, normals, areas, held, quadrics):
+    # Of each face at its corners, and through held edges, upright on their faces.
     for f in range(len(faces)):
         n = normals[f, 0], normals[f, 1], normals[f, 2]
         middle = (points[faces[f, 0]] + points[faces[f, 1]] + points[faces[f, 2]]) / 3.0
         for k in range(3):
-            _add_plane(quadrics[faces[f, k]], n, -dot(n, middle), areas[f] / 3.0)
-            if twins[f, k] < 0:
+            _add_plane(quadrics[faces[f, k]], n, middle, areas[f] / 3.0)
+            if held[f, k]:
                 a, b = faces[f, k], faces[f, after(k)]
-                e = edge(points, a, b)
-                m = cross(e, n)
+                m = cross(edge(points, a, b), n)
                 length = np.sqrt(dot(m, m))
-                if length < 1e-12:
-                    continue
-                m = m[0] / length, m[1] / length, m[2] / length
-                d = -dot(m, points[a])
-                for v in (a, b):
-                    _add_plane(quadrics[v], m, d, 0.5 * length)
+                if length > 1e-12:
+                    m = m[0] / length, m[1] / length, m[2] / length
+                    for v in (a, b):
+                        _add_plane(quadrics[v], m, points[a], 0.5 * length)
 
 
 @kernel
-def _distance2(p, a, b, c):
-    # The squared distance of a point to a triangle (Ericson: Real-Time Collision Detection, 5.1.5).
-    u = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    v = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    w = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    d1, d2 = dot(u, w), dot(v, w)
-    uu, uv, vv, ww = dot(u, u), dot(u, v), dot(v, v), dot(w, w)
-    d3, d4, d5, d6 = d1 - uu, d2 - uv, d1 - uv, d2 - vv
-    if d1 <= 0.0 and d2 <= 0.0:
-        return ww
-    if d3 >= 0.0 and d4 <= d3:
-        s, t = 1.0, 0.0
-    elif d6 >= 0.0 and d5 <= d6:
-        s, t = 0.0, 1.0
-    else:
-        vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
-        if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-            s, t = d1 / max(d1 - d3, 1e-30), 0.0
-        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-            s, t = 0.0, d2 / max(d2 - d6, 1e-30)
-        elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-            t = (d4 - d3) / max((d4 - d3) + (d5 - d6), 1e-30)
-            s = 1.0 - t
-        else:
-            whole = max(va + vb + vc, 1e-30)
-            s, t = vb / whole, vc / whole
-    x, y, z = w[0] - s * u[0] - t * v[0], w[1] - s * u[1] - t * v[1], w[2] - s * u[2] - t * v[2]
-    return x * x + y * y + z * z
+def _value(q, p):
+    # The sum of squared distances to the planes of a quadric.
+    total, place = 0.0, (p[0], p[1], p[2], 1.0)
+    for x in range(4):
+        for y in range(4):
+            total += q[x, y] * place[x] * place[y]
+    return total
 
 
 @kernel
-def _nearest(p, u, v, points, faces, first, following, alive, enough):
-    # The nearest of the faces that u leaves at v, and its squared distance to a point; stops at one
-    # that is near enough.
-    nearest, least = -1, np.inf
+def _least(q, p):
+    # Where the planes of a quadric meet best; p along directions in which they leave it open.
+    hold = _HOLD * (q[0, 0] + q[1, 1] + q[2, 2])
+    x, y, z = (
+        (q[0, 0] + hold, q[0, 1], q[0, 2]),
+        (q[1, 0], q[1, 1] + hold, q[1, 2]),
+        (q[2, 0], q[2, 1], q[2, 2] + hold),
+    )
+    r = dot(q[0], p) + q[0, 3], dot(q[1], p) + q[1, 3], dot(q[2], p) + q[2, 3]
+    yz = cross(y, z)
+    whole = dot(x, yz)
+    if not whole > 1e-12 * x[0] * y[1] * z[2]:
+        return p
+    return (
+        p[0] - dot(r, yz) / whole,
+        p[1] - dot(r, cross(z, x)) / whole,
+        p[2] - dot(r, cross(x, y)) / whole,
+    )
+
+
+@kernel
+def _distance2(p, triangle, n, height):
+    # The squared distance of a point at some height above the plane of a triangle.
+    least, inside = np.inf, True
+    for k in range(3):
+        e = edge(triangle, k, after(k))
+        w = p[0] - triangle[k, 0], p[1] - triangle[k, 1], p[2] - triangle[k, 2]
+        inside &= dot(cross(e, w), n) >= 0.0
+        t = min(max(dot(e, w) / max(dot(e, e), 1e-30), 0.0), 1.0)
+        x, y, z = w[0] - t * e[0], w[1] - t * e[1], w[2] - t * e[2]
+        least = min(least, x * x + y * y + z * z)
+    return height * height if inside else least
+
+
+@kernel
+def _merger(f, k, points, home, faces, held, lines, quadrics, q):
+    # For the edge (f, k): the vertex that goes, the one that it goes to, where that moves, and what
+    # this costs. -1 where none may go.
+    u, v = faces[f, k], faces[f, after(k)]
+    u_goes = lines[u] == 0 or (lines[u] == 2 and held[f, k])
+    v_goes = lines[v] == 0 or (lines[v] == 2 and held[f, k])
+    q[:] = quadrics[u] + quadrics[v]
+    a, b = (points[u, 0], points[u, 1], points[u, 2]), (points[v, 0], points[v, 1], points[v, 2])
+    if v_goes and (not u_goes or _value(q, a) < _value(q, b)):
+        u, v, a, b = v, u, b, a
+        u_goes, v_goes = v_goes, u_goes
+    if not u_goes:
+        return -1, -1, b, np.inf
+    p = b
+    if v_goes:
+        p = _least(q, b)
+        e = p[0] - home[v, 0], p[1] - home[v, 1], p[2] - home[v, 2]
+        if dot(e, e) > _REACH * _REACH:
+            p = b
+    e = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return u, v, p, max(_value(q, p), 0.0) + _SHORT * dot(e, e)
+
+
+@kernel
+def _is_linked(u, v, faces, first, following, seen, tick):
+    # Whether u may go to v without two sheets touching: their only common neighbours are the tips
+    # of the faces at their edge.
+    dying, of_u, of_v, common = 0, 0, 0, 0
     c = first[u]
-    while c >= 0 and least > enough:
-        f = c // 3
-        if alive[f] and faces[f, 0] != v and faces[f, 1] != v and faces[f, 2] != v:
-            a = points[v if faces[f, 0] == u else faces[f, 0]]
-            b = points[v if faces[f, 1] == u else faces[f, 1]]
-            d = points[v if faces[f, 2] == u else faces[f, 2]]
-            distance = _distance2(p, a, b, d)
-            if distance < least:
-                nearest, least = f, distance
-        c = following[c]
-    return nearest, least
-
-
-@kernel
-def _stays_near(u, v, points, faces, first, following, alive, points_at, next_point, most):
-    # Whether u and all that has gone into its faces lie near enough once u is at v.
-    if _nearest(points[u], u, v, points, faces, first, following, alive, most)[1] > most:
-        return False
-    c = first[u]
-    while c >= 0:
-        if alive[c // 3]:
-            p = points_at[c // 3]
-            while p >= 0:
-                near = _nearest(points[p], u, v, points, faces, first, following, alive, most)
-                if near[1] > most:
-                    return False
-                p = next_point[p]
-        c = following[c]
-    return True
-
-
-@kernel
-def _hand_on(u, v, points, faces, first, following, alive, points_at, next_point):
-    # Gives u and what has gone into its faces to those that are nearest once u is at v.
-    waiting = u
-    next_point[u] = -1
-    c = first[u]
-    while c >= 0:
-        f = c // 3
-        if alive[f]:
-            p = points_at[f]
-            points_at[f] = -1
-            while p >= 0:
-                following_point = next_point[p]
-                next_point[p] = waiting
-                waiting, p = p, following_point
-        c = following[c]
-    while waiting >= 0:
-        p = waiting
-        waiting = next_point[p]
-        f = _nearest(points[p], u, v, points, faces, first, following, alive, -1.0)[0]
-        if f >= 0:
-            next_point[p] = points_at[f]
-            points_at[f] = p
-
-
-@kernel
-def _ring(u, faces, first, following, held, alive, ring, counts, lines):
-    # The neighbours of a vertex, in how many faces each is with it, and whether along a line;
-    # returns how many there are, -1 if there are too many. Drops dead corners from the list.
-    size = 0
-    before, c = -1, first[u]
     while c >= 0:
         f, k = c // 3, c % 3
-        if not alive[f]:
-            c = following[c]
-            if before < 0:
-                first[u] = c
-            else:
-                following[before] = c
-            continue
-        for side in range(2):
-            j = after(k) if side == 0 else after(after(k))
-            w = faces[f, j]
-            on = held[f, k] if side == 0 else held[f, j]
-            at = -1
-            for i in range(size):
-                if ring[i] == w:
-                    at = i
-            if at < 0:
-                if size == len(ring):
-                    return -1
-                at = size
-                size += 1
-                ring[at], counts[at], lines[at] = w, 0, False
-            counts[at] += 1
-            lines[at] |= on
-        before, c = c, following[c]
-    return size
-
-
-@kernel
-def _quality(points, faces, f, u, v, n):
-    # Of a face of u once that is at v: height over longest edge, and how far it has turned.
-    a = v if faces[f, 0] == u else faces[f, 0]
-    b = v if faces[f, 1] == u else faces[f, 1]
-    c = v if faces[f, 2] == u else faces[f, 2]
-    x, y = edge(points, a, b), edge(points, a, c)
-    z = y[0] - x[0], y[1] - x[1], y[2] - x[2]
-    m = cross(x, y)
-    double = np.sqrt(dot(m, m))
-    longest = max(dot(x, x), dot(y, y), dot(z, z))
-    if double <= 1e-9 * longest:
-        return -1.0, -1.0
-    return double / longest, (m[0] * n[0] + m[1] * n[1] + m[2] * n[2]) / double
-
-
-@kernel
-def _fits(u, v, points, faces, normals, first, following, alive, least):
-    # How well the faces of u are shaped after it has gone to v; -1 where that must not be.
-    worst = np.inf
-    c = first[u]
-    while c >= 0:
-        f = c // 3
-        if alive[f] and faces[f, 0] != v and faces[f, 1] != v and faces[f, 2] != v:
-            shape, cosine = _quality(points, faces, f, u, v, normals[f])
-            old_shape, old_cosine = _quality(points, faces, f, u, u, normals[f])
-            if cosine < least and (cosine <= old_cosine or cosine < 0):
-                return -1.0
-            if shape < _SHAPE and shape <= old_shape:
-                return -1.0
-            worst = min(worst, shape)
+        a, b = faces[f, after(k)], faces[f, after(after(k))]
+        seen[a] = seen[b] = tick
+        dying += a == v or b == v
+        of_u += 1
         c = following[c]
-    return worst
-
-
-@kernel
-def _merge(
-    order,
-    points,
-    faces,
-    normals,
-    first,
-    following,
-    held,
-    alive,
-    quadrics,
-    sources,
-    points_at,
-    next_point,
-    gone,
-    touched,
-    number,
-    most,
-    least_cosine,
-):
-    ring, counts, lines = np.empty(256, np.int32), np.empty(256, np.int32), np.empty(256, np.bool_)
-    ring_2, counts_2 = np.empty(256, np.int32), np.empty(256, np.int32)
-    lines_2 = np.empty(256, np.bool_)
-    merged = 0
-    for u in order:
-        if first[u] < 0 or touched[u] == number:
-            continue
-        size = _ring(u, faces, first, following, held, alive, ring, counts, lines)
-        if size < 3:
-            continue
-        along = 0
-        manifold = True
-        for i in range(size):
-            along += lines[i]
-            manifold &= counts[i] == 2 or (counts[i] == 1 and lines[i])
-        if not manifold:
-            continue
-        best, shape = -1, -1.0
-        for i in range(size):
-            v = ring[i]
-            if along > 0 and not lines[i]:
-                continue
-            if along > 0 and along != 2:
-                e = edge(points, u, v)
-                if gone[u] + np.sqrt(dot(e, e)) > _NODE:
-                    continue
-            quality = _fits(u, v, points, faces, normals, first, following, alive, least_cosine)
-            if quality <= shape:
-                continue
-            # Only the corners opposite of the edge may be neighbours of both.
-            size_2 = _ring(v, faces, first, following, held, alive, ring_2, counts_2, lines_2)
-            if size_2 < 0:
-                continue
-            common = 0
-            for a in range(size):
-                for b in range(size_2):
-                    common += ring[a] == ring_2[b]
-            if common != counts[i]:
-                continue
-            # A solid needs four corners.
-            if common == 2 and size == 3 and size_2 == 3:
-                continue
-            if not _stays_near(u, v, points, faces, first, following, alive, points_at,
-                               next_point, most):  # fmt: skip
-                continue
-            best, shape = i, quality
-        if best < 0:
-            continue
-        v = ring[best]
-        if along > 0 and along != 2:
-            e = edge(points, u, v)
-            gone[v] = max(gone[v], gone[u] + np.sqrt(dot(e, e)))
-        _hand_on(u, v, points, faces, first, following, alive, points_at, next_point)
-        _go(u, v, faces, first, following, held, alive, sources)
-        for x in range(11):
-            quadrics[v, x] += quadrics[u, x]
-        for i in range(size):
-            touched[ring[i]] = number
-        merged += 1
-    return merged
-
-
-@kernel
-def _hold_edge(v, w, faces, first, following, held, alive):
-    # Marks the edge between two vertices as one of a line, in all its faces.
+    seen[v] = 0
     c = first[v]
     while c >= 0:
         f, k = c // 3, c % 3
-        if alive[f]:
-            if faces[f, after(k)] == w:
-                held[f, k] = True
-            if faces[f, after(after(k))] == w:
-                held[f, after(after(k))] = True
+        for w in (faces[f, after(k)], faces[f, after(after(k))]):
+            if seen[w] == tick:
+                common += 1
+                seen[w] = 0
+        of_v += 1
+        c = following[c]
+    # A solid needs four corners.
+    return common == dying <= 2 and not (dying == 2 and of_u == 3 and of_v == 3)
+
+
+@kernel
+def _drop_dead(v, first, following, alive):
+    # Drops the corners of faces that have gone from the list of a vertex.
+    before, c = -1, first[v]
+    while c >= 0:
+        if alive[c // 3]:
+            before = c
+        elif before < 0:
+            first[v] = following[c]
+        else:
+            following[before] = following[c]
         c = following[c]
 
 
 @kernel
-def _go(u, v, faces, first, following, held, alive, sources):
-    # Moves the corners of u to v; the faces that have both vanish.
-    tips, marks = np.empty(2, np.int32), np.zeros(2, np.bool_)
-    dying = 0
-    given = np.empty(2, np.int64)
-    sides = np.empty(2, np.int64)
+def _along(n, wanted):
+    # The cosine of the angle between a unit vector and another vector, 1 if that is zero.
+    length = np.sqrt(wanted[0] ** 2 + wanted[1] ** 2 + wanted[2] ** 2)
+    return (n[0] * wanted[0] + n[1] * wanted[1] + n[2] * wanted[2]) / length if length > 0 else 1.0
+
+
+@kernel
+def _shape(a, b, c):
+    # The unit normal of a triangle, its height over its longest edge, and twice its area.
+    x = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    y = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    z = y[0] - x[0], y[1] - x[1], y[2] - x[2]
+    n = cross(x, y)
+    double = max(np.sqrt(dot(n, n)), 1e-30)
+    longest = max(dot(x, x), dot(y, y), dot(z, z), 1e-30)
+    return (n[0] / double, n[1] / double, n[2] / double), double / longest, double
+
+
+@kernel
+def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
+    # The faces around an edge once it is at p, those that vanish last; returns how many stay and
+    # how many there are, -1 if some would turn over or become needles.
+    size, gone = 0, 0
+    for w in (u, v):
+        c = first[w]
+        while c >= 0:
+            f, k = c // 3, c % 3
+            a, b = faces[f, after(k)], faces[f, after(after(k))]
+            if a != u and a != v and b != u and b != v:
+                if size + 2 > len(fan):
+                    return -1, -1
+                n, shape, area = _shape(p, points[a], points[b])
+                old_n, old_shape, old_area = _shape(points[w], points[a], points[b])
+                if shape < _SHAPE and shape <= old_shape:
+                    return -1, -1
+                turned = _along(n, sums[f])
+                if turned < _UPRIGHT and (turned < _along(old_n, sums[f]) or area > old_area):
+                    return -1, -1
+                fan[size] = f
+                for x in range(3):
+                    corners[size, 0, x], corners[size, 1, x] = p[x], points[a, x]
+                    corners[size, 2, x], new[size, x] = points[b, x], n[x]
+                size += 1
+            c = following[c]
     c = first[u]
     while c >= 0:
         f, k = c // 3, c % 3
-        if alive[f] and (faces[f, after(k)] == v or faces[f, after(after(k))] == v):
-            ahead = faces[f, after(k)] == v
-            tip = after(after(k)) if ahead else after(k)
-            tips[dying] = faces[f, tip]
-            # Lines along either of the sides that become one.
-            marks[dying] = held[f, after(k)] or held[f, after(after(k)) if ahead else k]
-            given[dying] = sources[f, after(k) if ahead else after(after(k))]
-            sides[dying] = f
-            alive[f] = False
-            dying += 1
+        if faces[f, after(k)] == v or faces[f, after(after(k))] == v:
+            fan[size + gone] = f
+            gone += 1
         c = following[c]
-    # Faces beside a vanished one, up to a line, take its corner at v.
-    for i in range(dying):
-        f = sides[i]
-        w = tips[i]
-        blocked = False
-        for j in range(3):
-            if faces[f, j] == w and faces[f, after(j)] == u:
-                blocked = held[f, j]
-            if faces[f, j] == u and faces[f, after(j)] == w:
-                blocked = held[f, j]
-        while not blocked:
-            # The living face of u across the edge from u to w.
-            found = -1
-            c = first[u]
-            while c >= 0:
-                g, k = c // 3, c % 3
-                beside = faces[g, after(k)] == w or faces[g, after(after(k))] == w
-                if alive[g] and sources[g, k] >= 0 and beside:
-                    found = c
-                    break
-                c = following[c]
-            if found < 0:
-                break
-            g, k = found // 3, found % 3
-            sources[g, k] = -1 - given[i]
-            ahead = faces[g, after(k)] == w
-            w = faces[g, after(after(k))] if ahead else faces[g, after(k)]
-            blocked = held[g, after(after(k))] if ahead else held[g, k]
+    return size, size + gone
+
+
+@kernel
+def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sample, next_sample,
+             found, sums, tally, most):  # fmt: skip
+    # Finds the new face of each sample of the old ones; returns how many there are, -1 if one lies
+    # too far from all.
+    heights = np.empty(size)
+    for i in range(size):
+        heights[i] = dot(new[i], corners[i, 0])
+        # Faces that stand for nothing stay as they were meant.
+        n = sums[fan[i]]
+        length = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+        for x in range(3):
+            tally[i, x] = 1e-6 * n[x] / max(length, 1e-30)
+        tally[i, 3] = 0.0
+    count = 0
+    for j in range(whole):
+        s = first_sample[fan[j]]
+        while s >= 0:
+            best, least, near = -1, np.inf, areas[s] > 0.0
+            for step in range(size):
+                i = (j + step) % size
+                n = new[i]
+                d = dot(n, samples[s]) - heights[i]
+                turned = _ACROSS * (1.0 - dot(n, wanted[s]))
+                if d * d + turned >= least and (near or d * d > most):
+                    continue
+                d2 = _distance2(samples[s], corners[i], n, d)
+                near |= d2 <= most
+                if d2 + turned < least:
+                    best, least = i, d2 + turned
+                    if near and turned < _ALIKE and d2 == d * d:
+                        break
+            if not near:
+                return -1
+            found[count, 0], found[count, 1] = s, best
+            count += 1
+            for x in range(3):
+                tally[best, x] += areas[s] * wanted[s, x]
+            off = 2.0 * (1.0 - dot(new[best], wanted[s]))
+            tally[best, 3] += areas[s] * min(off, _ABOUT)
+            s = next_sample[s]
+    return count
+
+
+@kernel
+def _collapse(points, home, faces, first, following, alive, held, lines, sources, quadrics,
+              samples, wanted, areas, first_sample, next_sample, sums, changed, tried, seen, found,
+              budget, most, worse):  # fmt: skip
+    # Merges up to so many vertices, the cheapest first; returns how many.
+    q, q2 = np.empty((4, 4)), np.empty((4, 4))
+    fan, corners, new = np.empty(512, np.int32), np.empty((512, 3, 3)), np.empty((512, 3))
+    tally = np.empty((512, 4))
+    heap = [(0.0, 0, np.int64(-1))]
+    for f in range(len(faces)):
+        if alive[f]:
+            for k in range(3):
+                a, b = faces[f, k], faces[f, after(k)]
+                stamp = changed[a] + changed[b]
+                if (a < b or held[f, k]) and tried[3 * f + k] != stamp:
+                    cost = _merger(f, k, points, home, faces, held, lines, quadrics, q)[3]
+                    if cost < np.inf:
+                        heap.append((cost, 3 * f + k, stamp))
+    heapq.heapify(heap)
+    done, tick = 0, seen.max()
+    while heap and done < budget:
+        _, c, stamp = heapq.heappop(heap)
+        f, k = c // 3, c % 3
+        if not alive[f] or changed[faces[f, k]] + changed[faces[f, after(k)]] != stamp:
+            continue
+        tried[c] = stamp
+        u, v, p, cost = _merger(f, k, points, home, faces, held, lines, quadrics, q)
+        tick += 1
+        if u < 0 or not _is_linked(u, v, faces, first, following, seen, tick):
+            continue
+        size, whole = _fan(u, v, p, points, faces, sums, first, following, fan, corners, new)
+        if size < 0:
+            p = points[v, 0], points[v, 1], points[v, 2]
+            size, whole = _fan(u, v, p, points, faces, sums, first, following, fan, corners, new)
+        if size < 1:
+            continue
+        count = _hand_on(fan, size, whole, corners, new, samples, wanted, areas, first_sample,
+                         next_sample, found, sums, tally, most)  # fmt: skip
+        if count < 0:
+            continue
+        change = -worse
+        for i in range(whole):
+            change -= sums[fan[i], 3]
+            if i < size:
+                change += tally[i, 3]
+        if change > 0.0:
+            continue
+        if not _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
+            continue
+        for x in range(3):
+            points[v, x] = p[x]
+        quadrics[v] = q
+        for i in range(size):
+            first_sample[fan[i]] = -1
+            sums[fan[i]] = tally[i]
+        for i in range(count):
+            s, g = found[i, 0], fan[found[i, 1]]
+            next_sample[s] = first_sample[g]
+            first_sample[g] = s
+        for i in range(size):
+            for j in range(3):
+                changed[faces[fan[i], j]] += 1
+        for i in range(size):
+            g = fan[i]
+            for j in range(3):
+                a, b = faces[g, j], faces[g, after(j)]
+                if a == v or (b == v and held[g, j]):
+                    cost = _merger(g, j, points, home, faces, held, lines, quadrics, q2)[3]
+                    if cost < np.inf:
+                        heapq.heappush(heap, (cost, 3 * g + j, changed[a] + changed[b]))
+        done += 1
+    return done
+
+
+@kernel
+def _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
+    # Moves the corners of u to v; the faces that have both vanish. False if lines would meet.
+    old, given = np.empty(2, np.int64), np.empty(2, np.int64)
+    for again in range(2):
+        for i in range(size, whole):
+            f = fan[i]
+            k = 0
+            while faces[f, k] != u:
+                k = after(k)
+            ahead = faces[f, after(k)] == v
+            there = after(k) if ahead else after(after(k))
+            old[i - size], given[i - size] = sources[f, k], sources[f, there]
+            # Lines along either of the sides that become one.
+            of_u, of_v = held[f, after(after(k)) if ahead else k], held[f, after(k)]
+            if again == 0 and of_u and of_v:
+                return False
+            if again == 1:
+                alive[f] = False
+                if of_u or of_v:
+                    tip = faces[f, 3 - k - there]
+                    for j in range(size):
+                        g = fan[j]
+                        for m in range(3):
+                            a, b = faces[g, m], faces[g, after(m)]
+                            if (a == tip and b in (u, v)) or (b == tip and a in (u, v)):
+                                held[g, m] = True
     c = first[u]
     while c >= 0:
         f, k = c // 3, c % 3
         if alive[f]:
             faces[f, k] = v
-            if sources[f, k] < 0:
-                sources[f, k] = -1 - sources[f, k]
-            else:
-                sources[f, k] = given[0]
+            side = 0
+            for i in range(whole - size):
+                if old[i] == sources[f, k] or (i == 1 and old[0] >> 32 != sources[f, k] >> 32):
+                    side = i
+            sources[f, k] = given[side]
         c = following[c]
     c = first[v]
     while following[c] >= 0:
         c = following[c]
     following[c] = first[u]
     first[u] = -1
-    for i in range(dying):
-        if marks[i]:
-            _hold_edge(v, tips[i], faces, first, following, held, alive)
-
-
-@kernel
-def _settle(vertices, points, quadrics, most, moved):
-    # To where the planes meet best: the least of the quadric, held a little.
-    for v in vertices:
-        q = quadrics[v]
-        hold = _HOLD * q[10]
-        x, y, z = points[v, 0], points[v, 1], points[v, 2]
-        a, b, c, d, e, f = q[0] + hold, q[1], q[2], q[3] + hold, q[4], q[5] + hold
-        r = -(q[0] * x + q[1] * y + q[2] * z + q[6])
-        s = -(q[1] * x + q[3] * y + q[4] * z + q[7])
-        t = -(q[2] * x + q[4] * y + q[5] * z + q[8])
-        i, j, k = d * f - e * e, c * e - b * f, b * e - c * d
-        whole = a * i + b * j + c * k
-        if not whole > 1e-12 * (a * d * f):
-            continue
-        g, h, m = a * f - c * c, b * c - a * e, a * d - b * b
-        dx = (i * r + j * s + k * t) / whole
-        dy = (j * r + g * s + h * t) / whole
-        dz = (k * r + h * s + m * t) / whole
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        if length > most:
-            continue
-        moved[v, 0], moved[v, 1], moved[v, 2] = dx, dy, dz
+    _drop_dead(v, first, following, alive)
+    for i in range(size, whole):
+        for j in range(3):
+            w = faces[fan[i], j]
+            if w != v and w != u:
+                _drop_dead(w, first, following, alive)
+    return True

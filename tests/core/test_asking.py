@@ -113,6 +113,9 @@ RUNS = {
         mesh, mask=mask, progress=ask
     ),
     "denoising both": lambda mesh, colors, mask, ask: BOTH(mesh, colors, mask=mask, progress=ask),
+    "low poly": lambda mesh, colors, mask, ask: core.crisp_low_poly(
+        mesh, core.GeometrySettings(amount=0.0), progress=ask
+    ),
     "welding": lambda mesh, colors, mask, ask: core.weld(mesh.vertices, progress=ask),
     "welding borders": lambda mesh, colors, mask, ask: weld_borders(
         mesh.vertices, mesh.faces, progress=ask
