@@ -13,7 +13,7 @@ from .inputs import Floats
 _ROUNDING = 1e-12
 
 _ROWS = 1 << 16
-"""Faces that numpy gets at once."""
+"""Faces that numpy processes at once."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,12 @@ def face_normals(
 def faces_at(
     free: npt.NDArray[np.bool_], corner_vertices: npt.NDArray, starts: npt.NDArray
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray]:
-    """Choose the faces that have an edge between free vertices, as far as that can be.
+    """Choose the faces that may have an edge between free vertices.
 
     Returns
     -------
     corners : (number of corners,) bool
-        Those of the chosen faces.
+        Corners of the chosen faces.
     starts : (number of chosen faces,) int
         Their first corners among these.
     """
@@ -101,7 +101,7 @@ def sharp_edges(
     edges: int,
     angle: float,
 ) -> npt.NDArray[np.bool_]:
-    """Tell which edges have exactly two faces, which meet at more than an angle: (edges,)."""
+    """Return which edges have exactly two faces that meet at more than an angle: (edges,)."""
     sizes = np.diff(np.append(starts, len(corner_edges)))
     faces = np.repeat(np.arange(len(starts), dtype=np.int32), sizes)
     one, other = np.zeros((2, edges), dtype=faces.dtype)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Filter the geometry of a surface as a host program keeps it."""
+"""Filter the geometry of a surface, as a host program stores it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
 
 _VISIBLE = 0.02
-"""A move, in mean edge lengths, that people see."""
+"""Least visible move, in mean edge lengths."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Reshaped:
     ----------
     positions : (n, 3) float32
     moved : int
-        How many vertices moved visibly.
+        Number of vertices that moved visibly.
     largest_move : float
         In mean edge lengths.
     creases : CreaseEdges or None
@@ -61,11 +61,11 @@ def filter_shape(
     ----------
     surface : MirroredSurface
     name : str
-        Of the filter, in the registry.
+        Name of the filter in the registry.
     settings : object
-        Of the filter's settings class; a `Denoising` where a sharpening may follow.
+        Settings of the filter; a `Denoising` if a sharpening may follow.
     weld : bool
-        Vertices at exactly the same place move together, as the most protected of them.
+        Whether vertices at the same place move together, with the lowest of their masks.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -92,7 +92,7 @@ def filter_shape(
 
 
 def is_scan(surface: Surface) -> bool:
-    """Tell whether denoising takes the surface for that of a scan, whose bumps are wide."""
+    """Return whether denoising takes the surface for a scan, whose bumps are wide."""
     return noise_of_normals(welded(surface, weld=True).mesh).of_scan
 
 
@@ -115,7 +115,7 @@ def _pairs(surface: MirroredSurface, part: Welded, axis: int) -> npt.NDArray[np.
 
 
 def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Reshaped:
-    """Bring a welded part's new positions, which may be mirrored, back to the surface."""
+    """Return new positions of a surface from those of its welded part, with symmetry."""
     with aside("Placing vertices"):
         mesh = part.mesh
         moves = surface.from_world(positions - mesh.vertices)
