@@ -160,7 +160,7 @@ def test_motion_and_scale_do_not_matter(move, scale):
     distance = np.linalg.norm(found - expected, axis=1) / mesh.mean_edge_length
     # What lies around is averaged over cells along the axes, so that turning changes a little.
     assert distance.mean() < 0.025
-    assert distance.max() < 0.2
+    assert distance.max() < 0.3
 
 
 def test_order_of_vertices_faces_and_corners_does_not_matter():
