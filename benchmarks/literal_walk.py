@@ -7,14 +7,12 @@ Appendix A, "Tracing Flow-Lines"); where both faces of an edge flow into it, it 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from shock_filter.core import TriangleMesh
 from shock_filter.core.base.parallel import kernel, run
 from shock_filter.core.base.vectors import after, cross, dot, edge
 from shock_filter.core.flow.trace import face_centres
-from shock_filter.core.flow.walk import Triangles, find_given_rates, find_shock_rates
+from shock_filter.core.flow.walk import Triangles, find_shock_rates
 
 PAPER_STEP = 0.1
 """The paper's delta: length of a step, in mean edge lengths."""
@@ -24,34 +22,17 @@ def trace_faces(
     mesh: TriangleMesh, potential: np.ndarray, time: float, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Trace from the centre of each face, as `flow.trace.trace_faces` does."""
-    return _walked(mesh, find_shock_rates, potential, time, step, may_turn=False)
-
-
-def follow_from_faces(
-    mesh: TriangleMesh, vectors: np.ndarray, time: float, step: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Follow given vectors from the centre of each face, as `flow.trace.follow` does."""
-    return _walked(mesh, find_given_rates, vectors, time, step, may_turn=True)
-
-
-def _walked(
-    mesh: TriangleMesh,
-    find_rates: Any,
-    values: np.ndarray,
-    time: float,
-    step: float,
-    may_turn: bool,
-) -> tuple[np.ndarray, np.ndarray]:
-    triangles = Triangles(mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas, mesh.normals)
+    triangles = Triangles(mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas)
     rates = np.empty((mesh.face_count, 3))
-    run(find_rates, mesh.face_count, triangles, values, rates)
+    run(find_shock_rates, mesh.face_count, triangles, potential, rates)
     faces, coordinates = face_centres(mesh)
-    run(_walk, len(faces), triangles, rates, float(time), float(step), may_turn, faces, coordinates)
+    run(_walk, len(faces), triangles, mesh.normals, rates, float(time), float(step), faces,
+        coordinates)  # fmt: skip
     return faces, coordinates
 
 
 @kernel
-def _walk(start, stop, triangles, rates, time, step, may_turn, point_faces, coordinates):
+def _walk(start, stop, triangles, normals, rates, time, step, point_faces, coordinates):
     v = np.empty(3)
     direction = np.empty(3)
     for point in range(start, stop):
@@ -60,11 +41,11 @@ def _walk(start, stop, triangles, rates, time, step, may_turn, point_faces, coor
         left = time if triangles.areas[f] > 0 else 0.0
         _flow_vector(triangles, rates, f, v)
         direction[:] = v
-        while left > 0 and (dot(v, v) if may_turn else dot(v, direction)) > 0:
+        while left > 0 and dot(v, direction) > 0:
             pace = min(left, step / np.sqrt(dot(v, v)))
             left -= pace
             direction[:] = v
-            f, ended = _go_straight(triangles, pace, f, b, direction)
+            f, ended = _go_straight(triangles, normals, pace, f, b, direction)
             if ended:
                 break
             _flow_vector(triangles, rates, f, v)
@@ -73,10 +54,10 @@ def _walk(start, stop, triangles, rates, time, step, may_turn, point_faces, coor
 
 
 @kernel
-def _go_straight(triangles, pace, f, b, direction):
+def _go_straight(triangles, normals, pace, f, b, direction):
     # Go along a geodesic for some time, face by face, and turn `direction` with it. Returns the
     # face, and whether it ended at a border.
-    vertices, faces, twins, areas, normals, _ = triangles
+    vertices, faces, twins, areas, _ = triangles
     rates = np.empty(3)
     while True:
         exit_corner = -1

@@ -61,21 +61,21 @@ GEOMETRY = Kind("geometry", "mesh files")
 COLORS = Kind("colors", "mesh files")
 """``function(mesh, signal, settings, mask=, progress=)`` returns a signal at the vertices.
 
-A row names a function for signals at the corners beside it.
+`Filter.corners` names a function for signals at the corners.
 """
 
 IMAGE = Kind("image", "image files", is_image=True)
 """``function(image, settings, mask=, progress=)`` returns an image.
 
-One that has a parameter ``out`` is given an array for the result, which may be mapped from a file.
-Zarr arrays and large TIFF files are given as dask arrays; one may be returned, too.
+If it has a parameter ``out``, it writes into that array, which may be a memory-mapped file. Zarr
+arrays and large TIFF files come as dask arrays; it may return one, too.
 """
 
 TEXTURE = Kind("texture", "image files that the mesh shows", is_image=True, on_mesh=True)
 """``function(mesh, uv, image, settings, mask=, progress=, atlas=)`` returns an image."""
 
 FIELD = Kind("field", "mesh file", is_drawn=True)
-"""``function(mesh, uv, settings, size=, progress=, atlas=)`` returns an image; some want more."""
+"""``function(mesh, uv, settings, size=, progress=, atlas=)`` returns an image; some take more."""
 
 FLOW = Kind("flow", "flow map, array, NetCDF or Zarr file, or mesh", makes_frames=True)
 """``function(velocity, settings, frames=, progress=)`` returns an iterator of frames."""
@@ -111,7 +111,7 @@ class Filter(Row):
     kind : Kind
         What it works on.
     command : str
-        What people type to have files filtered.
+        The command that filters files.
     about : str
         What it is for, in a few words that follow the command's name.
     load : callable
@@ -126,13 +126,13 @@ class Filter(Row):
     load_vertices : callable
         Imports that and returns it.
     load_solver : callable or None
-        For `TEXTURE`: imports and returns a class that keeps what results with different gains
-        share: ``solver(mesh, uv, image, settings, normals=, atlas=)``, and
+        For `TEXTURE`: imports and returns a class that sets a filter up once for many gains:
+        ``solver(mesh, uv, image, settings, normals=, atlas=)``, and
         ``solver.filtered(gain, mask)``, linear in the gain but for normals. None if there is none.
     is_slow : bool
         Whether a preview computes less at once than with other filters.
     needs_levels : bool
-        For `TEXTURE`: whether it solves by multigrid, which small textures need not.
+        For `TEXTURE`: whether it solves by multigrid, which small textures do not need.
     closes_creases : bool
         For `GEOMETRY`: whether it closes creases, whose edges a host may mark as sharp.
     fills_gutter : bool
@@ -140,25 +140,25 @@ class Filter(Row):
     takes_mask : bool
         Whether it has a mask.
     takes_guide : bool
-        Whether another image's flow may move the values.
+        Whether the flow of another image may move the values.
     takes_gain : bool
         Whether its gain may be painted: the setting with that role.
     takes_others : bool
-        Whether it makes one image of several.
+        Whether it merges several images into one.
     takes_normals : bool
-        Whether it turns normals to object space, in frames of the mesh's shading.
+        Whether it needs the mesh's shading normals, for normal maps.
     takes_starts : bool
-        Whether it begins at vertices, edges or what is painted.
+        Whether it has sources: vertices, edges or painted texels.
     way : str or None
-        Which of the `WAYS` it goes if nothing else is said, empty for none; None if it goes none.
+        The default of the `WAYS` that it follows, empty for none; None if it follows none.
     takes_scale : bool
         Whether its scale may be painted.
     then : str
         Name of the sharpening, of the same kind of data, that may follow in the same run.
     then_time : float
-        Its time where none is given.
+        Its default time.
     then_settings : mapping
-        Its settings that differ from their defaults, beside its time.
+        Its other settings that differ from their defaults.
     """
 
     name: str
@@ -197,11 +197,11 @@ class Filter(Row):
         Parameters
         ----------
         then_time : float, optional
-            Flow time of the filter that follows; none follows if left out.
+            Flow time of the sharpening that follows. Default: none follows.
         corners : bool
             For `COLORS`: whether the signal is given at the corners.
         vertices : bool
-            For `FIELD`: whether values at the vertices are wanted.
+            For `FIELD`: whether the function returns values at the vertices.
 
         Returns
         -------
@@ -552,8 +552,10 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "advection.surface": ("advect_on_surface",),
     "advection.velocity": ("flow_frames",),
     "color.image_denoising": ("beltrami_manifold",),
+    "shape.crease_lines": ("CreaseLine", "find_creases"),
     "shape.denoising": ("beltrami_joint", "beltrami_mesh"),
     "shape.fit": ("fit_to_normals",),
+    "shape.low_poly": ("LowPoly", "crisp_low_poly"),
     "shape.sharpening": ("geometry_flow", "sharpen_normals"),
     "texture.gradient_domain": ("TextureSolver",),
     "texture.normal_maps": ("object_normals", "tangent_normals"),

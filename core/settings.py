@@ -21,45 +21,45 @@ MOST_STEPS = 100_000
 
 
 class Setting(NamedTuple):
-    """What a person needs to know about one field.
+    """The description of one field.
 
     Attributes
     ----------
     description : str
-        One or more full sentences without the final period (Blender adds it); says what the
-        neutral value is.
+        One or more sentences without the final period, which Blender adds; it names the neutral
+        value.
     unit : str
         Unit in words; empty for counts and choices.
     minimum, maximum : float
-        Allowed range, both ends included; no number is negative unless that is said.
+        Allowed range, including both ends. By default, numbers are not negative.
     soft_minimum, soft_maximum : float
         Range in which values are useful; sliders end there.
     choices : mapping
-        For text fields: the allowed words, each with its description.
+        For text fields, the allowed words with their descriptions.
     advanced : bool
-        True for fields that belong into a closed sub-panel.
+        Whether the field belongs into the closed sub-panel.
     length_power : int
         The power of length in the unit of a number.
     counts_in : str
-        What that length is measured in: ``"edges"``, ``"texels"`` or ``"pixels"``, each the mean
-        one; or ``"faces"``, see `_Settings.counts_in`. A preview on shorter edges or on larger
-        texels converts the number. Empty for lengths that depend on none of these.
+        The unit of that length: mean ``"edges"``, ``"texels"`` or ``"pixels"``; or ``"faces"``, see
+        `_Settings.counts_in`. Previews with shorter edges or larger texels convert the number.
+        Empty for other lengths.
     label : str
-        Words on screen where those of the field's name are too long or too technical; at most
-        14 letters, which is what Blender's sidebar shows.
+        Label on screen, if the field's name is too long or too technical; at most 14 letters,
+        which fit into Blender's sidebar.
     role : str
-        What programs use the value for, beside handing it to the filter: ``"time"``, ``"width"``
-        (of the borders that are closed; 0 measures it), ``"gain"``, ``"opacity"``,
-        ``"content"``, ``"enlargement"`` or ``"repeats"``. See `named` and `value_of`.
+        The meaning of the value for programs: ``"time"``, ``"width"`` (of the borders to close; 0
+        measures it), ``"gain"``, ``"opacity"``, ``"content"``, ``"enlargement"`` or ``"repeats"``.
+        See `named` and `value_of`.
     of_data : bool
-        Whether it says what the data are, so that a filter that follows in the same run takes it
-        over.
+        Whether it describes the data, so that a filter that follows in the same run has the same
+        value.
     rehearsed : tuple
-        Values with compiled code of their own, beside the default and all choices.
+        Further values with compiled code of their own, besides the default and all choices.
     brief : number or None
-        A value with which the filter is done quickly, and compiles the same code as with others.
+        A value with which the filter is fast and compiles the same code.
     tried_at_most : float
-        A preview takes no more, so that it is done in time.
+        The largest value in previews, which must be fast.
     """
 
     description: str
@@ -87,7 +87,7 @@ def _setting(default: Any, description: str, **about: Any) -> Any:
 
 
 def _changed(settings: type, name: str, default: Any, description: str = "", **about: Any) -> Any:
-    """Declare another class's field with another default; what is not said is as there."""
+    """Declare a field of another class again, with another default and the given changes."""
     known = describe(settings)[name][2]
     known = known._replace(description=description or known.description, **about)
     return dataclasses.field(default=default, metadata={"setting": known})
@@ -154,7 +154,7 @@ class _Settings:
             raise TypeError(f"{type(self).__name__} has no setting {name!r}")
 
     def changed(self, **values: Any) -> Any:
-        """Return the same settings with other values."""
+        """Return a copy with other values."""
         return dataclasses.replace(self, **values)  # type: ignore[type-var]
 
     @property
@@ -164,24 +164,24 @@ class _Settings:
 
     @property
     def sharpen_time(self) -> float | None:
-        """The time of a sharpening that follows in the same run; None if none does."""
+        """The time of a sharpening that follows in the same run, or None."""
         return None
 
     @property
     def by_width(self) -> bool:
-        """Whether the width of borders says how far values flow, and no time."""
+        """Whether the flow time follows from the width of borders."""
         return False
 
     @property
     def reach(self) -> float:
-        """How many pixels are read for each one, where that decides how long it takes; 0 if not."""
+        """Number of pixels read for each pixel, if the time depends on it; otherwise 0."""
         return 0.0
 
     def counts_in(self, name: str) -> str:
-        """Say in what the length of a setting is measured; see `Setting`.
+        """Return the unit of the length of a setting; see `Setting`.
 
-        Numbers that count in faces say how many steps from face to face there are, on surfaces that
-        are taken for scans, whatever the size of the faces; on all others they count in edges.
+        On surfaces that are taken for scans, numbers in faces are steps from face to face, whatever
+        the size of the faces; on other surfaces their unit is the mean edge.
         """
         return describe(type(self))[name][2].counts_in
 
@@ -229,11 +229,11 @@ _REMOVED: dict[str, dict[str, str]] = {
         "integration": "steps take the velocity halfway, as 'midpoint' said; leave it out.",
     },
 }
-"""What earlier versions had: by class and name, what holds instead."""
+"""Replacements for settings of earlier versions, by class and name."""
 
 
 def removed_of(settings: type) -> dict[str, str]:
-    """Give the names that a settings class had once, with what holds instead."""
+    """Return the former settings of a class, with their replacements."""
     tables = [_REMOVED.get(kind.__name__, {}) for kind in settings.__mro__]
     return {name: text for table in tables for name, text in table.items()}
 
@@ -242,7 +242,7 @@ _Given = TypeVar("_Given", bound=_Settings)
 
 
 def given_or_default(settings: _Given | None, kind: type[_Given]) -> _Given:
-    """Return the settings, or those of a class where none are given.
+    """Return the settings, or the defaults of a class for None.
 
     Raises
     ------
@@ -287,7 +287,7 @@ def _number(name: str, value: Any, about: Setting, kind: type) -> Any:
 
 @_fields
 class _FlowSettings(_Settings):
-    """Settings of the flow: those of signals differ from them (paper sections 3 and 4)."""
+    """Settings of the flow (paper sections 3 and 4)."""
 
     time: float = _setting(
         256.0,
@@ -311,7 +311,7 @@ class _FlowSettings(_Settings):
 
 
 BY_WIDTH = -1.0
-"""The time of signals that is not given: Width says how far values flow, at each place."""
+"""The default time of signals: the flow time at each place follows from the width."""
 
 WIDTH_OF_SIGMA = 2.5631
 """Width, from 10 to 90 percent, of a border that a Gaussian of sigma 1 has blurred."""
@@ -344,9 +344,9 @@ def _amount() -> Any:
 class ShockSettings(_Settings):
     """Settings of the filters of signals: colors on meshes, in images and in textures (section 3).
 
-    What and Width say how far values flow, by the contrast of each place, and Amount how much of
-    that is taken. A time of 0 or more overrides What and Width, and is that of the paper: it acts
-    alike everywhere. Its default, `BY_WIDTH`, is any negative number.
+    What and Width determine the flow time at each place from the local contrast, and Amount is the
+    share of the change in the result. A time of 0 or more overrides What and Width; it is the time
+    of the paper, which is the same everywhere. Its default, `BY_WIDTH`, is negative.
     """
 
     what: str = _what("drawing", "drawing", "photo")
@@ -396,7 +396,7 @@ class ShockSettings(_Settings):
 
     @property
     def by_width(self) -> bool:
-        """Whether What and Width say what is done, and no time."""
+        """Whether What and Width are used, and not the time."""
         return self.time < 0
 
     @property
@@ -911,7 +911,7 @@ class FitSettings(_Settings):
 
 
 OF_PAPER = {"where": "everywhere", "align_passes": 0, "fit_steps": 1, "crease_freedom": 0.0}
-"""The neutral values of what `GeometrySettings` has beyond the paper: flow and one-step refit."""
+"""The neutral values of settings beyond the paper, which has the flow and a one-step refit."""
 
 
 @_fields
@@ -927,15 +927,15 @@ class GeometrySettings(FitSettings, _FlowSettings):
         "Which parts are sharpened",
         choices={
             "everywhere": "All that bends more than the threshold allows",
-            "creases": "Creases: what is sharp or smooth stays as it is, statues change half as"
-            " much, and wide roundings flow 4 times longer",
+            "creases": "Creases: face by face a small network tells rounded creases, which close,"
+            " from fillets, relief and what is sharp, which stay",
         },
     )
     widest_fillet: float = _setting(
         0.0,
-        "Where only creases are sharpened: the radius up to which roundings count as creases that"
-        " were lost; wider ones are taken for designed and stay. 0 closes all that it finds, up to"
-        " about 4; 1 keeps fillets of a radius of 2",
+        "Where only creases are sharpened: the radius up to which roundings are closed; wider ones"
+        " stay. 0 decides place by place; 1 keeps fillets of a radius of 2; 4 closes also what 0"
+        " would leave",
         unit="mean edge lengths",
         maximum=4.0,
         soft_maximum=4.0,
@@ -1039,7 +1039,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
 
     @classmethod
     def of_paper(cls, **settings: Any) -> "GeometrySettings":
-        """Give settings of the paper's filter alone, beside those that are named.
+        """Return settings for the filter of the paper, with changes.
 
         Examples
         --------
@@ -1051,7 +1051,7 @@ class GeometrySettings(FitSettings, _FlowSettings):
 
 
 CUTOFF = 0.01
-"""Weights of the kernel below this part of the largest one count as nothing."""
+"""Weights of the kernel below this fraction of the largest one are left out."""
 
 
 def _kernel_time(lengths: str, maximum: float, counts_in: str = "edges") -> Any:
@@ -1104,7 +1104,7 @@ class BeltramiMeshSettings(_Settings):
 
     @property
     def limit(self) -> float:
-        """Square of the distance beyond which nothing counts: weights there are below `CUTOFF`."""
+        """Squared distance beyond which weights are below `CUTOFF`."""
         return -4.0 * self.time * math.log(CUTOFF)
 
 
@@ -1119,7 +1119,7 @@ class BeltramiSettings(BeltramiMeshSettings):
 
     @property
     def reach(self) -> float:
-        """About how many pixels each one is averaged over in one iteration."""
+        """About the number of pixels in the mean of one iteration."""
         return max(math.pi * self.limit, 1.0)
 
 
@@ -1186,6 +1186,6 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     repeat: int = _changed(GeometrySettings, "repeat", 3)
 
     def counts_in(self, name: str) -> str:
-        """See `_Settings.counts_in`: positions are averaged by lengths, on scans, too."""
+        """See `_Settings.counts_in`; positions are also averaged by lengths on scans."""
         unit = super().counts_in(name)
         return "edges" if unit == "faces" and self.filtered == "positions" else unit

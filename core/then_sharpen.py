@@ -23,7 +23,7 @@ Filter = Callable[..., Any]
 
 
 def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
-    """Have what a filter has denoised be sharpened in the same run.
+    """Make a filter that denoises and then sharpens.
 
     Parameters
     ----------
@@ -31,18 +31,19 @@ def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
         Filters of the same kind of data, see `registry.Kind`; or `beltrami_joint_corners` and
         `sharpen_both`.
     sharpening : object or None
-        The settings of `sharpen`; None leaves it out.
+        The settings of `sharpen`; None if nothing is sharpened.
 
     Returns
     -------
     callable
-        ``function(*data, settings=None, mask=None, progress=None)``. Data and result, settings and
-        mask are those of `denoise`; the sharpening has the same mask. Each half of the progress
-        is one of the two.
+        ``function(*data, settings=None, mask=None, progress=None)``. Data, settings, mask and
+        result are those of `denoise`; `sharpen` gets the same mask. Each of the two takes half of
+        the progress.
 
     Notes
     -----
-    Opacity of an image, and what a texture holds, are what the settings of `denoise` say.
+    `sharpen` takes over the settings of `denoise` that describe the data, such as the opacity of an
+    image and the content of a texture.
 
     Examples
     --------
@@ -70,7 +71,7 @@ def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
             with phase(0.0, 0.5, "Denoising"):
                 result = denoise(*data, settings=settings, mask=mask, **more)
             with phase(0.5, 1.0, "Sharpening"):
-                # The result takes the place of what was denoised, which stands last.
+                # The result replaces the last of the data, which was denoised.
                 last = data[-1]
                 denoised = _moved(last, result) if isinstance(last, TriangleMesh) else result
                 if denoised is None:
@@ -81,7 +82,7 @@ def then_sharpen(denoise: Filter, sharpen: Filter, sharpening: Any) -> Filter:
 
 
 def _on_same_data(sharpening: Any, settings: Any) -> Any:
-    # What the data are is as the first filter's settings say.
+    # The first filter's settings describe the data.
     if settings is None:
         return sharpening
     given = {
@@ -98,7 +99,7 @@ def sharpen_both(
     settings: ShockSettings,
     mask: npt.ArrayLike | None = None,
 ) -> tuple[Floats, npt.NDArray]:
-    """Sharpen new positions of a mesh, and colors of its corners on the surface that is sharp."""
+    """Sharpen a mesh at new positions, and then the colors of its corners on the result."""
     positions, signal = both
     moved = _moved(mesh, positions)
     if moved is None:
@@ -112,7 +113,7 @@ def sharpen_both(
 
 
 def _moved(mesh: TriangleMesh, positions: Floats) -> TriangleMesh | None:
-    # A long time draws all vertices to a point or a line, where nothing is left to sharpen.
+    # A long time contracts the mesh to a point or a line, where nothing is left to sharpen.
     try:
         return mesh.moved_to(positions)
     except InvalidMesh:

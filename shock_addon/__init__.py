@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The face in Blender: properties, operators, panels and menus over the core."""
+"""The user interface in Blender: properties, operators, panels and menus for the core."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from bpy.app.handlers import persistent
 from ..core.host import forgetting
 from .commands import registration as command
 from .data import shown
+from .flow import marking
 from .flow import operator as flow_operator
 from .flow import showing as flow_shown
 from .operators import base as operators
@@ -26,6 +27,7 @@ _CLASSES = (
     *filtering.classes(),
     *comparing.CLASSES,
     *flow_operator.CLASSES,
+    *marking.CLASSES,
     *preview_operator.CLASSES,
     *painting.CLASSES,
     *presets.CLASSES,
@@ -37,14 +39,14 @@ _CLASSES = (
 
 @persistent
 def _forget_file(*_: object) -> None:
-    # What was read from the file that is left, and what was said about it.
+    # Forget data and messages of the previous file.
     forgetting.forget_file()
     operators.summaries.clear()
 
 
 @persistent
 def _note_undo(*_: object) -> None:
-    # What was undone is not there any more.
+    # Data that was undone no longer exists.
     operators.summaries.clear()
     comparing.look_again(-1)
 
@@ -56,7 +58,7 @@ def _note_redo(*_: object) -> None:
 
 def _handlers() -> list[tuple]:
     handlers = bpy.app.handlers
-    # Previews end before anything reads or replaces what they show.
+    # End previews before anything reads or replaces the data that they show.
     changes = (handlers.load_pre, handlers.save_pre, handlers.undo_pre, handlers.redo_pre)
     return [
         *((each, preview_operator.stop) for each in changes),
@@ -74,15 +76,15 @@ def _handlers() -> list[tuple]:
 
 
 def _unregister_at_exit() -> None:
-    # Blender disables its add-ons itself. A script that registers the package and forgets the
-    # rest would crash: the bpy module cannot end with classes registered.
+    # Blender disables its add-ons itself. The bpy module crashes at exit if a script registers the
+    # package and does not unregister it.
     package = sys.modules[__package__.rpartition(".")[0]]
     if not getattr(package, "__addon_enabled__", False):
         unregister()
 
 
 def register() -> None:
-    """Add everything to Blender, until its process ends at the latest."""
+    """Register everything; it is unregistered when the process ends, at the latest."""
     atexit.register(_unregister_at_exit)
     kernels.register()
     translations.register()
@@ -98,7 +100,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop what is running and remove everything again, in reverse order."""
+    """Stop all runs and previews, and unregister everything in reverse order."""
     from .operators import statistics
 
     atexit.unregister(_unregister_at_exit)
@@ -108,7 +110,7 @@ def unregister() -> None:
     jobs.stop_all()
     flow_shown.hide()
     for handlers, function in _handlers():
-        if function in handlers:  # other add-ons may clear such lists
+        if function in handlers:  # other add-ons may clear these lists
             handlers.remove(function)
     command.unregister()
     manual.unregister()

@@ -2,8 +2,8 @@
 """Sharpen files with Blender from the command line.
 
 Run as ``blender -b [FILE] -P shock_addon/batch.py -- sharpen-geometry IN... OUT [--time 64 ...]``.
-IN may be ``-`` for FILE, the file that Blender opened. The enabled extension does the work; without
-one, the source tree that this script lies in does.
+IN may be ``-`` for FILE, the file that Blender opened. The script uses the enabled extension, or
+else the source tree that contains it.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ NAME = "shock_filter"
 
 
 def enabled_extension() -> ModuleType | None:
-    """Return the extension's package if it is enabled in this Blender."""
+    """Return the package of the extension if this Blender has enabled it."""
     for name, module in list(sys.modules.items()):
-        # Blender marks what it enabled, whether for good or by --addons for this session.
+        # Blender marks enabled add-ons, also those enabled by --addons for this session only.
         if name.rpartition(".")[2] == NAME and getattr(module, "__addon_enabled__", False):
             return module
     return None
@@ -40,7 +40,7 @@ def load_source_tree() -> ModuleType:
 
 
 def run(arguments: list[str]) -> int:
-    """Run the command line; returns the exit code. What is registered for it goes again."""
+    """Run the command line and return its exit code; register the extension for that time."""
     extension = enabled_extension()
     package = extension or load_source_tree()
     if extension is None:
@@ -56,13 +56,13 @@ def run(arguments: list[str]) -> int:
 
 
 def main() -> None:
-    """Run what stands after ``--``, and leave Blender with the exit code."""
+    """Run the arguments after ``--``, and quit Blender with the exit code."""
     code = 1
     try:
         code = run(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
     except BaseException:
         traceback.print_exc()
-    sys.exit(code)  # Blender itself would end with 0, even after an error
+    sys.exit(code)  # Blender itself would exit with 0, even after an error
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The kinds of Blender's data: their properties in panels, and how they are read and written.
 
-Enabling the extension must import neither numpy nor kernels, so each kind names small functions
-that import what they need when they are called. Needs no bpy itself. Annotations are not postponed
-here, since evaluating them later takes longer.
+Enabling the extension must import neither numpy nor kernels, so the functions here import what they
+need when they are called. This module does not use bpy. Its annotations are not postponed, because
+evaluating them later takes longer.
 """
 
 from collections.abc import Callable
@@ -19,12 +19,12 @@ MASK = {*_WHERE, "mask_image"}
 _TEXTURE = ("image", "maps", "output", "assign")
 
 _GENERATED = ("image", "image_size", "add_node")
-"""Properties of what makes images."""
+"""Properties of generated images."""
 
 _SHADING = ("custom_normals", "mark_sharp", "sharp_angle")
 
 _FRAMES = ("frames", "in_colors", "folder")
-"""Properties of what makes frames."""
+"""Properties of frames."""
 
 _ON_SURFACE = ("image_size", "add_node")
 
@@ -36,9 +36,9 @@ class Data(Row):
     ----------
     handled_as : str
         ``"meshes"``, ``"images"``, ``"textures"``, ``"fields"`` (images made from the shape) or
-        ``"films"``: which operators and previews there are for it.
+        ``"films"``; chooses operators and previews.
     properties : tuple of str
-        What the panel keeps for it beside settings; see `operators.properties`.
+        Names of its properties besides settings; see `operators.properties`.
     filter : callable
         ``filter(surface, name, settings, weld, progress)`` filters what was read by the filter of
         that name in the registry, on any thread. `weld` says whether vertices at the same place
@@ -47,7 +47,7 @@ class Data(Row):
         For meshes: ``read(obj, object_mode, parameters)``, see `data.mesh.meshes.read_targets`;
         and ``write(target, result, key_name)``, which returns the object.
     flow : callable or None
-        Like `filter`; computes where a shock filter pulls, for Show Flow.
+        Like `filter`; computes the flow of a shock filter, for Show Flow.
     moves, paints : bool
         For meshes: whether vertices move, and whether colors change.
     object_modes : tuple of str
@@ -55,7 +55,7 @@ class Data(Row):
     in_images : bool
         Whether the Image Editor offers it.
     on_surface : bool
-        Whether it is there on mesh objects only.
+        Whether it needs a mesh object.
     in_floats : bool
         For fields: whether a new image holds floats.
     """
@@ -103,21 +103,21 @@ def filter_image(image: Any, name: str, settings: Any, weld: bool, progress: Any
 
 
 def filter_texture(surface: Any, name: str, settings: Any, weld: bool, progress: Any) -> Any:
-    """Filter an image on the surface that shows it."""
+    """Filter an image on its surface."""
     from ..core.host.textures import filter_texture
 
     return filter_texture(surface, name, settings, progress)
 
 
 def make_image(surface: Any, name: str, settings: Any, weld: bool, progress: Any) -> Any:
-    """Make an image from the shape of a surface."""
+    """Generate an image from the shape of a surface."""
     from ..core.host.fields import generate
 
     return generate(surface, name, settings, progress)
 
 
 def draw_frames(film: Any, name: str, settings: Any, weld: bool, progress: Any) -> Any:
-    """Draw the frames that show a flow, and write them beside their folder."""
+    """Draw the frames of a flow, and write them into a hidden folder."""
     from ..core.host.advection import frames_of
     from .data.image.sequences import stage
 
@@ -126,14 +126,14 @@ def draw_frames(film: Any, name: str, settings: Any, weld: bool, progress: Any) 
 
 
 def flow_of_shape(surface: Any, name: str, settings: Any, weld: bool, progress: Any) -> Any:
-    """Compute where vertices are pulled."""
+    """Compute the flow of the shock filter of vertices."""
     from ..core.preview.flow import flow_of_shape
 
     return flow_of_shape(surface, settings, weld, progress)
 
 
 def flow_of_colors(surface: Any, name: str, settings: Any, weld: bool, progress: Any) -> Any:
-    """Compute where colors are pulled."""
+    """Compute the flow of the shock filter of colors."""
     from ..core.preview.flow import flow_of_colors
 
     return flow_of_colors(surface, settings, weld, progress)
@@ -253,4 +253,4 @@ DATA = {
     ),
     "flow_map": Data("films", ("image", "y_axis", *_FRAMES), draw_frames, in_images=True),
 }
-"""The kinds of Blender's data; those that the registry knows have its names."""
+"""The kinds of Blender's data. Kinds of the registry have the same names here."""

@@ -2,13 +2,13 @@
 """The table of modes: one row for each choice in the panels.
 
 Property groups, operators, buttons, menus, presets, previews, statistics, links into the manual and
-Blender's command line are made by walking over the rows; operators by ``type(...)`` in
-`operators.filtering`. The rest stands in the row of its filter (`core.registry`: settings, kind
-of data, the filter that may follow) and in `kinds`, the table of Blender's data.
+Blender's command line are made from these rows; operators by ``type(...)`` in
+`operators.filtering`. Settings, kind of data and the filter that may follow are in the filter's row
+of `core.registry`; `kinds` is the table of Blender's data.
 
 *Mode* means a row here, as it does on screen; what Blender calls a mode of the 3D view is an
-*object mode*. Needs no bpy, neither numpy nor numba. Annotations are not postponed here, since
-evaluating them later takes longer.
+*object mode*. This module uses neither bpy, numpy nor numba. Its annotations are not postponed,
+because evaluating them later takes longer.
 """
 
 import math
@@ -32,9 +32,9 @@ class Preset(Row):
     name : str
         Words on screen.
     reason : str
-        What it is for, without the final period (Blender adds it): the tooltip.
+        The tooltip: its purpose, without the final period, which Blender adds.
     values : mapping
-        What differs from the defaults; all other settings of the filter get theirs.
+        Settings that differ from the defaults; all others are set to their defaults.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Preset(Row):
 
 
 DEFAULTS = Preset("Defaults", "Sets everything back to what it is at first", {})
-"""A preset of each mode, above the others."""
+"""A preset of each mode, first in its list."""
 
 _PAINTERLY = Preset(
     "Painterly Steady State",
@@ -53,7 +53,7 @@ _PAINTERLY = Preset(
 
 
 class Target(Row):
-    """What a run works on; a mode has one, or several among which a property chooses.
+    """A filter and its data; a mode has one, or several among which a property chooses.
 
     Attributes
     ----------
@@ -62,14 +62,14 @@ class Target(Row):
     key, label, about : str
         For the property's choice.
     prefix : str
-        What the names of its settings' properties begin with.
+        Prefix of the properties of its settings.
     kind : str
-        Key of `kinds.DATA`; the registry's one if left out.
+        Key of `kinds.DATA`. Default: the kind in the registry.
     defaults : mapping
-        Those of settings that are other ones here.
+        Defaults of settings that differ from the registry's.
     dials : tuple of str or None
-        Settings that mouse and wheel change in a preview, if not the time and the mode's second;
-        empty for none.
+        Settings that mouse and wheel change in a preview, empty for none. None for the time and
+        the mode's `second`.
     """
 
     filter: str
@@ -98,12 +98,12 @@ class Target(Row):
 
     @property
     def time(self) -> str:
-        """The property of the time; empty if there is none."""
+        """Name the property of the time; empty if there is none."""
         return self._named("time")
 
     @property
     def width(self) -> str:
-        """The property of the width, which counts while a time is below 0; empty if none."""
+        """Name the property of the width, used if the time is below 0; empty if there is none."""
         return self._named("width")
 
     def _named(self, role: str) -> str:
@@ -126,18 +126,18 @@ class Target(Row):
 
     @property
     def steady_state(self) -> str:
-        """The property that makes this time infinite; empty if it has to be finite."""
+        """Name the property for an infinite time; empty if it must be finite."""
         is_endless = self.time and math.isinf(self.fields[self.time].maximum)
         return self.prefix + STEADY_STATE if is_endless else ""
 
     @property
     def fields(self) -> dict[str, Setting]:
-        """Describe the filter's settings, by the names of their properties."""
+        """Return descriptions of the filter's settings, by the names of their properties."""
         return _described(self.row.settings, self.prefix)
 
     @property
     def settings(self) -> list[str]:
-        """List the properties that say what is done."""
+        """List the properties of settings."""
         names, steady_state = list(self.fields), self.steady_state
         if steady_state:
             names.insert(names.index(self.time) + 1, steady_state)
@@ -145,7 +145,7 @@ class Target(Row):
 
     @property
     def places(self) -> list[str]:
-        """List the properties that say where it is done."""
+        """List the properties of the data."""
         names, row = self.data.properties, self.row
         return [name for name in names if row.takes_mask or name not in MASK]
 
@@ -168,29 +168,29 @@ class Mode(Row):
         Name after ``shock_filter.``, description without a period.
     targets : tuple of Target
     done : str
-        What was done, in a verb such as "Sharpened".
+        The verb of the report, such as "Sharpened".
     page : str
-        Where the manual explains it.
+        Its page in the manual.
     second : str
         The setting that the wheel changes in a preview; empty if the wheel changes nothing.
     about_in_images : str
     advice : str
-        What to do if little has changed.
+        Advice for the report if little has changed.
     nothing : str
-        What is said instead where no vertex has moved.
+        The report if no vertex has moved.
     changes : str
-        How much was done, where this is not how much colors have changed.
+        The amount for the report, if it is not how much colors have changed.
     announced : str
-        What the panel says of the texture that a run would take.
+        The panel's text for the texture that a run would take.
     flow : str
-        Whose flow Show Flow shows, for its choice; empty where the filter has none.
+        Description of its flow among the choices of Show Flow; empty if it has none.
     icon : str
         Of the button.
     presets : tuple of Preset
         In the order of the list that the panel's header opens.
     within : str
-        Key of the mode whose button it stands below, and whose settings it takes; it has neither
-        a choice nor presets of its own then.
+        Key of the mode whose settings it uses, and below whose button its own is; it then has
+        neither a choice nor presets of its own.
     """
 
     key: str
@@ -213,26 +213,26 @@ class Mode(Row):
     within: str = ""
 
     def target(self, parameters: Any) -> Target:
-        """Return the one that the parameters of the panel or the operator choose."""
+        """Return the target that the parameters of the panel or the operator choose."""
         chosen = getattr(parameters, "target", "")
         return next((each for each in self.targets if each.key == chosen), self.targets[0])
 
     def makes_objects(self, parameters: Any) -> bool:
-        """Whether parameters ask for new objects with what is seen of those that are chosen."""
+        """Whether parameters ask for new objects, with modifiers and shape keys applied."""
         return "output" in self.target(parameters).places and parameters.output == "OBJECT"
 
     def target_in(self, object_mode: str) -> Target | None:
-        """Return the first that the menu of an object mode offers."""
+        """Return the first target that the menu of an object mode offers."""
         return next((t for t in self.targets if object_mode in t.data.object_modes), None)
 
     @property
     def title(self) -> str:
-        """The words on the button."""
+        """Return the words on the button."""
         return self.operator.replace("_", " ").title()
 
     @property
     def group(self) -> str:
-        """The property group that has its settings."""
+        """Name the property group with its settings."""
         return self.within or self.key
 
     @property
@@ -242,31 +242,31 @@ class Mode(Row):
 
     @property
     def has_preview(self) -> bool:
-        """Whether what is tried can be shown before a run; films cannot."""
+        """Whether it has a preview; films do not."""
         return self.data.handled_as != "films"
 
     @property
     def follows(self) -> type | None:
-        """The settings class of the sharpening that may follow in the same run."""
+        """Return the settings class of the sharpening that may follow in the same run."""
         then = self.targets[0].row.then
         return registry.find(then).settings if then else None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """List its properties, which the panel keeps."""
+        """List its properties, whose values the panel keeps."""
         places = [name for target in self.targets for name in target.places]
         return tuple(dict.fromkeys([*self.filter_names, *places]))
 
     @property
     def filter_names(self) -> list[str]:
-        """List those that say what is done, and not where it is read and written."""
+        """List the properties of settings, without those of input and output."""
         names = ["target"] * (len(self.targets) > 1)
         for target in self.targets:
             names += target.settings
         return names + ["then_sharpen", "sharpen_time"] * (self.follows is not None)
 
     def names_for(self, parameters: Any) -> list[str]:
-        """List those that matter with the target that is chosen."""
+        """List the properties that apply to the chosen target."""
         target = self.target(parameters)
         of_others = {name for each in self.targets for name in (*each.settings, *each.places)}
         of_others.difference_update(target.settings, target.places)
@@ -561,7 +561,7 @@ MODES: list[Mode] = [
         " is larger than the radius stays",
         "filter_texture",
         "Raise or smooth the detail of a texture, on the surface and across UV seams",
-        # Wider, logos and letters get a glow.
+        # A larger radius makes logos and letters glow.
         (
             Target(
                 "filter_texture",
@@ -815,5 +815,5 @@ def choices() -> list[Mode]:
 
 
 def below(mode: Mode) -> list[Mode]:
-    """List what stands below a mode's button."""
+    """List the modes whose buttons are below that of a mode."""
     return [each for each in MODES if each.within == mode.key]

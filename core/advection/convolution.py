@@ -18,7 +18,7 @@ from .velocity import ROWS, Flow, Motion, wraps
 _Singles = npt.NDArray[np.float32]
 _Wraps = tuple[bool, bool]
 
-_WAY, _VALUE = np.float32(32767), np.float32(1 << 23)  # what packed numbers count in
+_STEP_SCALE, _VALUE_SCALE = np.float32(32767), np.float32(1 << 23)
 _BLOCK = 256
 
 
@@ -40,10 +40,10 @@ def line_integral_convolution(
         To the right and up; rows go from top to bottom as in images. Only its direction counts.
         NaN where the flow is undefined.
     noise : (h, w) array of float in [0, 1], optional
-        What is averaged, any image; random values if left out.
+        The image to average. Default: random values.
     settings : ConvolutionSettings, optional
     size : (int, int), optional
-        Rows and columns of the picture; those of `noise`, or of the velocity, if left out.
+        Rows and columns of the picture. Default: those of `noise`, or else of the velocity.
     mask : (h, w) array of bool, optional
         Where the flow is defined, in the size of the velocity or of the picture.
     progress : callable, optional
@@ -90,7 +90,7 @@ def line_integral_convolution(
         half = round(0.5 * settings.length)
         rim = half + 2
         joined = wraps(settings.periodic)
-        # Random values go on beyond the border, so that streaks do not change there.
+        # Random values continue beyond the border, so that streaks do not change there.
         if given is None:
             values = np.empty([count + 2 * rim for count in flow.size], dtype=np.float32)
             key = stream(settings.seed, 0, FIRST)
@@ -107,18 +107,18 @@ def line_integral_convolution(
 def short_convolution(
     motion: Motion, longest: float, values: _Singles, length: int, joined: _Wraps
 ) -> _Singles:
-    """Average values along the flow, less far where it is slow.
+    """Average values along the flow, over shorter distances where it is slow.
 
     Parameters
     ----------
     motion : Motion
     longest : float
-        The step of the fastest places, which go a pixel from sample to sample.
+        The largest step of the flow. Samples are a pixel apart there.
     values : (h, w) float32
     length : int
         In pixels; one sample more is taken.
     joined : (bool, bool)
-        As `wraps` tells.
+        As returned by `wraps`.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def short_convolution(
 
 
 def _convolved(motion: Motion, values: _Singles, rim: int, half: int, joined: _Wraps) -> _Singles:
-    # All ways are a pixel long.
+    # Each step is one pixel long.
     size = motion.right.shape
     packed = np.empty([count + 2 * rim for count in size], dtype=np.int64)
     run(_pack, len(packed), *motion, values, rim, joined, packed, chunk=ROWS)
@@ -182,32 +182,34 @@ def _make_noise(start, stop, key, rim, joined, values):
 
 @kernel
 def _pack(start, stop, right, down, defined, values, rim, joined, packed):
-    # A way and a value in 64 bits, so that memory is read once for both. The value's bits are
-    # inverted where an average ends, which makes it negative.
+    # A direction and a value share 64 bits, so that memory is read once for both. The value's bits
+    # are inverted where an average ends, which makes it negative.
     rows, columns = right.shape
     wrap_x, wrap_y = joined
     everywhere = values.shape[0] > rows
-    ways = np.empty(columns, dtype=np.int32)
+    directions = np.empty(columns, dtype=np.int32)
     for i in range(start, stop):
         y = (i - rim) % rows if wrap_y else min(max(i - rim, 0), rows - 1)
         beyond = y != i - rim and not wrap_y and not everywhere
         for j in range(columns):
             u, v = right[y, j], down[y, j]
             factor = np.float32(1) / np.sqrt(max(u * u + v * v, np.float32(1e-37)))
-            low = np.int32(np.rint(u * factor * _WAY)) & np.int32(0xFFFF)
-            ways[j] = np.int32(low | np.int32(np.int32(np.rint(v * factor * _WAY)) << 16))
+            low = np.int32(np.rint(u * factor * _STEP_SCALE)) & np.int32(0xFFFF)
+            directions[j] = np.int32(
+                low | np.int32(np.int32(np.rint(v * factor * _STEP_SCALE)) << 16)
+            )
         for j in range(columns):
             value = values[i, j + rim] if everywhere else values[y, j]
-            high = np.int32(value * _VALUE)
+            high = np.int32(value * _VALUE_SCALE)
             high = high if defined[y, j] and not beyond else np.int32(~high)
-            packed[i, j + rim] = (np.int64(high) << 32) | np.int64(np.uint32(ways[j]))
+            packed[i, j + rim] = (np.int64(high) << 32) | np.int64(np.uint32(directions[j]))
         for k in range(2 * rim):
             j = k if k < rim else columns + k
             if wrap_x:
                 packed[i, j] = packed[i, rim + (j - rim) % columns]
             else:
                 x = 0 if k < rim else columns - 1
-                high = np.int32((values[i, j] if everywhere else values[y, x]) * _VALUE)
+                high = np.int32((values[i, j] if everywhere else values[y, x]) * _VALUE_SCALE)
                 high = high if everywhere and defined[y, x] else np.int32(~high)
                 packed[i, j] = (np.int64(high) << 32) | np.int64(np.uint32(packed[i, rim + x]))
 
@@ -234,8 +236,8 @@ def _widen(start, stop, values, defined, rim, joined, wide):
 
 @kernel
 def _convolve_straight(start, stop, values, stride, rim, half, right, down, scale, out):
-    # Over so few pixels the flow hardly turns. Blocks of pixels take each sample together, in short
-    # loops over few arrays: these run on many numbers at once.
+    # The flow hardly turns over so few pixels. Blocks of pixels take each sample together, in short
+    # loops over few arrays, which the compiler vectorizes.
     columns = out.shape[1]
     total, count = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     across, below = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
@@ -251,11 +253,11 @@ def _convolve_straight(start, stop, values, stride, rim, half, right, down, scal
             for j in range(size):
                 total[j] = max(here[j], -np.float32(1) - here[j])
                 count[j] = 1
-            for turn in range(2):
+            for side in range(2):
                 for j in range(size):
                     alive[j] = here[j] >= 0 and (u[j] != 0 or v[j] != 0)
                 for sample in range(1, half + 1):
-                    far = scale * np.float32(sample - 2 * sample * turn)
+                    far = scale * np.float32(sample - 2 * sample * side)
                     for j in range(size):
                         x = np.float32(first + rim + j) + far * u[j]
                         y = np.float32(i + rim) + far * v[j]
@@ -291,18 +293,18 @@ def _add_read(size, read, across, below, alive, total, count):
 
 @kernel
 def _convolve(start, stop, packed, stride, rim, half, out):
-    # Blocks of pixels take each sample together, in short loops over few arrays: these run on many
-    # numbers at once.
+    # Blocks of pixels take each sample together, in short loops over few arrays, which the compiler
+    # vectorizes.
     columns = out.shape[1]
     x, y = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     total, count = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     across, below = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
-    way_x, way_y = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    flow_x, flow_y = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     alive = np.empty(_BLOCK, np.float32)
     index = np.empty(_BLOCK, np.uint32)
     words = np.empty((4, _BLOCK), np.int64)
-    ways = np.empty((4, _BLOCK), np.int32)
+    directions = np.empty((4, _BLOCK), np.int32)
     values = np.empty((4, _BLOCK), np.float32)
     wide = np.int32(stride)
     one, row = np.uint64(1), np.uint64(stride)
@@ -313,20 +315,20 @@ def _convolve(start, stop, packed, stride, rim, half, out):
             for j in range(size):
                 here = packed[np.uint64(base + j)]
                 high = np.int32(here >> 32)
-                total[j] = np.float32(high ^ np.int32(high >> 31)) / _VALUE
+                total[j] = np.float32(high ^ np.int32(high >> 31)) / _VALUE_SCALE
                 count[j] = 1
-            for turn in range(2):
-                sign = np.float32(1 - 2 * turn)
+            for side in range(2):
+                sign = np.float32(1 - 2 * side)
                 for j in range(size):
                     here = packed[np.uint64(base + j)]
-                    u[j] = _right(np.int32(here)) * (sign / _WAY)
-                    v[j] = _down(np.int32(here)) * (sign / _WAY)
+                    u[j] = _right(np.int32(here)) * (sign / _STEP_SCALE)
+                    v[j] = _down(np.int32(here)) * (sign / _STEP_SCALE)
                     x[j] = np.float32(first + j + rim) + u[j]
                     y[j] = np.float32(i + rim) + v[j]
                     alive[j] = here >= 0 and (u[j] != 0 or v[j] != 0)
                 for sample in range(half):
-                    _place(size, x, across, index, np.int32(1), np.uint32(0))
-                    _place(size, y, below, index, wide, np.uint32(1))
+                    _locate(size, x, across, index, np.int32(1), np.uint32(0))
+                    _locate(size, y, below, index, wide, np.uint32(1))
                     for j in range(size):
                         place = np.uint64(index[j])
                         words[0, j] = packed[place]
@@ -334,23 +336,23 @@ def _convolve(start, stop, packed, stride, rim, half, out):
                         words[2, j] = packed[place + row]
                         words[3, j] = packed[place + row + one]
                     for corner in range(4):
-                        _split(size, words[corner], ways[corner], values[corner])
+                        _split(size, words[corner], directions[corner], values[corner])
                     _end(size, words, across, below, alive)
                     _add(size, values, across, below, alive, total, count)
                     if sample == half - 1:
                         break
-                    _find_way(size, ways, across, below, way_x, way_y)
+                    _interpolate(size, directions, across, below, flow_x, flow_y)
                     for j in range(size):
-                        square = way_x[j] * way_x[j] + way_y[j] * way_y[j]
+                        square = flow_x[j] * flow_x[j] + flow_y[j] * flow_y[j]
                         across[j] = sign / np.sqrt(max(square, np.float32(1)))
-                    _go(size, x, u, way_x, across, alive)
-                    _go(size, y, v, way_y, across, alive)
+                    _advance(size, x, u, flow_x, across, alive)
+                    _advance(size, y, v, flow_y, across, alive)
             for j in range(size):
                 out[i, first + j] = total[j] / count[j]
 
 
 @kernel
-def _place(size, x, share, index, stride, keep):
+def _locate(size, x, share, index, stride, keep):
     for j in range(size):
         cell = np.int32(x[j])
         share[j] = x[j] - np.float32(cell)
@@ -358,11 +360,11 @@ def _place(size, x, share, index, stride, keep):
 
 
 @kernel
-def _split(size, words, ways, values):
+def _split(size, words, directions, values):
     for j in range(size):
         high = np.int32(words[j] >> 32)
-        ways[j] = np.int32(words[j])
-        values[j] = np.float32(high ^ np.int32(high >> 31)) * (np.float32(1) / _VALUE)
+        directions[j] = np.int32(words[j])
+        values[j] = np.float32(high ^ np.int32(high >> 31)) * (np.float32(1) / _VALUE_SCALE)
 
 
 @kernel
@@ -386,33 +388,35 @@ def _add(size, values, across, below, alive, total, count):
 
 
 @kernel
-def _find_way(size, ways, across, below, way_x, way_y):
-    a, b, c, d = ways[0], ways[1], ways[2], ways[3]
+def _interpolate(size, directions, across, below, flow_x, flow_y):
+    a, b, c, d = directions[0], directions[1], directions[2], directions[3]
     for j in range(size):
-        way_x[j] = _between(
+        flow_x[j] = _between(
             _right(a[j]), _right(b[j]), _right(c[j]), _right(d[j]), across[j], below[j]
         )
     for j in range(size):
-        way_y[j] = _between(_down(a[j]), _down(b[j]), _down(c[j]), _down(d[j]), across[j], below[j])
+        flow_y[j] = _between(
+            _down(a[j]), _down(b[j]), _down(c[j]), _down(d[j]), across[j], below[j]
+        )
 
 
 @kernel
-def _go(size, x, last, way, factor, alive):
-    # A step of second order (Adams, Bashforth), from this way and the last one.
+def _advance(size, x, last, direction, factor, alive):
+    # A second-order step (Adams-Bashforth), from this direction and the previous one.
     for j in range(size):
-        new = way[j] * factor[j]
+        new = direction[j] * factor[j]
         x[j] += alive[j] * (np.float32(1.5) * new - np.float32(0.5) * last[j])
         last[j] = new
 
 
 @kernel
-def _right(way):
-    return np.float32(np.int32(np.int32(way << 16) >> 16))
+def _right(direction):
+    return np.float32(np.int32(np.int32(direction << 16) >> 16))
 
 
 @kernel
-def _down(way):
-    return np.float32(np.int32(way >> 16))
+def _down(direction):
+    return np.float32(np.int32(direction >> 16))
 
 
 @kernel

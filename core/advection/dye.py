@@ -37,20 +37,20 @@ def advect_dye(
     background: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Frames:
-    """Release dye into a flow, and show where it goes.
+    """Release dye into a flow and advect it.
 
     Parameters
     ----------
     velocity, frames, size, mask, progress
         As in `advect_noise`.
     sources : DyeSource or sequence of these
-        Where dye comes from, when, and in which colors.
+        Places, times and colors of the dye.
     settings : DyeSettings, optional
     noise : NoiseSettings, optional
-        Lays the dye over noise that moves with the same flow. Its step, its sides that are joined
-        and its loop are those of the dye's settings.
+        Draws the dye over noise in the same flow. `step`, `periodic` and `loop` are those of the
+        dye's settings.
     background : (h, w) or (h, w, 3) array of float, optional
-        Lays the dye over a picture; with noise, over that on the picture.
+        Draws the dye over a picture; with `noise`, over the noise on the picture.
 
     Yields
     ------
@@ -65,9 +65,9 @@ def advect_dye(
 
     Notes
     -----
-    Paper D, section 5. There, colors are advected and sharpened by channels, which changes them;
-    here each color is a dye of its own, of which a pixel holds a share from 0 to 1. The default
-    sharpening is not of that paper: a shock filter in conservative form, which loses no dye.
+    Paper D, section 5, advects and sharpens the channels of colors, which changes the colors. Here
+    each color is a dye of its own, of which a pixel holds a share from 0 to 1. The sharpening is
+    not in the paper: it is a shock filter in conservative form, which loses no dye.
 
     Examples
     --------
@@ -101,9 +101,9 @@ def advect_dye(
     behind = checked_background(background, flow.size)
     under = None
     if noise is not None:
-        below = _as_the_dye(given_or_default(noise, NoiseSettings), settings)
+        below = _noise_of(given_or_default(noise, NoiseSettings), settings)
         under = noise_frames(flow, below, Look(flow.longest, below, behind, None))
-    return _told(flow, given, settings, count, under, behind, progress)
+    return _frames_of(flow, given, settings, count, under, behind, progress)
 
 
 def _listed(sources: Any) -> list[DyeSource]:
@@ -111,12 +111,12 @@ def _listed(sources: Any) -> list[DyeSource]:
     return list(sources) if is_row else [sources]
 
 
-def _as_the_dye(noise: NoiseSettings, settings: DyeSettings) -> NoiseSettings:
+def _noise_of(noise: NoiseSettings, settings: DyeSettings) -> NoiseSettings:
     given = vars(noise) | {name: getattr(settings, name) for name in ("step", "periodic", "loop")}
     return NoiseSettings(**given)
 
 
-def _told(
+def _frames_of(
     flow: Flow,
     sources: list[DyeSource],
     settings: DyeSettings,
@@ -143,7 +143,7 @@ def _told(
 
 
 def _palette(sources: list[DyeSource]) -> tuple[list[list[int]], _Singles]:
-    """Number the colors: those of each source, and a table of all."""
+    """Return the numbers of each source's colors, and a table of all colors."""
     table = list(dict.fromkeys(color for source in sources for color in source.colors))
     dyes = [[table.index(color) for color in source.colors] for source in sources]
     return dyes, np.array(table, dtype=np.float32).reshape(-1, 3)
@@ -156,7 +156,7 @@ def _shares(
     settings: DyeSettings,
     first: int,
 ) -> Frames:
-    """Yield how much there is of each dye, from frame `first` on: (k, h, w)."""
+    """Yield the share of each dye, from frame `first` on: (k, h, w)."""
     kinds = max((max(each) for each in dyes), default=-1) + 1
     joined = wraps(settings.periodic)
     rows = flow.size[0]
@@ -165,7 +165,7 @@ def _shares(
     new = np.empty_like(old)
     back = np.empty((*flow.size, 2), dtype=np.float32)
     back_of: Motion | None = None
-    # What a loop begins with was released in the round before.
+    # Dye at the start of a loop was released in the previous round.
     number = -flow.frames if settings.loop else 0
     while True:
         for spot, source, kind in zip(spots, sources, dyes, strict=True):
@@ -202,7 +202,7 @@ def _release(start, stop, spot, released, shares):
 
 @kernel
 def _corner(x, count, joined):
-    # The two samples that a place lies between, and its share of the second; -1 is outside.
+    # The two samples on both sides of a place, and the share of the second; -1 is outside.
     before = int(np.floor(x))
     share = x - np.floor(x)
     after = before + 1
@@ -227,7 +227,7 @@ def _find_midpoint(start, stop, right, down, right_halfway, down_halfway, joined
             y = down[i, j]
             left, after, across = _corner(np.float64(j) - half * x, columns, joined[0])
             top, below, share = _corner(np.float64(i) - half * y, rows, joined[1])
-            # Beyond the border there is no velocity halfway: that at the end is all there is.
+            # Beyond the border there is no velocity halfway, so that at the end is used.
             if (
                 left >= 0
                 and top >= 0

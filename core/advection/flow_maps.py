@@ -14,16 +14,16 @@ _CHANNELS = (2, 3, 4)
 
 @by_keyword
 def flow_map_velocity(image: npt.ArrayLike, *, y_axis: str = "up") -> npt.NDArray[np.float32]:
-    """Read the velocity out of a flow map.
+    """Convert a flow map to velocities.
 
     Parameters
     ----------
     image : (h, w, 2), (h, w, 3) or (h, w, 4) array of uint8, uint16 or float
-        Rows go from top to bottom. Red is to the right and green is up, and the middle is 0: 128
-        of 255, 32768 of 65535, or 0.5. Blue has no meaning; where opacity is 0, the velocity is
+        Rows go from top to bottom. Red is to the right and green is up; a velocity of 0 is 128 of
+        255, 32768 of 65535, or 0.5. Blue is ignored; where opacity is 0, the velocity is
         undefined.
     y_axis : str
-        ``"up"``, or ``"down"`` where green points down, as in maps for Unreal and DirectX.
+        ``"up"``, or ``"down"`` if green points down, as in maps for Unreal and DirectX.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def flow_map_velocity(image: npt.ArrayLike, *, y_axis: str = "up") -> npt.NDArra
     Raises
     ------
     InvalidSignal
-        If the image has too few channels, or floats that leave 0 to 1.
+        If the image has too few channels, or floats outside 0 to 1.
     InvalidSettings
         If `y_axis` is another word.
 

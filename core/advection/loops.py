@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames that repeat without a jump: the last ones turn into those before the first."""
+"""Seamless loops of frames: the last frames are blended into those before the first."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def repeating(
     fade: int,
     mix: Callable[[npt.NDArray, npt.NDArray, float], npt.NDArray[np.float32]],
 ) -> Frames:
-    """Yield frames of a loop: the first one continues the last.
+    """Yield the frames of a seamless loop.
 
-    Frame t of the last `fade` ones is mixed with frame t - frames, which comes before the first,
-    so that it is that frame alone where the first frame follows. Nothing is stored for it: frames
-    are a function of their number, and are computed once more.
+    Frame t of the last `fade` frames is blended with frame t - frames, which precedes the first
+    frame; the weight of the latter grows to 1. No frames are stored: they are a function of their
+    number, and are computed again.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def repeating(
         ``begin(number)`` yields the frames from that number on, which may be negative.
     frames, fade : int
     mix : callable
-        ``mix(old, new, share)`` returns the frame that has so much of the new one.
+        ``mix(old, new, share)`` returns a blend with this share of the new frame.
     """
     with closing(begin(0)) as following:
         for _ in range(frames - fade):

@@ -23,12 +23,12 @@ _Singles = npt.NDArray[np.float32]
 _Bits = npt.NDArray[np.uint8]
 
 _LEFT_OVER = 0.01
-"""Share of the start that the first frame may still show."""
+"""Largest share of the initial noise in the first frame."""
 
 SHARES = 1 << 16
-"""What `rates` count in: shares of cells are whole numbers of it."""
+"""Unit of `rates`: shares of cells are multiples of it."""
 
-# Multiples of the golden and the silver ratio, without their whole parts, lie most evenly.
+# The fractional parts of multiples of the golden and the silver ratio are spread most evenly.
 _TURN_X, _TURN_Y = 0.5 * (math.sqrt(5.0) - 1.0), math.sqrt(2.0) - 1.0
 
 
@@ -44,29 +44,29 @@ def advect_noise(
     colors: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Frames:
-    """Show a flow as moving noise: each frame has streaks along it, and they move with it.
+    """Show a flow as moving noise: frames with streaks along the flow that move with it.
 
     Parameters
     ----------
     velocity : (h, w, 2) or (k, h, w, 2) array of float, or function
-        To the right and up; rows go from top to bottom as in images. Steady; or at k moments that
-        lie evenly in time, from the first frame to the last (in loops the first moment follows on
-        the last); or a function of a time from 0 to 1 that returns (h, w, 2). NaN where the flow
-        is undefined.
+        To the right and up; rows go from top to bottom as in images. A steady velocity; or k key
+        frames at even times, from the first frame to the last (in loops, the last key frame is
+        followed by the first); or a function of a time from 0 to 1 that returns (h, w, 2). NaN
+        where the flow is undefined.
     settings : NoiseSettings, optional
     frames : int
-        How many frames there are; see `flow_frames`.
+        Number of frames; see `flow_frames`.
     size : (int, int), optional
-        Rows and columns of the frames; those of the velocity if left out. The velocity is
-        interpolated.
+        Rows and columns of the frames, to which the velocity is interpolated. Default: those of the
+        velocity.
     mask : (h, w) array of bool, optional
         Where the flow is defined, in the size of the velocity or of the frames.
     background : (h, w) or (h, w, 3) array of float, optional
-        Shown where the flow is undefined and through `NoiseSettings.speed_mask` and `noise_mask`;
-        black if left out.
+        Shown where the flow is undefined, and through `NoiseSettings.speed_mask` and `noise_mask`.
+        Default: black.
     colors : (n, 3) array of float, optional
-        A color map, from standing to fastest. Places then have the color of their speed, and the
-        noise is their opacity: give a `noise_mask`.
+        A color map of the speed, from 0 to the fastest. Pixels have the color of their speed, and
+        the noise is their opacity, which needs a `noise_mask`.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -86,10 +86,10 @@ def advect_noise(
 
     Notes
     -----
-    Paper D, section 4, with injection that grows with the divergence, which it proposes. Memory
+    Paper D, section 4, with injection that grows with the divergence, as proposed there. Memory
     does not grow with the number of frames; closing the iterator frees it. The frames depend on
-    the seed, not on the number of threads. A function of time is asked at 33 moments for its
-    greatest speed, and steps that are longer in between are cut to that.
+    the seed, not on the number of threads. The greatest speed of a function of time is that at 33
+    times; longer steps in between are limited to it.
 
     Examples
     --------
@@ -109,11 +109,11 @@ def advect_noise(
     flow = Flow(velocity, size, mask, settings.step, settings.periodic, count, settings.loop > 0)
     behind = checked_background(background, flow.size)
     look = Look(flow.longest, settings, behind, checked_colors(colors))
-    return told(noise_frames(flow, settings, look), count, progress)
+    return reported(noise_frames(flow, settings, look), count, progress)
 
 
-def told(frames: Frames, count: int, progress: ProgressCallback | None) -> Frames:
-    """Yield frames, and report each."""
+def reported(frames: Frames, count: int, progress: ProgressCallback | None) -> Frames:
+    """Yield frames, and report the progress of each."""
     for number in range(count):
         with one_of(progress, number, count, "Advecting noise"):
             frame = next(frames)
@@ -134,8 +134,8 @@ def grays(
     noise: Noise, motions: Callable[[float], Motion], settings: NoiseSettings, first: int
 ) -> Frames:
     """Yield the blended noise of the frames from `first` on; each is overwritten by the next."""
-    # The start is the same for all frames of a loop, so that they go on from each other.
-    number = -settings.loop - _run_in(settings.blending)
+    # The start is the same for all frames of a loop, so that each frame continues the previous one.
+    number = -settings.loop - _warm_up(settings.blending)
     while True:
         motion = motions(number)
         noise.step(motion, number)
@@ -144,14 +144,14 @@ def grays(
         number += 1
 
 
-def _run_in(blending: float) -> int:
-    """Count the steps until hardly anything of the start shows."""
+def _warm_up(blending: float) -> int:
+    """Return the number of steps after which the initial noise is hardly visible."""
     return math.ceil(math.log(_LEFT_OVER) / math.log1p(-blending)) if blending < 1 else 1
 
 
 def mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
     """Mix noise of two frames."""
-    # Both vary by as much and independently: roots of the shares keep the contrast.
+    # Both are independent with equal variance; roots of the shares keep the contrast.
     old_share, new_share = np.float32(math.sqrt(1.0 - share)), np.float32(math.sqrt(share))
     middle = np.float32(0.5)
     return middle + old_share * (old - middle) + new_share * (new - middle)
@@ -160,11 +160,11 @@ def mixed(old: _Singles, new: _Singles, share: float) -> _Singles:
 class Noise:
     """Noise on a grid that moves from frame to frame.
 
-    A cell has a value, 0 or 1, which it takes from another: steps are whole numbers. Of frames in
-    a row, as many take the longer of the two nearest as the fraction of the step says, so that the
-    noise goes as fast as the flow on the mean. Paper D, section 4.8, adds up the fractions in each
-    cell instead; neighbors then step at different times, and pass on values faster than the flow
-    goes: twice as fast where it is slow.
+    A cell has a value, 0 or 1, which it copies from another cell: steps are whole numbers of cells.
+    The fraction of the step is the share of frames that round it up, so that the mean speed of the
+    noise is that of the flow. Paper D, section 4.8, accumulates the fractions in each cell instead.
+    Neighbors then step at different times, and values move faster than the flow: twice as fast
+    where it is slow.
 
     Parameters
     ----------
@@ -173,17 +173,17 @@ class Noise:
         Longest step, in cells.
     settings : NoiseSettings
     more : int
-        Places beside the image that cells may come from, for subclasses.
+        Number of places outside the image from which cells may copy, for subclasses.
 
     Attributes
     ----------
     blended : (h, w) float32
-        What the frames so far show.
+        The blend of all frames so far.
     quads : (padded cells + more,) uint8
-        Each cell with its neighbors to the right, below and both, in four bits, and the same of
-        further places: what steps read.
+        The values that steps read: each cell with its neighbors to the right, below and both, in
+        four bits, and the same for further places.
     places : (h, w) uint32
-        Where in these each cell comes from, by the last step's motion.
+        Index in these of the source of each cell, by the motion of the last step.
     """
 
     def __init__(
@@ -241,7 +241,7 @@ class Noise:
             self.places, chunk=ROWS)  # fmt: skip
 
     def make_ready(self, number: int) -> None:
-        """Fill the rim, and gather the values that the next step reads."""
+        """Fill the rim, and set `quads` for the next step."""
         key = stream(self._settings.seed, number, BESIDE)
         wrap_x, wrap_y = self._wraps
         inner = len(self._noise) - 2 * self._rim
@@ -261,7 +261,7 @@ def _begin(start, stop, key, noise):
 
 @kernel
 def _find_rates(start, stop, right, down, defined, injection, divergence, rates):
-    # Where the flow is undefined, half of the cells change: that makes fresh noise of any.
+    # Where the flow is undefined, half of the cells change, which makes the noise new.
     rows, columns = right.shape
     for i in range(start, stop):
         above = max(i - 1, 0)
@@ -276,7 +276,7 @@ def _find_rates(start, stop, right, down, defined, injection, divergence, rates)
                     spread += (right[i, after] - right[i, before]) / (after - before)
                 if defined[above, j] and defined[below, j] and below > above:
                     spread += (down[below, j] - down[above, j]) / (below - above)
-                # So many are copies of others, and half of them have the right value by chance.
+                # This share are copies of others; half of these have the right value by chance.
                 rate = injection + divergence * 0.5 * max(spread, 0.0) / (1.0 + max(spread, 0.0))
             rates[i, j] = np.uint16(min(rate, 0.5) * SHARES + 0.5)
 
@@ -296,8 +296,8 @@ def _carry(
     start, stop, rim, quads, places, right, down, turn_x, turn_y, alpha, new, blended, rates,
     key,
 ):  # fmt: skip
-    # Each row in loops: what is where its cells come from, and what follows. All but the first run
-    # on many cells at once.
+    # Loops over each row: the first reads the sources of its cells, and the compiler vectorizes the
+    # others.
     columns = right.shape[1]
     found = np.empty(columns, dtype=np.uint8)
     one = np.float32(1)
@@ -318,7 +318,7 @@ def _carry(
         for j in range(columns):
             x = right[i, j] - np.floor(right[i, j])
             y = down[i, j] - np.floor(down[i, j])
-            # As often as the fraction is large, the step is a cell longer.
+            # The step is a cell longer in a share of the frames that is its fraction.
             shorter_x, shorter_y = np.uint8(x + turn_x < one), np.uint8(y + turn_y < one)
             carried = (found[j] >> (shorter_x + 2 * shorter_y)) & 1
             changes = (random_bits(keys, j) & np.uint32(0xFFFF)) < rates[i, j]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How noise is shown: its contrast, its opacity and what is behind it (paper D, section 4.10.2)."""
+"""Contrast, opacity and background of noise (paper D, section 4.10.2)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ENTRIES = 1 << 12  # of the table of opacities
 
 
 _SLOWEST = 1e-30
-"""Shorter steps are none in single precision."""
+"""Shorter steps count as 0 in single precision."""
 
 
 class Look:
@@ -64,7 +64,7 @@ class Look:
         self._known: Motion | None = None
 
     def shown(self, blended: _Singles, motion: Motion) -> _Singles:
-        """Return a frame: (h, w), or (h, w, 3) where there are colors."""
+        """Return a frame: (h, w), or (h, w, 3) with colors."""
         if self._known is not motion:
             speeds = np.hypot(motion.right, motion.down)
             speeds *= np.float32(1.0 / self._longest if self._longest > _SLOWEST else 0.0)
@@ -93,7 +93,7 @@ def checked_background(background: npt.ArrayLike | None, size: tuple[int, int]) 
 
 
 def checked_colors(colors: npt.ArrayLike | None) -> _Singles | None:
-    """Return a color map; raises `InvalidSignal` unless it is one."""
+    """Return a color map; raises `InvalidSignal` if it is not valid."""
     if colors is None:
         return None
     given = as_array(colors, "color map")

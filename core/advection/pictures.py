@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of a flow: noise, dye or streaks, as the class of the settings says."""
+"""Pictures of a flow: noise, dye or streaks, chosen by the class of the settings."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ SPEEDS = np.array(
         [1.00, 0.95, 0.60],
     ]
 )
-"""Colors from standing to fastest; their lightness rises evenly."""
+"""Color map of the speed; the lightness rises evenly."""
 
 DYES = ((1.0, 0.45, 0.1), (0.15, 0.55, 1.0))
-"""Orange and blue, in which dye comes in turn where no colors are chosen."""
+"""Orange and blue, the default colors of dye, used in turn."""
 
 _ROWS = 6  # of sources, along the shorter side
 _WIDTH = 0.3  # of sources, in parts of their distance
@@ -53,7 +53,7 @@ def pictures_of_plane(
     under: NoiseSettings | None = None,
     progress: ProgressCallback | None = None,
 ) -> Iterator[npt.NDArray[np.float32]]:
-    """Show a flow in the plane as noise, dye or lines, by its settings; lines are one picture.
+    """Show a flow in the plane as frames of noise or dye, or as a picture of lines.
 
     Parameters
     ----------
@@ -61,11 +61,11 @@ def pictures_of_plane(
         As in `advect_noise`.
     settings : NoiseSettings, DyeSettings or ConvolutionSettings
     in_colors : bool
-        Whether noise has the colors of the speed.
+        Whether noise has colors by speed.
     sources : sequence of DyeSource
-        Of dye; those of `spread_sources` if there are none.
+        Sources of dye. Default: those of `spread_sources`.
     under : NoiseSettings, optional
-        Lays dye over noise.
+        Draws dye over noise.
     """
     if settings.draws == "lines":
         if frames != 1:
@@ -75,7 +75,7 @@ def pictures_of_plane(
         )])  # fmt: skip
     if settings.draws == "noise":
         return advect_noise(
-            velocity, in_front(settings, in_colors), frames=frames, size=size,
+            velocity, with_noise_mask(settings, in_colors), frames=frames, size=size,
             background=background, colors=SPEEDS if in_colors else None, progress=progress,
         )  # fmt: skip
     if not sources:
@@ -103,13 +103,13 @@ def pictures_of_surface(
 ) -> Iterator[npt.NDArray[np.float32]]:
     """Show a flow on a surface; see `advect_on_surface`, and `pictures_of_plane` for the rest."""
     return advect_on_surface(
-        mesh, uv, field, in_front(settings, in_colors), size=size, frames=frames, at=at,
+        mesh, uv, field, with_noise_mask(settings, in_colors), size=size, frames=frames, at=at,
         background=background, colors=SPEEDS if in_colors else None, progress=progress, atlas=atlas,
     )  # fmt: skip
 
 
-def in_front(settings: NoiseSettings, in_colors: bool) -> NoiseSettings:
-    """Let colors show the noise as their opacity, unless the settings say how."""
+def with_noise_mask(settings: NoiseSettings, in_colors: bool) -> NoiseSettings:
+    """Set a `noise_mask`, which makes noise the opacity of colors, unless there is one."""
     if not in_colors or settings.noise_mask:
         return settings
     return replace(settings, noise_mask=1.0)
@@ -123,7 +123,7 @@ def spread_sources(size: tuple[int, int], repeats: int = 0) -> list[DyeSource]:
     size : (int, int)
         Rows and columns.
     repeats : int
-        After how many frames all has to be as at first; 0 if it need not.
+        Number of frames after which releases repeat; 0 if they need not.
     """
     distance = min(size) / _ROWS
     width = max(_WIDTH * distance, 1.0)
@@ -138,7 +138,7 @@ def spread_sources(size: tuple[int, int], repeats: int = 0) -> list[DyeSource]:
 
 
 def releases_in(frames: int, colors: int) -> int:
-    """Choose after how many frames dye is released, so that its colors repeat with a loop."""
+    """Choose the period of releases of dye, so that colors repeat with a loop."""
     fitting = [n for n in range(1, _EVERY + 1) if frames % (n * colors) == 0]
     if not fitting:
         raise InvalidSettings(
@@ -150,6 +150,6 @@ def releases_in(frames: int, colors: int) -> int:
     return fitting[-1]
 
 
-def still(settings: Settings) -> bool:
-    """Whether there is one picture rather than frames."""
+def is_picture(settings: Settings) -> bool:
+    """Whether the settings draw a single picture instead of frames."""
     return settings.draws == "lines"

@@ -2,7 +2,7 @@
 """Counter-based random numbers: a hash of seed, frame and cell, without state or order.
 
 A stream has a key, made by `stream`; each row of cells has a key made from that by `row_key`; and
-`random_bits` gives the 32 bits of each column. Rows and columns may number anything.
+`random_bits` returns the 32 bits of each column. Rows and columns may be any numbers.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from ..base.parallel import kernel
 
 FIRST, CHANGED, BESIDE, BEYOND = range(4)
-"""What numbers are for: the first noise, the cells that change, the rim around the image, and what
-comes in where a surface ends."""
+"""Uses of random numbers: the first noise, changing cells, the rim around the image, and inflow at
+the borders of a surface."""
 
 _WORD = (1 << 64) - 1
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dye that stays sharp although each reading blurs it (paper D, 5.3, and a shock filter)."""
+"""Sharpening of dye, which each interpolation blurs (paper D, 5.3, and a shock filter)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from .velocity import ROWS
 _Singles = npt.NDArray[np.float32]
 
 _MOST = 0.25
-"""Share of a cell that may flow through each of its sides at once, so that none gets too much."""
+"""Largest share of a cell that flows through each of its sides in a pass, for stability."""
 
 
 def sharpen_dye(shares: _Singles, settings: DyeSettings, joined: tuple[bool, bool]) -> _Singles:
     """Sharpen the shares of all dyes, (k, h, w).
 
     The default is a shock filter in conservative form: dye flows up its own gradient,
-    dc/dt = -div(c (1 - c) grad c / |grad c|), so that what has spread thin comes together again
-    and none is lost.
+    dc/dt = -div(c (1 - c) grad c / |grad c|), so that spread dye gathers again and none is lost.
 
     Parameters
     ----------
@@ -31,7 +30,7 @@ def sharpen_dye(shares: _Singles, settings: DyeSettings, joined: tuple[bool, boo
         In [0, 1]; overwritten.
     settings : DyeSettings
     joined : (bool, bool)
-        As `wraps` tells.
+        As returned by `wraps`.
 
     Returns
     -------
@@ -57,7 +56,7 @@ def _gather(start, stop, gain, joined, old, new):
     above, below = np.empty(columns, dtype=np.float32), np.empty(columns, dtype=np.float32)
     for kind in range(kinds):
         for i in range(start, stop):
-            # Beyond a border there is what is at it, so that nothing flows there.
+            # Values at a border are repeated beyond it, so that nothing flows across it.
             for k in range(3):
                 row = i + k - 1
                 row = row % rows if joined[1] else min(max(row, 0), rows - 1)
@@ -96,10 +95,10 @@ def _flow_down(gain, upper, lower, flow):
 
 @kernel
 def _flow(gain, first, second, along, beside):
-    # What flows from the first cell to the second: of what there is, as there is room. The small
-    # number leaves faint smoke at rest, which would break up.
+    # The flux from the first cell to the second, limited by the dye in the one and the room in the
+    # other. The small number keeps faint smoke at rest, which would break up.
     one = np.float32(1)
-    way = gain * along / np.sqrt(along * along + beside * beside + np.float32(1e-2))
+    velocity = gain * along / np.sqrt(along * along + beside * beside + np.float32(1e-2))
     there = first * (one - second)
     back = second * (one - first)
-    return way * (there if way > 0 else back)
+    return velocity * (there if velocity > 0 else back)

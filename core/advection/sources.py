@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where dye is released, when, and in which colors (paper D, section 5.1)."""
+"""Sources of dye: their places, times and colors (paper D, section 5.1)."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ class DyeSource:
     Parameters
     ----------
     points : (n, 2) array of float
-        One point is a spot, two are the ends of a strip, more a curve. Places are shares of the
-        image's width, from the left, and of its height, from below.
+        One point is a spot, two are the ends of a strip, more are a curve. Coordinates are
+        fractions of the width of the image, from the left, and of its height, from below.
     width : float
-        Of the spot, or across the strip, in pixels.
+        Width of the spot or strip, in pixels.
     colors : sequence of (red, green, blue)
-        In [0, 1]. Releases have them in turn.
+        In [0, 1]. Releases use them in turn.
     every : int
-        A release begins after so many frames: 0 releases once, 1 always.
+        Number of frames between the starts of releases: 0 releases once, 1 always.
     lasting : int
-        How many frames a release lasts.
+        Number of frames that a release lasts.
 
     Raises
     ------
@@ -80,13 +80,13 @@ class DyeSource:
 
     @property
     def period(self) -> int:
-        """Frames until all repeats; 0 if nothing does."""
+        """Number of frames after which the source repeats; 0 if it does not."""
         return self.every * len(self.colors)
 
     def pulse(self, number: int, repeats: bool) -> int | None:
         """Return the number of the release in a frame; None if there is none.
 
-        Frames before the first have releases where `repeats` is true.
+        If `repeats` is true, frames before the first have releases, too.
         """
         if number < 0 and not (repeats and self.every):
             return None

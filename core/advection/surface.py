@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Noise that moves with a flow on a surface, as frames of its texture, across seams.
 
-The charts lie apart in the sheet of an atlas, where noise moves as in the plane. The steps that
-leave their chart are found once; each frame moves their nodes one by one.
+Charts are separate in the sheet of an atlas, where noise moves as in the plane. Steps that leave
+their chart are computed once; each frame moves their nodes one by one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..mesh.triangle_mesh import TriangleMesh
 from ..settings import DilateSettings, NoiseSettings, given_or_default
 from ..texture.texels import checked_atlas
 from .loops import Frames, repeating
-from .noise import Noise, grays, mixed, told
+from .noise import Noise, grays, mixed, reported
 from .opacity import Look, checked_background, checked_colors
 from .randomness import BEYOND, random_bits, row_key, stream
 from .velocity import MOST_PIXELS, ROWS, Motion, checked_frames
@@ -35,7 +35,7 @@ _Singles = npt.NDArray[np.float32]
 _LARGEST = 1e30
 
 _ANALYSIS = 0.2
-"""Share of the progress that comes before the first frame."""
+"""Share of the progress before the first frame."""
 
 
 @by_keyword
@@ -60,25 +60,25 @@ def advect_on_surface(
     mesh, uv, atlas
         As in `sharpen_texture`.
     field : (m, 3) or (n, 3) array of float
-        The velocity in space at faces or at vertices, in mean edge lengths a frame; what points
-        out of the surface is left out. NaN where the flow is undefined.
+        The velocity in space at faces or at vertices, in mean edge lengths a frame; its normal
+        component is ignored. NaN where the flow is undefined.
     size : (int, int)
         Rows and columns of the frames.
     settings : NoiseSettings, optional
-        Pixels are texels. `step` is the longest step in mean texel sizes, 0 takes velocities as
-        they are; `periodic` is not for surfaces.
+        Pixels are texels. `step` is the longest step in mean texel sizes; with 0, velocities are
+        used unchanged. `periodic` is not for surfaces.
     frames, colors, progress
         As in `advect_noise`.
     at : {"faces", "vertices"}, optional
         Where the velocity is; needed where the mesh has as many faces as vertices.
     background : (h, w) or (h, w, 3) array of float, optional
-        As there; a texture of the surface.
+        As in `advect_noise`; a texture of the surface.
 
     Yields
     ------
     (h, w) float32
-        In [0, 1]; (h, w, 3) with a colored background or `colors`. Around the charts the gutter is
-        filled; beyond, it is 0, or the background.
+        In [0, 1]; (h, w, 3) with a colored background or `colors`. The gutter around the charts is
+        filled; the rest is 0, or the background.
 
     Raises
     ------
@@ -89,8 +89,8 @@ def advect_on_surface(
 
     Notes
     -----
-    Paper D, section 4, on a surface. Where the surface ends, noise comes in as at the borders of
-    an image. The flow is the same in all frames.
+    Paper D, section 4, on a surface. Noise flows in at borders of the surface as at those of an
+    image. The flow is the same in all frames.
 
     Examples
     --------
@@ -121,7 +121,7 @@ def advect_on_surface(
             texture = _Texture(atlas)
             look = Look(flow.longest, settings, behind, palette)
     shown = _shown(flow, texture, look, settings, count)
-    return told(shown, count, part_of(progress, _ANALYSIS, 1.0))
+    return reported(shown, count, part_of(progress, _ANALYSIS, 1.0))
 
 
 def _shown(
@@ -139,7 +139,7 @@ def _shown(
 
 
 def checked_vectors(mesh: TriangleMesh, field: npt.ArrayLike, at: str | None) -> Floats:
-    """Return velocities at the corners of faces; NaN where undefined, in all of a vector."""
+    """Return velocities at the corners of faces; undefined vectors are NaN."""
     given = as_array(field, "field")
     at_corners(mesh, given, at, "field has")
     if given.dtype.kind not in "iuf":
@@ -159,10 +159,10 @@ class _SurfaceFlow:
     Attributes
     ----------
     motion : Motion
-        Steps of the nodes; those that leave their chart are shortened, and stand in `beyond`.
+        Steps of the nodes; those that leave their chart are shortened here, and are in `beyond`.
     beyond : StepsBeyond
     ghosts : (k, 2) int32
-        Ghosts, and the nodes whose noise they have.
+        Ghosts, and the nodes whose noise they show.
     speeds : (rows, columns) float32
         On the surface, in mean texel sizes a frame.
     longest : float
@@ -210,14 +210,14 @@ class _SurfaceFlow:
 
 
 def _projected(mesh: TriangleMesh, field: Floats) -> Floats:
-    # What lies in the face, at its corners: (m, 3, 3).
+    # The tangential part of a field, at the corners of faces: (m, 3, 3).
     normals = mesh.normals[:, None]
     flat = field - (field * normals).sum(axis=2, keepdims=True) * normals
     return np.array(np.broadcast_to(flat, (mesh.face_count, 3, 3)))
 
 
 class _SurfaceNoise(Noise):
-    """Noise in the sheet of an atlas, carried over its seams."""
+    """Noise in the sheet of an atlas that moves across seams."""
 
     def __init__(self, flow: _SurfaceFlow, settings: NoiseSettings) -> None:
         self._flow = flow
@@ -225,7 +225,7 @@ class _SurfaceNoise(Noise):
         super().__init__((rows, columns), flow.reach, settings, len(flow.beyond.nodes))
 
     def find_places(self, motion: Motion) -> None:
-        """Find where each node comes from: places beyond seams follow on the sheet's."""
+        """Find the source of each node; places beyond seams follow those of the sheet."""
         super().find_places(motion)
         nodes = self._flow.beyond.nodes
         self.places.reshape(-1)[nodes] = self.quads.size - len(nodes) + np.arange(len(nodes))

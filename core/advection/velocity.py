@@ -22,13 +22,13 @@ FieldOfTime = Callable[[float], npt.ArrayLike]
 """A velocity at each moment, from 0, the first frame, to 1, the last."""
 
 MOST_PIXELS = 1000
-"""Longest step in a frame: the rim of noise around the image is as wide."""
+"""Longest step in a frame, and the width of the rim of noise around the image."""
 
 ROWS = 32
-"""Rows of an image that a kernel gets at once."""
+"""Rows of an image that a kernel processes at once."""
 
 _MOMENTS = 33
-"""At how many moments a function of time is asked for its greatest speed."""
+"""Number of times at which the greatest speed of a function is measured."""
 
 _LARGEST = 1e30
 _LEAST = 1e-30  # slower flows stand still
@@ -57,18 +57,18 @@ class Flow:
     Parameters
     ----------
     velocity : (h, w, 2) or (k, h, w, 2) array of float, or function
-        Steady, at k moments that lie evenly in time, or as a function of time. (right, up).
+        Steady, at k even times, or as a function of time. Components are (right, up).
     size : (int, int), optional
-        Rows and columns of the image; those of the velocity if left out.
+        Rows and columns of the image. Default: those of the velocity.
     mask : (h, w) array of bool, optional
         Where the velocity is defined, at its own resolution or the image's.
     step : float
-        Longest step in pixels; 0 takes velocities as pixels a frame.
+        Longest step in pixels; with 0, velocities are in pixels a frame.
     periodic : str
         As in `NoiseSettings`.
     frames : int
     loops : bool
-        Whether the frame after the last is the first one.
+        Whether the last frame is followed by the first one.
     """
 
     def __init__(
@@ -172,7 +172,7 @@ def flow_frames(
     step: float = 2.0,
     mask: npt.ArrayLike | None = None,
 ) -> int:
-    """Count the frames in which a flow goes at the speed that it has in nature.
+    """Return the number of frames for which a flow has its natural speed.
 
     Parameters
     ----------
@@ -181,9 +181,9 @@ def flow_frames(
     columns : int
         Width of the image, in pixels.
     width, duration : float
-        What the velocity covers, in its own units of length and of time.
+        The extent of the velocity field in its own units of length and of time.
     step : float
-        How far the fastest places are to move in a frame, in pixels.
+        The longest step in a frame, in pixels.
 
     Returns
     -------
@@ -223,12 +223,12 @@ def flow_frames(
 
 
 def wraps(periodic: str) -> tuple[bool, bool]:
-    """Tell whether left and right are joined, and top and bottom."""
+    """Return whether left and right are joined, and top and bottom."""
     return periodic in ("x", "both"), periodic in ("y", "both")
 
 
 def checked_frames(frames: object, fade: int) -> int:
-    """Return how many frames are wanted, or raise `InvalidSettings`."""
+    """Return the number of frames, or raise `InvalidSettings`."""
     count = checked_count(frames, "frames", 1)
     if fade > count:
         raise InvalidSettings(
@@ -240,7 +240,7 @@ def checked_frames(frames: object, fade: int) -> int:
 
 
 class _KeyFrames:
-    """Velocities at moments that lie evenly in time, and linear in between."""
+    """Velocities at even times, with linear interpolation."""
 
     def __init__(self, velocity: npt.ArrayLike) -> None:
         given = as_array(velocity, "velocity")
@@ -311,7 +311,7 @@ def _checked_field(field: npt.NDArray, shape: tuple[int, ...] | None) -> _Single
 def _places(
     count: int, given: int, wraps: bool
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], _Singles]:
-    # Where pixels read a field of another resolution, along an axis: two samples and a share.
+    # How pixels interpolate a field of another resolution along an axis: two samples and a share.
     places = (np.arange(count) + 0.5) * (given / count) - 0.5
     if not wraps:
         places = np.clip(places, 0.0, given - 1.0)

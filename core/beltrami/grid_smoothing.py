@@ -38,13 +38,13 @@ def smooth_grid(
     Parameters
     ----------
     signal : (h, w, k) float32 or float64
-        What is averaged.
+        Values to average.
     guide : (h, w, g) float32
         The coordinates of the points of the surface on which distances are measured.
     flat : bool
         Whether the pixel's own x and y are further coordinates.
     areas : (h, w) float32
-        How much each pixel counts.
+        Weights of the pixels.
     settings : BeltramiSettings
         `time` greater than 0.
 
@@ -68,9 +68,9 @@ def smooth_grid(
 
 
 def reach_of(settings: BeltramiSettings) -> int:
-    """How far around a pixel of a flat image others count when the kernel is applied once."""
-    # Splits of obtuse triangles look farther than any kernel reaches. No image is known in which
-    # that makes a difference, and no proof that there is none.
+    """Return the radius in pixels that the kernel reaches in one pass over a flat image."""
+    # Splits of obtuse triangles look farther than any kernel reaches. In no known image does that
+    # make a difference, but this is not proven.
     return math.ceil(math.sqrt(settings.limit)) + FARTHEST_SPLIT
 
 
@@ -115,7 +115,7 @@ def _reachable_rows(guide: Coordinates, flat: bool, radius: float) -> npt.NDArra
 
 
 def _row_gaps(guide: Coordinates) -> npt.NDArray[np.float64]:
-    # The least heights of the triangles between two rows: no way across is shorter.
+    # The least heights of the triangles between two rows: no path across is shorter.
     if guide.shape[1] == 1:
         return np.linalg.norm((guide[1:] - guide[:-1])[:, 0].astype(np.float64), axis=1)
     gaps = np.full(len(guide) - 1, np.inf)
@@ -146,11 +146,11 @@ def smooth_rows(
     half_window : int
         How many pixels the kernel reaches each way; -1: as far as the limit.
     rows : (h, 2) int64
-        For each row the first one that its pixels reach, and the end of these rows.
+        For each row, the first row that its pixels reach, and the end of these rows.
     unsplit : (h,) int64
-        Where it is counted, at `start`, which triangles were not split to the end.
+        Its item at `start` is set to the number of triangles that were not split to the end.
     wanted : (h, w) bool
-        Pixels that are averaged; empty: all.
+        Pixels to compute; all if empty.
     out : array like `signal`
         Set for these.
     """

@@ -33,7 +33,7 @@ from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ..settings import BeltramiMeshSettings
 
 _MOST_AROUND = 4.0
-"""Near hubs, most vertices that count, by those that count where the mesh is regular."""
+"""Most vertices averaged near hubs, relative to the number on a regular mesh."""
 
 _REACHED = 500_000
 """About how many vertices a chunk's marches reach: tenths of a second between cancel points."""
@@ -51,16 +51,16 @@ def smooth_graph(
     Parameters
     ----------
     graph : Stencils
-        How distances travel between the vertices, or between the faces, of a mesh.
+        Triangles over which distances between vertices, or between faces, are marched.
     mass : (n,) float64
-        How much each counts. Those without mass keep their values.
+        Weights. Values of mass 0 stay.
     values : (n, d) float64
-        What is averaged.
+        Values to average.
     settings : BeltramiMeshSettings
         `time` greater than 0.
     has_hubs : bool
-        Whether the mesh has hubs (see `TriangleMesh`). Then a mean is over the nearest few
-        hundred, not over all.
+        Whether the mesh has hubs (see `TriangleMesh`). Means are then over the few hundred nearest
+        vertices only.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def smooth_painted(
     settings : BeltramiMeshSettings
         `time` greater than 0.
     moves : bool
-        Whether the mesh is smoothed, too, by the same weights.
+        Whether the vertices are also smoothed, with the same weights.
 
     Returns
     -------
@@ -94,8 +94,8 @@ def smooth_painted(
     values : (n, d) float64
         Within the range of the input.
     """
-    # Lengths and areas stay those of the given mesh: only so are the iterations alike. Means keep
-    # to the range of the input but for rounding.
+    # Lengths and areas remain those of the given mesh, so that all iterations use the same units.
+    # Clipping removes only rounding errors.
     with aside("Denoising"):
         mass = lumped_mass(mesh)
     points, beta = mesh.scaled_vertices, settings.beta
@@ -122,9 +122,10 @@ def smooth_faces(
     normals: Floats,
     settings: BeltramiMeshSettings,
 ) -> Floats:
-    """Apply the kernel once to the normals of the faces, which lie at (centres, beta guide).
+    """Apply the kernel once to the normals of the faces, at the points (centres, beta guide).
 
-    Distances run straight from centre to centre. The result is made of unit vectors, (m, 3).
+    Distances are those along the straight lines between neighboring centres. Returns (m, 3) unit
+    vectors.
     """
     count = mesh.face_count
     limit, most, chunk = _extent(settings, count, mesh.has_hubs)
@@ -143,13 +144,13 @@ def _extent(settings: BeltramiMeshSettings, count: int, has_hubs: bool) -> tuple
     most = ALL
     if has_hubs:
         most = int(max(_MOST_AROUND * around, HUB))
-        around = 2 * most  # at a hub, as many are looked at
+        around = 2 * most  # as many are visited at a hub
     return limit, most, min(max(int(_REACHED / around), 1), chunk_size(count))
 
 
 @kernel
 def decay(x):
-    """Compute exp(x) for x <= 0, to a ten-thousandth where it matters, faster than exp."""
+    """Approximate exp(x) for x <= 0, faster than exp, to 1e-4 where weights matter."""
     y = max(x / 64.0, -1.0)
     y = 1.0 + y * (1.0 + y * (0.5 + y / 6.0))
     for _ in range(6):
@@ -170,7 +171,7 @@ def _face_means(start, stop, time, limit, most, targets, lengths, areas, normals
         x = y = z = 0.0
         for i in range(count):
             g = reached[i]
-            if left[g] > 0:  # or it was counted before
+            if left[g] > 0:  # 0 if it was counted before
                 away = float(limit - left[g])
                 left[g] = 0.0
                 weight = areas[g] * decay(rate * away * away)

@@ -49,9 +49,9 @@ def smooth_texels_once(
     settings : BeltramiTextureSettings
         `time` greater than 0.
     out : (rows, columns, c) float32
-        Where the means at nodes inside charts go; opacity is left as it is.
+        Gets the means at nodes inside charts; opacity stays.
     alpha : int
-        The last channel if it is opacity: others count as much as it says. -1: none.
+        The last channel if it is opacity, which weights the others; -1 if there is none.
     normals : bool
         The first two channels are tangent-space directions around 1/2, which turn across seams.
     """
@@ -116,8 +116,8 @@ def _is_wanted(surface, skipped, chart, box, reach, i, j):
 
 @kernel
 def _values_on(patch, values, alpha, normals, beta):
-    # What is averaged, colors as much as they are opaque, and where distances are measured: in
-    # these colors, and in space in texels.
+    # The values to average, colors times opacity, and the coordinates in which distances are
+    # measured: these colors, and positions in units of texels.
     height, width = patch.nodes.shape
     channels = values.shape[2]
     colors = alpha if alpha >= 0 else channels

@@ -134,7 +134,7 @@ class FileBackend:
 
 
 def _pipeline(kind: Kind) -> Any:
-    # What reads, filters and writes files of this kind.
+    # The function that reads, filters and writes files of this kind.
     if kind is GEOMETRY:
         from ..files.meshes import filter_mesh_file
 

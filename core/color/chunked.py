@@ -7,7 +7,7 @@ is not known in advance: if one leaves the halo, the chunk runs again with a hal
 last with the whole image; `counting_reruns` counts this.
 
 What and Width depend on the whole image. They are measured when the function is called, in windows
-all over the image; the rest waits until the result is computed. So no chunk stays in memory in
+all over the image; everything else is computed with the result, so that no chunk stays in memory in
 between.
 
 Only the functions here import dask.
@@ -324,7 +324,7 @@ def _over_chunks(
     halo: int,
     times: int = 1,
 ) -> Dask:
-    # Each chunk is one task; chunks that are smaller than the halo are joined meanwhile.
+    # Each chunk is one task; chunks that are smaller than the halo are joined for that.
     import dask
     import dask.array
 
@@ -376,7 +376,7 @@ def _over_chunks(
 
 
 def _joined(chunks: Sequence[int], least: int) -> tuple[int, ...]:
-    # Neighbors together, so that none is smaller than the halo.
+    # Chunks joined with neighbors, so that none is smaller than the halo.
     joined: list[int] = []
     for n in chunks:
         if joined and joined[-1] < least:
@@ -424,7 +424,7 @@ def _reruns(both: tuple[npt.NDArray, int]) -> npt.NDArray[np.int64]:
 
 
 def _computed(arrays: Sequence[Dask]) -> Sequence[npt.NDArray]:
-    # From inside a task, too: on a cluster by other tasks of it.
+    # This also works inside a task; on a cluster, other tasks then compute the arrays.
     import dask
 
     try:

@@ -20,9 +20,9 @@ def checked_guide(
     Raises
     ------
     InvalidSignal
-        If it is no image, or has another size than the image.
+        If it is not an image, or has another size than the image.
     InvalidSettings
-        If it is not clear how it guides.
+        If the settings do not allow a guide.
     """
     if guide is None:
         return None
@@ -32,7 +32,7 @@ def checked_guide(
 
 
 def check_guide(guide: Any, image: Any, settings: ImageSettings | TextureSettings) -> None:
-    """Raise as `checked_guide` does for another size than the image's, or settings."""
+    """Raise the errors of `checked_guide` for the size of a guide, or for the settings."""
     if guide.shape[:2] != image.shape[:2]:
         raise InvalidSignal(
             f"The guide has {guide.shape[1]} x {guide.shape[0]} pixels, the image"

@@ -34,13 +34,13 @@ def beltrami_image(
 ) -> npt.NDArray:
     """Smooth an image by the short-time Beltrami kernel, which keeps edges.
 
-    Each pixel becomes a mean of those around it, with Gaussian weights of their distance along
-    the surface (x, y, beta I); so what lies beyond an edge hardly counts.
+    Each pixel becomes a weighted mean of those around it. Weights are Gaussians of the distance
+    along the surface (x, y, beta I), so pixels beyond an edge have little weight.
 
     Parameters
     ----------
     image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
-        Any number of channels. Whole numbers are scaled to [0, 1], floats may go beyond. May be a
+        Any number of channels. Whole numbers are scaled to [0, 1]; floats may go beyond. May be a
         dask array.
     settings : BeltramiSettings, optional
     mask : (h, w) array of float in [0, 1], optional
@@ -51,9 +51,9 @@ def beltrami_image(
     Returns
     -------
     array like `image`
-        Every value lies within the input's values near it. A time of 0 returns the input bit
-        for bit; opacity (see `BeltramiSettings.alpha`) always stays. For a dask array another one,
-        computed later chunk by chunk, of the same bits; see `color.chunked`.
+        Each value is within the range of the input near it. A time of 0 returns the input bit for
+        bit; opacity (see `BeltramiSettings.alpha`) always stays. A dask array gives a dask array,
+        computed later chunk by chunk, with the same bits; see `color.chunked`.
 
     Raises
     ------
@@ -65,11 +65,11 @@ def beltrami_image(
 
     Notes
     -----
-    Equations 20 to 23 of paper C: weights are exp(-d^2 / 4t) and sum up to 1. Pixels count by
-    their area in space; weighed by that on the surface (x, y, beta I), on smooth images, the
-    change tends to t times the Laplace-Beltrami operator as t goes to 0, but edges blur. Differs
-    from the paper in the front's shape within a triangle, which is a circle around a point instead
-    of a line: so distances on planes are exact, and beta = 0 gives exact Gaussians.
+    Equations 20 to 23 of paper C: weights are exp(-d^2 / 4t), normalized to a sum of 1. Pixels are
+    weighted by their area in space. With their area on the surface (x, y, beta I) instead, the
+    change of smooth images tends to t times the Laplace-Beltrami operator as t goes to 0, but edges
+    blur. In the paper, the front within a triangle is a line; here it is a circle around a point.
+    So distances on planes are exact, and beta = 0 gives exact Gaussians.
 
     Examples
     --------
@@ -110,8 +110,8 @@ def beltrami_manifold(
     image : (h, w) or (h, w, c) array
         As in `beltrami_image`.
     embedding : (h, w, 3) array of float32 or float64
-        Where each pixel lies in space. Lengths are in the mean distance between neighbours along
-        the grid's axes; that is what `time` and `beta` count as a pixel.
+        Positions of the pixels in space. The unit of lengths, a pixel for `time` and `beta`, is the
+        mean distance between neighbours along the grid's axes.
     settings, mask, progress
         As in `beltrami_image`.
     smooth : {"image", "embedding", "both"}
@@ -121,7 +121,7 @@ def beltrami_manifold(
     -------
     image : array like `image`
     embedding : array like `embedding`
-        What is not smoothed comes back bit for bit.
+        Components that are not smoothed are returned bit for bit.
 
     Raises
     ------

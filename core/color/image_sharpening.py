@@ -38,29 +38,29 @@ def sharpen_image(
     Parameters
     ----------
     image : (h, w) or (h, w, c) array of uint8, uint16, float32 or float64
-        Any number of channels. Times are meant for values in [0, 1]; whole numbers are scaled
-        to it, floats may go beyond. May be mapped from disk, or a dask array.
+        Any number of channels. Times assume values in [0, 1]; whole numbers are scaled to this
+        range, floats may go beyond. May be memory-mapped, or a dask array.
     settings : ImageSettings, optional
     mask : (h, w) array of float in [0, 1], optional
         1 sharpens fully, less mixes with the input, 0 keeps it bit for bit.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
     out : array like `image`, optional
-        Where the result goes; may be mapped from disk. Left undefined on an error. Not for dask.
+        Array for the result, which may be memory-mapped. Undefined after an error. Not for dask.
     known : Measured, optional
-        What `measure_image` found in a larger image that this is a part of.
+        Result of `measure_image` for a larger image, of which this is a part.
     guide : (h, w) or (h, w, c) array, optional
         Another image of the same size, whose flow moves the values instead of their own, so that
-        both get their borders in the same places; What and Width are measured there. The last of
-        two or four channels is opacity. Needs channels that are not independent.
+        both have their borders in the same places. What and Width are measured in the guide. The
+        last of two or four channels is opacity. Not for independent channels.
 
     Returns
     -------
     array like `image`
-        `ImageSettings.enlarge` times as high and wide. Every value lies within the input's values
+        `ImageSettings.enlarge` times as high and wide. Each value is within the range of the input
         near it. A time of 0 returns the input bit for bit, or enlarged by a cubic; opacity (see
-        `ImageSettings.alpha`) always stays. For a dask array another one, computed later chunk by
-        chunk, of the same bits; only What and Width are measured at once. See `color.chunked`.
+        `ImageSettings.alpha`) always stays. A dask array gives a dask array, computed later chunk
+        by chunk, with the same bits; What and Width are measured at once. See `color.chunked`.
 
     Raises
     ------
@@ -68,15 +68,15 @@ def sharpen_image(
         If the image's shape or type is not supported, it holds NaN or infinity (by width: values
         beyond 1e15), or mask, out or guide do not fit it.
     InvalidSettings
-        If they leave it open what the guide does.
+        If the settings do not allow a guide.
     Cancelled
         If `progress` returned False.
 
     Notes
     -----
-    Paper A, sections 3.2, 3.3 and Appendix A. Beside the image and the result, 8 bytes a pixel
-    are needed while the flow is smoothed and 4 while values flow, 4 more and 4 for each channel
-    where Width says how far. Enlarged images are kept as floats meanwhile, twice.
+    Paper A, sections 3.2, 3.3 and Appendix A. Besides the image and the result, smoothing the flow
+    needs 8 bytes a pixel, and advection 4; with a width, 4 more, and 4 for each channel. Enlarged
+    images need two copies in floats.
 
     Examples
     --------
@@ -107,14 +107,14 @@ def sharpen_image(
 
 
 def measure_image(image: npt.ArrayLike, settings: ImageSettings | None = None) -> Measured:
-    """Measure what `sharpen_image` goes by: What, Width and noise.
+    """Measure What, Width and noise, as `sharpen_image` does.
 
     Parameters
     ----------
     image : array
-        As in `sharpen_image`; of a dask array, some windows are computed.
+        As in `sharpen_image`; only some windows of a dask array are computed.
     settings : ImageSettings, optional
-        What they say is not measured.
+        Values given there are not measured.
 
     Returns
     -------

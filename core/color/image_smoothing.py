@@ -86,7 +86,7 @@ def _step(
     points: npt.NDArray,
     settings: BeltramiSettings,
 ) -> tuple[npt.NDArray, npt.NDArray]:
-    # Colors count as much as they are opaque, for distances and for means.
+    # Colors are weighted by opacity, for distances and for means.
     (height, width, count), transparent = colors.shape, opacity.shape[2] > 0
     beside = count + opacity.shape[2]
     kind = np.result_type(colors, points)
@@ -101,7 +101,7 @@ def _step(
             with np.errstate(over="ignore"):  # too bright for float32: an edge nothing crosses
                 guide[band, :, :count] = np.clip(settings.beta * covered, -_FARTHEST, _FARTHEST)
             guide[band, :, count:] = points[band]
-        # Pixels count by their area in space.
+        # Pixels are weighted by their area in space.
         areas = np.ones((height, width), dtype=np.float32)
         if points.shape[2]:
             areas = surface_areas(points.astype(np.float32))

@@ -49,14 +49,14 @@ def sharpen_checked(
     lead : (h, w, c) array, optional
         The guide.
     known : Measured or sequence of them, optional
-        Of all, or as `measured_each` returns them.
+        Measurements of all channels, or the result of `measured_each`.
     part : Part, optional
-        What is wanted, if the image is a part of another one; in pixels of the result.
+        The wanted pixels, if the image is a part of another one; in pixels of the result.
 
     Raises
     ------
     LeftPart
-        If the part is too small for the pixels that are wanted.
+        If the part is too small for the wanted pixels.
     """
     pixels = given.reshape(*given.shape[:2], -1)
     target = result.reshape(*result.shape[:2], -1)
@@ -141,7 +141,7 @@ def measured_each(
 def _leading(
     pixels: npt.NDArray, lead: npt.NDArray, settings: ImageSettings
 ) -> tuple[Channels, Channels]:
-    # The channels that are filtered, and those of the guide that count.
+    # The filtered channels, and the guiding channels.
     (channels,) = channel_groups(pixels.shape[2], replace(settings, channels="coupled"))
     (guides,) = channel_groups(lead.shape[2], replace(settings, alpha="auto"))
     return channels, guides

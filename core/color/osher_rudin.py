@@ -31,8 +31,8 @@ def osher_rudin_image(
 ) -> npt.NDArray:
     """Sharpen an image by explicit steps of the PDE I_t = -|grad I| F(L(I)).
 
-    Upwind (Osher and Rudin 1990): one-sided differences are chosen by the direction in which
-    values move and limited by minmod, so that no new extrema arise; each channel on its own.
+    The scheme is upwind (Osher and Rudin 1990): one-sided differences are chosen by the direction
+    of the flow and limited by minmod, so that no new extrema arise. Channels are independent.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ def osher_rudin_image(
     steps : int
         Number of steps; 0 returns the input.
     time_step : float
-        Length of a step, above 0; stable up to 0.5 for the detectors with F = sign, and no longer
-        there. For "flow", times are those of :func:`sharpen_image`, and a step longer than
-        0.5 / max|L| is taken in parts that are not: stable, and as far in time.
+        Length of a step, above 0. With F = sign, steps are stable up to 0.5. For "flow", times are
+        those of :func:`sharpen_image`, and a step longer than 0.5 / max|L| is divided into stable
+        parts.
     edge_detector : {"gradient", "laplacian", "flow"}
         L is the second derivative along the gradient, or the Laplacian, with F = sign; or
         "flow": L = (grad I)^T H (grad I) / |grad I| with F the identity, the PDE that the

@@ -28,7 +28,7 @@ def evolved(array: npt.NDArray, steps: int, time_step: float, detector: int) -> 
     check_kind(array)
     if max(array.max(), -array.min()) > LARGEST:
         raise InvalidSignal(f"The image holds values beyond {LARGEST:g}; scale them to [0, 1].")
-    # Planar: every channel's rows lie together, which lets the processor vectorise.
+    # Planar layout, which can be vectorized.
     planes = np.moveaxis(array.reshape(*array.shape[:2], -1), 2, 0).copy(order="C")
     spares = np.empty_like(planes)
     count = len(planes) * steps
@@ -102,7 +102,7 @@ def _pde_rows(start, stop, image, out, time_step, detector):
         below = image[min(y + 1, height - 1)]
         target = out[y]
         last = width - 1
-        # One loop per detector, and borders apart, let the processor vectorise.
+        # One loop per detector, with separate borders, can be vectorized.
         if detector == 0:
             for x in range(1, last):
                 target[x] = _evolved(above, row, below, x - 1, x, x + 1, time_step, 0)

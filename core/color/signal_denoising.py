@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The short-time Beltrami kernel on signals that are painted on triangle meshes (paper C)."""
+"""Short-time Beltrami kernel on signals on triangle meshes (paper C)."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ def beltrami_vertex_signal(
     ----------
     mesh : TriangleMesh
     signal : (n,) or (n, d) array of float32 or float64
-        Any number of channels, which are filtered together; `beta` is meant for values in
-        [0, 1].
+        Any number of channels, which are filtered together; `beta` assumes values in [0, 1].
     settings : BeltramiMeshSettings, optional
     mask : (n,) array of float in [0, 1], optional
         1 filters fully, less mixes with the input, 0 keeps it bit for bit.
@@ -51,8 +50,8 @@ def beltrami_vertex_signal(
     Notes
     -----
     Paper C, equations 20 to 22, of which only the components of the signal are filtered
-    (equation 7). Lengths are in mean edge lengths; differs from the paper in weighing vertices by
-    the area around them, which it leaves open.
+    (equation 7). Lengths are in mean edge lengths. Vertices are weighted by the area around them;
+    the paper does not say how.
 
     Examples
     --------
@@ -87,8 +86,8 @@ def beltrami_corner_signal(
 ) -> npt.NDArray:
     """Denoise a signal given at the corners of the faces of a mesh, such as corner colors.
 
-    Where corners at a vertex differ, the signal jumps, and nothing crosses; elsewhere they are
-    one, and stay one.
+    Where the corners at a vertex differ, the signal is discontinuous, and nothing is averaged
+    across; equal corners stay equal.
 
     Parameters
     ----------
@@ -112,7 +111,7 @@ def beltrami_corner_signal(
 
     Notes
     -----
-    Paper C, as in `beltrami_vertex_signal`, on the surface that is cut open at the jumps.
+    As `beltrami_vertex_signal`, on the surface cut open at the discontinuities.
 
     Examples
     --------

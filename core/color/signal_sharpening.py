@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sharpening of colors and other signals on meshes (paper A, sections 3 and 4).
 
-If Width says how far values flow, `by_width` computes the flow times; this is not in the paper.
+If the settings have a width instead of a time, `by_width` computes the flow times, which goes
+beyond the paper.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ def sharpen_vertex_signal(
     ----------
     mesh : TriangleMesh
     signal : (n,) or (n, d) array of float32 or float64
-        Any number of channels; times and contrasts are meant for values in [0, 1].
+        Any number of channels; times and contrasts assume values in [0, 1].
     settings : ShockSettings, optional
-        By default the width of the borders is measured, and they are closed.
+        By default, the width of the borders is measured and closed.
     mask : (n,) array of float in [0, 1], optional
         1 sharpens fully, less mixes with the input, 0 keeps it bit for bit.
     progress : callable, optional
@@ -56,8 +57,8 @@ def sharpen_vertex_signal(
     Returns
     -------
     array like `signal`
-        Within the input's range. A time or an amount of 0, and borders that are sharp already,
-        return the input bit for bit.
+        Within the input's range. It is the input bit for bit if the time or the amount is 0, or if
+        all borders are sharp already.
 
     Raises
     ------
@@ -122,9 +123,9 @@ def sharpen_corner_signal(
 ) -> npt.NDArray:
     """Sharpen a signal given at the corners of the faces of a mesh, such as corner colors.
 
-    Where corners at a vertex differ, the signal jumps, and nothing flows across; elsewhere they
-    are one. In the result each corner has the value that its own flow-line finds, so that edges
-    can run between faces.
+    Where the corners at a vertex differ, the signal is discontinuous, and nothing flows across;
+    equal corners count as one vertex. In the result each corner has the value at the end of its
+    own flow-line, so that edges can run between faces.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def sharpen_corner_signal(
     Returns
     -------
     array like `signal`
-        Within the input's range; unchanged where `sharpen_vertex_signal` changes nothing.
+        As from `sharpen_vertex_signal`.
 
     Raises
     ------
@@ -191,7 +192,7 @@ def sharpen_corner_signal(
 
 
 def width_to_close(mesh: TriangleMesh, signal: npt.NDArray, what: str) -> float:
-    """Return the width that counts where none is given; 0 if nothing is to be done.
+    """Return the width to close by default, in mean edge lengths; 0 if borders are sharp.
 
     Parameters
     ----------
@@ -211,8 +212,8 @@ def width_to_close(mesh: TriangleMesh, signal: npt.NDArray, what: str) -> float:
 def _sharpened(
     mesh: TriangleMesh, values: Floats, settings: ShockSettings, *, at_corners: bool
 ) -> Floats | None:
-    # At the vertices, (n, d), or at the corners of ``mesh.faces``, (3 m, d). None: nothing is to be
-    # done.
+    # At the vertices, (n, d), or at the corners of ``mesh.faces``, (3 m, d). None if all borders
+    # are sharp already.
     brightness, nearest = settings.channels == "luminance", settings.sampling == "nearest"
     domain = MeshDomain(mesh, brightness, nearest, at_corners)
     passes = settings.smoothing_passes

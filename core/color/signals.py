@@ -60,12 +60,12 @@ def cut_at_jumps(mesh: TriangleMesh, own: npt.NDArray) -> tuple[TriangleMesh, Fl
 
 
 def corner_rows(cut: TriangleMesh) -> npt.NDArray[np.int32]:
-    """Tell the vertex of each corner that the faces of a cut mesh were made from: (3 m,)."""
+    """Return the vertex of each corner, in the order of the faces given for a cut mesh: (3 m,)."""
     return cut.own_corners(cut.faces).reshape(-1)
 
 
 def like(given: npt.NDArray, values: Floats, result: Floats, weights: Floats | None) -> npt.NDArray:
-    """Mix a result with the values before by weights, in the type and shape that were given."""
+    """Mix a result with its input by weights, in the type and shape of the given signal."""
     if weights is None:
         return result.astype(given.dtype).reshape(given.shape)
     mixed = np.empty(result.shape, dtype=given.dtype)
@@ -75,7 +75,7 @@ def like(given: npt.NDArray, values: Floats, result: Floats, weights: Floats | N
 
 @kernel
 def mix_rows(start, stop, values, result, weights, mixed):
-    """Mix rows of a result with the values before; where the weight is 0 these stay."""
+    """Mix rows of a result with those of the input, which stay where the weight is 0."""
     for i in range(start, stop):
         for j in range(values.shape[1]):
             value = values[i, j]

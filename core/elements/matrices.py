@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -253,32 +253,17 @@ class TextureSpace:
         corners : (v, c) float64, optional
             Values at the corners of the pieces, if they differ between the sides of seams.
         """
-        return self._apply(_apply_stiffness, _apply_fan_stiffness, values, weights, corners)
-
-    def apply_mass(
-        self, values: _Single, weights: CellWeights | None = None, corners: Floats | None = None
-    ) -> _Single:
-        """Multiply by the mass; see `apply_stiffness`."""
-        return self._apply(_apply_mass, _apply_fan_mass, values, weights, corners)
-
-    def _apply(
-        self,
-        on_cells: Any,
-        on_fans: Any,
-        values: _Single,
-        weights: CellWeights | None,
-        corners: Floats | None,
-    ) -> _Single:
         weights = self.alike if weights is None else weights
         result = np.zeros_like(values)
         with aside("Comparing texels"):
-            run(on_cells, len(self.cells), self.cells, weights.cells, values, result, chunk=ROWS)
+            run(_apply_stiffness, len(self.cells), self.cells, weights.cells, values, result,
+                chunk=ROWS)  # fmt: skip
         cut = self.cut_cells
         given = self.at_corners(values) if corners is None else corners
         found = np.zeros_like(given)
         with aside("Comparing texels"):
-            run(on_fans, len(cut.pieces.faces), cut.pieces.start, self.fans, weights.pieces, given,
-                found)  # fmt: skip
+            run(_apply_fan_stiffness, len(cut.pieces.faces), cut.pieces.start, self.fans,
+                weights.pieces, given, found)  # fmt: skip
         at_points = self._sum_at_points(found)
         result[cut.unknowns] += (cut.interpolation.T @ at_points).astype(np.float32)
         return result
@@ -621,44 +606,6 @@ def _apply_stiffness(start, stop, cells, weights, values, out):
 
 
 @sum_kernel
-def _apply_mass(start, stop, cells, weights, values, out):
-    # See `_apply_stiffness`.
-    rows, columns = weights.shape
-    given = np.zeros((2, values.shape[1], columns), dtype=np.float32)
-    found = np.zeros_like(given)
-    mass = np.zeros(columns, dtype=np.float32)
-    on_upper = np.zeros(columns, dtype=np.float32)
-    on_lower = np.zeros(columns, dtype=np.float32)
-    two, share = np.float32(2), np.float32(1 / 36)
-    first = max(start - 1, 0)
-    _take_row(values, first, given[first & 1])
-    for y in range(first, min(stop, rows - 1)):
-        upper, lower = given[y & 1], given[(y + 1) & 1]
-        sums, next_sums = found[y & 1], found[(y + 1) & 1]
-        _take_row(values, y + 1, lower)
-        row, weight = cells[y], weights[y]
-        for x in range(columns):
-            mass[x] = share * weight[x] * row[x, 3]
-        for j in range(values.shape[1]):
-            a, d = upper[j], lower[j]
-            own, its = sums[j], next_sums[j]
-            for x in range(columns - 1):
-                one = two * a[x] + d[x]
-                other = two * a[x + 1] + d[x + 1]
-                own[x] += mass[x] * (two * one + other)
-                on_upper[x] = mass[x] * (one + two * other)
-            for x in range(columns - 1):
-                one = a[x] + two * d[x]
-                other = a[x + 1] + two * d[x + 1]
-                its[x] = mass[x] * (two * one + other)
-                on_lower[x] = mass[x] * (one + two * other)
-            _add_behind(on_upper, own)
-            _add_behind(on_lower, its)
-        if y >= start:
-            _put_row(sums, y, out)
-
-
-@sum_kernel
 def _take_row(values, y, out):
     columns = out.shape[1]
     for j in range(out.shape[0]):
@@ -701,23 +648,5 @@ def _apply_fan_stiffness(start, stop, starts, fans, weights, values, out):
                 out[i, c] += along + here
                 out[j, c] += there - along
                 centre -= here + there
-            for i in range(low, high):
-                out[i, c] = weights[piece] * (out[i, c] + centre / (high - low))
-
-
-@kernel
-def _apply_fan_mass(start, stop, starts, fans, weights, values, out):
-    for piece in range(start, stop):
-        low, high = starts[piece], starts[piece + 1]
-        for c in range(values.shape[1]):
-            middle = values[low:high, c].mean()
-            centre = 0.0
-            for i in range(low, high):
-                j = i + 1 if i + 1 < high else low
-                mass = fans[i, 3] / 12
-                total = values[i, c] + values[j, c] + middle
-                out[i, c] += mass * (values[i, c] + total)
-                out[j, c] += mass * (values[j, c] + total)
-                centre += mass * (middle + total)
             for i in range(low, high):
                 out[i, c] = weights[piece] * (out[i, c] + centre / (high - low))

@@ -138,7 +138,6 @@ class SheetSolver:
         rhs: Singles,
         x: Singles,
         tolerance: float = 1e-3,
-        limit: int = LIMIT,
         message: str = "Solving",
     ) -> SolveReport:
         """Solve ``A x = rhs`` by conjugate gradients, all channels as one vector.
@@ -152,8 +151,6 @@ class SheetSolver:
         tolerance : float
             Largest residual relative to the right-hand side, with each equation divided by the
             root of its diagonal entry.
-        limit : int
-            Most iterations.
         message : str
             What is being solved, shown to people.
 
@@ -165,7 +162,7 @@ class SheetSolver:
         ------
         SolverError
             If the matrix is not positive definite, the right-hand side is not finite, or the
-            tolerance is not reached within `limit` iterations, though single precision allows it.
+            tolerance is not reached within `LIMIT` iterations, though single precision allows it.
         """
         with aside(message):
             if self._vectors is None or len(self._vectors[0]) != x.shape[1]:
@@ -180,11 +177,11 @@ class SheetSolver:
                 return SolveReport(0, 0.0, True)
             relative, reachable = self._residual(rhs, x, vectors, scale)
         iterations = 0
-        while relative > max(tolerance, reachable) and iterations < limit:
+        while relative > max(tolerance, reachable) and iterations < LIMIT:
             wanted = max(0.9 * tolerance / relative, 1e-7)
             with phase(0.0, 1.0, message):
                 count, sound = self._conjugate_gradients(
-                    x, vectors, wanted, limit - iterations, message
+                    x, vectors, wanted, LIMIT - iterations, message
                 )
             iterations += count
             with aside(message):

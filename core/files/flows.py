@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..advection.pictures import DYES, pictures_of_plane, pictures_of_surface, still
+from ..advection.pictures import DYES, is_picture, pictures_of_plane, pictures_of_surface
 from ..advection.sources import DyeSource
 from ..errors import ShockError
 from ..settings import NoiseSettings
@@ -59,7 +59,7 @@ class Look:
 
 def check_target_of_flow(target: Path, look: Look, overwrite: bool) -> None:
     """Refuse an unusable target before anything is read."""
-    if not still(look.settings):
+    if not is_picture(look.settings):
         check_frames_target(target, overwrite)
     elif is_folder(target):
         raise ShockError(f"{target}: lines are a still picture; name an image, such as lines.png.")
@@ -97,7 +97,7 @@ def write_pictures(
     pictures: Iterator[Pixels], target: Path, look: Look, notes: tuple[str, ...], overwrite: bool
 ) -> Outcome:
     """Write pictures of a flow: frames, or the single picture of lines."""
-    if still(look.settings):
+    if is_picture(look.settings):
         shown = next(pictures)
         pixels = (
             shown if target.suffix.lower() in (".npy", ".exr") else as_numbers(shown, look.bits)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from .walk import (
     AROUND_HUB,
     CUT_OFF,
     MOST_AROUND,
-    MeshFlow,
     Triangles,
-    find_given_rates,
     find_shock_rates,
     walk_exactly,
 )
@@ -67,28 +64,18 @@ def trace(
     coordinates : (k, 3) float64
         Its barycentric coordinates; overwritten.
     """
-    rates = _rates(mesh, find_shock_rates, potential)
-    _walk(mesh, MeshFlow(rates, potential), time, faces, coordinates)
-
-
-def follow(
-    mesh: TriangleMesh, vectors: Floats, time: float, faces: Ints, coordinates: Floats
-) -> None:
-    """Move points for `time` along given vectors, at most up to a border, in place.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    vectors : (m, 3) float64
-        Velocity in each face, in mean edge lengths per unit of time; normal components are ignored.
-    time : float
-        Finite.
-    faces, coordinates
-        As in `trace`.
-    """
-    if not np.isfinite(time):
-        raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
-    _walk(mesh, MeshFlow(_rates(mesh, find_given_rates, vectors)), time, faces, coordinates)
+    triangles, rates = _triangles(mesh), np.empty((mesh.face_count, 3))
+    with phase(0.0, 0.1, "Tracing flow-lines"):
+        run(find_shock_rates, mesh.face_count, triangles, potential, rates)
+    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    endings = np.zeros(len(faces), dtype=np.uint8)
+    with phase(0.1, 1.0, "Tracing flow-lines"):
+        run(walk_exactly, len(faces), triangles, rates, potential, times, MOST_STEPS, faces,
+            coordinates, endings, chunk=_FEW if mesh.has_hubs else None)  # fmt: skip
+    warn_of_unfinished(endings == CUT_OFF)
+    around = np.count_nonzero(endings == AROUND_HUB)
+    if around:
+        log.info("%d walks ended around vertices of over %d faces.", around, MOST_AROUND)
 
 
 def trace_faces(mesh: TriangleMesh, potential: Floats, time: float) -> tuple[Ints, Floats]:
@@ -100,30 +87,9 @@ def trace_faces(mesh: TriangleMesh, potential: Floats, time: float) -> tuple[Int
 
 
 def _triangles(mesh: TriangleMesh) -> Triangles:
-    triangles = Triangles(mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas, mesh.normals)
+    triangles = Triangles(mesh.scaled_vertices, mesh.faces, mesh.twins, mesh.areas)
     crowded = np.diff(mesh.corners[0]) > MOST_AROUND
     return triangles._replace(crowded=crowded) if crowded.any() else triangles
-
-
-def _rates(mesh: TriangleMesh, find_rates: Callable[..., None], values: Floats) -> Floats:
-    rates = np.empty((mesh.face_count, 3))
-    with phase(0.0, 0.1, "Tracing flow-lines"):
-        run(find_rates, mesh.face_count, _triangles(mesh), values, rates)
-    return rates
-
-
-def _walk(
-    mesh: TriangleMesh, flow: MeshFlow, time: float | Floats, faces: Ints, coordinates: Floats
-) -> None:
-    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
-    endings = np.zeros(len(faces), dtype=np.uint8)
-    with phase(0.1, 1.0, "Tracing flow-lines"):
-        run(walk_exactly, len(faces), _triangles(mesh), flow, times, MOST_STEPS, faces,
-            coordinates, endings, chunk=_FEW if mesh.has_hubs else None)  # fmt: skip
-    warn_of_unfinished(endings == CUT_OFF)
-    around = np.count_nonzero(endings == AROUND_HUB)
-    if around:
-        log.info("%d walks ended around vertices of over %d faces.", around, MOST_AROUND)
 
 
 @kernel

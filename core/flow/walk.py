@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Walks along the flow-lines of a triangle mesh (paper A, Appendix A, "Tracing Flow-Lines").
 
-The flow is constant in a face. It is the shock flow of a potential, v = -u = -grad(P) / 2 (values
-move with u, so the walk against it finds what arrives at a point), or a given tangent vector in
-each face. A walk ends when its time is used up or at a border; along the shock flow it also ends
-where the flow turns by a right angle or more.
+The flow is constant in a face. It is the shock flow of a potential, v = -u = -grad(P) / 2: values
+move with u, so the walk against it finds what arrives at a point. A walk ends when its time is used
+up, at a border, or where the flow turns by a right angle or more.
 
 The walk goes straight from edge to edge. Where both faces of an edge flow into it, the walk slides
-along the edge with the convex combination of both flows that stays on the edge (Filippov); the
-component of the shock flow along the edge is the same on both sides, half the slope of P. A walk
-leaves a vertex in the direction of steepest descent; along a given field, in the straightest of the
-outgoing directions. This is the limit of the paper's small steps, which zigzag along the edges on
-which the exact walk slides (see `benchmarks/literal_walk.py`). The paper does not say what happens
-at borders: here the walk ends.
+along the edge; the component of the flow along the edge is the same on both sides, half the slope
+of P. A walk leaves a vertex in the direction of steepest descent. This is the limit of the paper's
+small steps, which zigzag along the edges on which the exact walk slides (see
+`benchmarks/literal_walk.py`). The paper does not say what happens at borders: here the walk ends.
 """
 
 from __future__ import annotations
@@ -23,10 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.parallel import kernel
-from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
+from ..base.vectors import TIE_BREAKER, after, dot, edge
 from ..mesh.triangle_mesh import Floats, Ints
-
-_MOST_RESTS = 30
 
 _ROUNDING = 1e-9
 """Relative difference that counts as rounding: of where an edge is crossed, and of steepness."""
@@ -45,24 +40,8 @@ class Triangles(NamedTuple):
     faces: Ints
     twins: Ints
     areas: Floats
-    normals: Floats
     crowded: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
     """Vertices of more than `MOST_AROUND` faces; empty if there are none."""
-
-
-class MeshFlow(NamedTuple):
-    """The flow that a walk on a mesh follows.
-
-    Attributes
-    ----------
-    rates : (m, 3) float64
-        The flow in each face, as rates of the barycentric coordinates.
-    potential : (n,) float64 or None
-        P at the vertices if the field is its shock flow; None for a given field.
-    """
-
-    rates: Floats
-    potential: npt.NDArray[np.float64] | None = None
 
 
 @kernel
@@ -72,7 +51,7 @@ def find_shock_rates(start, stop, triangles, potential, rates):
     They are minus half the inner products of grad(P) with the gradients of the coordinates,
     computed from edge vectors.
     """
-    vertices, faces, _, areas, _, _ = triangles
+    vertices, faces, _, areas, _ = triangles
     for f in range(start, stop):
         if areas[f] == 0:
             rates[f] = 0.0
@@ -86,34 +65,8 @@ def find_shock_rates(start, stop, triangles, potential, rates):
         rates[f, 1] = scale * (vv * p - uv * q)
         rates[f, 2] = scale * (uu * q - uv * p)
         rates[f, 0] = -rates[f, 1] - rates[f, 2]
-        _clear_tiny(rates, f)
-
-
-@kernel
-def find_given_rates(start, stop, triangles, vectors, rates):
-    """Compute d(barycentric coordinates)/dt under the tangential part of given vectors."""
-    vertices, faces, _, areas, normals, _ = triangles
-    for f in range(start, stop):
-        rates[f] = 0.0
-        if areas[f] > 0:
-            for c in range(1, 3):
-                opposite = edge(vertices, faces[f, after(c)], faces[f, after(after(c))])
-                rates[f, c] = dot(cross(normals[f], opposite), vectors[f]) / (2 * areas[f])
-            rates[f, 0] = -rates[f, 1] - rates[f, 2]
-            _clear_tiny(rates, f)
-
-
-@kernel
-def _clear_tiny(rates, f):
-    if max(abs(rates[f, 0]), abs(rates[f, 1]), abs(rates[f, 2])) < 1e-100:
-        rates[f] = 0.0  # keeps crossing times finite
-
-
-@kernel
-def _given_along(triangles, rates, f, k):
-    # Inner product of the flow in a face and its half-edge k.
-    u, v = _sides(triangles.vertices, triangles.faces, f, k)
-    return rates[f, after(k)] * dot(u, u) + rates[f, after(after(k))] * dot(u, v)
+        if max(abs(rates[f, 0]), abs(rates[f, 1]), abs(rates[f, 2])) < 1e-100:
+            rates[f] = 0.0  # keeps crossing times finite
 
 
 @kernel
@@ -124,51 +77,21 @@ def _sides(vertices, faces, f, k):
 
 
 @kernel
-def _sliding(potential, triangles, rates, f, k):
-    # Inner product of half-edge k of a face, into which both its faces flow, with the convex
-    # combination of both flows that stays on it.
-    if potential is not None:
-        return 0.5 * (potential[triangles.faces[f, k]] - potential[triangles.faces[f, after(k)]])
-    t = triangles.twins[f, k]
-    g = t // 3
-    h = t - 3 * g
-    out = -rates[f, after(after(k))] * triangles.areas[f]
-    into = rates[g, after(after(h))] * triangles.areas[g]
-    share = -into / (out - into)
-    along = share * _given_along(triangles, rates, f, k)
-    return along - (1.0 - share) * _given_along(triangles, rates, g, h)
+def _flow_along(potential, triangles, f, k):
+    # Inner product of half-edge k of a face with the flow along it.
+    return 0.5 * (potential[triangles.faces[f, k]] - potential[triangles.faces[f, after(k)]])
 
 
 @kernel
-def _edge_away(potential, triangles, rates, f, k):
-    # Inner product of half-edge k with a flow along it that leaves its first corner; 0 if there
-    # is none.
-    if potential is not None:
-        a, b = triangles.faces[f, k], triangles.faces[f, after(k)]
-        return 0.5 * (potential[a] - potential[b]) if potential[b] < potential[a] else 0.0
-    t = triangles.twins[f, k]
-    g = t // 3
-    if t < 0 or triangles.areas[g] == 0:
-        return 0.0
-    if rates[f, after(after(k))] < 0 and rates[g, after(after(t - 3 * g))] < 0:
-        return max(_sliding(potential, triangles, rates, f, k), 0.0)
-    return 0.0
-
-
-@kernel
-def _leave_vertex(triangles, field, f, k, arrival):
-    # Where to go from corner k of face f, around its vertex: along the shock flow in the direction
-    # of steepest descent, along a given field in the one closest to straight on. `arrival` is the
+def _leave_vertex(triangles, rates, potential, f, k, arrival):
+    # The direction of steepest descent from corner k of face f, around its vertex. `arrival` is the
     # angle, from the half-edge that leaves the corner, at which the walk came through the face.
     # Returns (face, corner, kind): kind 0 nowhere, 1 into the face, 2 along the half-edge that
     # leaves the corner. TIE_BREAKER, not the order of faces, decides between equally steep
     # directions.
-    vertices, faces, twins, areas, _, crowded = triangles
+    vertices, faces, twins, areas, crowded = triangles
     if crowded.size and crowded[faces[f, k]]:
         return -1, -1, 0
-    rates = field.rates
-    given = field.potential is None
-    around = _angle_around(triangles, f, k) if given else 0.0
     total = 0.0
     best = 0.0
     best_angle = 0.0
@@ -180,25 +103,20 @@ def _leave_vertex(triangles, field, f, k, arrival):
             return -1, -1, 0
         u, w = _sides(vertices, faces, g, c)
         uu, uw, ww = dot(u, u), dot(u, w), dot(w, w)
-        away = _edge_away(field.potential, triangles, rates, g, c)
+        away = _flow_along(potential, triangles, g, c)
         if away > 0:
-            merit = _straightness(total, arrival, around) if given else away / np.sqrt(uu)
+            merit = away / np.sqrt(uu)
             side = dot(TIE_BREAKER, u) / np.sqrt(uu)
             if _is_better(merit, side, best, best_side):
                 best, best_angle, best_side = merit, total, side
                 best_face, best_corner, kind = g, c, 2
         r, s = rates[g, after(c)], rates[g, after(after(c))]
-        if (r > 0 and s > 0) or (given and r >= 0 and s >= 0 and r + s > 0):
+        if r > 0 and s > 0:
             x = r * np.sqrt(uu) + s * uw / np.sqrt(uu)
             y = s * 2 * areas[g] / np.sqrt(uu)
             direction = total + np.arctan2(y, x)
-            if given:
-                merit = _straightness(direction, arrival, around)
-            else:
-                merit = np.sqrt(r * r * uu + 2 * r * s * uw + s * s * ww)
-            side = (r * dot(TIE_BREAKER, u) + s * dot(TIE_BREAKER, w)) / np.sqrt(
-                r * r * uu + 2 * r * s * uw + s * s * ww
-            )
+            merit = np.sqrt(r * r * uu + 2 * r * s * uw + s * s * ww)
+            side = (r * dot(TIE_BREAKER, u) + s * dot(TIE_BREAKER, w)) / merit
             if _is_better(merit, side, best, best_side):
                 best, best_angle, best_side = merit, direction, side
                 best_face, best_corner, kind = g, c, 1
@@ -216,7 +134,7 @@ def _leave_vertex(triangles, field, f, k, arrival):
         return -1, -1, 0
     # Straight on is half of the vertex's total angle from the direction of arrival.
     share = abs(best_angle - arrival) / total
-    if given or 0.25 < share < 0.75:
+    if 0.25 < share < 0.75:
         return best_face, best_corner, kind
     return -1, -1, 0
 
@@ -226,12 +144,6 @@ def _is_better(merit, side, best, best_side):
     if abs(merit - best) <= _ROUNDING * best:
         return side > best_side
     return merit > best
-
-
-@kernel
-def _straightness(angle, arrival, around):
-    # 1.5 straight on, 0.5 straight back.
-    return 1.5 - abs(2.0 * abs(angle - arrival) / around - 1.0)
 
 
 @kernel
@@ -249,32 +161,15 @@ def _angle_of_arrival(triangles, rates, f, k):
 
 
 @kernel
-def _angle_around(triangles, f, k):
-    # The sum of the angles at the vertex of corner k; up to the border if it lies on one.
-    total = 0.0
-    g, c = f, k
-    for _ in range(MOST_AROUND):
-        total += _corner_angle(triangles, g, c)
-        t = triangles.twins[g, after(after(c))]
-        if t < 0:
-            return total
-        g = t // 3
-        c = t - 3 * g
-        if g == f and c == k:
-            break
-    return total
-
-
-@kernel
 def walk_exactly(
-    start, stop, triangles, field, times, most_steps, point_faces, coordinates, endings
+    start, stop, triangles, rates, potential, times, most_steps, point_faces, coordinates, endings
 ):
     """Walk from edge to edge; parameters as in `flow.trace`. `endings` must be 0 before.
 
-    `times` has one entry for each point, or one for all.
+    `rates` are the flow in each face, see `find_shock_rates`; `times` has one entry for each point,
+    or one for all.
     """
-    vertices, faces, twins, areas, _, crowded = triangles
-    rates, potential = field
+    vertices, faces, twins, areas, crowded = triangles
     b = np.empty(3)
     for point in range(start, stop):
         f = point_faces[point]
@@ -283,8 +178,6 @@ def walk_exactly(
         if areas[f] == 0 or (rates[f, 0] == 0 and rates[f, 1] == 0):
             left = 0.0
         slide = -1  # the half-edge along which the walk slides
-        last = np.inf
-        rests = 0  # consecutive steps that took no time
         steps = 0
         around = 0  # consecutive edges crossed at crowded vertices
         while left > 0:
@@ -292,10 +185,6 @@ def walk_exactly(
                 endings[point] = CUT_OFF
                 break
             steps += 1
-            rests = rests + 1 if left == last else 0
-            last = left
-            if rests > _MOST_RESTS and potential is None:
-                break  # circles around a vertex to which all faces flow
             corner, arrival = -1, 0.0
             if slide < 0:
                 # Straight to the edge that is reached first.
@@ -325,7 +214,7 @@ def walk_exactly(
                 inward = rates[g, apex]
                 along = b[after(k)] / (b[k] + b[after(k)])
                 at_vertex = along < _ROUNDING or along > 1.0 - _ROUNDING
-                if potential is not None and at_vertex:
+                if at_vertex:
                     # Not into the face that rounding chose.
                     corner = k if along < 0.5 else after(k)
                     arrival = _angle_of_arrival(triangles, rates, f, corner)
@@ -345,11 +234,10 @@ def walk_exactly(
                     continue
                 else:
                     # Both faces flow into the edge. The inner product of both flows, unfolded,
-                    # times the squared length of the edge, tells whether the shock flow turns back.
-                    sliding = _sliding(potential, triangles, rates, f, k)
+                    # times the squared length of the edge, tells whether the flow turns back.
+                    sliding = _flow_along(potential, triangles, f, k)
                     across = (rates[f, exit_corner] * areas[f]) * (inward * areas[g])
-                    turns_back = potential is not None and sliding * sliding - 4 * across <= 0
-                    if turns_back or sliding == 0:
+                    if sliding * sliding - 4 * across <= 0 or sliding == 0:
                         b[k] = 1.0 - along
                         b[after(k)] = along
                         break
@@ -358,7 +246,7 @@ def walk_exactly(
                 f = slide // 3
                 k = slide - 3 * f
                 along = 0.0
-                sliding = _sliding(potential, triangles, rates, f, k)
+                sliding = _flow_along(potential, triangles, f, k)
             if corner < 0:
                 e = edge(vertices, faces[f, k], faces[f, after(k)])
                 rate = sliding / dot(e, e)
@@ -377,7 +265,7 @@ def walk_exactly(
                     corner = k
             b[0] = b[1] = b[2] = 0.0
             b[corner] = 1.0
-            g, c, kind = _leave_vertex(triangles, field, f, corner, arrival)
+            g, c, kind = _leave_vertex(triangles, rates, potential, f, corner, arrival)
             if kind == 0:
                 if crowded.size and crowded[faces[f, corner]]:
                     endings[point] = AROUND_HUB

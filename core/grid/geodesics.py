@@ -234,8 +234,8 @@ def _list_splits(guide, spacing, limit, first, last, squares, obtuse, cursors, t
 
 @kernel
 def _cell(y, x, first, last, width):
-    # Cell 0 lies in the frame, where no front comes, and stands for all cells beyond the band: so
-    # bands of other rows find the same distances.
+    # Cell 0 is in the frame, which no front enters. It represents all cells beyond the band, so
+    # that bands of other rows have the same distances.
     return (y - first + 1) * width + x + 1 if first <= y < last else 0
 
 

@@ -25,10 +25,8 @@ A place is (row, column, down, across): a cell's first node, and offsets in it f
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from ..base.parallel import kernel, run
-from ..base.unfinished import MOST_STEPS, warn_of_unfinished
+from ..base.parallel import kernel
 
 ENDED, LEFT_DOWN, LEFT_ACROSS, UNFINISHED = range(4)
 """How a walk ends: by itself; at a closed cell along the first axis or the second; cut off."""
@@ -37,33 +35,6 @@ OFFSET = 0.001
 """How far into each adjacent cell the trace of a node begins: the paper's epsilon."""
 
 _MOST_RESTS = 8
-
-
-def follow(
-    vectors: npt.NDArray, time: float, points: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Follow given vectors from points, at most up to the border.
-
-    Parameters
-    ----------
-    vectors : (h - 1, w - 1, 2) array of float
-        Velocity (down, across) in each cell of a grid of h x w nodes.
-    time : float
-        Finite.
-    points : (k, 2) float64
-        Start points: (row, column) in 0 to h - 1 and w - 1.
-
-    Returns
-    -------
-    (k, 2) float64
-    """
-    if not np.isfinite(time):
-        raise ValueError(f"time is {time}; give a finite one, as flow-lines may be closed.")
-    ends = np.empty_like(points)
-    unfinished = np.zeros(len(points), dtype=np.bool_)
-    run(_follow, len(points), vectors, float(time), MOST_STEPS, points, ends, unfinished)
-    warn_of_unfinished(unfinished)
-    return ends
 
 
 @kernel
@@ -263,15 +234,3 @@ def walk_cells(potential, vectors, faces, metrics, time, most_steps, place):
             ending = LEFT_DOWN + LEFT_ACROSS - ending
         return (j, i, b, a), left, w, v, ending
     return (i, j, a, b), left, v, w, ending
-
-
-@kernel
-def _follow(start, stop, vectors, time, most_steps, points, ends, unfinished):
-    for i in range(start, stop):
-        row = min(int(points[i, 0]), vectors.shape[0] - 1)
-        column = min(int(points[i, 1]), vectors.shape[1] - 1)
-        place = row, column, points[i, 0] - row, points[i, 1] - column
-        place, _, _, _, ending = walk_cells(None, vectors, None, None, time, most_steps, place)
-        ends[i, 0] = place[0] + place[2]
-        ends[i, 1] = place[1] + place[3]
-        unfinished[i] = ending == UNFINISHED

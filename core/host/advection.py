@@ -25,8 +25,8 @@ from .textures import analyse
 _ANALYSIS = 0.1  # of the time that a run takes
 
 _FAST = 0.98
-"""The part of the faces with any flow beyond which all are as fast: a few at creases are far
-faster, and all others would stand still beside them."""
+"""Quantile of the speeds to which faster faces are limited: a few faces at creases are so fast that
+all others would seem to stand still."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class FlowSurface:
     shape : (int, int)
         Height and width of the frames.
     of : str
-        What `given` is: "shape", settings of `geometry_flow`; "colors", corner colors (m, 3, c)
-        and settings of `flow_field`; "directions", vectors (m, 3); or "rising", numbers at the
-        corners (m, 3), in whose way it flows.
+        The kind of `given`: "shape", settings of `geometry_flow`; "colors", corner colors
+        (m, 3, c) and settings of `flow_field`; "directions", vectors (m, 3); or "rising", numbers
+        at the corners (m, 3), along whose gradient it flows.
     given : object
     """
 
@@ -90,7 +90,7 @@ def frames_of(
     settings : NoiseSettings
     frames : int
     in_colors : bool
-        Whether colors say how fast it is.
+        Whether colors show the speed.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
     background : (h, w, 3) float32, optional
@@ -136,7 +136,7 @@ def _field(flow: FlowSurface, mesh: TriangleMesh) -> npt.NDArray[np.float64]:
 
 
 def limited(field: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Slow outliers down to the speed of the fastest other vectors."""
+    """Limit the speed of outliers to that of the fastest other vectors."""
     speeds = np.linalg.norm(field, axis=1)
     some = speeds[speeds > 0]
     if not len(some):

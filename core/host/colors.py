@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Filter the colors on a surface as a host program keeps them.
+"""Filter the colors of a surface, as a host program stores them.
 
 Colors are filtered as they are stored, so that reading and writing them changes nothing: byte
 colors as sRGB values, float colors as linear ones. Only red, green and blue take part.
@@ -39,16 +39,16 @@ def filter_colors(
     name, settings
         As in `geometry.filter_shape`.
     weld : bool
-        Vertices at exactly the same place count as one where their colors agree; of their masks
-        the lowest counts.
+        Whether vertices at the same place count as one where their colors agree; the lowest of
+        their masks applies.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     Recolored
-        A corner of an n-gon that lies in several of its triangles gets the mean of what they
-        say. Colors that do not change stay bit for bit.
+        A corner of an n-gon that lies in several of its triangles gets the mean of their results.
+        Colors that do not change stay bit for bit.
 
     Raises
     ------
@@ -71,9 +71,9 @@ def filter_colors(
 
 
 def width_of_borders(surface: ColoredSurface, what: str) -> float:
-    """Measure the width that sharpening closes where none is given, in mean edge lengths.
+    """Measure the width that sharpening closes by default, in mean edge lengths.
 
-    0 if the colors are sharp already, or have no borders.
+    It is 0 if the colors are sharp already or have no borders.
     """
     check_colors(surface)
     if surface.corners is not None:
@@ -85,7 +85,7 @@ def width_of_borders(surface: ColoredSurface, what: str) -> float:
 
 
 def check_colors(surface: ColoredSurface) -> None:
-    """Refuse colors that no filter can work on."""
+    """Raise `InvalidSignal` if no filter can work on the colors."""
     if not np.isfinite(surface.colors).all():
         raise InvalidSignal("The colors hold NaN or infinity; paint over these first.")
     if np.abs(surface.colors).max(initial=0.0) > LARGEST:
@@ -97,7 +97,7 @@ def check_colors(surface: ColoredSurface) -> None:
 def repainted_corners(
     surface: ColoredSurface, corners: npt.NDArray[np.int32], values: Colors
 ) -> Recolored:
-    """Bring new colors of the corners of triangles back; `corners` says which color each has."""
+    """Write the colors of triangle corners back; `corners` has the index of the color of each."""
     new = surface.colors.copy()
     with aside("Placing colors"):
         group_means(corners.reshape(-1), values.reshape(corners.size, -1), new)

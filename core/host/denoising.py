@@ -31,10 +31,10 @@ def filter_both(
     weld: bool,
     progress: ProgressCallback | None = None,
 ) -> Both:
-    """Denoise a surface and its colors with the same weights; `name` is that of the colors' filter.
+    """Denoise a surface and its colors with the same weights; `name` is the filter of the colors.
 
-    Colors of vertices are taken as those of the corners around them: so vertices at the same
-    place move together, even where their colors differ.
+    Colors of vertices are copied to the corners around them, so that vertices at the same place
+    move together even if their colors differ.
     """
     sharpening = find(name).sharpening(settings.sharpen_time)
     function = then_sharpen(beltrami_joint_corners, sharpen_both, sharpening)

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.memo import kept
 from ..base.progress import ProgressCallback, phase, reporting
 from ..grid.resize import resized
 from ..mesh.directions import gradient_directions, named_directions
@@ -20,12 +19,12 @@ from ..registry import find
 from ..settings import describe
 from ..texture.texels import grays_of
 from .inputs import TexturedFaces
-from .textures import analyse
+from .textures import atlas_of
 
 _ANALYSIS = 0.3  # of the time that a run takes
 
 _QUICK, _SLOW = 256, 192
-"""Most texels in each direction of an image that is tried; of slow filters."""
+"""Most texels in each direction of a preview, and of those of slow filters."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +37,12 @@ class FieldSurface:
     shape : (int, int)
         Height and width of the image.
     given : mapping
-        What the function in the registry takes by name beside its settings; instead of
-        directions also the name of some (`along`), or numbers at the corners that rise in their
-        way (`rising`).
+        Keyword arguments for the function in the registry, without its settings. Directions may
+        also be given by name (`along`), or by numbers at the corners with this gradient (`rising`).
     at_vertices : bool
-        Whether values at the vertices are wanted instead of an image.
+        Whether values at the vertices are computed instead of an image.
     is_tried : bool
-        Whether other settings will follow, so that what they share is kept with the faces.
+        Whether this is a preview, so that results to reuse are kept with the faces.
     """
 
     faces: TexturedFaces
@@ -66,9 +64,9 @@ class Generated:
     Attributes
     ----------
     values : (h, w) or (n,) float32
-        Of texels, from the bottom up; or of the vertices.
+        Values of texels, from the bottom up, or of vertices.
     shown : (h, w) or (n,) bool
-        Which of them lie on the surface, at a finite distance.
+        Which values are on the surface and finite.
     notes : tuple of str
     """
 
@@ -78,14 +76,14 @@ class Generated:
 
     @property
     def grays(self) -> npt.NDArray[np.float32]:
-        """What is seen of the values, the gutter too: in [0, 1], 0 where they are infinite."""
+        """The visible values, including the gutter: in [0, 1], 0 where they are infinite."""
         values = np.where(np.isfinite(self.values), self.values, np.float32(0.0))
         largest = float(values.max(initial=0.0, where=self.shown))
         return np.clip(values / max(largest, 1.0), 0.0, 1.0)
 
 
 def reduced(surface: FieldSurface, is_slow: bool) -> FieldSurface:
-    """Return a surface whose image is so small that settings can be tried.
+    """Return a surface with an image small enough for previews.
 
     Parameters
     ----------
@@ -105,10 +103,10 @@ def reduced(surface: FieldSurface, is_slow: bool) -> FieldSurface:
 
 
 def reduced_settings(settings: Any, large: tuple[int, int], small: tuple[int, int]) -> Any:
-    """Return settings for an image of another size, on which the same is to be seen.
+    """Return settings for an image of another size that give the same look.
 
-    What counts in texels is as large on the surface, unless so few texels cannot show it; and what
-    takes long is done no more than `tried_at_most` says.
+    Lengths in texels are scaled to the same size on the surface, unless the smaller image cannot
+    show it. Settings are limited to `tried_at_most`.
     """
     smaller = max(small) / max(large)
     changes = {}
@@ -125,7 +123,7 @@ def reduced_settings(settings: Any, large: tuple[int, int], small: tuple[int, in
 def generate(
     surface: FieldSurface, name: str, settings: Any, progress: ProgressCallback | None = None
 ) -> Generated:
-    """Make an image.
+    """Generate an image.
 
     Parameters
     ----------
@@ -142,7 +140,7 @@ def generate(
     """
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
-            atlas = _atlas(surface)
+            atlas = atlas_of(surface.faces, surface.shape, surface.is_tried)
         with phase(_ANALYSIS, 1.0, "Generating"):
             uv, given = surface.faces.uv, dict(surface.given)
             if "along" in given:
@@ -166,7 +164,7 @@ def generate(
 def _at_vertices(
     surface: FieldSurface, atlas: TextureAtlas, name: str, settings: Any, given: dict[str, Any]
 ) -> npt.NDArray[np.float64]:
-    # Vertices on painted texels count as given, and so do the edges of seams.
+    # Vertices on painted texels are sources, and so are the edges of seams.
     mesh, given = atlas.mesh, dict(given)
     if "image" in given:
         texels = np.floor(surface.faces.uv * surface.shape[::-1]).astype(np.int64)
@@ -178,10 +176,3 @@ def _at_vertices(
         given["edges"] = np.stack([mesh.faces[f, k], mesh.faces[f, (k + 1) % 3]], axis=1)
         settings = replace(settings, source="given")
     return find(name).function(vertices=True)(mesh, settings, **given)
-
-
-def _atlas(surface: FieldSurface) -> TextureAtlas:
-    faces, shape = surface.faces, surface.shape
-    if not surface.is_tried:
-        return analyse(faces, shape)
-    return kept(faces, "atlas", shape, lambda: analyse(faces, shape))

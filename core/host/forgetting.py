@@ -9,12 +9,12 @@ _functions: list[Callable[[], None]] = []
 
 
 def with_file(function: Callable[[], None]) -> Callable[[], None]:
-    """Have a function called whenever the open file is left; use it as a decorator."""
+    """Register a function to call whenever the open file is closed; use it as a decorator."""
     _functions.append(function)
     return function
 
 
 def forget_file() -> None:
-    """Call them all."""
+    """Call all registered functions."""
     for function in _functions:
         function()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Filter the geometry of a surface as a host program keeps it."""
+"""Filter the geometry of a surface, as a host program stores it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
 from ..registry import find
 from ..settings import GeometrySettings
-from ..shape.creases import vertices_at_creases
+from ..shape.crease_lines import CLOSES, SHARP, edges_of
 from ..shape.noise import noise_of_normals
+from .creases import lines_of, places_of
+from .edge_marks import CreaseEdges
 from .inputs import MirroredSurface, Surface
 from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
 
 _VISIBLE = 0.02
-"""A move, in mean edge lengths, that people see."""
+"""Least visible move, in mean edge lengths."""
 
 
 @dataclass(frozen=True)
@@ -32,18 +34,18 @@ class Reshaped:
     ----------
     positions : (n, 3) float32
     moved : int
-        How many vertices moved visibly.
+        Number of vertices that moved visibly.
     largest_move : float
         In mean edge lengths.
-    creases : (n,) bool or None
-        Which vertices lie where creases were closed, if only these were to be; None after filters
-        that do not look for creases.
+    creases : CreaseEdges or None
+        Edges of creases: those that were closed and those that were sharp before; None where these
+        are not asked for, or not looked for.
     """
 
     positions: npt.NDArray[np.float32]
     moved: int
     largest_move: float
-    creases: npt.NDArray[np.bool_] | None = None
+    creases: CreaseEdges | None = None
 
 
 def filter_shape(
@@ -59,11 +61,11 @@ def filter_shape(
     ----------
     surface : MirroredSurface
     name : str
-        Of the filter, in the registry.
+        Name of the filter in the registry.
     settings : object
-        Of the filter's settings class; a `Denoising` where a sharpening may follow.
+        Settings of the filter; a `Denoising` if a sharpening may follow.
     weld : bool
-        Vertices at exactly the same place move together, as the most protected of them.
+        Whether vertices at the same place move together, with the lowest of their masks.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -83,28 +85,26 @@ def filter_shape(
         part = welded(surface, weld)
         positions = function(part.mesh, settings=settings.kernel, mask=part.mask)
         shape = placed(surface, part, positions)
-        if not row.closes_creases:
+        if not row.closes_creases or surface.sharp_angle is None:
             return shape
         with aside("Finding creases"):
             return replace(shape, creases=_creases(surface, part, settings))
 
 
 def is_scan(surface: Surface) -> bool:
-    """Tell whether denoising takes the surface for that of a scan, whose bumps are wide."""
+    """Return whether denoising takes the surface for a scan, whose bumps are wide."""
     return noise_of_normals(welded(surface, weld=True).mesh).of_scan
 
 
-def _creases(
-    surface: MirroredSurface, part: Welded, settings: GeometrySettings
-) -> npt.NDArray[np.bool_]:
-    found = np.zeros(len(surface.positions), dtype=bool)
+def _creases(surface: MirroredSurface, part: Welded, settings: GeometrySettings) -> CreaseEdges:
+    places, pairs = places_of(part), np.zeros((0, 2), dtype=np.intp)
     if settings.where == "creases" and not settings.is_neutral:
-        closed = vertices_at_creases(part.mesh, settings)
+        lines = lines_of(surface, part, settings, surface.sharp_angle)
+        pairs = edges_of(line for line in lines if line.state in (CLOSES, SHARP))
         for axis in (axis for axis in range(3) if surface.mirror[axis]):
-            pairs = _pairs(surface, part, axis)
-            closed[pairs >= 0] |= closed[pairs[pairs >= 0]]
-        found[part.used] = closed[part.index]
-    return found
+            mirrored = _pairs(surface, part, axis)[pairs]
+            pairs = np.concatenate([pairs, mirrored[(mirrored >= 0).all(axis=1)]])
+    return CreaseEdges(places, pairs)
 
 
 def _pairs(surface: MirroredSurface, part: Welded, axis: int) -> npt.NDArray[np.intp]:
@@ -115,7 +115,7 @@ def _pairs(surface: MirroredSurface, part: Welded, axis: int) -> npt.NDArray[np.
 
 
 def placed(surface: MirroredSurface, part: Welded, positions: npt.NDArray) -> Reshaped:
-    """Bring a welded part's new positions, which may be mirrored, back to the surface."""
+    """Return new positions of a surface from those of its welded part, with symmetry."""
     with aside("Placing vertices"):
         mesh = part.mesh
         moves = surface.from_world(positions - mesh.vertices)

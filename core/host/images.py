@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Filter an image as a host program keeps it: opacity, multiplied floats, bytes."""
+"""Filter an image, as a host program stores it: opacity, multiplied floats, bytes."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def filter_image(
     ----------
     image : HostImage
     name, settings
-        As in `geometry.filter_shape`. Where the settings say that there is no opacity, all four
-        channels are filtered alike, whatever the fourth is.
+        As in `geometry.filter_shape`. If the settings say that there is no opacity, all four
+        channels are filtered alike.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
@@ -79,9 +79,9 @@ def filter_pixels(
     shown: npt.NDArray[np.bool_] | None = None,
     **words: Any,
 ) -> Recolored:
-    """Filter an image with the arguments of its filter before the pixels, and by name.
+    """Filter an image, with further arguments of its filter before the pixels and by keyword.
 
-    As `recolored` says, `shown` tells which pixels are counted.
+    `shown` says which pixels are counted, see `recolored`.
     """
     kernel, run = settings.kernel, find(name).function(settings.sharpen_time)
 
@@ -99,7 +99,7 @@ def filter_pixels(
 
 
 def with_opacity(settings: Any, alpha: str) -> Any:
-    """Return settings that say which channel is opacity, if they say that at all."""
+    """Return settings with this channel of opacity, if they have such a setting."""
     name = named(type(settings), "opacity")
     return settings.changed(**{name: alpha}) if name else settings
 
@@ -107,18 +107,17 @@ def with_opacity(settings: Any, alpha: str) -> Any:
 def filter_channels(
     image: HostImage, function: Callable[[Pixels, str], Pixels], alpha: str, times: int = 1
 ) -> Pixels:
-    """Filter the channels that are colors, not multiplied by opacity; they are not rounded yet.
+    """Filter the channels of colors, not multiplied by opacity, without rounding.
 
     Parameters
     ----------
     image : HostImage
     function : callable
-        ``function(pixels, alpha)`` filters what it is given, where `alpha` replaces that of the
-        settings.
+        ``function(pixels, alpha)`` filters pixels; `alpha` replaces that of the settings.
     alpha : str
-        That of the settings.
+        `alpha` of the settings.
     times : int
-        How many times higher and wider the result is.
+        Factor by which the result is higher and wider.
     """
     old = image.pixels
     if alpha == "none" or image.opacity == "CHANNEL_PACKED":
@@ -136,7 +135,7 @@ def filter_channels(
 
 
 def divided(pixels: Pixels) -> Pixels:
-    """Return pixels whose colors are not multiplied by opacity any more."""
+    """Return pixels with colors divided by opacity."""
     straight = np.empty_like(pixels)
     with aside("Preparing"):
         for band in blocks(len(pixels), _ROWS):

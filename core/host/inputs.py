@@ -42,11 +42,11 @@ class Surface:
         return len(self.positions)
 
     def into_world(self, vectors: npt.NDArray) -> npt.NDArray:
-        """Turn vectors of the object's space, as rows, into those of the world."""
+        """Transform vectors of the object's space, as rows, to the world."""
         return vectors if self._as_in_world() else vectors @ self.to_world.T
 
     def from_world(self, vectors: npt.NDArray) -> npt.NDArray:
-        """Turn them back."""
+        """Transform vectors of the world, as rows, to the object's space."""
         return vectors if self._as_in_world() else np.linalg.solve(self.to_world, vectors.T).T
 
     def _as_in_world(self) -> bool:
@@ -63,7 +63,7 @@ class MirrorPlane:
         Points in the plane have ``points @ normal + offset == 0``.
     offset : float
     reach : float
-        Points up to this value on either side belong to the plane.
+        Points up to this distance from the plane belong to it.
     """
 
     normal: Floats
@@ -87,13 +87,32 @@ class MirroredSurface(Surface):
     Attributes
     ----------
     mirror : (bool, bool, bool)
-        Along which axes a symmetric surface stays symmetric.
+        Axes along which a symmetric surface stays symmetric.
     planes : tuple of MirrorPlane
         Where modifiers join the surface with its mirror image.
+    sharp_angle : float or None
+        Edges of creases that are stronger are wanted, too, in degrees; None wants none.
+    edges : (k, 2) int or None
+        Vertices of the edges of the faces, where these are no triangles.
     """
 
     mirror: tuple[bool, bool, bool]
     planes: tuple[MirrorPlane, ...]
+    sharp_angle: float | None = None
+    edges: npt.NDArray[np.int32] | None = None
+
+
+@dataclass(frozen=True)
+class CutSurface(Surface):
+    """A mesh object's geometry, and edges across which its data differ.
+
+    Attributes
+    ----------
+    cuts : (k, 2) int
+        Vertices of the edges: seams of UVs, borders of materials.
+    """
+
+    cuts: npt.NDArray[np.integer]
 
 
 @dataclass(frozen=True)
@@ -105,9 +124,9 @@ class ColoredSurface(Surface):
     colors : (k, 3) float32
         Of the vertices, or of the face corners if `corners` is given.
     corners : (m, 3) int32 or None
-        Which face corner each corner of the triangles is.
+        The face corner of each corner of the triangles.
     free : (k,) bool or None
-        False protects a face corner, whatever the mask says.
+        Face corners that may change; False overrides the mask.
     levels : int
         Byte colors have 255 steps; 0 for float colors.
     """
@@ -140,14 +159,14 @@ class HostImage:
     pixels : (h, w, 4) float32
         From the bottom up.
     opacity : str
-        What the fourth channel is, in Blender's words: "STRAIGHT" or "PREMUL" for opacity,
-        "CHANNEL_PACKED" for one more channel like the others, "NONE" for nothing.
+        Meaning of the fourth channel, as Blender names it: "STRAIGHT" or "PREMUL" for opacity,
+        "CHANNEL_PACKED" for another channel like the others, "NONE" for none.
     premultiplied : bool
         Whether colors are multiplied by opacity, if there is one.
     levels : int
         Bytes have 255 steps; 0 for floats.
     known : Measured or None
-        What was measured in the image that this is a part of.
+        Measurements of the image of which this is a part.
     """
 
     pixels: Pixels
@@ -178,7 +197,7 @@ class TexturedFaces:
     grays : (m, 3) float64 or None
         A gain map at the corners; see `painted_gain.gains_of`.
     normals : (m, 3, 3) float64 or None
-        Those of the shading at the corners, in the world; smooth ones if left out.
+        Shading normals at the corners, in the world; None for smooth normals.
     """
 
     positions: Floats
@@ -198,17 +217,17 @@ class TexturedSurface:
     faces : TexturedFaces
     picture : HostImage
     mask : (h, w) float64 or None
-        1 sharpens a texel fully, 0 leaves it as it is; the faces' weights count, too.
+        1 sharpens a texel fully, 0 leaves it unchanged; multiplied by the weights of the faces.
     guide : HostImage or None
         An image of any size whose flow moves the values, if the filter has one.
     content : str
-        What the texture holds, instead of what the settings say; empty: they say it.
+        The content of the texture, in place of that in the settings; empty for the latter.
     grays : (h, w) float64 or None
-        A gain map, if the filter takes one; gains of the faces' one count, too.
+        A gain map, if the filter takes one; multiplied by the gains of the faces.
     others : tuple of HostImage
-        Pictures of the same surface and size, if the filter makes one image of several.
+        Pictures of the same surface and size, if the filter merges several images.
     is_tried : bool
-        Whether other settings will follow, so that what they share is kept with the faces.
+        Whether this is a preview, so that results to reuse are kept with the faces.
     """
 
     faces: TexturedFaces
@@ -230,12 +249,12 @@ class TexturedSurface:
 class Denoising:
     """The settings of the kernel, and the time of the sharpening or None.
 
-    Settings of a filter have both attributes, too, so that no reader has to tell them apart.
+    Settings of a filter have the same attributes, so that readers need not distinguish them.
     """
 
     kernel: Any
     sharpen_time: float | None
 
     def changed(self, **values: Any) -> Denoising:
-        """Return the same with other values of the kernel's settings."""
+        """Return a copy with other values in the settings of the kernel."""
         return replace(self, kernel=self.kernel.changed(**values))

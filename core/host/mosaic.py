@@ -15,16 +15,16 @@ _TOLERANCE = 1e-3  # of a tile
 
 @dataclass(frozen=True)
 class Mosaic:
-    """The place of each tile.
+    """The layout of UDIM tiles in one image.
 
     Attributes
     ----------
     places : dict
-        Row and column of each tile's first texel, and its height and width, under its number.
+        By number of the tile: row and column of its first texel, its height and width.
     height, width : int
         Size of the whole.
     margin : int
-        Texels around each tile that repeat those on its rim.
+        Width of the margin around each tile, which repeats the texels on its rim.
     """
 
     places: dict[int, tuple[int, int, int, int]]
@@ -34,7 +34,7 @@ class Mosaic:
 
     @classmethod
     def of(cls, sizes: dict[int, tuple[int, int]], margin: int) -> Mosaic:
-        """Lay tiles of these heights and widths out, in a square as far as possible."""
+        """Lay out tiles of these heights and widths, roughly in a square."""
         columns = math.ceil(math.sqrt(len(sizes)))
         height = max(h for h, _ in sizes.values()) + 2 * margin
         width = max(w for _, w in sizes.values()) + 2 * margin
@@ -49,7 +49,7 @@ class Mosaic:
         return cls(places, height * math.ceil(len(sizes) / columns), width * columns, margin)
 
     def compose(self, tiles: dict[int, npt.NDArray]) -> npt.NDArray:
-        """Put the tiles' pixels into one image."""
+        """Copy the pixels of the tiles into one image."""
         channels = next(iter(tiles.values())).shape[2:]
         whole = np.zeros((self.height, self.width, *channels), dtype=np.float32)
         around = ((self.margin, self.margin), (self.margin, self.margin), (0, 0))
@@ -60,14 +60,14 @@ class Mosaic:
         return whole
 
     def cut(self, whole: npt.NDArray) -> dict[int, npt.NDArray]:
-        """Take the tiles' pixels out of one image again."""
+        """Copy the pixels of the tiles out of one image."""
         return {
             number: whole[row : row + height, column : column + width]
             for number, (row, column, height, width) in self.places.items()
         }
 
     def place(self, uv: npt.NDArray[np.float64]) -> tuple[npt.NDArray, npt.NDArray[np.bool_]]:
-        """Turn texture coordinates of triangles in tiles into those in the whole.
+        """Convert texture coordinates in tiles to those in the whole image.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class Mosaic:
         -------
         uv : (m, 3, 2) float64
         inside : (m,) bool
-            False for triangles that do not lie in one of the tiles.
+            False for triangles that are not within one tile.
         """
         corner = np.floor(uv.mean(axis=1))
         in_range = (corner >= 0).all(axis=1) & (corner[:, 0] < _PER_ROW)

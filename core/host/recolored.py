@@ -13,7 +13,7 @@ from ..base.progress import aside, ask
 Colors = npt.NDArray[np.float32]
 
 _BAND = 1 << 20
-"""Values that are compared at once, which fit into the processor's caches."""
+"""Number of values compared at once, which fit into the processor's caches."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,7 @@ def recolored(
     levels : int
         255 for bytes, 0 for floats.
     shown : (...,) bool, optional
-        Which of them count; all if left out. What is filled in around the charts of a texture is
-        not seen.
+        The colors to count. Default: all. The gutter of a texture is not visible.
 
     Returns
     -------
@@ -63,7 +62,7 @@ def recolored(
 
 
 def _choose(old: Colors, new: Colors, levels: int, colors: Colors) -> npt.NDArray[np.bool_]:
-    """Write old colors where new ones are stored as the same, else the new ones, rounded."""
+    """Write rounded new colors, or the old ones where both are stored alike."""
     same = new == old
     if levels:  # Blender's fractions of bytes may differ from ours in the last bit
         steps = _steps(new, levels)

@@ -11,10 +11,10 @@ from ..base.parallel import blocks
 from .inputs import Floats
 
 _TOLERANCE = 0.01
-"""How far from its partner's mirror image a vertex may lie, in edge lengths."""
+"""Largest distance of a vertex from its partner's mirror image, in edge lengths."""
 
 _ROWS = 1 << 16
-"""Rows that numpy and scipy get at once."""
+"""Rows that numpy and scipy process at once."""
 
 
 def mirror_pairs(
@@ -30,7 +30,7 @@ def mirror_pairs(
     points : (n, 3) array of float
     triangles : (m, 3) array of int
     mask : (n,) array of float or None
-        Vertices with different masks are no pair: the person wants them to differ.
+        Vertices with different masks are not paired, as they are meant to differ.
     axis : int
         0, 1 or 2: the plane's normal.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Filter a texture on its surface, as a host program such as Blender keeps both.
+"""Filter a texture on its surface, as a host program such as Blender stores both.
 
 Colors are filtered as they are stored: bytes as values of the image's color space, floats as
 linear ones.
@@ -31,7 +31,7 @@ _ANALYSIS = 0.3  # of the time that a run takes
 
 @dataclass(frozen=True)
 class Retextured:
-    """New colors of a texture, the texels that count, and remarks on its coordinates."""
+    """New colors of a texture, the texels inside its charts, and remarks on its coordinates."""
 
     recolored: Recolored
     shown: npt.NDArray[np.bool_] | None
@@ -63,7 +63,7 @@ def filter_texture(
     words: dict[str, Any] = {}
     with reporting(progress):
         with phase(0.0, _ANALYSIS, "Preparing the mesh"):
-            atlas = _atlas(surface)
+            atlas = atlas_of(surface.faces, (height, width), surface.is_tried)
             mask = _mask(surface, atlas)
             shown = None if row.fills_gutter else atlas.inside
         with phase(_ANALYSIS, 1.0, "Filtering"):
@@ -97,17 +97,16 @@ def analyse(
             return TextureAtlas(mesh, faces.uv, size=size)
 
 
+def atlas_of(faces: TexturedFaces, size: tuple[int, int], is_tried: bool) -> TextureAtlas:
+    """Return `analyse` of faces, kept with these for previews."""
+    if not is_tried:
+        return analyse(faces, size)
+    return kept(faces, "atlas", size, lambda: analyse(faces, size))
+
+
 def _holding(settings: Any, content: str) -> Any:
     field = named(type(settings.kernel), "content")
     return settings.changed(**{field: content}) if field else settings
-
-
-def _atlas(surface: TexturedSurface) -> TextureAtlas:
-    height, width = surface.picture.pixels.shape[:2]
-    size = height, width
-    if not surface.is_tried:
-        return analyse(surface.faces, size)
-    return kept(surface.faces, "atlas", size, lambda: analyse(surface.faces, size))
 
 
 def _tried(
@@ -117,11 +116,11 @@ def _tried(
     settings: Any,
     mask: Floats | None,
 ) -> Recolored:
-    """Filter with a gain that others will follow; what they share is kept with the faces.
+    """Filter for a preview; the solver for all gains is kept with the faces.
 
-    Results are linear in the gain, so two of them, for the same painted gains, give all others;
-    but not those of normals, which are made unit length.
-    They are looked at only: nothing is rounded, and changes are not counted.
+    Results for the same painted gains are linear in the gain, so all are mixed from two. This does
+    not hold for normals, which are normalized. Results are only shown, so they are not rounded,
+    and changes are not counted.
     """
     picture, uv = surface.picture, surface.faces.uv
     wanted = value_of(settings, "gain")
@@ -134,7 +133,7 @@ def _tried(
         shared = with_opacity(shared, alpha)
         key = (id(picture), *vars(shared).values())
 
-        # The picture is kept with its solver, so that no other one has its number meanwhile.
+        # The picture is kept with its solver, so that its id is not used again.
         def make() -> tuple[HostImage, Any]:
             normals = surface.faces.normals
             solver = solver_of(atlas.mesh, uv, pixels, shared, normals=normals, atlas=atlas)
@@ -171,7 +170,7 @@ def _joined(
     settings: Any,
     given: dict[str, Any],
 ) -> Recolored:
-    """Make one image of several; opacity says where each is known."""
+    """Merge several images into one; opacity says where each is known."""
     join = row.function()
 
     def function(pixels: Pixels, alpha: str) -> Pixels:
@@ -193,7 +192,7 @@ def _joined(
 
 
 def _straight(image: HostImage) -> Pixels:
-    # With colors that are not multiplied by opacity, and opaque if there is none.
+    # Colors not multiplied by opacity; opaque if the image has none.
     if image.opacity in ("STRAIGHT", "PREMUL"):
         return divided(image.pixels) if image.premultiplied else image.pixels
     pixels = image.pixels.copy()
@@ -211,7 +210,7 @@ def _gains(surface: TexturedSurface, atlas: TextureAtlas, gain: float) -> Pixels
 
 
 def _guiding(guide: HostImage, size: tuple[int, int]) -> Pixels:
-    # Colors that are multiplied count as much as opacity says already.
+    # Multiplied colors are weighted by opacity already.
     is_straight = guide.opacity == "STRAIGHT" and not guide.premultiplied
     return resized(guide.pixels if is_straight else guide.pixels[..., :3], size)
 

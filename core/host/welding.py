@@ -23,25 +23,25 @@ from .inputs import Surface
 
 _MOST_SURFACES = 2
 _MOST_VERTICES = 1_200_000
-"""How much is kept; a vertex takes 400 to 900 bytes with all that is derived from it."""
+"""Most vertices to keep; each needs 400 to 900 bytes, with all derived data."""
 
 
 @dataclass(frozen=True)
 class Welded:
-    """The part of a surface that has faces, vertices at the same place being one.
+    """The part of a surface that has faces, with vertices at the same place merged.
 
     Attributes
     ----------
     mesh : TriangleMesh
         In the world's lengths.
     mask : (k,) float64 or None
-        Of welded vertices the most protected counts.
+        The lowest mask of the merged vertices.
     used : (n,) bool
         Which vertices of the surface have faces.
     representatives : (k,) int
-        For each vertex of `mesh` one of the used vertices that it stands for.
+        One of the merged vertices for each vertex of `mesh`, as an index into the used ones.
     index : (number of used vertices,) int
-        The vertex of `mesh` that stands for each used vertex.
+        The vertex of `mesh` for each used vertex.
     """
 
     mesh: TriangleMesh
@@ -52,9 +52,9 @@ class Welded:
 
 
 def welded(surface: Surface, weld: bool, colors: npt.NDArray[np.float32] | None = None) -> Welded:
-    """Leave out loose vertices and make vertices at exactly the same place one.
+    """Remove loose vertices, and merge vertices at exactly the same place.
 
-    Asked again about the same surface, it returns the same object. Safe on any thread.
+    Returns the same object for the same surface. Safe on any thread.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def welded(surface: Surface, weld: bool, colors: npt.NDArray[np.float32] | None 
     weld : bool
         False keeps all vertices apart.
     colors : (n, 3) array of float, optional
-        Vertices whose colors differ stay apart, too.
+        Vertices with different colors are not merged.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def welded(surface: Surface, weld: bool, colors: npt.NDArray[np.float32] | None 
 
 @forgetting.with_file
 def forget() -> None:
-    """Drop the surfaces that are kept."""
+    """Drop all kept surfaces."""
     with _lock:
         _recent.clear()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Calculus on triangle meshes: gradient, divergence, cotangent stiffness, averages, smoothing.
+"""Calculus on triangle meshes: gradient, cotangent stiffness, averages, smoothing.
 
 All lengths are in mean edge lengths of the mesh (`TriangleMesh.scaled_vertices`). Faces without
 area have zero gradients, weights and stiffness.
@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
 
 from ..base.checks import checked_signal
 from ..base.parallel import kernel, run
 from ..base.progress import aside, ask, phase
 from ..base.vectors import after, cross, dot, edge
-from ..errors import InvalidSignal
 from .triangle_mesh import Floats, Ints, TriangleMesh
 
 
@@ -43,30 +41,6 @@ def gradient(mesh: TriangleMesh, signal: npt.ArrayLike) -> Floats:
     run(_gradient, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals, mesh.areas,
         values, out)  # fmt: skip
     return out
-
-
-def divergence(mesh: TriangleMesh, field: npt.ArrayLike) -> Floats:
-    """Integrate the divergence of face vectors against each vertex's hat function.
-
-    This is minus the transposed `gradient` weighted by face areas: ``divergence(gradient(x))`` is
-    minus the stiffness times x.
-
-    Parameters
-    ----------
-    mesh : TriangleMesh
-    field : (m, d, 3) array of float
-
-    Returns
-    -------
-    (n, d) float64
-    """
-    vectors = np.ascontiguousarray(field, dtype=np.float64)
-    if vectors.ndim != 3 or vectors.shape[0] != mesh.face_count or vectors.shape[2] != 3:
-        raise InvalidSignal(
-            f"The field has the shape {vectors.shape}; give ({mesh.face_count}, channels, 3)."
-        )
-    weighted = mesh.areas[:, None, None] * vectors.transpose(0, 2, 1)
-    return -(gradient_matrix(mesh).T @ weighted.reshape(3 * mesh.face_count, -1))
 
 
 def cotangents(mesh: TriangleMesh) -> Floats:
@@ -117,39 +91,6 @@ def stiffness_weights(
     run(_assemble, mesh.vertex_count, *mesh.corners, mesh.twins, halves, screen, start, weights,
         diagonal)  # fmt: skip
     return start, columns, weights, diagonal
-
-
-def stiffness_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
-    """The cotangent stiffness L, positive semidefinite: (n, n).
-
-    ``L @ x`` is minus the `divergence` of the `gradient` of x, except at needle-like faces (see
-    `cotangents`). With the `mass_matrix` M, ``M + t * L`` is an implicit step of heat diffusion.
-    """
-    n = mesh.vertex_count
-    start, columns, weights, diagonal = stiffness_weights(mesh, cotangents(mesh), np.zeros(n))
-    off = scipy.sparse.csr_matrix((-weights, columns, start), shape=(n, n))
-    return (off + scipy.sparse.diags(diagonal)).tocsr()
-
-
-def mass_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
-    """`lumped_mass` as a diagonal matrix: (n, n)."""
-    return scipy.sparse.diags(lumped_mass(mesh), format="csr")
-
-
-def gradient_matrix(mesh: TriangleMesh) -> scipy.sparse.csr_matrix:
-    """The `gradient` as a matrix (3 m, n); rows are grouped by face, three components each.
-
-    With A the areas, each repeated three times, ``G.T @ A @ G`` is the `stiffness_matrix`.
-    """
-    corners = mesh.scaled_vertices[mesh.faces]
-    opposite = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
-    double = 2.0 * np.where(mesh.areas > 0, mesh.areas, np.inf)
-    hats = np.cross(mesh.normals[:, None], opposite) / double[:, None, None]
-    columns = np.repeat(mesh.faces, 3, axis=0)
-    start = np.arange(0, columns.size + 1, 3)
-    values = hats.transpose(0, 2, 1).reshape(-1)
-    shape = 3 * mesh.face_count, mesh.vertex_count
-    return scipy.sparse.csr_matrix((values, columns.reshape(-1), start), shape=shape)
 
 
 def average_to_vertices(mesh: TriangleMesh, values: Floats) -> Floats:

@@ -46,8 +46,8 @@ def principal_directions(
     Returns
     -------
     (n, 3) float64
-        Tangent vectors at the vertices; the length says how clear a direction is: 1 on a cylinder,
-        0 where the curvature is equal in all directions, as on a plane or a sphere.
+        Tangent vectors at the vertices. The length is the anisotropy of the curvature: 1 on a
+        cylinder, 0 on a plane or a sphere, where it is equal in all directions.
 
     Raises
     ------
@@ -87,27 +87,26 @@ def principal_directions(
 def principal_curvatures(
     mesh: TriangleMesh, *, passes: int = 8, progress: ProgressCallback | None = None
 ) -> Floats:
-    """Compute how much a surface bends at its vertices: the principal curvatures.
+    """Compute the principal curvatures of a surface at its vertices.
 
     Parameters
     ----------
     mesh : TriangleMesh
     passes : int
-        How often the curvature is smoothed: 0 shows all that the mesh has, 50 large shapes only.
+        Smoothing passes of the curvature: 0 keeps all detail, 50 only large shapes.
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
 
     Returns
     -------
     (n, 2) float64
-        The lesser and the greater one, in 1 / units of the mesh: 1 / r on a ball of radius r, 0 on
-        a plane. Positive where the surface bends away from the side to which its normals point, as
-        on a ball, and negative where it bends towards it.
+        The lesser and the greater curvature, in inverse units of the mesh: 1 / r on a sphere of
+        radius r, 0 on a plane. Convex shapes with outward normals have positive curvatures.
 
     Raises
     ------
     InvalidSettings
-        If `passes` is no whole number from 0 to 100,000.
+        If `passes` is not a whole number from 0 to 100,000.
     Cancelled
         If `progress` returned False.
 
@@ -226,7 +225,7 @@ def axis_directions(mesh: TriangleMesh, axis: npt.ArrayLike, *, turned: bool = F
 
 
 def named_directions(mesh: TriangleMesh, way: str) -> tuple[Floats, str]:
-    """Find the directions that a word of `registry.WAYS` stands for.
+    """Find the directions of a name in `registry.WAYS`.
 
     Returns
     -------

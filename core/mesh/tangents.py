@@ -86,8 +86,8 @@ def tangent_frames(mesh: TriangleMesh, uv: Floats, normals: Floats | None = None
 def _groups(
     mesh: TriangleMesh, uv: Floats, normals: Floats, signs: Floats
 ) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
-    # Numbers the corners so that those with one frame share a number: those of the two faces at an
-    # edge where coordinates and normals agree.
+    # Number the frames: corners of two faces at an edge share a frame if coordinates and normals
+    # agree.
     half = np.flatnonzero(mesh.twins.reshape(-1) > np.arange(3 * mesh.face_count))
     f, k = np.divmod(half, 3)
     g, j = np.divmod(mesh.twins.reshape(-1)[half], 3)

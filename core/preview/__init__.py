@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a host program shows before a run: a patch or a crop, the flow as arrows, screen colors.
+"""Previews for a host program: patches and crops, the flow as arrows, screen colors.
 
-May use `core.host`. Modules that compile kernels are imported by the host where they run.
+May use `core.host`. The host imports modules with kernels only on the threads that run them.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The flow in colors and arrows."""
+"""Colors and arrows that show the flow."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Values = npt.NDArray[np.float32]
 MOST_ARROWS = 20_000
 
 _SIZES = 0.5, 1.0
-"""Length of the arrows of a slow and a fast flow, in parts of their distance."""
+"""Length of arrows for a slow and a fast flow, relative to their distance."""
 
 _CELL = 0.7
-"""Size of the cells with one arrow each, in parts of their distance."""
+"""Size of the cells with one arrow each, relative to their distance."""
 
 _WEAK = 0.01
-"""Flow below this part of a fast one has no arrow."""
+"""Least speed with an arrow, relative to a fast flow."""
 
 _STRONG = 0.98
-"""The part of the vertices, or faces, with any flow beyond which all look alike."""
+"""Quantile of the potential, or of the speed, above which all look alike."""
 
 _STOPS = np.array(
     [
@@ -34,13 +34,13 @@ _STOPS = np.array(
         [1.00, 0.91, 0.25],
     ]
 )
-"""From dark blue to yellow: lightness rises evenly, and all can tell these apart."""
+"""From dark blue to yellow: lightness rises evenly, also for color-blind people."""
 
 _SHAFT, _HEAD = 0.09, 0.36
-"""Half the width of both, in parts of half the length."""
+"""Half the width of shaft and head, relative to half the length."""
 
 _RIM = 0.13
-"""Width of the dark rim, so that arrows are seen on light and on dark."""
+"""Width of the dark rim, which makes arrows visible on light and dark surfaces."""
 
 LIGHT, DARK = (1.0, 1.0, 1.0, 1.0), (0.03, 0.03, 0.05, 1.0)
 """Colors of arrows and of their rims."""
@@ -50,7 +50,7 @@ _FAINT, _DENSE = 0.35, 0.85
 
 
 def potential_colors(potential: Values) -> Values:
-    """Choose each vertex's color and opacity by the root of the potential: (n,) -> (n, 4)."""
+    """Return colors and opacities of vertices from the root of the potential: (n,) -> (n, 4)."""
     strength = np.sqrt(np.maximum(potential, 0.0))
     return ramp(np.minimum(strength / _strong(strength), 1.0))
 
@@ -73,7 +73,7 @@ def bar(x: float, y: float, width: float, height: float) -> tuple[Values, Values
 
 
 class Arrows(NamedTuple):
-    """Triangles to draw; the rims before the arrows.
+    """Triangles to draw; rims are drawn before arrows.
 
     Attributes
     ----------
@@ -88,17 +88,17 @@ class Arrows(NamedTuple):
 def arrows(
     centers: Values, normals: Values, flow: Values, distance: float, most: int = MOST_ARROWS
 ) -> Arrows:
-    """Make arrows on the faces that flow most, about this far from each other.
+    """Make arrows on the faces with the fastest flow, at about this distance from each other.
 
-    They point where values are pulled to. Their lengths grow with the speed, up to that of a face
-    among the strongest, so that a few very fast faces leave the others' as they are.
+    They point along the flow. Their length grows with the speed up to a high quantile of it, so
+    that a few very fast faces do not shorten all other arrows.
 
     Parameters
     ----------
     centers, normals, flow : (m, 3) array of float
-        Of the faces.
+        Data of the faces.
     distance : float
-        In the unit of length of the centers; more where there would be too many.
+        In the unit of length of the centers; increased if there would be too many arrows.
     most : int, optional
         Number of arrows.
     """
@@ -120,9 +120,9 @@ def arrows(
 
 
 def _thinned(chosen: npt.NDArray, centers: Values, size: float) -> npt.NDArray:
-    """Leave out those that lie behind another one in the same cell of a lattice.
+    """Keep the first arrow in each cell of a lattice.
 
-    The lattice is shifted by half a cell in all ways, so that no two are left closer than that.
+    The lattice is shifted by half a cell along all axes, so that no two arrows are closer.
     """
     for shift in product((0.0, 0.5), repeat=3):
         cells = np.floor(centers[chosen] / size + shift).astype(np.int64) & 0x1FFFFF

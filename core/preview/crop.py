@@ -13,13 +13,13 @@ from ..host.inputs import HostImage
 from ..settings import value_of
 
 _MARGIN = 16
-"""Most pixels around a patch that are filtered with it and not shown: they lack neighbors."""
+"""Largest margin of filtered but invisible pixels, some of whose neighbors are missing."""
 
 _REACHED = 6_000_000
-"""Pixels that kernels reach in about a quarter of a second."""
+"""Number of pixels that kernels reach in about a quarter of a second."""
 
 _MADE = 500_000
-"""Pixels that are enlarged and sharpened in that time."""
+"""Number of pixels that are enlarged and sharpened in that time."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class Crop:
     Attributes
     ----------
     image : HostImage
-        What is filtered.
+        The pixels to filter.
     rows, columns : slice
-        What of it is shown.
+        The visible part of it.
     corner : tuple of int
-        The column and the row of the whole image that are the part's first.
+        Column and row of the part's first pixel in the whole image.
     whole : tuple of int
         Width and height of the whole image.
     """
@@ -46,7 +46,7 @@ class Crop:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Left, bottom, right and top of the visible part, in parts of the whole image."""
+        """Left, bottom, right and top of the visible part, as fractions of the whole image."""
         (left, bottom), (width, height) = self.corner, self.whole
         return (
             (left + self.columns.start) / width,
@@ -69,7 +69,7 @@ class Crop:
         return pixels[rows, columns]
 
     def shrunk(self, place: tuple[float, float], size: float) -> Crop:
-        """Cut out less around the same place of the whole image, if `size` is less."""
+        """Return a smaller crop around the same place of the whole image, if `size` is less."""
         if self.image.size <= size:
             return self
         height, width = self.image.pixels.shape[:2]
@@ -88,11 +88,11 @@ def crop_around(image: HostImage, place: tuple[float, float], size: int) -> Crop
     Parameters
     ----------
     image : HostImage
-        If it has no more pixels than `size`, all of it is taken.
+        Not cut if it has no more pixels than `size`.
     place : tuple of float
-        From the left and from the bottom, in parts of the image.
+        Distances from the left and from the bottom, as fractions of the image.
     size : int
-        About how many pixels are filtered; around those that are shown there is a margin.
+        About the number of pixels to filter, including a margin around the visible ones.
     """
     height, width = image.pixels.shape[:2]
     side = max(height, width) if image.size <= size else math.isqrt(size)
@@ -111,12 +111,12 @@ def crop_around(image: HostImage, place: tuple[float, float], size: int) -> Crop
 
 
 def filtered_at_once(settings: Any) -> float:
-    """Return how many pixels are filtered in about a quarter of a second, as far as that is known.
+    """Return how many pixels are filtered in about a quarter of a second, as an estimate.
 
     Parameters
     ----------
     settings : object
-        Of the filter. Their `reach`, repeats and enlargement count.
+        Settings of the filter; `reach`, repeats and enlargement are used.
     """
     kernel = settings.kernel
     times = value_of(kernel, "enlargement", 1)

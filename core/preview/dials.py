@@ -8,7 +8,7 @@ import math
 from ..settings import Setting
 
 _OCTAVE = 50.0
-"""Pixels that double the value."""
+"""Number of pixels that double the value."""
 
 
 class LogarithmicDial:
@@ -18,9 +18,9 @@ class LogarithmicDial:
     ----------
     value : float
     about : Setting
-        Only numbers whose maximum is infinite become so.
+        Its maximum says whether the number may become infinite.
     octaves : int
-        How often the useful range can be halved.
+        Number of times that the useful range can be halved.
     """
 
     def __init__(self, value: float, about: Setting, octaves: int = 14) -> None:
@@ -42,14 +42,14 @@ class LogarithmicDial:
         return float(f"{2.0**self._place:.3g}")
 
     def drag(self, pixels: float) -> None:
-        """Move the mouse to the right, or to the left if negative."""
+        """Change the number by a mouse move in pixels, positive to the right."""
         self._place = min(max(self._place + pixels / _OCTAVE, self._low), self._high)
 
 
 def turned(value: float, kind: type, about: Setting, clicks: float) -> float:
-    """Turn the wheel: a click is a twentieth of the useful range, or a whole number.
+    """Return a number changed by wheel clicks of a twentieth of the useful range, or by 1.
 
-    A value beyond the useful range stays when it is turned further.
+    A value beyond the useful range does not move farther away.
     """
     step = clicks * about.soft_maximum / 20.0
     if kind is int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The flow of the filters on the surface of a host program, or on its colors."""
+"""The flow of the filters of shapes and colors, on the surface of a host program."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Flow:
 def flow_of_shape(
     surface: Surface, settings: GeometrySettings, weld: bool, progress: ProgressCallback | None
 ) -> Flow:
-    """Compute where normals will be pulled; parameters are those of `geometry.filter_shape`."""
+    """Compute the flow of normals; parameters are those of `geometry.filter_shape`."""
     with reporting(progress):
         part = welded(surface, weld)
         potential, flow = geometry_flow(part.mesh, settings)
@@ -48,10 +48,10 @@ def flow_of_shape(
 def flow_of_colors(
     surface: ColoredSurface, settings: ShockSettings, weld: bool, progress: ProgressCallback | None
 ) -> Flow:
-    """Compute where colors will be pulled; parameters are those of `colors.filter_colors`.
+    """Compute the flow of colors; parameters are those of `colors.filter_colors`.
 
-    With independent channels, this is the flow of all of them together. Where corners at a
-    vertex differ, the highest potential counts.
+    For independent channels, it is the flow of all channels together. Where corners at a vertex
+    differ, the result has the highest of their potentials.
     """
     check_colors(surface)
     with reporting(progress):

@@ -35,19 +35,19 @@ class Patch:
     Attributes
     ----------
     surface : Surface or PaintedSurface
-        The part. Vertices at its border are masked: they stay.
+        The part. Vertices at its border are masked, so that they stay.
     whole : callable
-        Makes the whole surface's result of the part's.
+        Converts the result for the part to that for the whole surface.
     lengths : float
-        Mean edge length of the whole surface in those of the part.
+        Mean edge length of the whole surface, relative to that of the part.
     share : float
-        Part of the triangles.
+        Fraction of the triangles.
     outline : (n, 2, 3) array of float
-        Ends of the edges at the border of the part, in the object's space; none if it is all.
+        Ends of the edges at the border of the part, in the object's space; empty for all of it.
     width : callable
         Measures the borders between colors on the whole surface; see `colors.width_of_borders`.
     is_scan : callable
-        Tells whether denoising takes the part for one of a scan; see `geometry.is_scan`.
+        Returns whether denoising takes the part for a scan; see `geometry.is_scan`.
     """
 
     surface: Any
@@ -59,7 +59,7 @@ class Patch:
     is_scan: Callable[[], bool] = _no_scan
 
     def settings(self, settings: Any) -> Any:
-        """Turn settings that are meant for the whole surface into the part's units of length."""
+        """Convert settings for the whole surface to the part's units of length."""
         if self.share == 1.0:
             return settings
         settings = settings.changed(**self._scaled(settings.kernel))
@@ -69,7 +69,7 @@ class Patch:
         return replace(settings, sharpen_time=settings.sharpen_time * self.lengths**power)
 
     def _scaled(self, settings: Any) -> dict[str, Any]:
-        # The values that are others on the part.
+        # The values that differ on the part.
         fields = describe(type(settings))
         given = {name: getattr(settings, name) for name in fields}
         new: dict[str, Any] = {}
@@ -90,7 +90,7 @@ class Patch:
 
 
 def whole_surface(surface: Any) -> Patch:
-    """Take all of a surface."""
+    """Return a patch that is the whole surface."""
     nothing = np.empty((0, 2, 3), dtype=np.float32)
     return Patch(surface, lambda result: result, 1.0, 1.0, nothing)
 
@@ -103,12 +103,12 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
     surface : Surface or PaintedSurface
     vertex : int
     size : int
-        About how many vertices the part has.
+        About the number of vertices of the part.
 
     Raises
     ------
     core.InvalidMesh
-        If nothing there has faces.
+        If there are no faces.
     """
     shape = surface.shape if isinstance(surface, PaintedSurface) else surface
     distances = _distances(shape, vertex)
@@ -133,7 +133,7 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
 def seen_vertex(
     positions: npt.NDArray, to_clip: npt.NDArray, size: tuple[int, int], mouse: tuple[float, float]
 ) -> int:
-    """Find the vertex that a point in a view shows.
+    """Find the vertex at a point in a view.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def seen_vertex(
     Returns
     -------
     int
-        Of the vertices that are seen closest to the point, the foremost one.
+        Of the vertices closest to the point in the view, the foremost one.
     """
     clip = positions @ to_clip[:, :3].T + to_clip[:, 3]
     before = clip[:, 3] > 0
@@ -177,7 +177,7 @@ def _is_scan(part: Surface) -> bool:
 
 
 def _distances(shape: Surface, vertex: int) -> npt.NDArray:
-    """Square each vertex's distance from the given one, or from its closest mirror image."""
+    """Return squared distances of vertices from a vertex or its closest mirror image."""
     mirror = shape.mirror if isinstance(shape, MirroredSurface) else (False, False, False)
     nearest = np.full(len(shape.positions), np.inf)
     for signs in product(*((1, -1) if mirrored else (1,) for mirrored in mirror)):
@@ -198,7 +198,10 @@ def _border(triangles: npt.NDArray) -> npt.NDArray:
 
 
 def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[Any], Any]]:
-    """Return the part with these triangles, and what makes the whole's result of its result."""
+    """Return the part with these triangles, and the function that converts its result.
+
+    Edges of creases are not wanted in the part: previews mark none.
+    """
     if isinstance(surface, PaintedSurface):
         shape, whole_shape = _cut(surface.shape, inside)
         paint, whole_paint = _cut(surface.paint, inside)
@@ -217,6 +220,10 @@ def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[An
         triangles=index[surface.triangles[inside]],
         mask=mask,
     )
+    if isinstance(part, MirroredSurface):
+        edges = None if surface.edges is None else index[surface.edges]
+        edges = None if edges is None else edges[(edges >= 0).all(axis=1)]
+        part = replace(part, edges=edges, sharp_angle=None)
     if not isinstance(part, ColoredSurface):
         return part, lambda result: _spread(result, "positions", surface.positions, vertices)
     colored = vertices
@@ -229,7 +236,7 @@ def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[An
 
 
 def _spread(result: Any, name: str, old: npt.NDArray, places: npt.NDArray) -> Any:
-    # The part's values among the others', which stay.
+    # All values, with those of the part replaced.
     new = old.copy()
     new[places] = getattr(result, name)
     return replace(result, **{name: new})

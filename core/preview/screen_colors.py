@@ -12,7 +12,7 @@ Values = npt.NDArray[np.float32]
 
 
 def screen_colors(image: HostImage, encoded: bool, multiply_encoded: bool) -> Values:
-    """Turn pixels into linear colors that are multiplied by opacity, if they have any: (h, w, 4).
+    """Convert pixels to linear colors, multiplied by opacity if they have any: (h, w, 4).
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def screen_colors(image: HostImage, encoded: bool, multiply_encoded: bool) -> Va
     encoded : bool
         Whether colors are sRGB values, and not linear ones or data.
     multiply_encoded : bool
-        Whether opacity counts before they are decoded, as in Blender before 5.0.
+        Whether colors are multiplied before they are decoded, as in Blender before 5.0.
     """
     height, width, channels = image.pixels.shape
     new = np.ones((height, width, 4), dtype=np.float32)
@@ -44,6 +44,6 @@ def is_transparent(image: HostImage) -> bool:
 
 
 def decoded(values: Values) -> Values:
-    """Turn sRGB values into linear ones."""
+    """Convert sRGB values to linear ones."""
     curved = ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4
     return np.where(values <= 0.04045, values / 12.92, curved).astype(np.float32)

@@ -2,9 +2,9 @@
 """A script that compiles kernels in a process of its own, before a host program needs them.
 
 Reads one line of JSON from stdin: the name under which the host imports this package, which
-compiled code remembers; where Python looks for modules; the folder for compiled code; and the kinds
-of data to compile for. Prints in lines which part of all is ready, from 0 to 1. Ends when stdin
-does, and so with its host, however that ends.
+compiled code contains; the search path for modules; the folder for compiled code; and the kinds of
+data to compile for. Prints the progress from 0 to 1, one number a line. Ends when stdin is closed,
+and so with its host.
 """
 
 import importlib
@@ -22,7 +22,7 @@ _NICENESS = 10
 
 
 def main() -> None:
-    """Compile everything."""
+    """Compile all kernels."""
     task = json.loads(sys.stdin.readline())
     threading.Thread(target=_end_with_host, daemon=True).start()
     if hasattr(os, "nice"):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run each filter once on tiny examples, so that nothing compiles later.
 
-The types of a kernel follow from the code that calls it, so that code is run. The examples have the
-types that a host reads (`inputs`), with and without masks; the settings are the defaults and each
-other choice.
+The calling code determines the types for which a kernel is compiled, so that code is run. Examples
+have the types that a host reads (`inputs`), with and without masks; settings are the defaults and
+each other choice.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from numba.core.dispatcher import Dispatcher
 from ..base.progress import ProgressCallback
 from ..host.advection import FlowPlane, FlowSurface, frames_of
 from ..host.colors import filter_colors
+from ..host.creases import creases_of
 from ..host.denoising import filter_both
 from ..host.fields import FieldSurface, generate
 from ..host.geometry import filter_shape
 from ..host.images import filter_image
 from ..host.inputs import (
     ColoredSurface,
+    CutSurface,
     Denoising,
     HostImage,
     MirroredSurface,
@@ -33,6 +35,7 @@ from ..host.inputs import (
     TexturedFaces,
     TexturedSurface,
 )
+from ..host.low_poly import low_poly_of
 from ..host.textures import filter_texture
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
@@ -41,32 +44,32 @@ from ..settings import GeometrySettings, ShockSettings, describe, named
 _CORE = __package__.rpartition(".")[0]
 
 _CELLS = 12
-"""Along each edge of the box: enough that its creases are found."""
+"""Quads along each edge of the box: enough that its creases are found."""
 
 _SIZE = 48
 """Height of the images."""
 
 _SOLVED = 160
-"""Height of textures on which is solved, so that these have three levels."""
+"""Height of textures for solvers, which gives three levels."""
 
 _FRAMES = 4
-"""Frames of films."""
+"""Number of frames."""
 
 _ORDER = ["geometry", "colors", "image", "texture", "field", "flow"]
-"""Kinds of data, those first that are asked for most."""
+"""Kinds of data, the most used ones first."""
 
 
 def rehearse(
     progress: ProgressCallback | None = None, kinds: Collection[str] = tuple(_ORDER)
 ) -> None:
-    """Do everything once; what is compiled then is kept on disk.
+    """Run all filters once; compiled code is kept on disk.
 
     Parameters
     ----------
     progress : callable, optional
-        ``progress(fraction, message) -> bool``; False ends it.
+        ``progress(fraction, message) -> bool``; False ends the rehearsal.
     kinds : collection of str
-        Kinds of data to do it with.
+        Kinds of data to run filters on.
     """
     for run in _runs(kinds):
         if progress is not None and not progress(share_ready(), "Preparing"):
@@ -75,7 +78,7 @@ def rehearse(
 
 
 def share_ready() -> float:
-    """Return which part of the kernels can run at once: 0 to 1."""
+    """Return the fraction of the kernels that are compiled and loaded."""
     kernels = imported_kernels()
     return sum(bool(kernel.overloads) for kernel in kernels) / max(len(kernels), 1)
 
@@ -103,7 +106,7 @@ def _runs(kinds: Collection[str]) -> Iterator[Callable[[], Any]]:
 
 
 def _given(row: Filter) -> Iterator[dict[str, Any]]:
-    """List what may be given beside the faces, if an image is made from these."""
+    """List the inputs of generated images besides the faces."""
     if row.takes_starts:
         yield {"image": np.eye(_SOLVED)}
     if row.takes_scale:
@@ -120,12 +123,18 @@ def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
             both = PaintedSurface(replace(shape, mask=mask), replace(painted, mask=mask))
             yield partial(filter_both, both, "beltrami_vertex_signal", settings, True)
     yield partial(flow_of_shape, shape, GeometrySettings(), True, None)
+    quads = replace(shape, edges=_sides_of_quads(shape))
+    yield partial(creases_of, quads, GeometrySettings(), True)
+    cut = CutSurface(
+        shape.positions, shape.triangles, None, shape.to_world, shape.triangles[:9, :2]
+    )
+    yield partial(low_poly_of, cut, GeometrySettings(), True, 0.25, 8.0)
     for surface in (painted, _at_corners()):
         yield partial(flow_of_colors, surface, ShockSettings(), True, None)
 
 
 def _settings(row: Filter) -> Iterator[Any]:
-    """List the defaults, each other choice, other numbers to rehearse, and what follows."""
+    """List the settings to run: defaults, each other choice and number, and what follows."""
     fields = describe(row.settings)
     brief = {name: about.brief for name, (*_, about) in fields.items() if about.brief is not None}
     time = named(row.settings, "time")
@@ -142,7 +151,7 @@ def _settings(row: Filter) -> Iterator[Any]:
 
 
 def _examples(kind: str) -> list[Callable[[str, Any], Any]]:
-    """Return functions of a filter's name and its settings: they filter an example."""
+    """Return functions of a filter's name and its settings that filter an example."""
     if kind == "geometry":
         return [partial(_on_mesh, filter_shape, surface) for surface in _both_ways(_shape())]
     if kind == "colors":
@@ -199,12 +208,12 @@ def _on_mesh(function: Callable[..., Any], surface: Any, name: str, settings: An
 
 
 def _both_ways(surface: Any) -> list[Any]:
-    """Give a surface without and with its mask."""
+    """Return a surface without and with its mask."""
     return [replace(surface, mask=None), surface]
 
 
 def _box() -> tuple[np.ndarray, np.ndarray]:
-    """Make a box with rounded edges and without a lid, each of its five sides apart."""
+    """Make an open box with rounded edges, with separate vertices for its five sides."""
     steps = np.linspace(-1.0, 1.0, _CELLS + 1)
     u, v = np.meshgrid(steps, steps, indexing="ij")
     number = np.arange(u.size).reshape(u.shape)
@@ -227,7 +236,14 @@ def _box() -> tuple[np.ndarray, np.ndarray]:
 def _shape() -> MirroredSurface:
     positions, triangles = _box()
     mask = np.linspace(0.0, 1.0, len(positions))
-    return MirroredSurface(positions, triangles, mask, np.identity(3), (True, False, False), ())
+    return MirroredSurface(
+        positions, triangles, mask, np.identity(3), (True, False, False), (), 30.0
+    )
+
+
+def _sides_of_quads(surface: MirroredSurface) -> np.ndarray:
+    # The edges of each two triangles that make a square of `_box`.
+    return np.concatenate([surface.triangles[:, :2], surface.triangles[:, 1:]])
 
 
 def _painted() -> ColoredSurface:
@@ -256,7 +272,7 @@ def _image(opacity: str, size: int = _SIZE) -> HostImage:
 
 @lru_cache
 def _textured(size: int) -> list[TexturedSurface]:
-    """Give the box a texture, each side being a chart: without and with masks and opacity."""
+    """Return the box with textures, a chart for each side, with and without masks and opacity."""
     positions, triangles = _box()
     side, place = np.divmod(triangles, (_CELLS + 1) ** 2)
     inside = np.stack(np.divmod(place, _CELLS + 1), axis=-1) / _CELLS

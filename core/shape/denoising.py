@@ -35,13 +35,13 @@ def beltrami_joint(
 ) -> tuple[Floats, npt.NDArray]:
     """Denoise a mesh and the signal painted on it together (paper C, equation 22).
 
-    Both are averaged with the same weights: edges of the signal keep the shape there, too.
+    Both are averaged with the same weights, so that edges of the signal also preserve the shape.
 
     Parameters
     ----------
     mesh : TriangleMesh
     signal : (n,) or (n, d) array of float32 or float64
-        At the vertices; `beta` is meant for values in [0, 1].
+        At the vertices; `beta` assumes values in [0, 1].
     settings : BeltramiMeshSettings, optional
     mask : (n,) array of float in [0, 1], optional
         1 filters fully, less mixes with the input, 0 keeps it bit for bit.
@@ -96,8 +96,8 @@ def beltrami_joint_corners(
 ) -> tuple[Floats, npt.NDArray]:
     """Denoise a mesh and the signal at its corners together (paper C, equation 22).
 
-    Where corners at a vertex differ, nothing crosses, as in `beltrami_corner_signal`; the vertex
-    moves as the mean of its sides does, so that the mesh does not crack open.
+    Where corners at a vertex differ, nothing is averaged across, as in `beltrami_corner_signal`.
+    The vertex moves by the mean of its sides, so that the mesh does not crack open.
 
     Parameters
     ----------
@@ -176,20 +176,19 @@ def denoise_geometry(
 
     Notes
     -----
-    Paper C filters the positions, which rounds creases with the noise. Beyond the paper, the
-    kernel is applied to the normals of the faces, a signal that is painted on the mesh and jumps
-    at creases, and the positions are fitted to them (see `fit_to_normals`). Two neighbouring
-    faces are as far apart as their centres at (X, beta N), and distances run from face to face.
-    N is mollified before distances are measured, since the noise of single faces would hide the
-    creases; what is averaged are the normals themselves. And `beta` is divided by the noise that
-    the normals have, so that one setting serves for light noise and strong noise, and a clean
-    mesh hardly changes.
+    Paper C filters the positions, which rounds creases together with the noise. Beyond the paper,
+    the kernel is applied to the face normals, a signal that is discontinuous at creases, and the
+    positions are fitted to the result (see `fit_to_normals`). Distances run from face to face,
+    between their centres at (X, beta N). N is mollified for these distances, because the noise of
+    single faces would hide the creases; the averaged normals are not. `beta` is divided by the
+    noise of the normals, so that one setting serves for light and strong noise, and a clean mesh
+    hardly changes.
 
-    Noise of scans has bumps wider than a face, and may be hard to tell from relief. What smoothing
-    leaves of it tells which it is, and whether the surface below is calm between creases or is
-    relief itself. For such noise, the kernel is applied in steps so short that they reach the
-    faces around only: on calm surfaces many, with distances between the mean normals of even
-    patches, as guidance of normals by Zhang et al. (2015); on relief few, once.
+    Noise of scans has bumps wider than a face, and is hard to distinguish from relief. The residual
+    of smoothing tells them apart, and whether the surface is flat between creases or has relief.
+    For such noise, the kernel is applied in short steps that reach adjacent faces only: many steps
+    on flat surfaces, with distances between the mean normals of consistent patches, as in guided
+    normal filtering (Zhang et al. 2015); few steps on relief.
 
     Examples
     --------
@@ -216,7 +215,7 @@ def denoise_geometry(
 
 
 beltrami_mesh = denoise_geometry
-"""The name that goes with the paper's other kernels."""
+"""An older name of `denoise_geometry`, like those of the paper's other kernels."""
 
 
 def _displacement(

@@ -33,7 +33,7 @@ def checked_directions(
 
 
 def clearness(tensors: Floats) -> Floats:
-    """Tell how clearly tensors have a direction, from 0 to 1: (m, 3) -> (m,).
+    """Return the anisotropy of tensors, from 0 to 1: (m, 3) -> (m,).
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ def clearness(tensors: Floats) -> Floats:
 
 
 def stretched(tensors: Floats, along: Floats, across: Floats) -> Floats:
-    """Make tensors of diffusion of the same directions as given ones: (m, 3).
+    """Make diffusion tensors with the directions of given tensors: (m, 3).
 
     Parameters
     ----------
     tensors : (m, 3) float64
     along, across : (m,) float64
-        How much diffuses in the direction of each, and at right angles to it.
+        Diffusivity along and across the direction of each tensor.
     """
     a, b, c = tensors.T
     apart = np.maximum(_apart(tensors), 1e-300)

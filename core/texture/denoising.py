@@ -37,8 +37,8 @@ def beltrami_texture(
 ) -> npt.NDArray:
     """Smooth a texture by the short-time Beltrami kernel, which keeps edges and crosses seams.
 
-    Each texel becomes a mean of those around it on the surface, with Gaussian weights of their
-    distance in space and colors together; so what lies beyond an edge hardly counts.
+    Each texel becomes a weighted mean of those around it on the surface. Weights are Gaussians of
+    the distance in space and colors together, so texels beyond an edge have little weight.
 
     Parameters
     ----------
@@ -55,16 +55,16 @@ def beltrami_texture(
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
     atlas : TextureAtlas, optional
-        The analysis of the same mesh, coordinates and image size, to save doing it again; `uv`
-        is not looked at then.
+        The atlas of the same mesh, coordinates and image size, which saves computing it; `uv` is
+        then ignored.
 
     Returns
     -------
     array like `image`
-        Inside the charts, every value lies within the input's values near it on the surface, but
-        for rounding to single precision; opacity stays. Around them the gutter is filled with
-        what lies across the seam, or with more of the same where different materials meet there.
-        A time of 0 returns the input bit for bit.
+        Inside the charts, each value is within the range of the input near it on the surface, up
+        to rounding to single precision; opacity stays. The gutter around them is filled with the
+        colors across the seam; at closed seams, the chart's own colors are extended. A time of 0
+        returns the input bit for bit.
 
     Raises
     ------
@@ -79,12 +79,12 @@ def beltrami_texture(
     Notes
     -----
     Paper C, equations 20 to 23, as in `beltrami_image`, on the texels of paper B, section 3.
-    Distances are those of the paper's images painted on manifolds, between texels in space with
-    colors as further coordinates, but for their unit: lengths in space are in texels of the place
-    where they are, as noise is as wide as those. So stretched texels count as they are shaped, and
-    small ones as much as large ones. Where a chart ends, its texels go on beyond the seam
-    (`core.atlas.patches`), each with the value of the texel nearest there. Across stretched texels
-    kernels reach at most three times as many as in squares.
+    As for the paper's images painted on manifolds, distances are those between texels in space,
+    with colors as further coordinates. Their unit is different: lengths in space are measured in
+    local texels, because noise is as wide as these. So the kernel follows the shape of stretched
+    texels, and small texels count as much as large ones. A chart is extended across its seams
+    (`core.atlas.patches`); each texel there has the value of the nearest one of the other chart.
+    Across stretched texels kernels reach at most three times as many texels as in squares.
 
     Examples
     --------

@@ -63,29 +63,30 @@ def geodesic_distance(
     progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
-    """Measure how far each texel is from a source, along the surface, across seams.
+    """Compute the geodesic distance of each texel from the nearest source, across seams.
 
     Parameters
     ----------
     mesh, uv, progress, atlas
         As in `sharpen_texture`.
     size : (int, int)
-        Rows and columns of the image that is made.
+        Rows and columns of the image.
     vertices : (k,) array of int, optional
-        Sources: vertices,
+        Vertices that are sources.
     points : ((k,) array of int, (k, 3) array of float), optional
-        points in faces with their barycentric coordinates,
+        Points that are sources: faces, and barycentric coordinates in them.
     edges : (k, 2) array of int, optional
-        whole edges, as pairs of vertices,
+        Edges that are sources, as pairs of vertices.
     image : (h, w) array of float in [0, 1], optional
-        and texels from 0.5 on. Of several kinds of sources the nearest one counts.
+        Texels of 0.5 or more are sources. Kinds of sources can be combined.
     settings : DistanceSettings, optional
 
     Returns
     -------
     (h, w) float32
-        The distance in units of the mesh, infinite where no way leads to a source; or what the
-        settings make of it. Around the charts the gutter is filled; beyond, it is 0.
+        The distance in units of the mesh, infinite where no path leads to a source; or a gradient
+        or lines, see `DistanceSettings.look`. The gutter around the charts is filled; the rest is
+        0.
 
     Raises
     ------
@@ -100,9 +101,9 @@ def geodesic_distance(
 
     Notes
     -----
-    What paper B computes from the gradient of heat is found here by fronts that run over the
-    texels, see `core.elements.fronts`: as exact far away as near, with nothing to choose. The error
-    is a fraction of a texel, on a ball 0.07 % of the distance at 512 x 512 texels.
+    Paper B uses the heat method. Here fronts march over the texels, see `core.elements.fronts`;
+    these have no parameter, and are as exact far from the source as near it. The error is a
+    fraction of a texel: on a sphere, 0.07 % of the distance at 512 x 512 texels.
 
     Examples
     --------
@@ -151,19 +152,19 @@ def vertex_distance(
     edges: npt.ArrayLike | None = None,
     progress: ProgressCallback | None = None,
 ) -> Floats:
-    """Measure how far each vertex is from a source, over the faces of the mesh.
+    """Compute the geodesic distance of each vertex from the nearest source.
 
     Parameters
     ----------
     mesh, vertices, points, edges, progress
         As in `geodesic_distance`.
     settings : DistanceSettings, optional
-        Smoothing and gutter have no meaning here. Seams are edges to be given.
+        Smoothing and gutter have no effect. Seams cannot be the source; give their edges.
 
     Returns
     -------
     (n,) float64
-        Infinite where no way leads, and at vertices without faces.
+        Infinite where no path leads to a source, and at vertices without faces.
 
     Raises
     ------
@@ -172,7 +173,8 @@ def vertex_distance(
 
     Notes
     -----
-    The fronts are those of `geodesic_distance`, on triangles: exact on what unfolds into a plane.
+    Fronts march over the triangles as in `geodesic_distance`. Distances are exact on developable
+    surfaces.
 
     Examples
     --------
@@ -225,7 +227,7 @@ def _border_of(mesh: TriangleMesh) -> npt.NDArray[np.intp]:
 
 
 def _smoothed(space: TextureSpace, values: _Single, length: float) -> _Single:
-    # Solved for the change, as elsewhere.
+    # The change is solved for, as in other filters.
     solver = SheetSolver(space.matrix(length**-2.0))
     change = np.zeros_like(values)
     solver.solve(-space.apply_stiffness(values), change, _TOLERANCE, message="Smoothing")

@@ -44,7 +44,7 @@ _TOLERANCE = 1e-3
 show."""
 
 _LEAST_OPACITY = 1e-4
-"""Transparent texels count as much as this, so that they get colors."""
+"""Weight of transparent texels, so that they get colors."""
 
 _MOST_GAIN = 100.0
 
@@ -64,8 +64,8 @@ def filter_texture(
 ) -> npt.NDArray:
     """Raise or smooth the detail of a texture on its surface, across seams.
 
-    The gradients of the result are those of the texture times a gain, as nearly as values allow
-    that must not drift: what is larger than the settings' radius stays.
+    The gradients of the texture are multiplied by a gain. Structures larger than the radius in the
+    settings stay, as screening keeps values near those of the input.
 
     Parameters
     ----------
@@ -75,23 +75,23 @@ def filter_texture(
     gain : (h, w) array of float in [0, 100], optional
         The gain of each texel, instead of that in the settings; 1 where nothing is to change.
     mask : (h, w) array of float in [0, 1], optional
-        1 takes the change fully, less mixes with the input, 0 keeps it bit for bit.
+        1 applies the full change, less mixes with the input, 0 keeps the input bit for bit.
     normals : (m, 3, 3) array of float, optional
-        The mesh's normals at the corners of its faces, as it is shaded, for textures of
-        tangent-space normals. Left out, smooth ones.
+        The mesh's shading normals at the corners of its faces, for textures of tangent-space
+        normals. Default: smooth normals.
 
     Returns
     -------
     array like `image`
         Opacity stays. Whole numbers are clipped to their range; floats may go beyond the input's.
-        Around the charts the gutter is filled anew; what the image held there does not count. A
-        gain of 1 returns the input bit for bit.
+        The gutter around the charts is filled anew, whatever the image holds there. A gain of 1
+        returns the input bit for bit.
 
     Raises
     ------
     InvalidUV, InvalidSignal, Cancelled
-        As in `sharpen_texture`; also if gains do not fit the image, or normals have other than
-        three channels, or four.
+        As in `sharpen_texture`; also if gains do not fit the image, or if a normal map does not
+        have three or four channels.
     SolverError
         If no solution is found.
 
@@ -100,9 +100,8 @@ def filter_texture(
     Paper B, sections 6 and 7.1: x minimizes ``|x - y|^2 / radius^2 + |grad x - gain grad y|^2`` on
     the surface, lengths in mean texel sizes, for the texture y. It is solved for the correction
     x - y. Normals are solved for as vectors of the object's space, in the frames of MikkTSpace
-    (Mikkelsen 2008), and made unit length then. Where the paper's elements differ is said in
-    `core.elements.matrices`. Where texels are transparent, both terms count as much as these are
-    opaque.
+    (Mikkelsen 2008), and then normalized. `core.elements.matrices` says how its elements differ
+    from the paper's. Both terms are weighted by the opacity of the texels.
 
     Examples
     --------
@@ -135,8 +134,9 @@ def filter_texture(
 class TextureSolver:
     """The gradient-domain filter of one texture, set up once for many gains.
 
-    The first result takes as long as `filter_texture`; each further one, for other gains, a
-    fraction: one gain for all texels costs no solution, as the change is proportional to gain - 1.
+    The first result takes as long as `filter_texture`; each further one, for other gains, takes a
+    fraction of that. A gain for all texels needs no new solution, as the change is proportional to
+    gain - 1.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ class TextureSolver:
         Parameters
         ----------
         gain : float or (h, w) array of float in [0, 100], optional
-            For all texels, or for each; left out, that of the settings.
+            For all texels, or for each. Default: the gain in the settings.
         mask, progress
             As in `filter_texture`.
 
@@ -245,7 +245,7 @@ class TextureSolver:
         if gains.ndim:
             shares = painted_values(self._space, (gains - np.float32(1.0))[..., None])[:, 0]
             if "_of_unit" in vars(self):
-                run(_foresee, len(shares), shares, self._shares, self._of_unit, change)
+                run(_warm_start, len(shares), shares, self._shares, self._of_unit, change)
             self._shares = shares
             self._solve(self._space.means(shares), change)
         else:
@@ -267,7 +267,7 @@ class TextureSolver:
     def _solve(self, gains: CellWeights, change: npt.NDArray[np.float32]) -> None:
         rhs = self._space.apply_stiffness(self._input, gains)
         self._solver.solve(rhs, change, _TOLERANCE, message="Filtering")
-        # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
+        # The exact change has a mean of 0. An error of the mean hardly shows in the residual.
         self._space.without_means(change, self._masses, change)
 
     def _written(
@@ -283,9 +283,9 @@ class TextureSolver:
 
 
 @kernel
-def _foresee(start, stop, shares, before, unit, change):
-    # Painted gains go on from the last ones' solution. Where gains are alike for far around, the
-    # change is that of one gain for all, times gain - 1.
+def _warm_start(start, stop, shares, before, unit, change):
+    # The solution for the previous gains, corrected, is the initial guess for new ones. Where the
+    # gain is constant over a wide area, the change is that of a uniform gain, times gain - 1.
     for i in range(start, stop):
         more = shares[i] - before[i]
         if more != 0:

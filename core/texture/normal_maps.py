@@ -33,8 +33,8 @@ def object_normals(
 ) -> npt.NDArray:
     """Turn a tangent-space normal map into an object-space one.
 
-    Filtered there as any texture, for example by `filter_texture` or `stitch_textures`, and
-    turned back by `tangent_normals`, it has no steps at seams.
+    The result has no steps at seams. It can be filtered like any texture, for example by
+    `filter_texture` or `stitch_textures`, and converted back by `tangent_normals`.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def object_normals(
         Normals as colors, row 0 at v = 0. Green grows with v, as in Blender and OpenGL. A fourth
         channel stays.
     normals : (m, 3, 3) array of float, optional
-        The mesh's normals at the corners of its faces, as it is shaded. Left out, smooth ones.
+        The mesh's shading normals at the corners of its faces. Default: smooth normals.
     settings : DilateSettings, optional
-        Of the gutter.
+        Settings of the gutter.
 
     Returns
     -------

@@ -7,26 +7,26 @@ import numpy as np
 import numpy.typing as npt
 
 _HALF = 0.5 / 255.0
-"""How far from 0.5 grays still count as the middle: bytes have none, but 127 and 128."""
+"""Largest distance from 0.5 of middle gray; bytes have 127 and 128 there."""
 
 _ROUNDING = 1e-6
 
 
 def gains_of(grays: npt.ArrayLike, gain: float) -> npt.NDArray[np.float32]:
-    """Turn grays into gains: black smooths, the middle keeps, white gives the gain.
+    """Convert grays to gains: black smooths, middle gray keeps, white gives the gain.
 
     Parameters
     ----------
     grays : array of float
-        As they are stored, not decoded: 0 is a gain of 0, 0.5 one of 1, 1 one of `gain`, linear in
-        between. What leaves [0, 1] is clipped.
+        As stored, not decoded: 0 is a gain of 0, 0.5 a gain of 1, 1 is `gain`, linear in between.
+        Values are clipped to [0, 1].
     gain : float
-        What white stands for.
+        The gain of white.
 
     Returns
     -------
     array of float32
-        Exactly 1 in the middle.
+        Exactly 1 for middle gray.
 
     Examples
     --------

@@ -66,32 +66,32 @@ def reaction_diffusion(
     at: str | None = None,
     atlas: TextureAtlas | None = None,
 ) -> _Single:
-    """Grow stripes, spots or mazes on a surface, across seams.
+    """Generate stripes, spots or mazes on a surface by reaction-diffusion, across seams.
 
     Parameters
     ----------
     mesh, uv, progress, atlas
         As in `sharpen_texture`.
     size : (int, int)
-        Rows and columns of the image that is made.
+        Rows and columns of the image.
     settings : ReactionSettings, optional
     start : (h, w, 2) array of float in [0, 1], optional
-        Both substances at the beginning, such as an earlier result that is to go on. Where they
-        add up to more than 1, there is less of the first. Left out, the first one is everywhere,
-        and the second one in spots at random.
+        Initial values of both substances, such as an earlier result to continue. Where they add up
+        to more than 1, the first one is reduced. By default, the first one is everywhere, and the
+        second one in random spots.
     rates : (h, w) array of float in [0, 10], optional
-        What the scale is multiplied by at each texel; less than 0.1 counts as that.
+        Factors of the scale at each texel; values below 0.1 count as 0.1.
     directions : (m, 3) or (n, 3) array of float, optional
-        At faces or at vertices: along these the pattern is longer, as `stretch` says. Signs and
-        lengths do not matter; where a vector is zero, all directions are alike.
+        At faces or at vertices; the pattern is stretched along them, see `stretch`. Signs and
+        lengths do not matter; where a vector is zero, the pattern is isotropic.
     at : {"faces", "vertices"}, optional
         Where the directions are; needed where the mesh has as many faces as vertices.
 
     Returns
     -------
     (h, w, 2) float32
-        Both substances, in [0, 1]. The second one is the pattern: up to 0.4 in it, and 0 between.
-        Around the charts the gutter is filled; beyond, it is 0.
+        Both substances, in [0, 1]. The second one shows the pattern, with values up to 0.4. The
+        gutter around the charts is filled; the rest is 0.
 
     Raises
     ------
@@ -108,11 +108,10 @@ def reaction_diffusion(
     -----
     The model of Gray and Scott (1984) with patterns after Pearson (1993):
     ``u' = D_u lap u - u v^2 + feed (1 - u)`` and ``v' = D_v lap v + u v^2 - (feed + kill) v``. Each
-    step is 1 long, explicit in the reaction and implicit in diffusion (the
-    paper has no such program; its systems, section 6, are of the same kind). The mass is lumped, so
-    that no step leaves the range of its values where texels are not much stretched.
-    A stripe needs about three texels in each direction: where those of a chart are so long that it
-    has fewer, nothing grows.
+    step has the length 1, and is explicit in the reaction and implicit in the diffusion, whose
+    systems are like those of paper B, section 6. The mass is lumped, so that steps keep the range
+    of values where texels are not much stretched. A stripe must be about three texels wide: nothing
+    grows in charts with longer texels.
 
     Patterns by feed and kill, and the steps after which they look finished:
 
@@ -222,7 +221,7 @@ def _react(start, stop, feed, kill, masses_u, masses_v, values, rhs):
         eaten = u * v * v
         u += feed * (one - u) - eaten
         v += eaten - loss * v
-        # Far from all patterns it would fall for ever, and the smallest numbers take longest.
+        # Far from patterns it would decrease forever, and arithmetic with denormal numbers is slow.
         v = v if v > _LEAST else np.float32(0)
         rhs_u[i], rhs_v[i] = masses_u[i] * u, masses_v[i] * v
         us[i], vs[i] = u + more_u, v + more_v
@@ -241,7 +240,7 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
     shares = np.sort(random.random((count, 2)), axis=1)
     shares = np.stack([shares[:, 0], shares[:, 1] - shares[:, 0], 1.0 - shares[:, 1]], axis=1)
     places = np.einsum("sk,skx->sx", shares, corners[np.minimum(faces, len(corners) - 1)])
-    # Of two that are too near the first one stays (Matern 1960): neither crowds nor large gaps.
+    # Of two close spots the first one stays (Matern 1960), which avoids clusters and large gaps.
     near = cKDTree(places).query_pairs(apart, output_type="ndarray")
     places = np.delete(places, near.max(axis=1, initial=0), axis=0) if len(near) else places
     texels = np.flatnonzero(atlas.inside)
@@ -255,14 +254,14 @@ def _spots(atlas: TextureAtlas, settings: ReactionSettings) -> _Single:
 
 
 def _tensors(mesh: TriangleMesh, directions: Floats, stretch: float) -> Floats:
-    # Diffusion by the stretch along, and as much less across.
+    # Diffusion is multiplied by the stretch along the direction, and divided by it across.
     tensors = face_tensors(mesh, directions)
     clear = clearness(tensors)
     return stretched(tensors, stretch**clear, stretch**-clear)
 
 
 def _varied(space: TextureSpace, factors: _Single) -> TextureSpace:
-    # Scales go with the root of diffusion.
+    # Scales are proportional to the root of the diffusion.
     squares = np.maximum(factors, np.float32(_LEAST_RATE)).astype(np.float32) ** np.float32(2)
     other = space.weighted(space.means(squares.astype(np.float32)))
     other.cells[..., 3] = space.cells[..., 3]

@@ -65,8 +65,8 @@ def sharpen_texture(
     progress : callable, optional
         ``progress(fraction, message) -> bool``; False cancels.
     atlas : TextureAtlas, optional
-        The analysis of the same mesh, coordinates and image size, to save doing it again; `uv`
-        is not looked at then.
+        The atlas of the same mesh, coordinates and image size, which saves computing it; `uv` is
+        then ignored.
     guide : (h, w) or (h, w, c) array, optional
         Another texture of the same size and layout, whose flow moves the values instead of their
         own; see `sharpen_image`. Seams are closed where either of them differs.
@@ -74,10 +74,10 @@ def sharpen_texture(
     Returns
     -------
     array like `image`
-        Inside the charts, every value lies within the input's values near it on the surface, but
-        for rounding to single precision; opacity stays. Around them the gutter is filled with
-        what lies across the seam, or with more of the same where different materials meet there.
-        A time of 0 returns the input bit for bit.
+        Inside the charts, each value is within the range of the input near it on the surface, up
+        to rounding to single precision; opacity stays. The gutter around them is filled with the
+        colors across the seam; at closed seams, the chart's own colors are extended. A time of 0
+        returns the input bit for bit.
 
     Raises
     ------
@@ -87,16 +87,16 @@ def sharpen_texture(
         If the image's shape or type is not supported, it holds NaN or infinity, or mask or
         guide do not fit it.
     InvalidSettings
-        If they leave it open what the guide does.
+        If the settings do not allow a guide.
     Cancelled
         If `progress` returned False.
 
     Notes
     -----
-    Paper A, sections 3.2, 3.3 and Appendix A, on the texels of paper B, section 3. Differs from
-    paper B in what makes values continuous: the charts are extended by ghost texels that read
-    across the seam, instead of basis functions that are merged there. Beside the atlas and
-    image and result, a node of its sheet costs 12 bytes and 8 more for each channel.
+    Paper A, sections 3.2, 3.3 and Appendix A, on the texels of paper B, section 3. Paper B merges
+    basis functions at seams; here charts are extended by ghost texels that read across the seam.
+    Besides the atlas, the image and the result, each node of the sheet needs 12 bytes, and 8 more
+    for each channel.
 
     Examples
     --------
@@ -149,12 +149,12 @@ def dilate_texture(
     progress: ProgressCallback | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
-    """Fill the gutter of a texture with what lies across the seams.
+    """Fill the gutter of a texture with the colors across the seams.
 
-    Texels whose centres lie in charts stay bit for bit. The others around the charts get the
-    value of the surface where one comes by walking straight across the nearest seam, so that
-    linear and mip-mapped sampling show none. Where different materials meet at a seam, they get
-    the nearest value of their own chart.
+    Texels whose centres lie in charts stay bit for bit. Each other texel around the charts gets the
+    color at the end of a straight walk on the surface, across the nearest seam, so that linear and
+    mip-mapped sampling show no seams. At closed seams, where different materials meet, it gets the
+    nearest color of its own chart.
 
     Parameters
     ----------
@@ -173,8 +173,8 @@ def dilate_texture(
 
     Notes
     -----
-    Texels and charts are those of paper B, section 3; the paper leaves the gutter open. Values are
-    taken as they are: tangent-space normals do not turn.
+    Texels and charts are those of paper B, section 3, which does not describe a gutter. Values are
+    copied unchanged, so tangent-space normals are not rotated.
 
     Examples
     --------
@@ -203,7 +203,7 @@ def dilate_texture(
 def _gathered_with(
     texture: Texture, lead: npt.NDArray, settings: TextureSettings
 ) -> tuple[Texture, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    # As `gathered`, with the guide's values; both say where seams are closed.
+    # As `gathered`, with the guide's values; seams are closed where either of them differs.
     atlas, pixels, alpha, normals = texture[:4]
     guiding = opacity_channel(lead.shape[2], "auto")
     with aside("Comparing the seams"):

@@ -38,7 +38,7 @@ class SheetDomain(Domain):
     nearest : bool
         Whether the nearest node is read at the ends of flow-lines.
     normals : bool
-        Whether the first two channels are tangent-space directions around 1/2, which turn across
+        Whether the first two channels are tangent-space directions around 1/2, which rotate across
         seams. They flow, and have no unsharp part.
     """
 

@@ -41,23 +41,23 @@ _TOLERANCE = 1e-4
 """Residual of the solution relative to the right-hand side."""
 
 _UNKNOWN = 1e-6
-"""Texels of which nothing is known are held to no value; so much keeps the matrix definite."""
+"""Screening of unknown texels, which have no value; this keeps the matrix definite."""
 
 _HELD = 1e6
-"""How much more texels that must not change are held than others."""
+"""Screening of texels that must not change, relative to that of others."""
 
 
 class _Source(NamedTuple):
-    # One picture, and how far it is to be believed.
+    # One picture, and its confidence.
     values: _Single  # (rows, columns, c) at nodes and ghosts
     corners: Floats  # (v, c) at the corners of the pieces, as their own chart shows them
     confidence: _Single  # (n,) at nodes
 
 
 class _Target(NamedTuple):
-    # What the result is to be like.
+    # The desired values of the result, and their confidence.
     values: _Single  # (n, c)
-    unbalance: _Single  # (n, c): how far the gradients of these are from those that are wanted
+    unbalance: _Single  # (n, c): difference of their gradients from the desired ones
     confidence: CellWeights
     known: npt.NDArray[np.bool_]  # (n,)
 
@@ -76,10 +76,10 @@ def stitch_textures(
     normals: npt.ArrayLike | None = None,
     atlas: TextureAtlas | None = None,
 ) -> npt.NDArray:
-    """Make one texture without steps of several, or of one whose charts differ at the seams.
+    """Merge several textures without steps, or remove the steps at the seams of one texture.
 
-    The gradients of the result are those of the images where these are known; steps from one
-    image to another, or across a seam, are none of them.
+    The gradients of the result are those of the known parts of the images. Steps from one image to
+    another, or across a seam, are not among these gradients.
 
     Parameters
     ----------
@@ -87,24 +87,25 @@ def stitch_textures(
         As in `sharpen_texture`.
     images : array, or several, like the image in `sharpen_texture`
         Pictures of the surface in the same layout, such as photos projected from several sides.
-        One alone, such as baked light or a scan, loses the steps across its seams.
+        A single one, such as baked light or a scan, loses the steps across its seams.
     settings : StitchSettings, optional
     confidences : sequence of (h, w) arrays of float, optional
-        For each image how far its texels are to be believed, from 0: nothing is known there.
-        Opacity counts, too. 1 if left out.
+        Weights of the texels of each image; 0 where nothing is known. They are multiplied by
+        opacity. Default: 1.
     labels : (h, w) array of int, optional
-        Which image each texel is taken from, instead of confidences; negative: nothing is known.
-        With one image, any numbers: steps between areas of different ones go.
+        The image of each texel, in place of confidences; negative where nothing is known. With one
+        image, labels may be any numbers, and steps between areas of different labels are removed.
     mask : (h, w) array of float in [0, 1], optional
-        1 takes the result, less mixes it with the first image, 0 keeps that bit for bit.
+        1 takes the result, less mixes it with the first image, 0 keeps the first image bit for
+        bit.
     normals : (m, 3, 3) array of float, optional
         As in `filter_texture`.
 
     Returns
     -------
     array like the first image
-        Texels of which nothing is known are filled smoothly. Opacity is the largest of the images.
-        Around the charts the gutter is filled anew; what the images hold there does not count.
+        Unknown texels are filled smoothly. Opacity is the largest of the images. The gutter around
+        the charts is filled anew, whatever the images hold there.
 
     Raises
     ------
@@ -118,9 +119,9 @@ def stitch_textures(
     -----
     Paper B, sections 6 and 7.2: x minimizes ``sum_k w_k (|x - y_k|^2 / radius^2 +
     |grad x - grad y_k|^2)`` on the surface, lengths in mean texel sizes, for images y_k whose
-    confidences w_k add up to 1 in the second term. At a seam each image has the values that either
-    side shows by itself, continued linearly from within the chart. For images that are the same,
-    the result differs from them by rounding.
+    confidences w_k add up to 1 in the second term. At a seam, each
+    side of an image has the values of its own chart, extrapolated linearly. For equal images, the
+    result differs from them by rounding.
 
     Examples
     --------
@@ -249,7 +250,7 @@ def _source(
 
 
 def _least_known(space: TextureSpace, source: _Source, labels: npt.ArrayLike | None) -> CellWeights:
-    # How far each cell and piece is to be believed: 0 if one of its nodes, or corners, is unknown.
+    # The confidence of each cell and piece: 0 if one of its nodes, or corners, is unknown.
     pieces = space.cut_cells.pieces
     least = space.least(source.confidence)
     missing = np.isnan(source.corners[:, 0])
@@ -271,7 +272,7 @@ def _divided(part: npt.NDArray, whole: npt.NDArray) -> npt.NDArray:
 
 
 def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _Single:
-    # What is to be added to the target's values.
+    # The correction of the target's values.
     largest = max(float(target.confidence.cells.max(initial=0.0)),
                   float(target.confidence.pieces.max(initial=0.0)), 1e-30)  # fmt: skip
     cells = np.maximum(target.confidence.cells / np.float32(largest), np.float32(_UNKNOWN))
@@ -282,7 +283,7 @@ def _solved(space: TextureSpace, target: _Target, settings: StitchSettings) -> _
     matrix = space.weighted(held, only_mass=True).matrix(screen)
     change = np.zeros_like(target.values)
     SheetSolver(matrix).solve(target.unbalance, change, _TOLERANCE, message="Stitching")
-    # Exactly, nothing is added on the whole; far less holds that than shows in the residual.
+    # The exact change has a mean of 0. An error of the mean hardly shows in the residual.
     space.without_means(change, matrix.screen, change)
     if settings.where == "seams":
         free = ~target.known

@@ -58,11 +58,11 @@ def surface_line_convolution(
     mesh, uv, progress, atlas
         As in `sharpen_texture`.
     size : (int, int)
-        Rows and columns of the image that is made.
+        Rows and columns of the image.
     directions : (m, 3) or (n, 3) array of float, optional
-        At faces or at vertices. Signs and lengths do not matter, but where a vector is zero
-        there are grains instead of streaks. Left out, where the surface bends least, see
-        `principal_directions`; others are made by `gradient_directions` and `axis_directions`.
+        At faces or at vertices, such as from `gradient_directions` or `axis_directions`. Signs and
+        lengths do not matter; where a vector is zero, there are grains instead of streaks. Default:
+        the directions of least curvature, see `principal_directions`.
     settings : StreakSettings, optional
     at : {"faces", "vertices"}, optional
         Where the directions are; needed where the mesh has as many faces as vertices.
@@ -70,7 +70,7 @@ def surface_line_convolution(
     Returns
     -------
     (h, w) float32
-        In [0, 1], 0.5 on the mean. Around the charts the gutter is filled; beyond, it is 0.
+        In [0, 1], with a mean of 0.5. The gutter around the charts is filled; the rest is 0.
 
     Raises
     ------
@@ -86,9 +86,8 @@ def surface_line_convolution(
     Notes
     -----
     White noise is diffused, in one implicit step, by a tensor that is 1 along the direction and
-    (width / length)^2 across. Paper B smooths a random value of each texel; here the noise is as
-    strong for each area of the surface, so that it does not change at seams or with the density
-    of texels.
+    (width / length)^2 across. Paper B smooths a random value of each texel; here the variance of
+    the noise depends on the area, so that streaks do not change at seams or with the texel density.
 
     Examples
     --------
@@ -139,8 +138,8 @@ def _streaks(space: TextureSpace, settings: StreakSettings) -> _Single:
 
 
 def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) -> None:
-    # Where streaks are nearly as long as a limb is wide or long, they have little contrast: it is
-    # measured around each place, and made the same, in place.
+    # Streaks have little contrast if they are nearly as long as a limb. The local contrast is
+    # measured and equalized, in place.
     screen = max(_AROUND * settings.width, _LEAST_AROUND) ** -2.0
     matrix = space.matrix(screen)
     solver, masses = SheetSolver(matrix), matrix.screen[:, None]
@@ -165,7 +164,7 @@ def _even_out(space: TextureSpace, settings: StreakSettings, values: _Single) ->
 
 
 def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings) -> Floats:
-    # Those of diffusion: in each direction the square of how far it goes, against the length.
+    # Diffusion tensors: in each direction, the squared reach relative to the length.
     directions = principal_directions(mesh)[mesh.faces] if given is None else given
     tensors = face_tensors(mesh, directions)
     clear = clearness(tensors)
@@ -173,7 +172,7 @@ def _tensors(mesh: TriangleMesh, given: Floats | None, settings: StreakSettings)
         trace = tensors[:, 0] + tensors[:, 2]
         clear *= np.minimum(np.sqrt(trace) * 2.0, 1.0)
     across = max(settings.width / settings.length, _LEAST_WIDTH)
-    # The same area is smoothed over everywhere, which keeps the noise as strong.
+    # The area of smoothing is the same everywhere, so the variance of the noise is, too.
     return stretched(tensors, across ** (1.0 - clear), across ** (1.0 + clear))
 
 

@@ -46,11 +46,11 @@ class Texture(NamedTuple):
     alpha : int
         The channel of opacity; -1: none.
     normals : bool
-        Whether the first channels are tangent-space normals, as colors.
+        Whether the first channels are tangent-space normals, encoded as colors.
     frames : NormalFrames or None
-        What turns such normals to object space, where they are worked on; `normals` is False then.
+        Frames that turn such normals to object space for the filter; `normals` is then False.
     unit : bool
-        Whether the first channels are normals of object space in the work, of unit length.
+        Whether the filter works on object-space normals of unit length in the first channels.
     """
 
     atlas: TextureAtlas
@@ -64,13 +64,13 @@ class Texture(NamedTuple):
 def normals_of(
     texture: Texture, settings: FilterSettings | StitchSettings, normals: Floats | None
 ) -> Texture:
-    """Return a texture that knows how its normals are worked on, if it holds some.
+    """Return the texture with the frames of its normals, if it holds normals.
 
     Parameters
     ----------
     texture : Texture
     settings : FilterSettings or StitchSettings
-        Have the content.
+        Its `content` says whether the texture holds normals.
     normals : (m, 3, 3) float64, optional
         As in `NormalFrames`.
     """
@@ -92,12 +92,12 @@ def check_content(pixels: npt.NDArray, settings: _WithContent) -> None:
 def checked_content(
     pixels: npt.NDArray, settings: BeltramiTextureSettings | TextureSettings
 ) -> tuple[int, bool]:
-    """Tell the channel of opacity, and whether the others are tangent-space normals.
+    """Return the channel of opacity, and whether the others are tangent-space normals.
 
     Raises
     ------
     InvalidSignal
-        If an image cannot hold what the settings say.
+        If an image cannot hold the content that the settings name.
     """
     check_content(pixels, settings)
     return opacity_channel(pixels.shape[2], settings.alpha), settings.content == "normals"
@@ -151,7 +151,7 @@ def mix_texels(
     weights: npt.NDArray[np.float64] | None,
     result: npt.NDArray[np.float32],
 ) -> None:
-    """Mix a result with the values that it was made from, in place; `weights` are a mask (h, w)."""
+    """Mix a result with its input, in place; `weights` is a mask (h, w)."""
     if weights is not None or amount < 1.0:
         with phase(1.0, 1.0, "Filling the gutter"):
             if weights is None:
@@ -163,7 +163,7 @@ def mix_texels(
 
 
 class Output:
-    """Where texels get their values from, for any number of results for one texture.
+    """Writes results for one texture, whose seams and gutter are set up once.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def written(
     settings: DilateSettings,
     keep: npt.NDArray[np.bool_] | None,
 ) -> npt.NDArray:
-    """Return the image with values as `Output.written` does, once."""
+    """Return the image with values as `Output.written` does, for a single result."""
     with phase(0.0, 0.6, "Filling the gutter"):
         output = Output(texture, settings)
     with phase(0.6, 1.0, "Filling the gutter"):
@@ -225,7 +225,7 @@ def drawn(texture: Texture, space: TextureSpace, values: npt.NDArray, gutter: in
 
 
 def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:
-    """Read the ghosts' values from across the seams, in place."""
+    """Fill the ghosts from across the seams, in place."""
     atlas, _, alpha, normals = texture[:4]
     fill_ghosts(atlas.sheet, atlas.sources, values, alpha, 0.5 if normals else None)
 
@@ -233,7 +233,7 @@ def read_ghosts(texture: Texture, values: npt.NDArray[np.float32]) -> None:
 def checked_atlas(
     atlas: TextureAtlas | None, mesh: TriangleMesh, uv: npt.ArrayLike, pixels: npt.NDArray
 ) -> TextureAtlas:
-    """Return the atlas that was given, if it fits the image, or a new one."""
+    """Return the given atlas if it fits the image, or a new one if it is None."""
     height, width = pixels.shape[:2]
     if atlas is None:
         return TextureAtlas(mesh, uv, size=(height, width))
@@ -250,7 +250,8 @@ def checked_atlas(
 def grays_of(values: npt.NDArray[np.float32], inside: npt.NDArray[np.bool_]) -> npt.NDArray:
     """Return the visible values of a generated image: (h, w).
 
-    Of several channels, as of substances that react, it is the last one, stretched to [0, 1].
+    Of several channels, such as those of `reaction_diffusion`, these are the values of the last
+    one, scaled to at most 1.
     """
     if values.ndim == 2:
         return values

@@ -35,7 +35,7 @@ _SCENES: dict[str, tuple[tuple[str, ...], str, dict[str, Any]]] = {
     ".stl": (("wm.stl_import",), "wm.stl_export", {}),
     **dict.fromkeys(_USD, (("wm.usd_import",), "wm.usd_export", {})),
 }
-"""By ending: importers, of which the first that this Blender has is taken; exporter and options."""
+"""By ending: importers, of which the first available one is used; exporter and its options."""
 
 _UNWRITTEN = (
     "{path.name} cannot be written ({reason}); is there room on the disk and in the folder a right"
@@ -58,7 +58,7 @@ _IMAGE_FORMATS = {
 
 
 def check_ending(target: Path) -> None:
-    """Refuse a file that this Blender cannot write."""
+    """Raise an error if this Blender cannot write files of this kind."""
     ending = target.suffix.lower()
     known = [each for each, (_, exporter, _) in _SCENES.items() if _exists(exporter)]
     if ending not in (_BLEND, *known):
@@ -66,7 +66,7 @@ def check_ending(target: Path) -> None:
 
 
 def open_scene(source: str) -> None:
-    """Open or import a file, into an empty scene; - is the file that is open already."""
+    """Open a file or import it into an empty scene; - is the file that is already open."""
     if source == OPEN_FILE:
         return
     check_file(Path(source))
@@ -105,7 +105,7 @@ def save_scene(target: Path, overwrite: bool) -> None:
 
 
 def _read_back(path: Path) -> None:
-    """Make sure that a scene that was just written is there: its header and sizes."""
+    """Check a scene that was just written: that it exists, its header and sizes."""
     from ...core.files.formats.mesh.gltf_tree import read_tree
     from ...core.files.formats.mesh.ply import PlyVertices
 
@@ -122,7 +122,7 @@ def _read_back(path: Path) -> None:
 
 
 def image_format(target: Path) -> str:
-    """Name Blender's format for a file's ending."""
+    """Return Blender's format for the ending of a file."""
     kind = _IMAGE_FORMATS.get(target.suffix.lower())
     if kind is None:
         raise ShockError(
@@ -138,7 +138,7 @@ def is_image(source: str) -> bool:
 
 @contextmanager
 def loaded_image(source: str) -> Iterator[bpy.types.Image]:
-    """Give the image of a file: the open scene's own one, or one that is removed afterwards."""
+    """Return the image of a file: that of the open scene, or one that is removed afterwards."""
     check_file(Path(source))
     known = set(bpy.data.images)
     with _reported():
@@ -162,7 +162,7 @@ def write_image(image: bpy.types.Image, path: Path) -> None:
 
 
 def write_values(path: Path, kind: str | None, shown: Any) -> None:
-    """Write gray values or colors, bytes or floats; without a kind as NumPy's file."""
+    """Write gray values or colors, as bytes or floats; as a NumPy file if no kind is given."""
     import numpy as np
 
     from ..data.arrays import write_pixels
@@ -207,7 +207,7 @@ def call(name: str, **options: Any) -> None:
 
 @contextmanager
 def _reported(text: str = "{reason}", **values: Any) -> Iterator[None]:
-    """Turn what Blender reports into a ShockError with this text."""
+    """Turn errors that Blender reports into a ShockError with this text."""
     try:
         yield
     except RuntimeError as error:

@@ -84,12 +84,12 @@ class _Run:
         self._cancelled = False
 
     def __call__(self, fraction: float, message: str) -> bool:
-        """Hear of the progress, and pass it on."""
+        """Pass the progress on."""
         self._cancelled = not self.progress(0.9 * fraction, message)
         return not self._cancelled
 
     def start(self, **more: Any) -> tuple[int, int]:
-        """Return how many vertices, colors or pixels have changed, of how many."""
+        """Run, and return how many vertices, colors or pixels changed, and how many there are."""
         operators.listener = self
         try:
             name = flags.mode_of(self.command)[0].operator
@@ -117,7 +117,7 @@ def _filter_meshes(run: _Run, source: str, target: Path, options: argparse.Names
 
 
 def _selected(objects: list[bpy.types.Object]) -> AbstractContextManager:
-    """Have operators act on these objects; the file's own selection stays as it is."""
+    """Select these objects for operators, and restore the selection of the file afterwards."""
     active = bpy.context.view_layer.objects.active
     if active is not None and active.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
@@ -131,7 +131,7 @@ def _selected(objects: list[bpy.types.Object]) -> AbstractContextManager:
 
 @contextmanager
 def _mirrored(objects: list[bpy.types.Object], axes: list[str]) -> Iterator[None]:
-    """Turn on the meshes' mirror options for these axes; the file's own ones come back."""
+    """Turn on mirror options of the meshes for these axes, and restore them afterwards."""
     names = [f"use_mirror_{axis}" for axis in axes]
     meshes = [obj.data for obj in objects]
     turned_on = [(mesh, name) for mesh in meshes for name in names if not getattr(mesh, name)]
@@ -279,7 +279,7 @@ def _visualize_meshes(
 
 
 def _to_draw_on(source: str, options: argparse.Namespace) -> tuple[Any, tuple[int, int], tuple]:
-    """Open a file; return its faces, the image's height and width, and what is to be said."""
+    """Open a file; return its faces, the height and width of the image, and remarks."""
     objects, notes = _opened(source, options)
     size = options.size
     if size is None:
@@ -295,7 +295,7 @@ def _to_draw_on(source: str, options: argparse.Namespace) -> tuple[Any, tuple[in
 
 
 def _opened(source: str, options: argparse.Namespace) -> tuple[list[bpy.types.Object], list[str]]:
-    """Open a file; return objects to filter, each mesh once, and notes on those that are not."""
+    """Open a file; return objects to filter, each mesh once, and notes on skipped ones."""
     files.open_scene(source)
     return _chosen(source, options)
 

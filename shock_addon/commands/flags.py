@@ -80,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: Command) -> None:
 
 
 def _add_shape_flags(parser: argparse.ArgumentParser, command: Command) -> None:
-    """Add what the operators have beside settings, under their names and in their words."""
+    """Add the properties of the operators that are no settings, with their descriptions."""
     known = operator(f"shock_filter.{mode_of(command)[0].operator}").get_rna_type().properties
     normals = known["custom_normals"]
     meanings = [f"{i.identifier.lower()}: {i.description}." for i in normals.enum_items]
@@ -132,7 +132,7 @@ def _output(options: argparse.Namespace) -> str:
 
 
 def _angle(text: str) -> float:
-    """Radians."""
+    """Convert an angle in degrees to radians."""
     degrees = float(text)
     if not 0.0 <= degrees <= 180.0:
         raise ValueError
@@ -143,7 +143,7 @@ _angle.__name__ = "angle from 0 to 180"  # argparse says "invalid angle ... valu
 
 
 def values_of(command: Command, settings: Any, options: argparse.Namespace) -> dict[str, Any]:
-    """Return the values of the operator's properties, as far as settings and flags say them."""
+    """Return the operator properties that settings and flags give."""
     mode, target = mode_of(command)
     values = {target.prefix + name: value for name, value in asdict(settings).items()}
     if target.steady_state and math.isinf(settings.time):

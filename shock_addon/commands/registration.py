@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The entry ``blender --command shock_filter``; the command line is loaded when it is called."""
+"""Registers ``blender --command shock_filter``; the command line is imported when called."""
 
 from __future__ import annotations
 

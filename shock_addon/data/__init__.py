@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's data in and out: the only room that reads or writes it. May use `core.host`.
+"""Reading and writing of Blender's data, which no other room does. May use `core.host`.
 
 Modules are imported when first used, as ``data.NAME``, so that enabling the extension does not
 import numpy.
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def importing(package: str) -> Callable[[str], Any]:
-    """Make the ``__getattr__`` of a package that imports its modules when first used."""
+    """Make a ``__getattr__`` for a package that imports its modules on first use."""
 
     def load(name: str) -> Any:
         try:

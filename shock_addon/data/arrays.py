@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between Blender's collections and arrays: how each kind is read, written and compared.
+"""Conversion between Blender's collections and arrays.
 
-Blender copies a whole array at once where its type is exactly what is stored; any other takes ten
-to a hundred times as long.
+Blender copies a whole array at once if its type is the stored one; any other type takes ten to a
+hundred times as long.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _STORED = {
     "FLOAT_COLOR": ("color", 4, np.float32),
     "BYTE_COLOR": ("color_srgb", 4, np.float32),  # the values as they are stored
 }
-"""Of each type of attribute: name of the property, its width, and its type."""
+"""For each type of attribute: name of the property, its width, and its type."""
 
 
 def check_same(
     now: npt.NDArray, then: npt.NDArray, reason: str = "it was changed meanwhile; run again"
 ) -> None:
-    """Compare two arrays bit for bit, as NaN differs from itself.
+    """Compare two arrays bit for bit, so that NaN equals itself.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def check_same_parts(now: dict[Any, npt.NDArray], then: dict[Any, npt.NDArray]) 
 def read(
     collection: Any, name: str, width: int = 1, dtype: npt.DTypeLike = np.float32
 ) -> npt.NDArray:
-    """Read a property of all elements: (n,), or (n, width) if it is wider than 1."""
+    """Read a property of all elements: (n,), or (n, width) if the width is above 1."""
     flat = np.empty(width * len(collection), dtype=dtype)
     collection.foreach_get(name, flat)
     return flat if width == 1 else flat.reshape(-1, width)
@@ -69,12 +69,12 @@ def write(
 
 
 def is_readable(attribute: bpy.types.Attribute) -> bool:
-    """Whether its type is known here."""
+    """Whether this module can read the type of an attribute."""
     return attribute.data_type in _STORED
 
 
 def stored(attribute: bpy.types.Attribute) -> tuple[Any, str, int, npt.DTypeLike]:
-    """Return what `read` wants for an attribute."""
+    """Return the arguments of `read` for an attribute."""
     return attribute.data, *_STORED[attribute.data_type]
 
 
@@ -102,7 +102,7 @@ def find_attribute(
 def find_or_add_attribute(
     mesh: bpy.types.Mesh, name: str, data_type: str, domain: str
 ) -> bpy.types.Attribute:
-    """Return a mesh's attribute of this name; one of another kind is replaced."""
+    """Return a mesh's attribute of this name, and replace it if it is of another kind."""
     attribute = find_attribute(mesh, name, data_type, domain)
     if attribute is not None:
         return attribute

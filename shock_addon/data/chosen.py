@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects and which image an operator acts on; reads none of their data."""
+"""The objects and the image that an operator acts on; their data is not read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .materials import active_image
 from .skipped import Skipped
 
 CONVERTIBLE = {"CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"}
-"""Types of objects that Blender can make meshes of."""
+"""Types of objects that Blender can convert to meshes."""
 
 _REFUSED = {
     "MOVIE": "it is a movie; save the frame as an image and open that",
@@ -33,7 +33,7 @@ def mesh_objects(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def mesh_users(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """List these objects without those whose mesh another one before them has, too."""
+    """List these objects without those that share the mesh of an earlier one."""
     users: dict[bpy.types.Mesh, bpy.types.Object] = {}
     for obj in mesh_objects(context):
         users.setdefault(obj.data, obj)
@@ -52,13 +52,13 @@ def edited_image(context: bpy.types.Context) -> bpy.types.Image | None:
 
 
 def subjects(context: bpy.types.Context) -> set[int]:
-    """Return uids of what a panel is about: the Image Editor's image, elsewhere mesh objects."""
+    """Return the uids of a panel's data: the image in the Image Editor, or mesh objects."""
     image = edited_image(context)
     return {each.session_uid for each in (mesh_objects(context) if image is None else [image])}
 
 
 def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
-    """Say why an image cannot be sharpened; empty if it can. UDIM tiles can be allowed."""
+    """Return why an image cannot be sharpened; empty if it can. UDIM tiles can be allowed."""
     if image.library is not None or image.override_library is not None:
         return "it is linked from another file; make it local first"
     if image.type == "MULTILAYER":
@@ -74,7 +74,7 @@ def refusal(image: bpy.types.Image, tiles: bool = False) -> str:
 
 
 def mesh_refusal(mesh: bpy.types.Mesh) -> str:
-    """Say why a mesh cannot be changed; empty if it can."""
+    """Return why a mesh cannot be changed; empty if it can."""
     if mesh.library is not None:
         return (
             "its mesh is linked from another file; make it local first (Object > Relations > Make"
@@ -89,11 +89,11 @@ def mesh_refusal(mesh: bpy.types.Mesh) -> str:
 
 
 def shown_image(context: bpy.types.Context) -> bpy.types.Image:
-    """Return the image that is worked on.
+    """Return the image to work on.
 
-    It is the one in the Image Editor, the one that is painted on in Texture Paint Mode, or that
-    of the active image texture node in the active object's material. If another node is active, it
-    is the one that the base color is made from, or the only one.
+    It is the one in the Image Editor, the one painted on in Texture Paint Mode, or that of the
+    active image texture node in the active object's material. If another node is active, it is the
+    image of the base color, or the only image.
 
     Raises
     ------
@@ -120,8 +120,8 @@ def shown_image(context: bpy.types.Context) -> bpy.types.Image:
 def chosen_image(context: bpy.types.Context, name: str) -> bpy.types.Image:
     """Return the image that the panel's buttons work on.
 
-    In the Image Editor it is the one that is seen, elsewhere the one of this name, if any, or else
-    that of `shown_image`.
+    In the Image Editor it is the visible image; elsewhere it is the one of this name, if any, or
+    else that of `shown_image`.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from .skipped import Skipped
 
 
 def active_image(material: bpy.types.Material) -> bpy.types.Image:
-    """Return the image of the active node, or the one that the base color is made from.
+    """Return the image of the active node, or else the image of the base color.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def active_image(material: bpy.types.Material) -> bpy.types.Image:
 
 
 def colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImage]:
-    """The image texture nodes that a shader's base color is made from."""
+    """List the image texture nodes that feed a shader's base color."""
     ahead = [
         socket
         for node in tree.nodes
@@ -54,7 +54,7 @@ def colors_surface(tree: bpy.types.NodeTree) -> list[bpy.types.ShaderNodeTexImag
 
 
 def image_nodes(material: bpy.types.Material) -> list[bpy.types.ShaderNodeTexImage]:
-    """The image texture nodes of a material, those in its groups included."""
+    """List the image texture nodes of a material, including those in node groups."""
     # From Blender 5.0 on, all materials use nodes, and asking is deprecated.
     if material.node_tree is None or not (bpy.app.version >= (5, 0, 0) or material.use_nodes):
         return []

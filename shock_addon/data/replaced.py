@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The data that the last run replaced, swapped with its result and back, bit for bit.
+"""Swapping of the last run's result with the data that it replaced, bit for bit.
 
-The data themselves tell which of the two is there now, so that it holds after undo and redo.
+The current data are compared with both, so that this also works after undo and redo.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BEFORE, AFTER = "before", "after"
 
 
 class _Attribute(NamedTuple):
-    """An attribute of a mesh, to be written as it was."""
+    """A copy of an attribute of a mesh."""
 
     data_type: str
     domain: str
@@ -36,18 +36,18 @@ class _Attribute(NamedTuple):
 
 
 class _Key(NamedTuple):
-    """A shape key."""
+    """A copy of a shape key."""
 
     positions: npt.NDArray
     mute: bool
 
 
 Contents = dict[tuple[str, str], _Attribute | _Key | None]
-"""What a mesh holds, by kind and name; None for what is not there."""
+"""The data of a mesh, by kind and name; None for missing data."""
 
 
 class MeshSwap:
-    """A mesh before and after a run: made before it, completed by `note_after`.
+    """A mesh before and after a run; created before it, and completed by `note_after`.
 
     Parameters
     ----------
@@ -68,11 +68,11 @@ class MeshSwap:
         self._is_whole = not (turned and _has_hidden_normals(obj.data))
 
     def note_after(self) -> None:
-        """Take what the mesh holds now as the result; what has not changed is forgotten."""
+        """Store the mesh as it is now as the result, and drop data that has not changed."""
         mesh = self._find()
         before, after = self._before, self._read(mesh)
         for part, new in after.items():
-            if isinstance(new, _Key) and part not in before:  # muted, it does not show
+            if isinstance(new, _Key) and part not in before:  # a muted key is not shown
                 is_basis = part[1] == mesh.shape_keys.reference_key.name
                 before[part] = new._replace(mute=not is_basis)
         changed = [part for part, new in after.items() if not _same(before.get(part), new)]
@@ -81,11 +81,11 @@ class MeshSwap:
 
     @property
     def is_empty(self) -> bool:
-        """Whether the run has changed nothing, or something that cannot be swapped."""
+        """Whether the run has changed nothing, or data that cannot be swapped."""
         return not (self._after and self._is_whole)
 
     def state(self) -> str:
-        """Say which of both is there now, `BEFORE` or `AFTER`; empty if neither is."""
+        """Return which of both the mesh holds now, `BEFORE` or `AFTER`; empty for neither."""
         mesh = self._find()
         if mesh is None or mesh.is_editmode:
             return ""
@@ -96,7 +96,7 @@ class MeshSwap:
         return ""
 
     def write(self, state: str) -> None:
-        """Bring one of both back, in Object Mode."""
+        """Write one of both, in Object Mode."""
         mesh = self._find()
         for (_, name), kept in (self._before if state == BEFORE else self._after).items():
             if isinstance(kept, _Key):
@@ -119,7 +119,9 @@ class MeshSwap:
         found: Contents = {}
         for name in self._attributes:
             each = mesh.attributes.get(name)
-            if each is not None and not arrays.is_readable(each):  # somebody's own, of that name
+            if each is not None and not arrays.is_readable(
+                each
+            ):  # another attribute, of the same name
                 continue
             found["attribute", name] = each and _Attribute(
                 each.data_type, each.domain, arrays.read_attribute(each)
@@ -137,7 +139,7 @@ class PixelsSwap:
     image : bpy.types.Image
         With the result.
     before : Tiles
-        What was there, as `images.read_parts` gives it.
+        The old pixels, as `images.read_parts` returns them.
     after : bytes
         Digest of the result.
     """
@@ -151,7 +153,7 @@ class PixelsSwap:
         self._other = before
 
     def state(self) -> str:
-        """Say which of both is there now; see `MeshSwap`."""
+        """Return which of both the image holds now; see `MeshSwap`."""
         image = _image(self._image)
         if image is None:
             return ""
@@ -159,7 +161,7 @@ class PixelsSwap:
         return next((state for state, digest in self._digests.items() if digest == now), "")
 
     def write(self, state: str) -> None:
-        """Bring the other one back."""
+        """Write the other one."""
         image = _image(self._image)
         now = images.read_parts(image)
         images.write_parts(image, self._other, image.packed_file is not None)
@@ -168,7 +170,7 @@ class PixelsSwap:
 
 
 class ImageSwap:
-    """An image that a run has added: what editors and materials show is swapped.
+    """An image that a run has added; it is swapped in editors and materials.
 
     Parameters
     ----------
@@ -188,17 +190,17 @@ class ImageSwap:
 
     @property
     def is_empty(self) -> bool:
-        """Whether the result is not seen anywhere."""
+        """Whether neither editors nor materials show the result."""
         return self.state() != AFTER
 
     def state(self) -> str:
-        """Say which of both is seen now; see `MeshSwap`."""
+        """Return which of both is shown now; see `MeshSwap`."""
         seen = shown.images() + textures.shown_by(self._objects)
         uids = {image.session_uid for image in seen}
         return next((state for state in (AFTER, BEFORE) if self._images[state] in uids), "")
 
     def write(self, state: str) -> None:
-        """Show one of both wherever the other one is seen."""
+        """Show one of both wherever the other one is shown."""
         other = _image(self._images[BEFORE if state == AFTER else AFTER])
         image = _image(self._images[state])
         only = None if state == BEFORE else self._editors
@@ -209,31 +211,31 @@ class ImageSwap:
 Swap = MeshSwap | PixelsSwap | ImageSwap
 
 _held: list[Swap] = []
-"""What the last run has replaced."""
+"""The data that the last run has replaced."""
 
 _state: str | None = None
-"""Which of both is there, as far as it is known."""
+"""Which of both is there; None if it is not known."""
 
 _last = AFTER
 """The one of both that was there last."""
 
 _swaps = 0
-"""How often they were swapped since the run, but for what was undone; -1 if the run itself was."""
+"""Number of swaps since the run, minus undone ones; -1 if the run itself was undone."""
 
 
 def of_meshes(targets: Sequence[MeshTarget]) -> list[MeshSwap]:
-    """Read what a run may replace, in Object Mode."""
+    """Read the data that a run may replace, in Object Mode."""
     found = []
     for target in targets:
         try:
             found.append(MeshSwap(target))
-        except Skipped:  # it will say so when the result is written
+        except Skipped:  # the error is reported when the result is written
             continue
     return found
 
 
 def hold(swaps: Sequence[Swap]) -> None:
-    """Keep what a run has replaced, instead of what an earlier one has."""
+    """Keep the data that a run has replaced, and drop that of an earlier run."""
     global _state, _last, _swaps
     _held[:] = [swap for swap in swaps if not swap.is_empty]
     _state, _last, _swaps = AFTER, AFTER, 0
@@ -241,12 +243,12 @@ def hold(swaps: Sequence[Swap]) -> None:
 
 @forgetting.with_file
 def forget() -> None:
-    """Keep nothing any more."""
+    """Drop all data."""
     hold([])
 
 
 def look_again(step: int) -> None:
-    """Look at the data: something was undone, where `step` is -1, or redone, where it is 1."""
+    """Compare the data again, after an undo, where `step` is -1, or a redo, where it is 1."""
     global _state, _last, _swaps
     if not _held:
         return
@@ -259,18 +261,18 @@ def look_again(step: int) -> None:
 
 
 def is_held(context: bpy.types.Context) -> bool:
-    """Whether the last run has replaced something of what is chosen now."""
+    """Whether the last run has replaced data of the current selection."""
     chosen = subjects(context)
     return any(swap.uids & chosen for swap in _held)
 
 
 def is_before() -> bool:
-    """Whether a swap, and not undo, shows what was there before the run."""
+    """Whether the data before the run is shown, by a swap and not by undo."""
     return _swaps > 0 and state() == BEFORE
 
 
 def state() -> str:
-    """Say which of both is there, `BEFORE` or `AFTER`; empty if something else is."""
+    """Return which of both is there, `BEFORE` or `AFTER`; empty for neither."""
     global _state
     if _state is None and bpy.context.mode != "EDIT_MESH":
         _state = _look()
@@ -278,17 +280,17 @@ def state() -> str:
 
 
 def swap(context: bpy.types.Context) -> str:
-    """Bring back what was before the last run or, if that is there, its result.
+    """Restore the data before the last run or, if that is there, the result.
 
     Returns
     -------
     str
-        What is there now.
+        `BEFORE` or `AFTER`, as it is now.
 
     Raises
     ------
     Skipped
-        If something has changed since, or the object mode cannot be left; nothing is swapped then.
+        If the data has changed since, or the object mode cannot be left. Nothing is swapped then.
     """
     global _state, _last, _swaps
     check_leaving(context)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image Editors whose image is taken away by undo, or brought back by redo.
+"""Image Editors whose image is removed by undo, or restored by redo.
 
-Blender leaves such an editor empty, since the choice of its image is no part of undo.
+Blender leaves such an editor empty, because undo does not include the choice of its image.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from bpy.app.handlers import persistent
 from ...core.host import forgetting
 
 _sources: dict[int, int] = {}
-"""Of each image that a run has added, the image that it was made from; by their uids."""
+"""The source of each image that a run has added; both by uid."""
 
 _undone: dict[int, list[int]] = {}
-"""The images that undo has taken from each editor, the last one last."""
+"""The images that undo has removed from each editor, in that order."""
 
 _robbed: set[int] = set()
-"""The editors from which the last undo has taken some."""
+"""The editors from which the last undo has removed images."""
 
 _before: dict[int, int] = {}
-"""What each editor showed before the undo or redo that is under way."""
+"""The image of each editor before the current undo or redo."""
 
 _there_before: set[int] = set()
-"""All images before it."""
+"""All images before the current undo or redo."""
 
 
 def show(
@@ -39,7 +39,7 @@ def show(
     space : bpy.types.Space or None
         Which editor, of any kind.
     source, image : bpy.types.Image
-        The same one if it was replaced.
+        The same image if it was replaced.
     again : bool
         Whether a run is repeated with other settings: then other editors, from which undo has just
         taken what the first run had added, show its new result.
@@ -59,9 +59,9 @@ def images() -> list[bpy.types.Image]:
 
 
 def replace(old: bpy.types.Image, new: bpy.types.Image, only: set[int] | None) -> set[int]:
-    """Show another image in the Image Editors that show `old`; return which these are.
+    """Show another image in the Image Editors that show `old`; return these editors.
 
-    If `only` is given, others are left alone.
+    If `only` is given, other editors are left alone.
     """
     found = set()
     for editor in _editors():
@@ -73,7 +73,7 @@ def replace(old: bpy.types.Image, new: bpy.types.Image, only: set[int] | None) -
 
 @persistent
 def note(*_: object) -> None:
-    """Note what is shown, before anything is undone or redone."""
+    """Store what editors show, before an undo or a redo."""
     _before.clear()
     _before.update(
         (editor.as_pointer(), editor.image.session_uid) for editor in _editors() if editor.image
@@ -84,7 +84,7 @@ def note(*_: object) -> None:
 
 @persistent
 def restore(*_: object) -> None:
-    """Show the source of each image that is gone, and what has come back in its place."""
+    """Show the source of each image that is gone, and each image that has come back."""
     there = _images()
     _robbed.clear()
     for editor in _editors():
@@ -103,7 +103,7 @@ def restore(*_: object) -> None:
 
 @forgetting.with_file
 def forget() -> None:
-    """Drop what is known about images of a file that is left."""
+    """Forget the images of the previous file."""
     _sources.clear()
     _undone.clear()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The reason why an object is left alone, in the interface's language."""
+"""Reasons for leaving objects alone, in the language of the interface."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ _MOST_NAMES = 4
 
 
 class Skipped(Exception):
-    """An object cannot be worked on; as text it is in the interface's language.
+    """An object cannot be processed. The text is in the language of the interface.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class Skipped(Exception):
         Completes "Skipped NAME: ..." and names the fix, in lower case and without a period at the
         end. It may have fields such as ``{name}``.
     **values
-        What stands in the fields.
+        Values of the fields.
     """
 
     def __init__(self, reason: str, /, **values: object) -> None:
@@ -35,24 +35,24 @@ class Skipped(Exception):
 
 
 class Refused(Skipped):
-    """Nothing can be done at all; as text it is a whole sentence in the interface's language."""
+    """The run cannot start. The text is a sentence in the language of the interface."""
 
 
 def skip_if(reason: str) -> None:
-    """Raise `Skipped` if there is a reason to."""
+    """Raise `Skipped` if there is a reason."""
     if reason:
         raise Skipped(reason)
 
 
 def explain(error: "ShockError | Refused | Finding") -> str:
-    """Say in the interface's language what could not be done, or was found."""
+    """Return an error or a finding as a sentence in the language of the interface."""
     if isinstance(error, Refused):
         return str(error)
     return _said(error.sentence, error.values)
 
 
 def as_reason(sentence: str) -> str:
-    """Take the period from a sentence's end, so that it can stand in another one."""
+    """Remove the final period, so that a sentence can be part of another one."""
     return sentence.rstrip(".。")
 
 
@@ -62,7 +62,7 @@ def _said(sentence: str, values: dict[str, object]) -> str:
 
 
 def sentences(left: list[tuple[str, str]]) -> list[str]:
-    """Say in one sentence for each reason which objects were left alone.
+    """Return one sentence for each reason, naming the objects that were left alone.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the buttons run: reading, filtering on a thread, writing, saying what was done.
+"""The operators of the buttons: they read, filter on a thread, write and report.
 
 May use `running`, `data` and the table of modes.
 """

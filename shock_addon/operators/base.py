@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from ...core.base.findings import Finding
 
 _HARDLY_SEEN = 0.01
-"""A change of colors that people hardly see."""
+"""A change of colors that is hardly visible."""
 
 _NOTICED = 0.5
-"""Seconds of compiling that people notice."""
+"""Seconds of compiling that are worth mentioning."""
 
 summaries: dict[str, str] = {}
-"""What each mode has done last, or why it has not."""
+"""The last report of each mode, or the error."""
 
 _subjects: dict[str, set[int]] = {}
-"""The uids of the objects and images that it was done with."""
+"""The uids of the objects and images of these runs."""
 
 listener: Any = None
-"""Asked too while `execute` runs, when set: the command line's progress bar and Ctrl-C.
+"""Progress callback during `execute`, for the progress bar and Ctrl-C of the command line.
 
-Its `counts` become those of the operator.
+Its `counts` are set to those of the operator.
 """
 
 
@@ -51,7 +51,7 @@ _FAILED_WRITING = (
 
 
 class Written(NamedTuple):
-    """A target whose result is in place; `data` is the object or the image that has it."""
+    """A target whose result is written; `data` is its object or image."""
 
     target: Any
     data: Any
@@ -59,26 +59,26 @@ class Written(NamedTuple):
 
 
 Done = tuple[list[Written], list[str]]
-"""What was written, and a sentence for each target that was left alone."""
+"""The written targets, and a sentence for each target that was left alone."""
 
 
 class Task(NamedTuple):
-    """What a run computes, on any thread; it knows no bpy.
+    """The computation of a run, on any thread; it does not use bpy.
 
     Attributes
     ----------
     targets : sequence
-        They have `surface`, which is handed to the filter and has `size`.
+        Their `surface` is the input of the filter, and has `size`.
     kind : Data
-        How they are filtered.
+        The kind of data.
     name : str
-        Of the filter, in the registry.
+        Name of the filter in the registry.
     settings : object
         Of `settings_of`.
     weld : bool
         Whether vertices at the same place are one.
     findings : list of Finding
-        What the filter says about its work; filled by `run`.
+        Remarks of the filter; filled by `run`.
     """
 
     targets: Sequence[Any]
@@ -89,7 +89,7 @@ class Task(NamedTuple):
     findings: list[Finding]
 
     def run(self, progress: Progress) -> list[Any]:
-        """Filter all targets; one that fails gives its error as its result."""
+        """Filter all targets; the result of one that fails is its error."""
         from ...core.base.findings import gathering
 
         progress(0.0, "Preparing")
@@ -118,7 +118,7 @@ class Task(NamedTuple):
 
 
 def task_of(mode: Mode, parameters: Any, settings: Any, targets: Sequence[Any]) -> Task:
-    """Say what a run computes.
+    """Return the computation of a run.
 
     Parameters
     ----------
@@ -135,44 +135,44 @@ def task_of(mode: Mode, parameters: Any, settings: Any, targets: Sequence[Any]) 
 
 
 class FilterOperator(ModalJob):
-    """Mixin for operators; subclasses say what they read, filter and write.
+    """Mixin for operators; subclasses define how data are read, filtered and written.
 
     Attributes
     ----------
     row : Mode
-        What it does.
+        Its row in the table of modes.
     obstacle : callable
-        ``obstacle(context)`` says why it cannot run, empty if it can; see `operators.poll`.
+        ``obstacle(context)`` returns why it cannot run, empty if it can; see `operators.poll`.
     """
 
-    if TYPE_CHECKING:  # Blender would evaluate these for each operator
+    if TYPE_CHECKING:  # Blender would evaluate annotations for each operator
         row: Mode
         obstacle: Callable[[bpy.types.Context], str]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want no obstacle and no other run."""
+        """Return whether there is neither an obstacle nor another run."""
         return can_run(cls, cls.obstacle(context))
 
     @property
     def key(self) -> str:
-        """Key of `summaries`."""
+        """Return the key of `summaries`."""
         return self.row.group
 
     def read_settings(self) -> Any:
-        """Read what is handed to the filter from the operator's properties."""
+        """Read the settings of the filter from the operator's properties."""
         return settings_of(self.row, self)
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
-        """Return the targets, and reasons for what is no target.
+        """Return the targets, and a sentence for each object or image that is left out.
 
-        Targets have `name`, beside what `Task` says. A `ShockError` or `Refused` that is raised is
-        reported.
+        Besides the attributes for `Task`, targets have `name`. A raised `ShockError` or `Refused`
+        is reported.
         """
         raise NotImplementedError
 
     def task(self, settings: Any) -> Task:
-        """Say what is computed of `self.targets`."""
+        """Return the computation for `self.targets`."""
         return task_of(self.row, self, settings, self.targets)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
@@ -180,35 +180,35 @@ class FilterOperator(ModalJob):
         raise NotImplementedError
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
-        """Count what has changed, and what was worked on."""
+        """Return the number of changed elements, and of all."""
         raise NotImplementedError
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Say in one line what was done and how long it took."""
+        """Return the report in one line: what was done, and how long it took."""
         raise NotImplementedError
 
     @property
     def advice(self) -> str:
-        """What to do if little has changed; empty where the filter has said itself why."""
+        """Return advice if little has changed; empty if the filter has reported the reason."""
         return "" if self._findings else self.row.advice
 
     def notes(self, written: list[Written]) -> str:
-        """Say what was left as it is although it shapes what is seen."""
+        """Return remarks on data that was not changed although it affects the appearance."""
         return ""
 
     def done(self) -> str:
-        """Say what was done, in a verb."""
+        """Return the verb of the report."""
         sharpened = self.row.follows is not None and self.then_sharpen
         return pgettext_rpt(f"{self.row.done} and sharpened" if sharpened else self.row.done)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Show the parameters after the run, as the tab does."""
+        """Draw the parameters after the run, as in the tab."""
         from . import drawing
 
         drawing.draw_after_run(self.layout, context, self.properties, self.row)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run to the end: for scripts, background and redo."""
+        """Run and wait for the end: for scripts, background mode and redo."""
         task = self._prepare(context)
         if task is None:
             return {"CANCELLED"}
@@ -225,7 +225,7 @@ class FilterOperator(ModalJob):
             manager.progress_end()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Run on a thread, so that the window stays alive."""
+        """Run on a thread, so that the window stays responsive."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
         task = self._prepare(context)
@@ -249,34 +249,34 @@ class FilterOperator(ModalJob):
         return None
 
     def finish(self, context: bpy.types.Context, compute: Callable[[], Any]) -> set[str]:
-        """Write the results and say what was done."""
+        """Write the results and report."""
         try:
             with self._errors_reported(_FAILED):
                 results = compute()
                 with self._errors_reported(_FAILED_WRITING):
                     return self._write_and_tell(context, results)
-                return {"FINISHED"}  # what was written until then can be undone
+                return {"FINISHED"}  # earlier results can be undone
             return {"CANCELLED"}
         finally:
             self._forget()
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Drop the work and what it was done for."""
+        """Drop the run and its targets."""
         super().cancel(context)
         self._forget()
 
     def tell(self, kind: str, text: str) -> None:
-        """Say how it ended, also in the panel."""
+        """Report the end of the run, also in the panel."""
         super().tell(kind, text)
         summaries[self.key] = text
 
     def _forget(self) -> None:
-        # Blender keeps the last 32 operators, so what a run has read and computed goes.
+        # Blender keeps the last 32 operators, so their data is released.
         vars(self).clear()
 
     @contextmanager
     def _errors_reported(self, text: str) -> Iterator[None]:
-        """End the block at any error and report it; bugs and lack of memory are logged, too."""
+        """Report any error in the block; bugs and lack of memory are also logged."""
         try:
             yield
         except Cancelled as error:
@@ -325,13 +325,13 @@ def _said_of(compiling: float) -> str:
 
 
 def summary_of(context: bpy.types.Context, key: str) -> str:
-    """Return what a mode has done last with what is chosen now; empty if it was something else."""
+    """Return the last report of a mode, if it is about the current selection; empty if not."""
     same = data.chosen.subjects(context) & _subjects.get(key, set())
     return summaries.get(key, "") if same else ""
 
 
 def can_run(operator: type, obstacle: str) -> bool:
-    """Whether there is no obstacle and no other run; else the operator's button says what is."""
+    """Return whether a run can start; if not, the tooltip of the button says why."""
     if is_scene_read():
         obstacle = "Wait until the render, or the last run, has ended."
     if current() is not None:
@@ -344,7 +344,7 @@ def can_run(operator: type, obstacle: str) -> bool:
 def write_results(
     targets: Sequence[Any], results: list[Any], write: Callable[[Any, Any], Any]
 ) -> Done:
-    """Write what was computed.
+    """Write the results.
 
     Returns
     -------
@@ -370,18 +370,18 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def describe_colors(results: Sequence[Any], things: str, advice: str) -> str:
-    """Say how many things changed and how much, and what to do if it was little.
+    """Return how many things changed and by how much, with advice if it was little.
 
     Parameters
     ----------
     results : sequence of Recolored
     things : str
-        What is counted, such as "pixels".
+        The things, such as "pixels".
     advice : str
         Empty for none.
     """
     total = sum(result.counted for result in results)
-    # All pixels of an enlarged image are new, but not another picture.
+    # All pixels of an enlarged image are new, but the picture is the same.
     changed = sum(result.changed for result in results if result.largest_change)
     largest = max(result.largest_change for result in results)
     things = things.removesuffix("s") if total == 1 else things

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator Before / After: look at what was there before the last run, and at its result."""
+"""The operator Before / After, which compares the last result with the data before it."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class SHOCK_FILTER_OT_before_after(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a run that has changed something of what is chosen."""
+        """Return whether the last run has changed data of the current selection."""
         return can_run(cls, "" if is_held(context) else "Run a filter first, on what is chosen.")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Swap both, and say what is there now."""
+        """Swap both, and report which is shown now."""
         try:
             state = data.replaced.swap(context)
         except Refused as reason:
@@ -46,18 +46,18 @@ class SHOCK_FILTER_OT_before_after(bpy.types.Operator):
 
 
 def is_held(context: bpy.types.Context) -> bool:
-    """Whether the last run has replaced something of what is chosen now."""
+    """Whether the last run has replaced data of the current selection."""
     return _is_loaded() and data.replaced.is_held(context)
 
 
 def note(context: bpy.types.Context) -> str:
-    """Say that what is seen is not the result; empty if it is, or if it is something else."""
+    """Return a note if the data before the run is shown; empty otherwise."""
     is_before = is_held(context) and data.replaced.is_before()
     return _SAID[data.replaced.BEFORE] if is_before else ""
 
 
 def look_again(step: int) -> None:
-    """Look at the data again, after undo (-1) and redo (1)."""
+    """Compare the data again, after undo (-1) or redo (1)."""
     if _is_loaded():
         data.replaced.look_again(step)
 

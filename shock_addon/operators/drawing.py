@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Groups of parameters, as the tab's panels show them, and operators after their runs."""
+"""Drawing of parameters, in the panels of the tab and in operators after their runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..modes import Mode, Target
 from .wrapping import draw_text
 
 Parameters = bpy.types.PropertyGroup | bpy.types.OperatorProperties
-"""Where the values are: with the scene's settings or the operator's."""
+"""The owner of the values: settings of the scene, or an operator."""
 
 
 def draw_after_run(
@@ -20,7 +20,7 @@ def draw_after_run(
     parameters: bpy.types.OperatorProperties,
     mode: Mode,
 ) -> None:
-    """Draw an operator's parameters: the main ones, and below them the others, folded."""
+    """Draw an operator's parameters: the main ones, and the others in folded sections."""
     column = split(layout)
     if mode.within:
         for name in mode.names:
@@ -48,7 +48,7 @@ def draw_after_run(
 
 
 def _section(layout: bpy.types.UILayout, mode: Mode, title: str) -> bpy.types.UILayout | None:
-    """Draw a section's title; return its layout if it is open."""
+    """Draw the title of a section, and return its layout if it is open."""
     header, body = layout.panel(f"SHOCK_FILTER_{mode.key}_{title.lower()}", default_closed=True)
     header.label(text=title)
     return body
@@ -57,7 +57,7 @@ def _section(layout: bpy.types.UILayout, mode: Mode, title: str) -> bpy.types.UI
 def draw_main(
     layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode
 ) -> None:
-    """Draw the settings that most runs differ in."""
+    """Draw the main settings."""
     column = split(layout)
     target = mode.target(parameters)
     if PICTURES[0] in target.places:
@@ -103,7 +103,7 @@ def _draw_starts(
     parameters: Parameters,
     target: Target,
 ) -> None:
-    """Draw where a distance is 0."""
+    """Draw the sources of a distance."""
     if "start" not in target.places or parameters.source != "given":
         return
     column.prop(parameters, "start")
@@ -114,7 +114,7 @@ def _draw_starts(
 
 
 def _draw_pictures(column: bpy.types.UILayout, parameters: Parameters) -> None:
-    """Draw the fields of further pictures that are filled, and one that is empty."""
+    """Draw the fields of further pictures: those in use, and an empty one."""
     for name in PICTURES:
         column.prop_search(parameters, name, bpy.data, "images")
         if not getattr(parameters, name):
@@ -124,7 +124,7 @@ def _draw_pictures(column: bpy.types.UILayout, parameters: Parameters) -> None:
 def _draw_time(
     column: bpy.types.UILayout, row: bpy.types.UILayout, parameters: Parameters, target: Target
 ) -> None:
-    """Draw a flow time, and the checkbox that makes it infinite."""
+    """Draw a flow time, and the checkbox for an infinite time."""
     row.prop(parameters, target.time)
     if target.steady_state:
         row.active = not getattr(parameters, target.steady_state)
@@ -132,7 +132,7 @@ def _draw_time(
 
 
 def _overridden(parameters: Parameters, target: Target, name: str) -> bool:
-    """Whether a setting does not matter, since a time says what is done."""
+    """Whether a time overrides a setting."""
     by_width = (f"{target.prefix}what", target.width)
     return name in by_width and bool(target.width) and target.dial(parameters) == target.time
 
@@ -140,7 +140,7 @@ def _overridden(parameters: Parameters, target: Target, name: str) -> bool:
 def draw_mask(
     layout: bpy.types.UILayout, context: bpy.types.Context, parameters: Parameters, mode: Mode
 ) -> None:
-    """Draw what says where values may change, and what the current mode adds."""
+    """Draw the properties of masks, and those of the current object mode."""
     column = split(layout)
     draw_search(column, context, parameters, "vertex_group", "vertex_groups")
     if "mask_image" in mode.names:
@@ -157,17 +157,17 @@ def draw_mask(
 
 
 def is_attribute(parameters: Parameters, mode: Mode) -> bool:
-    """Whether values go to the vertices, and into no image."""
+    """Whether values go to an attribute of the vertices, not into an image."""
     return "into" in mode.names_for(parameters) and parameters.into == "ATTRIBUTE"
 
 
 def has_output(parameters: Parameters, mode: Mode) -> bool:
-    """Whether there is a choice of where results go; colors stay where they are."""
+    """Whether there is a choice of the output, which colors do not have."""
     return bool({"output", "add_node", "folder"}.intersection(mode.names_for(parameters)))
 
 
 def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
-    """Draw where results go, and what is set anew there."""
+    """Draw the properties of the output."""
     column = split(layout)
     if "folder" in mode.names:
         column.prop(parameters, "folder")
@@ -193,7 +193,7 @@ def draw_output(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) 
 
 
 def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode) -> None:
-    """Draw the settings that few need, in the order of their description."""
+    """Draw the advanced settings, in the order of their description."""
     column = split(layout)
     target = mode.target(parameters)
     for name, about in target.fields.items():
@@ -208,7 +208,7 @@ def draw_advanced(layout: bpy.types.UILayout, parameters: Parameters, mode: Mode
 
 
 def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """Return a column in which names are left of values."""
+    """Return a column with names to the left of values."""
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False
@@ -222,7 +222,7 @@ def draw_search(
     name: str,
     collection: str,
 ) -> None:
-    """Draw a name that is looked up in the active object or its mesh."""
+    """Draw a search field for a name in the active object or its mesh."""
     obj = context.object
     if obj is None or obj.type != "MESH":
         layout.prop(parameters, name)
@@ -234,7 +234,7 @@ def draw_search(
 def _draw_switched(
     column: bpy.types.UILayout, parameters: Parameters, switch: str, value: str
 ) -> None:
-    """Draw a checkbox and beside it the value that it switches on, on one line."""
+    """Draw a checkbox and the value that it enables on one line."""
     row = column.row(heading=parameters.bl_rna.properties[switch].name)
     row.prop(parameters, switch, text="")
     field = row.row()

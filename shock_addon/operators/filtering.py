@@ -18,13 +18,13 @@ from .visualizing import FlowOperator
 
 
 def classes() -> list[type]:
-    """List them all."""
+    """List all operators that filter."""
     return [operator_of(mode) for mode in MODES]
 
 
 @cache
 def operator_of(mode: Mode) -> type[bpy.types.Operator]:
-    """Make a mode's operator: it has the parameters that the panel keeps, and those of one run."""
+    """Make a mode's operator, with the parameters of the panel and those of one run."""
     bases: dict[str, type[FilterOperator]] = {
         "meshes": MeshOperator,
         "images": ImageOperator,

@@ -37,7 +37,7 @@ class GenerateOperator(FilterOperator):
         return [target], skipped
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Write the image, and put it into materials; or write the attribute."""
+        """Write the image and add it to materials, or write the attribute."""
         data.image.images.forget_overwritten()
         written, skipped = write_results(self.targets, results, self._write_one)
         self._notes: list[str] = []
@@ -69,12 +69,12 @@ class GenerateOperator(FilterOperator):
         return data.image.fields.add_or_reuse(name, self.result, pixels, in_floats)
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
-        """Count the texels that were made."""
+        """Count the texels of the image."""
         shown = [each.result.shown for each in written]
         return sum(int(each.sum()) for each in shown), sum(each.size for each in shown)
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Name the image and what is in it."""
+        """Name the image and its content."""
         target, made, result = written[0]
         inside = result.values[result.shown]
         text = pgettext_rpt(
@@ -97,6 +97,6 @@ class GenerateOperator(FilterOperator):
         )
 
     def notes(self, written: list[Written]) -> str:
-        """Say what is unusual about the UV map, and where the image is seen."""
+        """Return remarks on the UV map, and on where the image is shown."""
         first = written[0]
         return " ".join(dict.fromkeys([*first.target.notes, *self._notes, *first.result.notes]))

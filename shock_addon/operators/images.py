@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The base of operators on images, also of those on textures."""
+"""The base classes of operators on images and textures."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ from .base import Done, FilterOperator, Written, describe_colors, write_results
 class OneImageOperator(FilterOperator):
     """Mixin for operators that write an image; they have the properties `image` and `result`.
 
-    Others may follow it. Then `result` names what was made of each, in lines.
+    If several images are written, `result` has their names, one a line.
     """
 
     def shown(self, context: bpy.types.Context) -> bpy.types.Image:
-        """Return the image that is meant where none is named, or raise `Refused`."""
+        """Return the image to use if none is named, or raise `Refused`."""
         raise NotImplementedError
 
     def read_one(self, context: bpy.types.Context, image: bpy.types.Image) -> tuple[Any, list[str]]:
-        """Return the target, and reasons for what does not take part; or raise `Skipped`."""
+        """Return the target, and reasons for objects left out; or raise `Skipped`."""
         raise NotImplementedError
 
     def read_all(
         self, context: bpy.types.Context, image: bpy.types.Image
     ) -> tuple[list[Any], list[str]]:
-        """Return the targets, the image that is meant first; as `read_one`."""
+        """Return all targets, that of the image first, and reasons as `read_one`."""
         target, skipped = self.read_one(context, self.restored(image))
         return [target], skipped
 
     def restored(self, image: bpy.types.Image) -> bpy.types.Image:
-        """Bring back what this run has replaced before: F9 undoes the run, Shift R adds one."""
+        """Restore the image that this run replaced before it was repeated by F9."""
         if image.name in self.result.split("\n") and not self.options.is_repeat_last:
             data.image.images.restore(image)
         return image
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
-        """Return the new colors of each part of the image; see `data.image.images.read_parts`."""
+        """Return the new colors of each part of the image, as `data.image.images.read_parts`."""
         raise NotImplementedError
 
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
-        """Show a new image where `source` was seen."""
+        """Show a new image where `source` was shown."""
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
-        """Read the named image, or the one that is shown."""
+        """Read the named image, or the shown one."""
         if self.image and self.image not in bpy.data.images:
             text = "There is no image named {name!r}; name one of the file's images."
             raise Refused(text, name=self.image)
@@ -58,11 +58,11 @@ class OneImageOperator(FilterOperator):
             targets, skipped = self.read_all(context, image)
         except Skipped as reason:
             return [], sentences([(image.name, str(reason))])
-        self.image = targets[0].name  # redo must not take the result, which is shown by then
+        self.image = targets[0].name  # redo must not read the result, which is shown by then
         return targets, skipped
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Write the image, and those that follow it; show it in the Image Editor."""
+        """Write all images, and show the first one in the Image Editor."""
         self._parts: list[dict[int, Any]] = []
         self._digests: dict[int, bytes] = {}
         swaps: list[data.replaced.Swap] = []
@@ -111,13 +111,13 @@ class OneImageOperator(FilterOperator):
         return []
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
-        """Count pixels, of all parts."""
+        """Count the pixels of all parts."""
         parts = self._all_parts()
         changed = sum(part.changed for part in parts)
         return changed, sum(part.counted for part in parts)
 
     def facts(self, written: list[Written], seconds: float) -> dict[str, Any]:
-        """Return what `summary` names."""
+        """Return the values for the text of `summary`."""
         target, image, _ = written[0]
         changes = describe_colors(self._all_parts(), "pixels", self.advice)
         if self.row.changes:
@@ -127,7 +127,7 @@ class OneImageOperator(FilterOperator):
         return {"done": self.done(), "changes": changes, "seconds": seconds, **names}
 
     def unchanged(self, facts: dict[str, Any]) -> str:
-        """Say instead of a summary that nothing was done."""
+        """Return the report if no pixel has changed."""
         text = pgettext_rpt(
             "Nothing in {old} has changed: {changes}, {seconds:.1f} s."
             if facts["new"] == facts["old"]
@@ -145,7 +145,7 @@ class ImageOperator(OneImageOperator):
     obstacle = staticmethod(obstacles.of_images)
 
     def shown(self, context: bpy.types.Context) -> bpy.types.Image:
-        """Return the one in the Image Editor."""
+        """Return the image in the Image Editor."""
         image = data.chosen.edited_image(context)
         if image is None:
             raise Refused("Open an image in the Image Editor, or name one.")
@@ -156,11 +156,11 @@ class ImageOperator(OneImageOperator):
         return data.image.images.read_image(image), []
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
-        """Take all of it."""
+        """Return all pixels."""
         return {data.image.images.UNTILED: result}
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Name the image and count pixels."""
+        """Name the image and count its pixels."""
         facts = self.facts(written, seconds)
         if not self.counts(written)[0]:
             return self.unchanged(facts)

@@ -27,7 +27,7 @@ class MeshOperator(FilterOperator):
 
     @property
     def kind(self) -> Data:
-        """The kind of data that is chosen."""
+        """Return the kind of data of the chosen target."""
         return self.row.target(self).data
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
@@ -36,7 +36,7 @@ class MeshOperator(FilterOperator):
         return data.mesh.meshes.read_targets(context, self.kind.read, self, visible=visible)
 
     def write(self, context: bpy.types.Context, results: list[Any]) -> Done:
-        """Write them, and return to the current object mode."""
+        """Write all objects, and return to the current object mode."""
         write: Any = partial(self.kind.write, key_name=self.row.done)
         if self.row.makes_objects(self):
             suffix = self.row.done.lower()
@@ -50,7 +50,7 @@ class MeshOperator(FilterOperator):
             return done
 
     def counts(self, written: list[Written]) -> tuple[int, int]:
-        """Count vertices, where positions differ at all, and colors."""
+        """Count the moved vertices and changed colors, and all of these."""
         changed = total = 0
         for target, _, result in written:
             if self.kind.moves:
@@ -63,7 +63,7 @@ class MeshOperator(FilterOperator):
         return changed, total
 
     def summary(self, written: list[Written], seconds: float) -> str:
-        """Count meshes, and what has changed of them."""
+        """Return the number of meshes, and of their changes."""
         results = [each.result for each in written]
         meshes = counted(len(written), "1 mesh", "{:,} meshes")
         kind = self.kind
@@ -75,6 +75,10 @@ class MeshOperator(FilterOperator):
                 advice = _APPLY if has_modifiers else self.advice
                 text = pgettext_rpt(self.row.nothing)
                 advice = advice and pgettext_rpt(advice)
+                marked = sum(data.mesh.shading.count_marks(each.data.data) for each in written)
+                if self.mark_sharp and marked:
+                    marks = pgettext_rpt("Edges marked as sharp: {count:,}.").format(count=marked)
+                    advice = f"{marks} {advice}".rstrip()
         elif not kind.moves:
             meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
             changes = describe_colors(results, "colors", self.advice)
@@ -87,7 +91,7 @@ class MeshOperator(FilterOperator):
         return f"{said} {advice}".rstrip()
 
     def notes(self, written: list[Written]) -> str:
-        """Say what shapes what is seen beside the vertices, where these may have moved."""
+        """Return remarks on modifiers and shape keys, if vertices may have moved."""
         if not self.kind.moves:
             return ""
         said = notes([each.data for each in written], self)
@@ -99,7 +103,7 @@ class MeshOperator(FilterOperator):
 
 
 def describe_moves(results: list[Any], advice: str) -> str:
-    """Count vertices, say how many moved visibly, and how far, and what to do if none did."""
+    """Return how many vertices moved visibly and how far, with advice if none did."""
     moved = sum(result.moved for result in results)
     text = pgettext_rpt(
         "{vertices:,} vertices, moved {moved:,}, largest move {largest:.2g} edge lengths"
@@ -112,7 +116,7 @@ def describe_moves(results: list[Any], advice: str) -> str:
 
 
 def notes(objects: list[bpy.types.Object], parameters: Any) -> str:
-    """Say what was left as it is although it shapes what is seen.
+    """Return remarks on data that was not changed although it affects the appearance.
 
     Parameters
     ----------
@@ -156,7 +160,7 @@ def _hidden_marks(mesh: bpy.types.Mesh) -> int:
 
 
 def _shows_key(obj: bpy.types.Object, key: bpy.types.ShapeKey) -> bool:
-    """Whether an object shows its active shape key whatever its value is."""
+    """Whether an object shows its active shape key at full strength, whatever its value."""
     keys = obj.data.shape_keys
     alone = obj.show_only_shape_key or obj.mode == "EDIT"
     return key == keys.reference_key or not keys.use_relative or alone

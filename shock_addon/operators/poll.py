@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Obstacles: why nothing can be filtered now, and the remedy, for buttons and panels."""
+"""Reasons why nothing can be filtered now, with remedies, for buttons and panels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..modes import Mode
 
 
 def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
-    """Look more closely than the operators' own polls, which do not know the settings.
+    """Return the obstacle for a mode's settings, which the operators' polls do not know.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
     if handled_as == "fields":
         return of_unwrapped(context)
     obstacle = of_meshes(context)
-    if mode.makes_objects(settings):  # what is seen may have faces
+    if mode.makes_objects(settings):  # the evaluated object may have faces
         if context.mode != "OBJECT":
             obstacle = "New objects are made in Object Mode; go there, or choose another output."
     else:
@@ -49,7 +49,7 @@ def of_mode(context: bpy.types.Context, mode: Mode, settings: Any) -> str:
 
 
 def of_meshes(context: bpy.types.Context) -> str:
-    """Say what to select."""
+    """Return the obstacle for meshes."""
     if data.chosen.mesh_objects(context):
         return ""
     obj = context.object
@@ -59,14 +59,14 @@ def of_meshes(context: bpy.types.Context) -> str:
 
 
 def of_images(context: bpy.types.Context) -> str:
-    """Say what to open."""
+    """Return the obstacle for images."""
     if data.chosen.in_image_editor(context) and context.space_data.image is None:
         return "Open an image in the Image Editor."
     return "" if bpy.data.images else "Open an image."
 
 
 def of_unwrapped(context: bpy.types.Context) -> str:
-    """Say what a surface that is to show an image lacks."""
+    """Return the obstacle for generating an image on a surface."""
     obstacle = of_meshes(context)
     if obstacle:
         return obstacle
@@ -76,7 +76,7 @@ def of_unwrapped(context: bpy.types.Context) -> str:
 
 
 def of_textures(context: bpy.types.Context) -> str:
-    """Say what a texture's surface lacks."""
+    """Return the obstacle for textures."""
     if not data.chosen.mesh_objects(context) and data.chosen.edited_image(context) is not None:
         return "Select a mesh object that shows this image."
     obstacle = of_unwrapped(context)
@@ -88,7 +88,7 @@ def of_textures(context: bpy.types.Context) -> str:
 
 
 def of_flows(context: bpy.types.Context) -> str:
-    """Say what a flow could be read from."""
+    """Return the obstacle for flows."""
     if data.chosen.in_image_editor(context):
         return of_images(context)
     return of_unwrapped(context) if not bpy.data.images else ""

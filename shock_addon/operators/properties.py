@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender properties, made from the core's settings and the table of modes, and the way back."""
+"""Conversion between Blender properties and settings of the core."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..data import PICTURES
 from ..modes import STEADY_STATE, Mode, choices
 
 _WIDE = 100.0
-"""Numbers with a larger range are shown with one digit after the point instead of three."""
+"""Numbers with a larger range are shown with one decimal instead of three."""
 
 
 def annotations_of(
@@ -24,9 +24,9 @@ def annotations_of(
 ) -> dict[str, Any]:
     """Make the annotations of a Blender class from a settings class.
 
-    Each field becomes a property of the same name, after the prefix, some with other defaults.
-    Blender's numbers cannot be infinite, so a time that may be has a checkbox for the steady state
-    beside it.
+    Each field becomes a property of the same name, after the prefix; `defaults` replaces defaults.
+    Numbers in Blender cannot be infinite, so a time that may be infinite gets a checkbox for the
+    steady state.
     """
     annotations = {}
     for name, (kind, default, about) in describe(settings).items():
@@ -42,7 +42,7 @@ def annotations_of(
 
 
 def label(name: str) -> str:
-    """Turn a setting's name into the words on screen."""
+    """Convert the name of a setting to its label."""
     return name.replace("_", " ").title()
 
 
@@ -54,8 +54,7 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
     settings : type
     owner : bpy.types.Operator or bpy.types.PropertyGroup
     prefix : str
-        What the properties' names begin with.
-
+        Prefix of the names of the properties.
     """
     values = {}
     fields = describe(settings)
@@ -70,7 +69,7 @@ def settings_from(settings: type, owner: Any, prefix: str = "") -> Any:
 
 
 def settings_of(mode: Mode, owner: Any) -> Any:
-    """Read what is handed to a mode's filter: a `Denoising` where a sharpening may follow."""
+    """Read the settings of a mode's filter: a `Denoising` if a sharpening may follow."""
     target = mode.target(owner)
     settings = settings_from(target.row.settings, owner, target.prefix)
     if mode.follows is None:
@@ -81,7 +80,7 @@ def settings_of(mode: Mode, owner: Any) -> Any:
 
 
 def shortest(value: float) -> float:
-    """Read a float property: Blender keeps 0.1 as 0.100000001, but 0.1 was typed."""
+    """Return the shortest number that Blender stores as this one: 0.1 for 0.100000001."""
     import numpy as np
 
     return float(str(np.float32(value)))
@@ -106,7 +105,7 @@ def _property(name: str, kind: type, default: Any, about: Setting) -> Any:
     return bpy.props.FloatProperty(
         default=default,
         precision=1 if high - low > _WIDE else 3,
-        # What a click on an arrow adds, in hundredths: a hundredth of the range, or less.
+        # A click on an arrow adds this, in hundredths: a hundredth of the range, or less.
         step=min(high - low, 100.0 * default / 16.0) if default > 0 else high - low,
         **limits,
         **text,
@@ -398,7 +397,7 @@ _PLACES = {
         max=math.pi,
     ),
 }
-"""Where it is done: by name, or by kind of data and name where kinds differ."""
+"""Properties of the data: by name, or by kind of data and name where kinds differ."""
 
 _RESULT = bpy.props.StringProperty(
     name="Result",
@@ -435,12 +434,12 @@ OF_ONE_RUN["flow_map"] = {
         options={"HIDDEN", "SKIP_SAVE"},
     ),
 }
-"""What operators on a kind of data have beside what the panel keeps."""
+"""Properties of operators on a kind of data that the panel does not have."""
 
 
 @cache
 def parameters_of(mode: Mode) -> dict[str, Any]:
-    """Make the annotations of a mode's property group and operator, which share them."""
+    """Make the annotations that a mode's property group and its operator share."""
     found: dict[str, Any] = {}
     if len(mode.targets) > 1:
         found["target"] = bpy.props.EnumProperty(

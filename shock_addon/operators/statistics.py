@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Statistics of the input of a run, and the speed of the last one.
+"""Statistics of the input of a run, and the speed of the last run.
 
-They are computed at each redraw, so elements are only counted, and no data is read.
+They are computed at each redraw, so elements are counted and no data is read.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..modes import Mode
 
 
 class Counts(NamedTuple):
-    """What would be filtered; a mesh with several users counts once."""
+    """The amount of input; a mesh with several users counts once."""
 
     meshes: int = 0
     vertices: int = 0
@@ -26,12 +26,12 @@ class Counts(NamedTuple):
 
     @property
     def size(self) -> int:
-        """What the time depends on."""
+        """Return the number of elements that the time depends on."""
         return self.pixels or self.vertices
 
 
 class Run(NamedTuple):
-    """How much was filtered, in vertices or pixels, and how long it took."""
+    """The size of a run, in vertices or pixels, and its time."""
 
     size: int
     seconds: float
@@ -42,7 +42,7 @@ _last: dict[tuple[str, str], Run] = {}
 
 
 def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
-    """Count what a run in this mode would work on.
+    """Count the input of a run in this mode.
 
     Parameters
     ----------
@@ -72,13 +72,13 @@ def count(context: bpy.types.Context, mode: Mode, settings: Any) -> Counts:
 
 
 def learn(operator: bpy.types.Operator, seconds: float) -> None:
-    """Remember how long an operator's run took, and on how much."""
+    """Store the time and the size of an operator's run."""
     size = sum(target.surface.size for target in operator.targets)
     _last[operator.bl_idname, operator.row.target(operator).key] = Run(size, seconds)
 
 
 def last_run(mode: Mode, settings: Any) -> Run | None:
-    """Return the last such run in this session, if there was one."""
+    """Return the last run of an operator and target in this session, if any."""
     name = f"SHOCK_FILTER_OT_{mode.operator}"
     return _last.get((name, mode.target(settings).key))
 

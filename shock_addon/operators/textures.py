@@ -21,7 +21,7 @@ class TextureOperator(OneImageOperator):
     obstacle = staticmethod(obstacles.of_textures)
 
     def shown(self, context: bpy.types.Context) -> bpy.types.Image:
-        """Return the one that is edited, painted on, or in the active object's material."""
+        """Return the image that is edited, painted on, or in the active object's material."""
         try:
             return data.chosen.shown_image(context)
         except Skipped as reason:
@@ -37,7 +37,7 @@ class TextureOperator(OneImageOperator):
     def read_all(
         self, context: bpy.types.Context, image: bpy.types.Image
     ) -> tuple[list[Any], list[str]]:
-        """Read the image, and the other maps of the materials that show it, if asked to."""
+        """Read the image and, with All of Material, the other maps of its materials."""
         self._notes: list[str] = []
         if getattr(self, "maps", "ONE") == "ONE":
             return super().read_all(context, image)
@@ -62,7 +62,7 @@ class TextureOperator(OneImageOperator):
         return targets, [*skipped, *maps.left, *sentences(left)]
 
     def parts(self, target: Any, result: Any) -> dict[int, Any]:
-        """Compare each tile with what it was."""
+        """Return the new colors of each tile."""
         from ...core.host.recolored import recolored
 
         self._notes += [*target.notes, *result.notes]
@@ -76,7 +76,7 @@ class TextureOperator(OneImageOperator):
         }
 
     def show(self, target: Any, source: bpy.types.Image, image: bpy.types.Image) -> None:
-        """Show it in the materials, if asked to."""
+        """Show it in the materials, with Assign."""
         if self.assign:
             # Texture Paint Mode looks for the materials' images when it is entered.
             with data.mesh.meshes.object_mode(bpy.context):
@@ -98,7 +98,7 @@ class TextureOperator(OneImageOperator):
         )
 
     def notes(self, written: list[Written]) -> str:
-        """Name the other maps, and say what is unusual about the UV map."""
+        """Return the names of the other maps, and remarks on the UV map."""
         others = ", ".join(each.data.name for each in written[1:])
         text = pgettext_rpt("With it: {names}.").format(names=others) if others else ""
         return " ".join(filter(None, [text, *dict.fromkeys(self._notes)]))

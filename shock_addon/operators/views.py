@@ -7,11 +7,11 @@ import bpy
 from mathutils import Matrix
 
 LIFT = 0.0025
-"""How much nearer to the viewer a surface is drawn than it is, in parts of the distance."""
+"""How much nearer to the viewer a surface is drawn, as a fraction of the distance."""
 
 
 def lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float = LIFT) -> Matrix:
-    """Bring what is drawn nearer to the viewer by this part of the distance, for the depth test."""
+    """Draw nearer to the viewer by this fraction of the distance, for the depth test."""
     nearer = projection.copy()
     if view.is_perspective:
         nearer[2][3] *= 1.0 + lift
@@ -21,7 +21,7 @@ def lifted(projection: Matrix, view: bpy.types.RegionView3D, lift: float = LIFT)
 
 
 def redraw() -> None:
-    """Have all 3D views drawn again."""
+    """Redraw all 3D views."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":

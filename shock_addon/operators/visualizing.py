@@ -18,21 +18,21 @@ from .base import Done, FilterOperator, Written, write_results
 from .properties import settings_of
 
 _SHOCK = {"shape": "geometry", "colors": "colors"}
-"""The modes whose flow it is, by targets."""
+"""The modes of the shown flows, by target."""
 
 
 class FlowOperator(FilterOperator):
-    """Mixin for the operator; it has the property `result`, the folder that was written."""
+    """Mixin for the operator; its property `result` is the folder that was written."""
 
     obstacle = staticmethod(obstacles.of_flows)
 
     def read(self, context: bpy.types.Context) -> tuple[list[Any], list[str]]:
-        """Read the objects or the flow map, and choose where the frames go."""
+        """Read the objects or the flow map, and choose the folder for the frames."""
         image = self._flow_map(context) if self.target == "map" else None
         try:
             if image is not None:
                 target, skipped = data.image.flows.read_map(image, self.y_axis.lower()), []
-                self.image = image.name  # redo must not take the result, which is shown by then
+                self.image = image.name  # redo must not read the result, which is shown by then
             else:
                 target, skipped = self._read_surface(context)
         except Skipped as reason:
@@ -119,5 +119,5 @@ class FlowOperator(FilterOperator):
         )
 
     def notes(self, written: list[Written]) -> str:
-        """Say where the image could not be put."""
+        """Return remarks on where the image could not be shown."""
         return " ".join(dict.fromkeys(self._notes))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sentences in panels: Blender's labels do not wrap by themselves."""
+"""Line breaks for sentences in panels, as Blender's labels do not wrap."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _ICON = 40.0  # pixels, with some to spare for wide letters
 _WIDE = "\u2e80-\u9fff\uf900-\ufaff\uff00-\uffef"
 _CLOSING = "\u3001\u3002\u300d\u201d\uff09\uff0c\uff1a\uff1b"
 _UNIT = rf"(?:[{_WIDE}]|[^\s{_WIDE}]+(?:(?<=\d) (?:s\b|秒)[^\s{_WIDE}]*)?)[{_CLOSING}]*\s*"
-"""What stays on one line: a word, or a number of seconds with its unit."""
+"""Pattern of text to keep on one line: a word, or a number of seconds with its unit."""
 
 
 def draw_text(
     layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE"
 ) -> None:
-    """Draw a text, in the interface's language, over as many lines as the region's width needs.
+    """Draw a text, in the language of the interface, on as many lines as the width needs.
 
     The icon is on the first line.
     """
@@ -38,7 +38,7 @@ def draw_text(
 
 
 def fit(context: bpy.types.Context, words: list[str]) -> bool:
-    """Whether words fit into equal buttons, one beside the other."""
+    """Whether words fit into a row of equal buttons."""
     button = _room(context) / len(words) - _EDGES
     return max(map(_width, words)) * _PIXELS_PER_LETTER <= button
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Try settings by mouse, seen at once.
+"""Live previews of settings that the mouse changes.
 
 May use the operators, `data` and `core.preview`.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw grays on a surface in the 3D views; objects and materials stay as they are."""
+"""Drawing of grays on a surface in the 3D views; objects and materials are not changed."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ void main()
 
 
 class Coat:
-    """Draws what `show` was given last on faces, until `end`.
+    """Draws values on faces, from `show` until `end`.
 
     Parameters
     ----------
@@ -61,12 +61,12 @@ class Coat:
         )
 
     def show(self, values: npt.NDArray[np.float32] | None) -> None:
-        """Draw (h, w) values from now on, from 0 to 1, row 0 at v = 0; None for nothing."""
+        """Draw (h, w) values from 0 to 1, row 0 at v = 0; None draws nothing."""
         self._values, self._texture = values, None
         views.redraw()
 
     def end(self) -> None:
-        """Draw nothing any more."""
+        """Stop drawing."""
         if self._drawing is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
             self._drawing = None

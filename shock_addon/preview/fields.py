@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Previews of images that are made from the shape: at a low resolution, drawn on the surface."""
+"""Previews of generated images: at a low resolution, drawn on the surface."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .previewing import Preview, parameters_of
 
 
 class Seen(NamedTuple):
-    """Values to draw, (h, w), and what is to be said about them."""
+    """Values to draw, (h, w), and remarks on them."""
 
     values: npt.NDArray[np.float32]
     note: str
 
 
 class FieldStage:
-    """Objects on which values are drawn; a stage of a `Preview`.
+    """The stage of a `Preview` that draws values on objects.
 
     Parameters
     ----------
@@ -43,41 +43,41 @@ class FieldStage:
         self._coat = Coat(target.surface.faces)
 
     def settings(self, settings: Any) -> Any:
-        """Count in the texels of the smaller image."""
+        """Convert lengths to texels of the smaller image."""
         return reduced_settings(settings, self._shape, self._surface.shape)
 
     def part(self, settings: Any) -> tuple[FieldSurface, Callable[[Any], Seen]]:
-        """Take the same surface with all settings."""
+        """Return the same surface for all settings."""
         height, width = self._surface.shape
         note = iface_("{width:,} x {height:,} pixels").format(width=width, height=height)
         return self._surface, lambda result: Seen(result.grays, note)
 
     def show(self, seen: Seen) -> None:
-        """Draw it."""
+        """Draw the values."""
         self.note = seen.note
         self._coat.show(seen.values)
 
     def show_before(self) -> None:
-        """Draw nothing for a look."""
+        """Draw nothing until the next `show`."""
         self._coat.show(None)
 
     def lost(self) -> str:
-        """Ask for the objects."""
+        """Return an error if an object is gone."""
         there = {obj.session_uid for obj in bpy.data.objects}
         return "" if there.issuperset(self._uids) else "an object was removed"
 
     def end(self) -> None:
-        """Draw nothing any more; nothing was changed."""
+        """Stop drawing; no data was changed."""
         self._coat.end()
 
 
 def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
-    """Begin on the chosen objects.
+    """Start a preview on the chosen objects.
 
     Raises
     ------
     Refused
-        If they, or what is named beside them, cannot be read.
+        If these or other named data cannot be read.
     """
     parameters = parameters_of(context.scene, mode)
     parameters.into = "IMAGE"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A gain map that is being painted on the model, which shows the result live."""
+"""Painting of a gain map on the model, which shows the result live."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ..modes import Mode
 from .previewing import Preview, parameters_of
 
 _SHARE = 5
-"""How many times as long as a look at the map takes, until the next one."""
+"""The interval between looks at the map, relative to the time that a look takes."""
 
 _BRUSH = "PAINT_OT_image_paint"
 _MIDDLE = 128 / 255
 
 
 class _Stage:
-    """A texture and its gain map; a stage of a `Preview`."""
+    """The stage of a `Preview` for a texture and its gain map."""
 
     note = ""
 
@@ -38,7 +38,7 @@ class _Stage:
         return settings
 
     def look(self) -> bool:
-        """Whether something was painted since."""
+        """Return whether the map has changed since the last look."""
         gain_map = _find(self._map)
         if gain_map is None or gain_map.size[:] != self._painted.shape[1::-1]:
             return False
@@ -49,7 +49,7 @@ class _Stage:
         return True
 
     def part(self, settings: Any) -> tuple[Any, Callable[[Any], Any]]:
-        """Take what is painted now."""
+        """Return the texture with the current gain map."""
         surface = replace(self._surface, grays=data.image.textures.grays_of(self._painted))
         return surface, lambda result: result.recolored.colors
 
@@ -58,16 +58,16 @@ class _Stage:
         self._stand_in.show(pixels)
 
     def lost(self) -> bool:
-        """Whether the image, its map or what stands for it is gone."""
+        """Return whether the image, its map or its stand-in is gone."""
         return not self._stand_in.is_there or _find(self._map) is None
 
     def end(self) -> None:
-        """Show the texture itself."""
+        """Show the original texture."""
         self._stand_in.end()
 
 
 class Painting:
-    """A gain map while it is painted."""
+    """A session of painting a gain map."""
 
     def __init__(self, context: bpy.types.Context, mode: Mode) -> None:
         self._mode, self._scene = mode, context.scene.name
@@ -77,7 +77,7 @@ class Painting:
         parameters = parameters_of(context.scene, mode)
         parameters.gain_map = gain_map.name
         target, _ = data.image.textures.read_texture(context, image, parameters, True)
-        # What is painted on would count as the texture, and what is shown would be the stand-in.
+        # Otherwise the painted image would be taken for the texture, or the stand-in for the image.
         settings.image, settings.gain_map = image.name, gain_map.name
         _paint_on(context, gain_map)
         self.stage = _Stage(image, gain_map, target.surface)
@@ -85,7 +85,7 @@ class Painting:
         self._strokes, self._next_look = 0, 0.0
 
     def tick(self) -> None:
-        """Show what is ready, and begin anew if something was painted or set."""
+        """Show finished results, and start again after a stroke or a change of settings."""
         preview = self.preview
         parameters = parameters_of(bpy.data.scenes[self._scene], self._mode)
         if not preview.is_computing and not is_brush_down() and self._look():
@@ -104,7 +104,7 @@ class Painting:
         return is_new
 
     def is_lost(self) -> bool:
-        """Whether there is nothing to show any more."""
+        """Return whether the image or the map is gone."""
         scene = bpy.data.scenes.get(self._scene)
         is_chosen = scene is not None and scene.shock_filter.mode.lower() == self._mode.key
         return not is_chosen or self.stage.lost()
@@ -133,7 +133,7 @@ def _paint_on(context: bpy.types.Context, gain_map: bpy.types.Image) -> None:
 
 
 def is_brush_down() -> bool:
-    """Whether a stroke is under way: what is computed then would be in the way at its end."""
+    """Whether a stroke is under way; a computation would delay its end."""
     windows = bpy.context.window_manager.windows
     return any(each.bl_idname == _BRUSH for window in windows for each in window.modal_operators)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Previews on images, drawn over them in Image Editors, and on textures, on the model, too."""
+"""Previews on images, drawn over them in Image Editors, and on textures, also on the model."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from .pointing import editors_of, pointed_at
 from .previewing import Preview, parameters_of
 
 _QUICK, _SLOW = 500_000, 25_000
-"""Most pixels that are sharpened, or denoised, for each look: a quarter of a second."""
+"""Most pixels to sharpen, or to denoise, for an update, which then takes 0.25 s."""
 
 _FIRST_TILE = 1001
-"""The number of the first UDIM tile; an image without tiles lies in its place."""
+"""The number of the first UDIM tile, and the place of images without tiles."""
 
 
 class Seen(NamedTuple):
-    """What is shown: over the image, in editors that show it, and by materials instead of it."""
+    """A result: a piece to draw over the image in editors, and pixels for materials."""
 
     pieces: list[Piece]
     pixels: npt.NDArray[np.float32] | None = None
 
 
 class ImageStage:
-    """An image over which the result is drawn; a stage of a `Preview`.
+    """The stage of a `Preview` that draws the result over an image.
 
     Parameters
     ----------
     image : bpy.types.Image
     part : callable
-        As in `Preview`; what is shown is `Seen`.
+        As in `Preview`; `show` takes a `Seen`.
     on_model : bool
         Whether materials that show the image show the result.
     """
@@ -59,11 +59,11 @@ class ImageStage:
         self._on_model = data.image.stand_in.StandIn(image) if on_model else None
 
     def settings(self, settings: Any) -> Any:
-        """Leave them: pixels are as large in a patch."""
+        """Return them unchanged, as a patch has pixels of the same size."""
         return settings
 
     def show(self, seen: Seen) -> None:
-        """Draw it."""
+        """Draw the result."""
         if seen.pieces:
             height, width = seen.pieces[0].colors.shape[:2]
             words = iface_("patch of {width:,} x {height:,} pixels")
@@ -73,13 +73,13 @@ class ImageStage:
             self._on_model.show(seen.pixels)
 
     def show_before(self) -> None:
-        """Draw nothing for a look."""
+        """Draw nothing until the next `show`."""
         self._overlay.show([])
         if self._on_model is not None:
             self._on_model.show_before()
 
     def lost(self) -> str:
-        """Ask for the image, and for an Image Editor that shows it."""
+        """Return an error if the image is gone, or no Image Editor shows it."""
         image = next((i for i in bpy.data.images if i.session_uid == self._uid), None)
         if image is None or tuple(image.size) != self._size:
             return "the image was removed or changed"
@@ -88,19 +88,19 @@ class ImageStage:
         return ""
 
     def end(self) -> None:
-        """Draw nothing any more; the image was never touched."""
+        """Stop drawing; the image was not changed."""
         self._overlay.end()
         if self._on_model is not None:
             self._on_model.end()
 
 
 def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
-    """Begin on the image in the Image Editor or, in the 3D view, on the active object's texture.
+    """Start a preview on the image in the Image Editor, or on the active object's texture.
 
     Raises
     ------
     Refused
-        If it cannot be read.
+        If the image cannot be read.
     """
     parameters = parameters_of(context.scene, mode)
     try:

@@ -22,23 +22,23 @@ from .pointing import is_over_view, pointed_at
 from .previewing import Preview, parameters_of
 
 _IN_PLACE = {"OBJECT", "SCULPT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
-"""Modes in which the mesh is what is seen; from others a preview goes to Object Mode."""
+"""Object modes that show the mesh itself; previews leave other modes for Object Mode."""
 
 _QUICK, _SLOW = 50_000, 8_000
-"""Vertices that are sharpened, or denoised, in about a quarter of a second."""
+"""Most vertices to sharpen, or to denoise, for an update, which then takes about 0.25 s."""
 
 
 class MeshStage:
-    """An object whose mesh shows the result; a stage of a `Preview`.
+    """The stage of a `Preview` that writes the result into a mesh.
 
     Parameters
     ----------
     target : Target
         The object as it was read.
     patch : Patch
-        What of its surface is computed.
+        The part of its surface to compute.
     words : str
-        Say which patch it is, with a field for its size.
+        A note on the patch, with a field for its size.
     """
 
     def __init__(self, target: data.mesh.targets.MeshTarget, patch: Patch, words: str) -> None:
@@ -57,20 +57,20 @@ class MeshStage:
         self._outline = Outline(obj, patch.outline)
 
     def part(self, settings: Any) -> tuple[Any, Callable[[Any], Any]]:
-        """Take the same patch with all settings."""
+        """Return the same patch for all settings."""
         return self._patch.surface, self._patch.whole
 
     def show(self, seen: Any) -> None:
-        """Write it into the mesh."""
+        """Write the result into the mesh."""
         show(self._target, self._original, seen)
 
     def show_before(self) -> None:
-        """Bring the mesh back for a look."""
+        """Restore the mesh until the next `show`."""
         self._original.check_shown()
         self._original.restore()
 
     def lost(self) -> str:
-        """Ask for the object, in the same mode."""
+        """Return an error if the object is gone or in another mode."""
         try:
             is_same = data.mesh.targets.find(self._target).mode == self._mode
         except Skipped:
@@ -78,7 +78,7 @@ class MeshStage:
         return "" if is_same else "the object was removed, or its mode was changed"
 
     def end(self) -> None:
-        """Bring the mesh and the mode back, and draw no outline any more."""
+        """Restore the mesh and the object mode, and remove the outline."""
         self._outline.end()
         with data.mesh.meshes.object_mode(bpy.context) if self.lost() else nullcontext():
             self._original.restore()
@@ -90,12 +90,12 @@ class MeshStage:
 
 
 def begin(context: bpy.types.Context, event: bpy.types.Event, mode: Mode) -> Preview:
-    """Begin on the active object.
+    """Start a preview on the active object.
 
     Raises
     ------
     Refused
-        If it cannot be read, or has no faces where the mouse points.
+        If it cannot be read, or has no faces under the mouse.
     """
     parameters = parameters_of(context.scene, mode)
     if mode.makes_objects(parameters):

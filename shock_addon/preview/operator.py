@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator Preview: try settings by mouse, seen at once on the active object or image."""
+"""The operator Preview: the mouse changes settings, and the result is shown at once."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 _INTERVAL = 0.03
 _FINE = 0.1
 _REST = 0.25
-"""Seconds in which the mouse rests in the view, when it comes from the button, before it counts."""
+"""Seconds that the mouse must rest in the view after the button, before its moves count."""
 _REST_TICKS = 4
-"""Ticks that must lie in between, too: a busy Blender tells late of moves."""
+"""Timer ticks that must also pass, as a busy Blender reports moves late."""
 _PASSED_ON = {"MIDDLEMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION", "WINDOW_DEACTIVATE"}
 _CANCELS = {"ESC", "RIGHTMOUSE"}
 _COMPARES = "B"
@@ -41,9 +41,9 @@ _running: list[_Session] = []
 
 
 class _Session:
-    """A preview that is under way, and what it has put into the window.
+    """A preview under way, with its timer and texts.
 
-    It is kept apart from its operator, which Blender frees when the operator raises.
+    It is separate from its operator, which Blender frees when the operator raises.
     """
 
     def __init__(
@@ -56,18 +56,18 @@ class _Session:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether it has not ended, and its operator still follows the mouse."""
+        """Whether it has not ended, and its operator still runs."""
         return self in _running and not jobs.is_freed(self.operator)
 
     def show_text(self, context: bpy.types.Context) -> None:
-        """Say how the dials stand, and which keys there are."""
+        """Show the values of the dials, and the keys."""
         text = self._preview.text()
         keys = iface_("Shift: small steps | Enter or Click: apply | Esc or Right Click: cancel")
         compare = iface_("B: before / after")
         self._status.show(context, f"{text} | {compare} | {keys}", context.area)
 
     def end(self) -> None:
-        """Bring everything back and let go of the window."""
+        """Restore all data, and remove timer and texts."""
         if self not in _running:
             return
         _running.remove(self)
@@ -92,7 +92,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want an active mesh object or an image, and no run."""
+        """Return whether there is an active mesh object or an image, and no run."""
         in_images = data.chosen.in_image_editor(context)
         obstacle = obstacles.of_images(context) if in_images else _of_meshes(context)
         if not obstacle and jobs.is_settling():
@@ -104,12 +104,12 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return can_run(cls, obstacle)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Refuse: without a mouse there is nothing to try."""
+        """Report that a preview needs a mouse."""
         self.report({"ERROR"}, "Preview needs a window; run the filter itself instead.")
         return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Read the object or image that the tab here is about, and begin."""
+        """Read the object or image of this area's tab, and start."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
         stop()  # what an operator left that Blender has freed
@@ -127,7 +127,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Follow the mouse; apply or drop what is tried."""
+        """Follow the mouse; apply or discard the settings."""
         try:
             return self._step(context, event)
         except Exception:
@@ -156,7 +156,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return self._turn(context, event)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Bring everything back; Blender calls this when a window closes or a file is loaded."""
+        """Restore all data; Blender calls this when a window closes or a file is loaded."""
         self._session.end()
 
     def _turn(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -174,7 +174,7 @@ class SHOCK_FILTER_OT_preview(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _follow(self, context: bpy.types.Context, step: Callable[[], None]) -> set[str]:
-        """Do what shows something, and say how it stands."""
+        """Run an action that changes the view, and update the text."""
         try:
             step()
         except Skipped as reason:
@@ -255,7 +255,7 @@ def _of_meshes(context: bpy.types.Context) -> str:
 
 @persistent
 def stop(*_: object) -> None:
-    """End the preview, if one is under way, and bring everything back."""
+    """End the preview, if one is under way, and restore all data."""
     for session in list(_running):
         session.end()
 

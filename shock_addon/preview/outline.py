@@ -15,7 +15,7 @@ _COLOR = (1.0, 1.0, 1.0, 0.6)
 
 
 class Outline:
-    """Draws edges until `end`, also where something is before them.
+    """Draws edges until `end`, also where other surfaces hide them.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Outline:
             )
 
     def end(self) -> None:
-        """Draw nothing any more."""
+        """Stop drawing."""
         if self._drawing is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
             self._drawing = None

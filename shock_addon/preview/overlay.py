@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw pixels over an image in the Image Editors that show it; the image stays as it is."""
+"""Drawing of pixels over an image in Image Editors; the image is not changed."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Piece:
     Attributes
     ----------
     box : tuple of float
-        Left, bottom, right and top, in parts of the image; UDIM tiles lie side by side.
+        Left, bottom, right and top, as fractions of the image; UDIM tiles lie side by side.
     colors : (h, w, 4) float32
         Linear, and multiplied by opacity if they are transparent.
     framed : bool
@@ -71,7 +71,7 @@ class Piece:
 
 
 class Overlay:
-    """Draws what `show` was given last, until `end`."""
+    """Draws pieces, from `show` until `end`."""
 
     def __init__(self, image: bpy.types.Image) -> None:
         self._uid = image.session_uid
@@ -83,12 +83,12 @@ class Overlay:
         )
 
     def show(self, pieces: list[Piece]) -> None:
-        """Draw these from now on."""
+        """Draw these pieces."""
         self._pieces, self._textures = pieces, []
         self._redraw()
 
     def end(self) -> None:
-        """Draw nothing any more."""
+        """Stop drawing."""
         bpy.types.SpaceImageEditor.draw_handler_remove(self._drawing, "WINDOW")
         self._redraw()
 

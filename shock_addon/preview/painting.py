@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operator Paint Gain: a gain map is painted on the model, which shows the result meanwhile.
+"""The operator Paint Gain: paint a gain map on the model, which shows the result live.
 
-Nothing is modal, so that Blender's brushes and the panel work as they always do.
+The operator is not modal, so that Blender's brushes and panels work as usual.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ class SHOCK_FILTER_OT_paint_gain(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a texture on the active object, and no run."""
+        """Return whether the active object has a texture, and there is no run."""
         return bool(_running) or can_run(cls, _obstacle(context))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Begin, or end what was begun."""
+        """Start painting, or end it."""
         if _running:
             stop()
             return {"FINISHED"}
@@ -72,14 +72,14 @@ def is_running() -> bool:
 
 @persistent
 def stop(*_: object) -> None:
-    """Show the texture itself again."""
+    """End painting, and show the original texture."""
     while _running:
         _running.pop().preview.end()
 
 
 @persistent
 def put_away(*_: object) -> None:
-    """Show textures instead of what stands for them in a file, or in a step of undo."""
+    """Show original textures instead of stand-ins that a file or an undo step holds."""
     if not any(image.name.startswith(_STAND_IN) for image in bpy.data.images):
         return
     if not _running:
@@ -124,7 +124,7 @@ def _obstacle(context: bpy.types.Context) -> str:
 
 
 def unregister() -> None:
-    """Let go of everything, before the operator is unregistered."""
+    """End painting, before the operator is unregistered."""
     stop()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

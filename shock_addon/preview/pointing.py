@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The place that the mouse or the view points at, and the part of an image that is visible."""
+"""The place under the mouse or in the middle of a view, and editors that show an image."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..running.jobs import holds
 def pointed_at(
     context: bpy.types.Context, event: bpy.types.Event
 ) -> tuple[bpy.types.Region, tuple[float, float]]:
-    """Find the place in the area's main region that the mouse points at.
+    """Find the place under the mouse, in the main region of an area.
 
     Returns
     -------
     region : bpy.types.Region
     place : tuple of float
-        In pixels from its lower left corner: its middle if the mouse is on a panel.
+        In pixels from its lower left corner; its middle if the mouse is on a panel.
     """
     view = next(region for region in context.area.regions if region.type == "WINDOW")
     if holds(view, event.mouse_x, event.mouse_y) and is_over_view(context.area, event):

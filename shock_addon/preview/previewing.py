@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A running preview: its settings, their computation, and the result on screen."""
+"""A preview under way: its settings, the computation, and the result on screen."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from ..running import kernels
 from ..running.jobs import Job
 
 _WIDTHS = 5
-"""How often the mouse can halve the useful range of widths."""
+"""Number of times that the mouse can halve the useful range of widths."""
 
 _PATIENCE = 0.5
-"""Seconds after which a run whose settings are old news is cancelled; shorter ones are shown."""
+"""Seconds after which a run with outdated settings is cancelled; shorter ones are shown."""
 
 
 def parameters_of(scene: bpy.types.Scene, mode: Mode) -> SimpleNamespace:
@@ -43,25 +43,24 @@ class Preview:
     parameters : SimpleNamespace
         The panel's settings to begin with.
     stage : MeshStage or ImageStage
-        What settings are tried on, and where the result is seen: `chosen` are parameters of the
-        operator that say what it works on, `note` says which patch is computed, empty if it is
-        all. ``settings(settings)`` turns those that are meant for all into those for the patch.
-        ``part(settings)`` returns, on any thread, what is filtered with these, and what makes of
-        the filter's result what ``show(seen)`` shows instead of what was shown before, or raises
-        `Skipped`. ``show_before()`` shows what was there at first. ``lost()`` says what has
-        happened to what is worked on, empty if it is still there; ``end()`` brings everything back
-        bit for bit.
+        The data of the preview, and its display. `chosen` are parameters of the operator that
+        name the data; `note` says which patch is computed, empty for all.
+        ``settings(settings)`` converts settings for all data into those for the patch.
+        ``part(settings)`` returns, on any thread, the input of the filter, and a function that
+        converts its result for ``show(seen)``, which raises `Skipped` if it fails.
+        ``show_before()`` shows the original. ``lost()`` returns an error if the data is gone,
+        empty if not; ``end()`` restores everything bit for bit.
 
     Attributes
     ----------
     mode, stage
         As given.
     parameters : SimpleNamespace
-        As the dials stand now.
+        The current settings.
     is_before : bool
-        Whether what was there at first is shown; the dials stand still meanwhile.
+        Whether the original is shown; the dials are then locked.
     updates : int
-        How many results were shown.
+        Number of results shown.
     """
 
     def __init__(self, mode: Mode, parameters: SimpleNamespace, stage: Any) -> None:
@@ -87,11 +86,11 @@ class Preview:
 
     @property
     def is_computing(self) -> bool:
-        """Whether something is computed now, or waits to be shown."""
+        """Whether a result is being computed, or waits to be shown."""
         return self._job is not None
 
     def compare(self) -> None:
-        """Show what was there at first or, if that is shown, the result again.
+        """Show the original or, if that is shown, the result again.
 
         Raises
         ------
@@ -102,7 +101,7 @@ class Preview:
         self._show()
 
     def drag(self, pixels: float) -> None:
-        """Change the width or time; 0 pixels leave it as it is, to the last digit."""
+        """Change the width or time; 0 pixels keep it bit for bit."""
         if pixels == 0 or self._dial is None or self.is_before:
             return
         self._dial.drag(pixels)
@@ -122,7 +121,7 @@ class Preview:
         setattr(self.parameters, name, turned(getattr(self.parameters, name), kind, about, clicks))
 
     def text(self) -> str:
-        """Say in one line how the dials stand."""
+        """Return the values of the dials in one line."""
         if self.is_before:
             return iface_("Before")
         parts = []
@@ -156,12 +155,12 @@ class Preview:
         return name.removeprefix(self._prefix)
 
     def tick(self) -> None:
-        """Show what is ready and see to it that the newest settings are computed.
+        """Show a finished result, and start computing the newest settings.
 
         Raises
         ------
         Skipped
-            If the object was removed, or something else has changed it.
+            If the object was removed, or changed by anything else.
         """
         if self._job is not None and self._job.done:
             job, self._job = self._job, None
@@ -174,7 +173,7 @@ class Preview:
             self._job.cancel()
 
     def end(self) -> None:
-        """Stop computing, and bring everything back bit for bit."""
+        """Stop computing, and restore everything bit for bit."""
         if self._job is not None:
             self._job.cancel()
             self._job = None

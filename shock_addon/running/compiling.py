@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A Python process beside Blender that compiles kernels."""
+"""A separate Python process that compiles kernels."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ...core.base import cache_folder
 
 _SCRIPT = ("core", "rehearsal", "alone.py")
 _LONGEST = 60.0
-"""Seconds to wait for a process that was ended."""
+"""Seconds to wait for the end of a process."""
 
 
 class Process:
-    """A plain Python that compiles the kernels for some data into the chosen folder.
+    """A Python process without Blender that compiles the kernels for some kinds of data.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ class Process:
     Attributes
     ----------
     fraction : float
-        How much of all kernels is done, 0 to 1.
+        Fraction of the kernels that is compiled.
 
     Raises
     ------
     OSError
-        If it cannot be started.
+        If the process cannot be started.
     """
 
     def __init__(self, package: str, root: str, kinds: Sequence[str]) -> None:
@@ -82,16 +82,16 @@ class Process:
 
     @property
     def code(self) -> int | None:
-        """Its exit status; None while it runs."""
+        """The exit status; None while the process runs."""
         return self._process.poll()
 
     def last_words(self) -> str:
-        """Wait for its end, and return its last line that is no number, such as an error."""
+        """Wait for the end, and return the last line without a number, such as an error."""
         self._process.wait(_LONGEST)
         self._thread.join(_LONGEST)
         return self._said
 
     def stop(self) -> None:
-        """End it and wait until it has ended, so that it holds no files."""
+        """End the process and wait for it, so that it has no files open."""
         self._process.kill()
         self.last_words()

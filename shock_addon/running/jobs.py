@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work on a thread of its own while the window stays alive, with progress and Esc.
+"""Background threads with progress and Esc, while the window stays responsive.
 
-The work must not touch bpy. What it returns is applied on the main thread, at once.
+The work must not use bpy. Its result is applied on the main thread.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ Work = Callable[[Callable[[float, str], bool]], Any]
 
 _INTERVAL = 0.1
 _SETTLED = 0.3
-"""Seconds after which each window has had an event, since a timer sends some."""
+"""Seconds after which each window has had an event from a timer."""
 
 _PASSED_ON = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM"}
-"""Looking around is free while a job runs; other keys and clicks outside sidebars do nothing."""
+"""Events for navigation during a job. Others are ignored, except in sidebars."""
 
 _READ_BY_OTHERS = ("RENDER", "OBJECT_BAKE")
-"""Blender's own jobs that read the scene on their threads: nothing is written meanwhile."""
+"""Blender's jobs that read the scene on other threads; results wait for their end."""
 
 _running: set[Job] = set()
 _waits: list[_Wait] = []
@@ -39,7 +39,7 @@ class Job:
     Attributes
     ----------
     fraction : float
-        How much is done, 0 to 1.
+        Progress, 0 to 1.
     """
 
     def __init__(self, work: Work) -> None:
@@ -55,18 +55,18 @@ class Job:
         self._future.add_done_callback(lambda _: _running.discard(self))
 
     def _progress(self, fraction: float, message: str) -> bool:
-        self.fraction = max(self.fraction, fraction)  # a bar that goes back worries people
+        self.fraction = max(self.fraction, fraction)  # a bar never goes back
         self._message = message or self._message
         return not self._cancelled.is_set()
 
     @property
     def message(self) -> str:
-        """What is being done."""
+        """The current step, as text."""
         return "Preparing (compiles on first use)" if kernels.is_compiling() else self._message
 
     @property
     def done(self) -> bool:
-        """Whether the work has ended, in whatever way."""
+        """Whether the work has ended, successfully or not."""
         return self._future.done()
 
     @property
@@ -88,10 +88,10 @@ class Job:
 
 
 class _Wait:
-    """What a modal operator waits for, and what it has put into the window meanwhile.
+    """The job of a modal operator, with its timer and status text.
 
-    Apart from the operator: Blender may free that without a word, and then each look at one of its
-    attributes raises.
+    It is separate from the operator, which Blender may free at any time; accessing its attributes
+    then raises.
     """
 
     def __init__(self, operator: ModalJob, context: bpy.types.Context, work: Work) -> None:
@@ -103,11 +103,11 @@ class _Wait:
 
     @property
     def is_forsaken(self) -> bool:
-        """Whether nobody waits any more, since Blender has freed the operator."""
+        """Whether Blender has freed the operator."""
         return is_freed(self.operator)
 
     def show(self, context: bpy.types.Context) -> None:
-        """Say how far it is."""
+        """Show the progress."""
         status = iface_("{message}: {fraction:.0%} (Esc cancels)").format(
             message=iface_(self.job.message), fraction=self.job.fraction
         )
@@ -117,12 +117,12 @@ class _Wait:
             redraw_sidebars(context)
 
     def drop(self, context: bpy.types.Context) -> None:
-        """Wait no more, whatever the job does."""
+        """Stop waiting, whether or not the job has ended."""
         self.job.cancel()
         self.close(context)
 
     def close(self, context: bpy.types.Context) -> None:
-        """Take everything out of the window again."""
+        """Remove timer and status text."""
         _waits.remove(self)
         context.window_manager.event_timer_remove(self._timer)
         self._status.clear(context)
@@ -135,11 +135,11 @@ class ModalJob:
     _wait = None  # type: _Wait | None  # Blender would evaluate an annotation for each operator
 
     def finish(self, context: bpy.types.Context, compute: Callable[[], Any]) -> set[str]:
-        """Apply what `compute` returns; it raises what the work raised."""
+        """Apply the result of the work, which `compute` returns; it raises its errors."""
         raise NotImplementedError
 
     def run_job(self, context: bpy.types.Context, work: Work) -> set[str]:
-        """Begin the work and wait for it as a modal operator."""
+        """Start the work and wait for it as a modal operator."""
         if is_settling():
             self.report({"WARNING"}, "The last run is still being put away; run again.")
             return {"CANCELLED"}
@@ -151,11 +151,11 @@ class ModalJob:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Show progress; end when the work has, or on Esc."""
+        """Show progress; finish when the work has ended, or on Esc."""
         try:
             return self._step(context, event)
         except Exception:
-            self.cancel(context)  # Blender ends the operator then, and may free it at once
+            self.cancel(context)  # Blender then ends the operator, and may free it at once
             raise
 
     def _step(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -176,11 +176,11 @@ class ModalJob:
         return {"RUNNING_MODAL"} if _is_held_back(context, event) else {"PASS_THROUGH"}
 
     def tell(self, kind: str, text: str) -> None:
-        """Say how it ended: ``INFO``, ``WARNING`` or ``ERROR``."""
+        """Report the end: ``INFO``, ``WARNING`` or ``ERROR``."""
         self.report({kind}, text)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Drop the work; Blender calls this too, when a window closes or a file is loaded."""
+        """Drop the work; Blender also calls this when a window closes or a file is loaded."""
         if self._wait in _waits:
             self._wait.drop(context)
 
@@ -193,17 +193,17 @@ class SHOCK_FILTER_OT_cancel(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a run."""
+        """Return whether a run is under way."""
         return current() is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Ask it to stop; its operator ends at the next tick."""
+        """Ask the run to stop; its operator ends at the next timer event."""
         current().cancel()
         return {"FINISHED"}
 
 
 def current() -> Job | None:
-    """Return the job that a modal operator waits for, if any."""
+    """Return the job of a modal operator, if one is under way."""
     jobs = [wait.job for wait in _waits if not wait.is_forsaken]
     return jobs[-1] if jobs else None
 
@@ -223,7 +223,7 @@ def stop_all() -> None:
 
 
 def is_freed(operator: bpy.types.Operator) -> bool:
-    """Whether Blender has freed an operator: each look at one of its attributes raises then."""
+    """Whether Blender has freed an operator; accessing its attributes then raises."""
     try:
         getattr(operator, "bl_idname", "")
     except ReferenceError:
@@ -232,15 +232,15 @@ def is_freed(operator: bpy.types.Operator) -> bool:
 
 
 def is_settling() -> bool:
-    """Whether no modal operator may start yet."""
+    """Whether modal operators have to wait before they start."""
     return bool(_unsettled)
 
 
 def settle(manager: bpy.types.WindowManager) -> None:
-    """Refuse to start until each window has had an event.
+    """Block modal operators until each window has had an event.
 
-    When a modal operator is unregistered, Blender keeps an empty handler until then, and crashes
-    if another modal operator is added meanwhile.
+    Blender keeps an empty handler of an unregistered modal operator until then, and crashes if
+    another modal operator is added.
     """
     for window in manager.windows:
         timer = manager.event_timer_add(0.1 * _SETTLED, window=window)
@@ -270,13 +270,13 @@ def _is_held_back(context: bpy.types.Context, event: bpy.types.Event) -> bool:
 
 
 def holds(region: bpy.types.Region, x: float, y: float) -> bool:
-    """Whether a place in the window lies in a region."""
+    """Whether a place in the window is in a region."""
     in_columns = region.x <= x < region.x + region.width
     return in_columns and region.y <= y < region.y + region.height
 
 
 def redraw_sidebars(context: bpy.types.Context) -> None:
-    """Have the tab drawn anew wherever it is shown."""
+    """Redraw the tab wherever it is shown."""
     for window in context.window_manager.windows:
         for region in _sidebars(window):
             region.tag_redraw()

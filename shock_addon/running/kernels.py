@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bring up the compiled kernels on first use, and choose where their code is kept."""
+"""Loading of the compiled kernels on first use, and the folder of their cache."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _LIBRARIES = ("llvmlite", "numba", "scipy")
 _UNUSABLE = (
     ImportError, OSError, AttributeError, TypeError, ValueError, RuntimeError, SystemError,
 )  # fmt: skip
-"""What the import of a broken library, or of versions that do not fit together, can raise."""
+"""Errors from importing a broken library, or incompatible versions."""
 
 _loading = threading.Lock()
 _import_error = ""
 _compiler: Any = None
-"""Hears of all that numba compiles, as soon as that is loaded."""
+"""Listener for numba's compiler; None until numba is loaded."""
 
 
 class KernelsUnavailable(ShockError):
@@ -44,7 +44,7 @@ class KernelsUnavailable(ShockError):
 
 
 def problem() -> str:
-    """Say why the kernels cannot run and how to mend it; empty as far as they can."""
+    """Return why the kernels cannot run, with the remedy; empty if no reason is known."""
     missing = _missing()
     if missing:
         return f"{missing} cannot be found: {_REMEDY}."
@@ -64,9 +64,9 @@ def _places() -> str:
 
 
 def register() -> None:
-    """Have compiled code go to the extension's user folder, whatever imports the kernels first.
+    """Choose the extension's user folder for compiled code.
 
-    An extension's own folder is not for writing. Elsewhere numba chooses.
+    Extensions must not write to their own folder. Otherwise numba chooses.
     """
     if _PACKAGE.startswith("bl_ext."):
         cache_folder.chosen = bpy.utils.extension_path_user(_PACKAGE, path=f"kernels-{__version__}")
@@ -74,15 +74,15 @@ def register() -> None:
 
 @cache
 def choose_folder() -> None:
-    """Take the session's temporary folder if the user folder cannot be written.
+    """Choose the session's temporary folder if the user folder is not writable.
 
-    Main thread only, before kernels are imported.
+    To be called on the main thread, before kernels are imported.
     """
     if cache_folder.chosen is None:
         return
     import tempfile
 
-    with contextlib.suppress(OSError):  # another Blender may be at it
+    with contextlib.suppress(OSError):  # another Blender may do the same
         _take_over(cache_folder.chosen)
     try:
         os.makedirs(cache_folder.chosen, exist_ok=True)
@@ -93,9 +93,9 @@ def choose_folder() -> None:
 
 
 def _take_over(folder: str) -> None:
-    """Go on with what another version has compiled, and leave no third version's code.
+    """Reuse code compiled by another version, and remove that of a third version.
 
-    What differs between the versions is compiled anew: the files know their sources.
+    Code whose sources differ is compiled anew, as files name their sources.
     """
     parent = os.path.dirname(folder)
     if not os.path.isdir(parent):
@@ -141,7 +141,7 @@ def _watch_compiler() -> None:
     from numba.core import event
 
     class Compiler(event.Listener):
-        depth, seconds = 0, 0.0  # a kernel that calls others has them compiled meanwhile
+        depth, seconds = 0, 0.0  # compiling a kernel compiles those that it calls
 
         def on_start(self, event: Any) -> None:
             if not self.depth:
@@ -159,17 +159,17 @@ def _watch_compiler() -> None:
 
 
 def is_compiling() -> bool:
-    """Whether a kernel is being compiled, on whatever thread."""
+    """Whether a kernel is being compiled, on any thread."""
     return _compiler is not None and _compiler.depth > 0
 
 
 def seconds_compiling() -> float:
-    """Return how long kernels were compiled in this session; loading those on disk is not."""
+    """Return the seconds of compiling in this session, without those of loading from disk."""
     return 0.0 if _compiler is None else _compiler.seconds
 
 
 def unregister() -> None:
-    """Look again for numba and scipy when they are next asked for."""
+    """Check again for numba and scipy at the next use."""
     global _compiler, _import_error
     if _compiler is not None:
         from numba.core import event

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Have the kernels ready before the first press.
+"""Compiling and loading of kernels before the first press.
 
-Once for each installation, plain Pythons compile them at low priority while people look around; a
-press meanwhile takes what is there and compiles the rest itself. In each session they are loaded
-when the tab is first seen. Not in background mode: scripts load what they use.
+Once for each installation, separate Python processes compile all kernels at low priority. A press
+uses those that are ready and compiles the others itself. In each session, kernels are loaded when
+the tab is first drawn. In background mode, scripts load the kernels that they use.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _PACKAGE = __package__.removesuffix(".shock_addon.running")
 _ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 _AT_FIRST = 1.0
-"""Seconds after enabling: until then Blender has other things to do."""
+"""Seconds to wait after enabling, while Blender is busy."""
 
 _INTERVAL = 0.5
 _SHARES = ["geometry", "colors", "flow", "field"], ["image", "texture"]
-"""Kinds of data, for one process each: about half of the work, and few kernels in common."""
+"""Kinds of data for each process: half of the work, with few kernels in common."""
 
 _NOTICED = 0.5
-"""Seconds of compiling after which loading is given up: that would slow the window down."""
+"""Seconds of compiling after which loading stops, as it would slow the window down."""
 
 _processes: list[Process] = []
 _is_prepared = False
@@ -41,18 +41,18 @@ _is_seen = False
 
 
 def register() -> None:
-    """Begin soon, if a person sits before an installed extension."""
+    """Start soon, if the extension is installed and Blender has a window."""
     if _PACKAGE.startswith("bl_ext.") and not bpy.app.background:
         bpy.app.timers.register(_begin, first_interval=_AT_FIRST, persistent=True)
 
 
 def fraction() -> float | None:
-    """Return how much is compiled; None while nothing is."""
+    """Return the fraction that is compiled; None if nothing is being compiled."""
     return min(sum(each.fraction for each in _processes), 1.0) if _processes else None
 
 
 def tab_is_seen() -> None:
-    """Load what is compiled, soon; called whenever the tab is drawn."""
+    """Load compiled kernels soon; called whenever the tab is drawn."""
     global _is_seen
     if not _is_seen:
         _is_seen = True
@@ -121,7 +121,7 @@ def _path() -> str:
 
 
 def _mark() -> str:
-    """Read for which installation kernels were compiled."""
+    """Read the mark of the installation whose kernels were compiled."""
     try:
         with open(_path(), encoding="utf-8") as file:
             return file.read()
@@ -155,7 +155,7 @@ def _installation() -> str:
 
 
 def unregister() -> None:
-    """Stop what is under way."""
+    """Stop compiling and loading."""
     global _is_prepared, _is_seen
     for timer in (_begin, _watch):
         if bpy.app.timers.is_registered(timer):

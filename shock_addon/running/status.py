@@ -7,7 +7,7 @@ import bpy
 
 
 class StatusText:
-    """A line in the status bars of all windows and, if asked for, in the header of an area."""
+    """A line in the status bars of all windows, and optionally in the header of an area."""
 
     def __init__(self) -> None:
         self._text = ""
@@ -17,7 +17,7 @@ class StatusText:
     def show(
         self, context: bpy.types.Context, text: str, area: bpy.types.Area | None = None
     ) -> bool:
-        """Show the line if it is new, or a workspace that is seen has not got it yet.
+        """Show the line if it is new, or if a visible workspace does not show it yet.
 
         Parameters
         ----------
@@ -29,7 +29,7 @@ class StatusText:
         Returns
         -------
         bool
-            Whether anything was shown: drawing can be slow.
+            Whether the line was drawn, which can be slow.
         """
         windows = context.window_manager.windows
         seen = {window.workspace.session_uid for window in windows}
@@ -45,7 +45,7 @@ class StatusText:
         return True
 
     def clear(self, context: bpy.types.Context) -> None:
-        """Take it away, whatever window or workspace is seen by now."""
+        """Remove the line from all windows and workspaces."""
         if context.window in list(context.window_manager.windows):
             self._clear()
         else:  # a window that closes; Blender crashes if the context is overridden meanwhile

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def draw_main(panel: Panel, context: bpy.types.Context) -> None:
-    """Draw the main settings, the buttons, and what was last done."""
+    """Draw the main settings, the buttons, and the last report."""
     layout = panel.layout
     mode = panel.mode(context)
     settings = panel.settings(context)
@@ -60,7 +60,7 @@ def draw_statistics(
     mode: Mode,
     settings: bpy.types.PropertyGroup,
 ) -> None:
-    """Draw what a run would work on, and how fast the last one was."""
+    """Draw the size of the input, and the speed of the last run."""
     column = layout.column(align=True)
     counts = statistics.count(context, mode, settings)
     for text, number in (
@@ -84,7 +84,7 @@ def draw_statistics(
 def draw_filter(
     layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode
 ) -> bpy.types.OperatorProperties:
-    """Draw a mode's button, which copies the scene's settings into the operator."""
+    """Draw a mode's button, which passes the scene's settings to the operator."""
     settings = getattr(context.scene.shock_filter, mode.group)
     words = {}
     if mode.follows is not None:
@@ -102,7 +102,7 @@ def draw_filter(
 
 
 def _draw_target(panel: Panel, context: bpy.types.Context) -> None:
-    """Draw what is worked on: for colors the attribute, for textures the image."""
+    """Draw the input: the attribute of colors, or the image of a texture."""
     layout, settings = panel.layout, panel.settings(context)
     names = panel.mode(context).names_for(settings)
     if "target" in names:
@@ -121,7 +121,7 @@ def _draw_target(panel: Panel, context: bpy.types.Context) -> None:
 
 
 def _draw_shown_image(layout: bpy.types.UILayout, context: bpy.types.Context, mode: Mode) -> None:
-    """Say which image will be worked on."""
+    """Show the image that a run would use."""
     if preview_operator.is_running() or not data.chosen.mesh_objects(context):
         return  # a preview lets materials show another image
     try:
@@ -138,7 +138,7 @@ def _draw_choices(
     settings: bpy.types.PropertyGroup,
     name: str,
 ) -> None:
-    """Draw all choices in one row, or two in each row where their words need more room."""
+    """Draw all choices in one row, or two in a row if their labels need more space."""
     items = list(settings.bl_rna.properties[name].enum_items)
     if fit(context, [iface_(item.name) for item in items]):
         layout.row().prop(settings, name, expand=True)
@@ -178,6 +178,22 @@ def _draw_buttons(
         flow.operator("shock_filter.show_flow").mode = mode.key
     if shown is not None and context.space_data.type == "VIEW_3D":
         (row if is_active else column).operator("shock_filter.hide_flow")
+    if mode.key == "geometry":
+        _draw_creases(column, context, enabled)
+
+
+def _draw_creases(layout: bpy.types.UILayout, context: bpy.types.Context, enabled: bool) -> None:
+    """Draw the buttons that find creases and move nothing."""
+    row = layout.row(align=True)
+    finds = row.row(align=True)
+    finds.enabled = enabled
+    finds.operator("shock_filter.mark_creases")
+    finds.operator("shock_filter.crisp_low_poly")
+    shown = flow_shown.shown_object("creases")
+    if context.object is None or context.object.name != shown:
+        finds.operator("shock_filter.show_creases")
+    if shown is not None:
+        row.operator("shock_filter.hide_creases")
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:
@@ -189,7 +205,7 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
 
 
 def _draw_preparing(layout: bpy.types.UILayout) -> None:
-    """Say how far the kernels are compiled, which is done once; the buttons work meanwhile."""
+    """Show the progress of compiling, during which the buttons work."""
     fraction = preparing.fraction()
     if fraction is not None:
         text = iface_("Preparing for first use: {fraction:.0%}").format(fraction=fraction)
@@ -197,7 +213,7 @@ def _draw_preparing(layout: bpy.types.UILayout) -> None:
 
 
 def _draw_value(column: bpy.types.UILayout, text: str, value: str) -> None:
-    """Draw a line of numbers like one of settings: the name on the left, aligned to the right."""
+    """Draw a name and a value aligned like a setting."""
     split = column.split(factor=0.4)
     name = split.row()
     name.alignment = "RIGHT"

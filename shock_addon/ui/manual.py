@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The manual: which page and heading explain each operator and each property.
+"""Links into the manual: the page and heading of each operator and property.
 
-The pages lie in the folder ``manual`` of the extension. A source tree has them once
-``nox -s docs`` has run; without them, Blender finds no page and says so.
+The pages are in the folder ``manual`` of the extension. ``nox -s docs`` builds them in a source
+tree; without them, Blender reports that there is no page.
 """
 
 from __future__ import annotations
@@ -23,11 +23,15 @@ _OPERATORS = {
     "paint_gain": "detail#paint-gain",
     "show_flow": "preview#show-flow",
     "hide_flow": "preview#show-flow",
+    "mark_creases": "creases#mark-creases",
+    "show_creases": "creases#show-creases",
+    "hide_creases": "creases#show-creases",
+    "crisp_low_poly": "creases#crisp-low-poly",
     "cancel": "panel#while-it-runs",
     "before_after": "panel#before-and-after",
     "use_preset": "presets",
 }
-"""The places of the operators that are no filters."""
+"""The places of operators that are not filters."""
 
 _SHARED = {
     "mode": "panel#modes",
@@ -54,12 +58,12 @@ _TOGETHER = {
 
 
 def heading(name: str, on_screen: str) -> str:
-    """Name the heading that explains a property: its name on screen, as pages write addresses."""
+    """Return the anchor of a property's heading, which is made from its label."""
     return _TOGETHER.get(name, on_screen.lower().replace(" ", "-"))
 
 
 def entries() -> dict[str, str]:
-    """List the place for each of Blender's names, most special first."""
+    """List pairs of a pattern of Blender's names and its place, most specific first."""
     places = _OPERATORS | {mode.operator: mode.page for mode in MODES}
     places |= {f"{mode.key}_preset_add": "presets" for mode in choices()}
     found = {f"bpy.ops.shock_filter.{name}": where for name, where in places.items()}
@@ -77,19 +81,19 @@ def entries() -> dict[str, str]:
 
 
 def file_of(where: str) -> str:
-    """Name the file that leads to a place."""
-    # A file for each heading: what stands after # gets lost on the way to the browser.
+    """Return the name of the file that redirects to a place."""
+    # There is a file for each heading, as Blender drops the part of a URL after #.
     return f"go/{where.replace('#', '.')}.html" if "#" in where else f"{where}.html"
 
 
 def address(where: str = HOME) -> str | None:
-    """Return the address of a place in the manual; None if the manual is not there."""
+    """Return the URL of a place in the manual; None if the manual is missing."""
     path = FOLDER / file_of(where)
     return path.as_uri() if path.is_file() else None
 
 
 def manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
-    """Tell Blender what its menu entry *Online Manual* opens."""
+    """Return the pages that Blender's menu entry *Online Manual* opens."""
     if address() is None:
         return "", ()
     pairs = ((name, file_of(where)) for name, where in entries().items())
@@ -102,25 +106,20 @@ class SHOCK_FILTER_preferences(bpy.types.AddonPreferences):
     bl_idname = __package__.removesuffix(".shock_addon.ui")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the way to the manual."""
-        draw_link(self.layout, "Manual")
-
-
-def draw_link(layout: bpy.types.UILayout, text: str, where: str = HOME) -> None:
-    """Draw a button that opens the manual, or nothing if the manual is not there."""
-    url = address(where)
-    if url is not None:
-        layout.operator("wm.url_open", text=text, icon="HELP").url = url
+        """Draw the link to the manual."""
+        url = address()
+        if url is not None:
+            self.layout.operator("wm.url_open", text="Manual", icon="HELP").url = url
 
 
 CLASSES = (SHOCK_FILTER_preferences,)
 
 
 def register() -> None:
-    """Have Blender ask for the manual."""
+    """Register the manual in Blender."""
     bpy.utils.register_manual_map(manual_map)
 
 
 def unregister() -> None:
-    """Have Blender forget the manual."""
+    """Unregister the manual."""
     bpy.utils.unregister_manual_map(manual_map)

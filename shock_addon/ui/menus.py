@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The menu of filters, and where it stands among Blender's own."""
+"""The menu of filters, and its places in Blender's menus."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _draw_in_header(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 ENTRIES = dict.fromkeys(_PLACES, _draw_at_end) | {"VIEW3D_MT_editor_menus": _draw_in_header}
-"""What is drawn at the end of each of Blender's menus."""
+"""The functions that draw at the end of Blender's menus."""
 
 CLASSES = (SHOCK_FILTER_MT_filters,)
 

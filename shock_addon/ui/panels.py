@@ -50,7 +50,7 @@ class _MaskPanel:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Want a mode that has masks."""
+        """Return whether the mode has masks."""
         return "vertex_group" in cls.mode(context).names
 
     def draw(self, context: bpy.types.Context) -> None:

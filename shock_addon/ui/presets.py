@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets in the panels' headers: those that come with the extension, then the person's own."""
+"""Presets in the headers of panels: those of the extension, then the user's own."""
 
 import bpy
 from bl_operators.presets import AddPresetBase
@@ -77,7 +77,7 @@ class _ModePresets(PresetPanel):
     preset_operator = "script.execute_preset"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the shipped presets above those in the person's folder."""
+        """Draw the shipped presets above those in the user's folder."""
         layout = self.layout
         layout.emboss = "PULLDOWN_MENU"
         column = layout.column(align=True)
@@ -115,18 +115,18 @@ def _panel(mode: Mode) -> type:
 
 
 class _AddPreset(AddPresetBase):
-    """What Blender asks when a preset is saved."""
+    """The properties that Blender reads to save a preset."""
 
     mode: str
 
     @property
     def preset_defines(self) -> list[str]:
-        """Say where settings are found."""
+        """Return code that finds the settings."""
         return [f"settings = bpy.context.scene.shock_filter.{self.mode}"]
 
     @property
     def preset_values(self) -> list[str]:
-        """List what a preset keeps."""
+        """List the properties that a preset keeps."""
         return [f"settings.{name}" for name in kept(find(self.mode))]
 
 

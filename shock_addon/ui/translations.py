@@ -17,18 +17,18 @@ _FOLDER = Path(__file__).parent / "locale"
 
 
 def table(language: str) -> dict[tuple[str, str], str]:
-    """Read a language, as Blender wants it.
+    """Read a language in the form that Blender expects.
 
     Parameters
     ----------
     language : str
-        Blender's code of it.
+        Blender's code of the language.
 
     Returns
     -------
     dict
-        What ``(context, English)`` means; empty if there is no file of the language. Blender
-        looks up the words on buttons in another context than all other words.
+        Texts by ``(context, English)``; empty if there is no file for the language. Blender looks
+        up labels of buttons in another context than all other texts.
     """
     path = _FOLDER / f"{language}.json"
     if not path.is_file():
@@ -44,13 +44,13 @@ def table(language: str) -> dict[tuple[str, str], str]:
 
 
 def register() -> None:
-    """Hand the texts to Blender, now and whenever another language is chosen."""
+    """Register the texts in Blender, now and whenever another language is chosen."""
     bpy.app.handlers.translation_update_post.append(_hand_over)
     _hand_over()
 
 
 def unregister() -> None:
-    """Take them back."""
+    """Unregister the texts."""
     handlers = bpy.app.handlers.translation_update_post
     if _hand_over in handlers:  # other add-ons may clear such lists
         handlers.remove(_hand_over)

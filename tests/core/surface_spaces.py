@@ -57,6 +57,11 @@ def in_full(space, screen):
     return full[used][:, used], used
 
 
+def mass_matrix(space):
+    """The mass matrix of a space, of the unknowns alone."""
+    return in_full(space, 1.0)[0] - in_full(space, 0.0)[0]
+
+
 def positions(space):
     """Where the unknowns lie in space, in the mesh's unit: (n, 3), NaN at what is none."""
     atlas, cut = space.atlas, space.cut_cells

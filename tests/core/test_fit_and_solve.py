@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 import scipy.sparse.linalg
+from mesh_matrices import divergence, mass_matrix, stiffness_matrix
 from shapes import angles, cube, fan, grid, icosphere
 from shock_filter import core
 from shock_filter.core.base.progress import reporting
@@ -93,7 +94,7 @@ def refit_system(mesh, screen):
     """What the refit solves, and the same as a scipy matrix with rows of fixed unknowns gone."""
     fixed = screen == 0
     weights = calculus.stiffness_weights(mesh, calculus.cotangents(mesh), screen)
-    matrix = (calculus.stiffness_matrix(mesh) + scipy.sparse.diags(screen)).tolil()
+    matrix = (stiffness_matrix(mesh) + scipy.sparse.diags(screen)).tolil()
     matrix[fixed] = 0
     matrix[:, fixed] = 0
     matrix[fixed, fixed] = 1
@@ -298,7 +299,7 @@ def test_a_random_definite_matrix_agrees_with_a_dense_solve():
 @pytest.mark.parametrize("multigrid", [False, True])
 def test_poisson_with_two_pinned_unknowns(multigrid):
     mesh = core.TriangleMesh(*icosphere(3))
-    stiffness = calculus.stiffness_matrix(mesh)
+    stiffness = stiffness_matrix(mesh)
     fixed = np.zeros(mesh.vertex_count, dtype=bool)
     fixed[[5, 300]] = True
     known = np.zeros((mesh.vertex_count, 1))
@@ -319,7 +320,7 @@ def test_poisson_with_two_pinned_unknowns(multigrid):
 @pytest.mark.parametrize("multigrid", [False, True])
 def test_what_leaves_constants_alone_is_solved_up_to_them(multigrid):
     mesh = many(*icosphere(2), 3)
-    stiffness = calculus.stiffness_matrix(mesh)
+    stiffness = stiffness_matrix(mesh)
     equations = LinearSystem.from_csr(stiffness)
     parts = np.repeat(np.arange(3), mesh.vertex_count // 3)
     expected = np.random.default_rng(4).normal(size=(mesh.vertex_count, 2))
@@ -375,14 +376,14 @@ def test_the_heat_method_measures_distances(shape):
     vertices, faces = icosphere(4) if shape == "sphere" else grid(40, 40, jitter=0.2)
     mesh = core.TriangleMesh(vertices, faces)
     source = 0 if shape == "sphere" else int(np.argmin(abs(vertices - [20, 20, 0]).sum(axis=1)))
-    stiffness, mass = calculus.stiffness_matrix(mesh), calculus.mass_matrix(mesh)
+    stiffness, mass = stiffness_matrix(mesh), mass_matrix(mesh)
     spot = np.zeros(mesh.vertex_count)
     spot[source] = 1.0
     heat, _ = solve(LinearSystem.from_csr(mass + 4.0 * stiffness), spot, 1e-12)
     away = -calculus.gradient(mesh, heat)
     away /= np.linalg.norm(away, axis=2, keepdims=True)
-    divergence = calculus.divergence(mesh, away)
-    distance, _ = solve(LinearSystem.from_csr(stiffness, spot > 0), -divergence, 1e-8)
+    sources = divergence(mesh, away[:, 0])
+    distance, _ = solve(LinearSystem.from_csr(stiffness, spot > 0), -sources[:, None], 1e-8)
     distance = distance[:, 0] * mesh.mean_edge_length
     if shape == "sphere":
         expected = np.arccos(np.clip(vertices @ vertices[source], -1, 1))
@@ -401,3 +402,26 @@ def test_progress_of_a_solve_rises():
         fractions = [fraction for fraction, _ in seen]
         assert fractions == sorted(fractions)
         assert len({fraction for fraction, message in seen if message == "Solving it"}) > 5
+
+
+def test_the_local_refit_is_that_of_the_whole_mesh_and_leaves_what_is_far_bit_for_bit():
+    # A long roof with one soft ridge.
+    n = 90
+    x, y = np.divmod(np.arange(n * n, dtype=float), n)
+    a = np.flatnonzero((x < n - 1) & (y < n - 1))
+    faces = np.stack([[a, a + n, a + 1], [a + 1, a + n, a + n + 1]]).swapaxes(1, 2).reshape(-1, 3)
+    sharp = core.TriangleMesh(np.stack([x, y, -abs(x - 45)], axis=1), faces)
+    soft = sharp.moved_to(calculus.smooth_vertices(sharp, sharp.vertices, 2))
+    inside = (soft.vertices[:, 1] > 2) & (soft.vertices[:, 1] < n - 3)
+    near = (abs(x - 45) < 5)[faces].all(axis=1) & inside[faces].all(axis=1)
+    normals = np.where(near[:, None], sharp.normals, soft.normals)
+    settings = core.FitSettings(screening_radius=5.0)
+    mask = np.clip(y / 20, 0, 1)
+    for given in (None, mask):
+        whole, _ = fit.displacement(soft, normals, settings, given, 13, 0.95)
+        local = fit.local_displacement(soft, normals, settings, given, 13, 0.95)
+        moves = np.linalg.norm(whole, axis=1)
+        assert np.linalg.norm(whole - local, axis=1).max() < 0.02 * moves.max()
+        far = abs(x - 45) > 5 + 3 * 5 + 3
+        assert far.sum() > 0.4 * len(x)
+        assert (local[far] == 0).all()

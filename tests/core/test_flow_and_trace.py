@@ -198,102 +198,6 @@ def test_surroundings_silence_a_sphere_and_keep_a_crease():
     assert (gated <= plain).all()
 
 
-def followed(mesh, vectors, time, step=None):
-    if step is None:
-        faces, coordinates = trace.face_centres(mesh)
-        trace.follow(mesh, vectors, time, faces, coordinates)
-    else:
-        faces, coordinates = literal_walk.follow_from_faces(mesh, vectors, time, step)
-    return points(mesh, faces, coordinates)
-
-
-@pytest.mark.parametrize("step", [None, 0.05])
-def test_a_uniform_given_field_is_followed_straight_to_the_border(step):
-    mesh = unit_grid(20, 20, jitter=0.3)
-    way = np.array([0.3, -0.2])
-    vectors = np.tile([*way, 5.0], (mesh.face_count, 1))  # what points out of the plane is left out
-    scale = mesh.mean_edge_length
-    end = followed(mesh, vectors, 7.0 / scale, step)[:, :2]
-    expected = centres(mesh)[:, :2] + 7.0 * way
-    side = mesh.vertices.max()
-    inside = ((expected > 0) & (expected < side)).all(axis=1)
-    assert inside.sum() > 400
-    assert np.allclose(end[inside], expected[inside])
-    out = end[~inside]
-    assert len(out) > 20
-    assert np.isclose(np.minimum(abs(out), abs(out - side)).min(axis=1), 0).all()
-    offset = out - centres(mesh)[~inside, :2]
-    assert np.allclose(offset[:, 0] * way[1] - offset[:, 1] * way[0], 0)
-
-
-@pytest.mark.parametrize("step", [None, 0.02])
-def test_a_given_rotation_of_a_sphere_keeps_points_on_their_circles(step):
-    errors = []
-    for level in (3, 4):
-        mesh = core.TriangleMesh(*icosphere(level))
-        start = centres(mesh)
-        vectors = np.cross([0.0, 0.0, 1.0], start) / mesh.mean_edge_length
-        turn = 2.0  # radians: more than a right angle, which would end a walk of the shock filter
-        end = followed(mesh, vectors, turn, step)
-        cosine, sine = np.cos(turn), np.sin(turn)
-        expected = start @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
-        distances = np.linalg.norm(end - expected, axis=1) / mesh.mean_edge_length
-        assert np.median(distances) < 0.2
-        assert distances.max() < 1.0
-        errors.append(np.median(distances) * mesh.mean_edge_length)
-    assert errors[1] < 0.7 * errors[0]
-
-
-def test_a_given_field_is_followed_as_in_small_steps_on_the_plane():
-    mesh = unit_grid(12, 12, jitter=0.3)
-    x, y, _ = centres(mesh).T
-    vectors = np.stack([np.sin(0.5 * y) + 0.3, np.cos(0.4 * x), 0 * x], axis=1)
-    end = followed(mesh, vectors / mesh.mean_edge_length, 3.0)[:, :2]
-    # Euler's method in numpy, in the face that holds each point.
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces][:, :, :2], 1, 0)
-    inverse = np.linalg.inv(np.stack([b - a, c - a], axis=2))
-    found = centres(mesh)[:, :2].copy()
-    for _ in range(150):
-        local = np.einsum("fij,pfj->pfi", inverse, found[:, None] - a)
-        depth = np.minimum(local.min(axis=2), 1 - local.sum(axis=2))
-        moving = depth.max(axis=1) > -1e-9  # others have left through the border
-        found += np.where(moving[:, None], 3.0 / 150 * vectors[depth.argmax(axis=1), :2], 0.0)
-    side = mesh.vertices.max()
-    inside = ((found > 0.1) & (found < side - 0.1)).all(axis=1)
-    assert inside.sum() > 50
-    distances = np.linalg.norm(end - found, axis=1)[inside]
-    assert np.median(distances) < 0.03
-    assert (distances < 0.2).mean() > 0.95
-
-
-def test_given_fields_slide_where_both_sides_flow_together():
-    # Onto the line y = middle from below at speed 1 and from above at speed 3: the part of each
-    # that keeps a point on it is 3/4 of the lower flow and 1/4 of the upper one (Filippov).
-    mesh = unit_grid(30, 10)
-    x, y, _ = centres(mesh).T
-    middle = np.unique(mesh.vertices[:, 1])[5]
-    below = y < middle
-    vectors = np.stack([np.where(below, 0.2, 1.0), np.where(below, 1.0, -3.0), 0 * y], axis=1)
-    end = followed(mesh, vectors / mesh.mean_edge_length, 6.0)
-    arrival = np.where(below, middle - y, (y - middle) / 3)
-    speed = 0.75 * 0.2 + 0.25 * 1.0
-    expected = x + np.where(below, 0.2, 1.0) * arrival + speed * (6.0 - arrival)
-    inside = (arrival < 6.0) & (expected < mesh.vertices[:, 0].max())
-    assert inside.sum() > 100
-    assert np.allclose(end[inside, 1], middle)
-    assert np.allclose(end[inside, 0], expected[inside])
-    # A sink holds what it gets.
-    centre = mesh.vertices[np.argmin(np.linalg.norm(mesh.vertices[:, :2] - [15, 5], axis=1))]
-    sink = followed(mesh, centre - centres(mesh), 1e4)
-    assert np.median(np.linalg.norm(sink - centre, axis=1)) < 1e-6
-
-
-def test_endless_walks_of_given_fields_are_refused():
-    mesh = unit_grid(2, 2)
-    with pytest.raises(ValueError, match="finite"):
-        trace.follow(mesh, np.zeros((mesh.face_count, 3)), math.inf, *trace.face_centres(mesh))
-
-
 def test_walks_that_are_cut_off_are_counted(monkeypatch, caplog):
     mesh, potential = random_landscape()
     trace_faces(mesh, potential, 10.0)
@@ -340,20 +244,6 @@ def test_sharpening_around_a_hub_asks_often_and_stays_in_range():
     assert len(asked) > 100
     assert colors.min() <= out.min() and out.max() <= colors.max()
     assert out.std() > 1.02 * colors.std()
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_given_flow_along_edges_goes_on_past_their_vertices(turned):
-    # It flows together on a line of edges up to a vertex, and beyond it exactly along the line.
-    vertices, faces = grid(4, 2)
-    if turned:  # the diagonals, which lie on the other side of each vertex then
-        vertices, faces = vertices * [1, -1, 1] + [0, 2, 0], faces[:, ::-1]
-    mesh = core.TriangleMesh(vertices, faces)
-    x, y, _ = centres(mesh).T
-    toward = np.where(x < 1, 3 * np.sign(1 - y), 0.0)
-    vectors = np.stack([np.ones_like(x), toward, 0 * x], axis=1) / mesh.mean_edge_length
-    end = followed(mesh, vectors, 2.0)[x < 1]
-    assert end == pytest.approx(centres(mesh)[x < 1] * [1, 0, 0] + [2, 1, 0])
 
 
 def test_the_longer_the_time_the_wider_are_features_that_stand_out():

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from shock_filter.core.grid.walk import follow
+from grid_walks import follow
 
 WAYS = pytest.mark.parametrize("exchanged", [False, True], ids=["across", "down"])
 
@@ -14,7 +14,7 @@ def end(velocities, start, time, exchanged=False):
     vectors = np.asarray(velocities, dtype=float)
     if exchanged:
         vectors = vectors.transpose(1, 0, 2)[..., ::-1]
-    return follow(np.ascontiguousarray(vectors), time, np.array([start[turn]], float))[0][turn]
+    return follow(np.ascontiguousarray(vectors), time, np.array([start[turn]], float))[0][0][turn]
 
 
 @WAYS

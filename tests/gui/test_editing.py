@@ -30,7 +30,7 @@ def test_dragging_a_number_after_the_run_filters_again(report):
 def test_a_folded_section_opens_and_its_numbers_work(report):
     seen = report["section"]
     folded, unfolded = seen["numbers"]
-    assert (folded, unfolded) == (2, 12)
+    assert (folded, unfolded) == (2, 13)
     assert seen["radius"] != 5.0
     assert seen["dragged"]["positions"] not in {
         seen["first"]["positions"],

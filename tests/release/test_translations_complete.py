@@ -29,7 +29,6 @@ SHOWN_ARGUMENTS = {
     "counted": (1, 2),
     "report": (1,),
     "tell": (1,),
-    "draw_link": (1,),
     "draw_text": (2,),
     "progress": (1,),
     "part": (2,),

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The dials What and Width, and the noise, as amounts of sharpening and flow times.
 
-Pure functions of numbers and arrays, the same for colors on meshes, images and textures. A filter
-measures the width (where it is 0), asks `plan_of` what to do, and then
+Pure functions of numbers and arrays, for colors on meshes, images and textures alike. A filter
+measures the width if the setting is 0, makes a plan by `plan_of`, and then
 
 - smooths the signal by ``plan.blur`` (a Gaussian's sigma) and adds the difference, with
   `limited_unsharp`: the result stays between the least and the greatest value within
   ``plan.limit``;
-- lets that (`plan.unsharp_first`), or else the signal itself, flow for a time that `flow_times`
-  gives for each place from the contrast there: the `contrast` of the least and greatest value
-  within ``plan.reach``, of the flowing signal smoothed by ``plan.presmooth``, and then itself
-  smoothed by half of ``plan.reach``;
-- mixes the two with `blended`, and the whole with the signal by Amount.
+- advects that (with `plan.unsharp_first`) or the signal itself. `flow_times` computes the time at
+  each place from the local contrast: the `contrast` of the least and greatest value within
+  ``plan.reach``, of the advected signal smoothed by ``plan.presmooth``; the contrast is smoothed
+  by half of ``plan.reach``;
+- mixes the two with `blended`, and the result with the signal by Amount.
 
-All lengths are in those of the width: pixels, mean texel sizes or mean edge lengths.
+All lengths are in the unit of the width: pixels, mean texel sizes or mean edge lengths.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from ...base.findings import tell
 from ...settings import WIDTH_OF_SIGMA
 
 SHARP = 1.6
-"""Measured widths up to this are sharp already, and stay as they are."""
+"""Measured widths up to this count as sharp."""
 
 WIDEST = {"drawing": 16.0, "photo": 8.0}
-"""Most that measured widths count: what is wider was meant to be soft."""
+"""Largest width that is closed by default; wider borders are meant to be soft."""
 
 _DRAWING, _PHOTO = (2.0, 0.6), (2.0, 1.0)  # times the unsharp difference, widths that flow
 _RATE = 0.7  # the time in which a border of contrast 1 closes, over its width to the power of 4
@@ -53,27 +53,27 @@ class Plan(NamedTuple):
     Attributes
     ----------
     blur : float
-        Sigma of the smoothing that the unsharp part takes the difference to.
+        Sigma of the smoothing for the unsharp mask.
     unsharp : float
-        How many times the difference is added.
+        Factor of the unsharp mask.
     grain : float
-        Range of values within the limit that is noise: where there is no more, nothing is added.
+        Range of values due to noise; the unsharp mask is not added where the range is no larger.
     limit : float
-        How far away the values lie between which the unsharp part stays.
+        Radius of the neighbourhood whose range the unsharp part keeps.
     unsharp_first : bool
-        Whether the result of the unsharp part flows, and not the signal itself.
+        Whether the result of the unsharp part is advected, and not the signal itself.
     share : float
-        Of the flow in the result; the rest is the unsharp part's.
+        Share of the advected signal in the result; the rest is the unsharp part.
     square : float
-        Squared width that the flow closes, as `flow_times` takes it; 0: nothing flows.
+        Squared width that the flow closes, for `flow_times`; 0 if nothing flows.
     passes : int
         Smoothing passes on the flow.
     presmooth : float
         Sigma of the smoothing before contrasts are measured.
     reach : float
-        How far around a place its contrast is measured.
+        Radius of the neighbourhood in which contrast is measured.
     faint : float
-        Contrast below which nothing is a border.
+        Least contrast of a border.
     """
 
     blur: float
@@ -138,7 +138,7 @@ def _square(flow: float, own: float, passes: int) -> float:
 
 
 def flow_only(plan: Plan, width: float, what: str = "photo") -> Plan:
-    """Leave the unsharp part out of a plan: for values that cannot be added, or follow others."""
+    """Return a plan without the unsharp part, for values that cannot be added or have a guide."""
     plain = plan_of("photo", width, 0.0, plan.passes)
     own = _PHOTO_OWN if what == "photo" else 0.0
     square = _square(width, own, plan.passes)
@@ -152,14 +152,14 @@ def contrast(low: npt.NDArray, high: npt.NDArray) -> npt.NDArray:
 
 
 def flow_times(plan: Plan, contrasts: npt.NDArray) -> npt.NDArray:
-    """Give each place the time that closes the plan's width at its contrast."""
+    """Return the flow time at each place that closes the plan's width at its contrast."""
     return _RATE * plan.square**2 / (contrasts * contrasts + plan.faint**2)
 
 
 def limited_unsharp(
     plan: Plan, values: npt.NDArray, smooth: npt.NDArray, low: npt.NDArray, high: npt.NDArray
 ) -> npt.NDArray:
-    """Add the difference from the smoothed values, and stay within those nearby."""
+    """Add the unsharp mask, limited to the range of the neighbourhood."""
     added = plan.unsharp * (values - smooth)
     if plan.grain > 0:
         beyond = np.maximum(high - low - plan.grain, 0.0)
@@ -173,18 +173,18 @@ def blended(plan: Plan, unsharp: npt.NDArray, flowed: npt.NDArray) -> npt.NDArra
 
 
 def tell_widths(unit: str, width: float, count: int, result: float | None) -> None:
-    """Say, for reports, how wide borders were and are; see `base.findings`.
+    """Report the widths of borders before and after; see `base.findings`.
 
     Parameters
     ----------
     unit : str
-        Of lengths: "pixels", "texels" or "edge lengths".
+        Unit of lengths: "pixels", "texels" or "edge lengths".
     width : float
-        As measured.
+        The measured width.
     count : int
-        How many borders were found.
+        Number of borders.
     result : float or None
-        The width in the result; None if nothing was to be done.
+        The width in the result; None if nothing was done.
     """
     if not count:
         tell("No borders were found; give a Width.")
@@ -198,14 +198,14 @@ def tell_widths(unit: str, width: float, count: int, result: float | None) -> No
 
 
 def counted_width(width: float, measured: float, what: str = "drawing", enlarge: int = 1) -> float:
-    """Return the width that counts: the given one, or for 0 the measured one; 0 if sharp.
+    """Return the width to close: the given one or, for 0, the measured one; 0 if sharp.
 
     Parameters
     ----------
     width : float
-        In the image as it is given.
+        In pixels of the input.
     measured : float
-        After enlarging.
+        In pixels of the enlarged image.
     what : str
     enlarge : int
         How many times the image was enlarged.

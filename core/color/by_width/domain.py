@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The interface of a domain of signals: a mesh, a grid of pixels or a sheet of texels.
 
-A `Domain` computes neighbourhoods of a place and lets values flow. Each domain is a subclass in a
-file of its own: `mesh_domain`, `grid_domain` and `core.texture.sheet_domain`.
+A `Domain` computes neighbourhoods and advects values. Each domain is a subclass in its own module:
+`mesh_domain`, `grid_domain` and `core.texture.sheet_domain`.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class Nearby(NamedTuple):
 
 
 class Domain(Protocol):
-    """Where a signal lives, which of its channels are filtered, and how values are read.
+    """The domain of a signal, with its filtered channels and the interpolation of values.
 
-    Lengths are in those of the width: pixels, mean texel sizes or mean edge lengths. The first axis
-    of each array counts places, or rows of them.
+    Lengths are in the unit of the width: pixels, mean texel sizes or mean edge lengths. The first
+    axis of each array is that of places, or of rows of these.
     """
 
     def each_nearby(
@@ -52,36 +52,36 @@ class Domain(Protocol):
         distance: float,
         use: Callable[[Any, Nearby], None],
     ) -> None:
-        """Call ``use(piece, nearby)`` for pieces that make up the channels that are filtered.
+        """Call ``use(piece, nearby)`` for pieces that cover the filtered channels.
 
         Parameters
         ----------
         values : array
             A signal.
         sigma : float
-            Of the Gaussian that smooths it.
+            Sigma of the Gaussian smoothing.
         distance : float
-            Within which the least and greatest values lie.
+            Radius for the least and greatest values.
         use : callable
-            Gets an index into arrays like `values`, and what is near there. May be called on
-            several threads.
+            Takes an index into arrays like `values`, and a `Nearby`. May be called on several
+            threads.
         """
 
     def contrasts(self, values: npt.NDArray, presmooth: float, reach: float) -> npt.NDArray:
-        """Measure how far apart values lie around each place, all channels together.
+        """Measure the contrast around each place, of all channels together.
 
         Parameters
         ----------
         values : array
             A signal.
         presmooth : float
-            Sigma of the smoothing before.
+            Sigma of the smoothing before the measurement.
         reach : float
-            How far around a place; the result is smoothed by half of it.
+            Radius; the result is smoothed by half of it.
         """
 
     def potential(self, values: npt.NDArray, passes: int) -> npt.NDArray:
-        """Compute the potential of a signal, with so many smoothing passes before and after."""
+        """Compute the potential of a signal, with smoothing passes before and after."""
 
     def advect(
         self,
@@ -90,14 +90,14 @@ class Domain(Protocol):
         times: float | npt.NDArray,
         out: npt.NDArray,
     ) -> None:
-        """Let a signal flow into `out`, for one time, or each place for its own."""
+        """Advect a signal, for one time or for a time at each place, and write it to `out`."""
 
     def complete(self, values: npt.NDArray) -> None:
-        """Make up, in place, values that are copies of others; most domains have none."""
+        """Set values that are copies of others, in place; most domains have none."""
         return
 
     def as_result(self, values: npt.NDArray) -> npt.NDArray:
-        """Lay a piece of a signal out as results are; on most domains these are alike."""
+        """Convert a signal to the layout of results, which is the same on most domains."""
         return values
 
 
@@ -110,7 +110,7 @@ def flow_for_time(
     time: float,
     out: npt.NDArray,
 ) -> None:
-    """Let a signal follow the flow of a guide, for the same time everywhere.
+    """Advect a signal by the flow of a guide, for the same time everywhere.
 
     Parameters
     ----------
@@ -119,12 +119,12 @@ def flow_for_time(
         The signal.
     leading : Domain
     guide : array
-        The signal whose flow is followed; may be the same.
+        The signal that defines the flow; may be the same signal.
     passes : int
         Smoothing passes on the flow.
     time : float
     out : array
-        Holds the values as results are laid out, and gets the result.
+        The values in the layout of results; overwritten with the result.
     """
     with phase(0.0, 0.25, "Computing the flow"):
         potential = leading.potential(guide, passes)

@@ -41,7 +41,7 @@ class GridDomain(Domain):
     nearest : bool
         Whether the nearest pixel is read at the ends of flow-lines.
     part : Part or None
-        What is wanted, if the image is a part of another one.
+        The wanted pixels, if the image is a part of another one.
     """
 
     channels: Channels
@@ -63,7 +63,7 @@ class GridDomain(Domain):
         distance: float,
         use: Callable[[Any, Nearby], None],
     ) -> None:
-        """Hand out bands of rows of one channel, in the image's range."""
+        """Call `use` for bands of rows of one channel, in the image's range."""
         start, stop, alpha, _ = self.channels
         weights = gaussian(sigma)
         reach, halo = int(np.ceil(distance)), nearby_reach(sigma, distance)
@@ -123,7 +123,7 @@ class GridDomain(Domain):
         times: float | npt.NDArray,
         out: npt.NDArray,
     ) -> None:
-        """Let the image flow.
+        """Advect the image.
 
         Raises
         ------
@@ -135,10 +135,10 @@ class GridDomain(Domain):
 
 
 def nearby_reach(sigma: float, distance: float) -> int:
-    """How far around a pixel an image counts for what is nearby."""
+    """Return the radius in pixels within which an image affects a `Nearby`."""
     return max(len(gaussian(sigma)), int(np.ceil(distance)))
 
 
 def contrast_reach(presmooth: float, reach: float) -> int:
-    """How far around a pixel an image counts for the contrast there."""
+    """Return the radius in pixels within which an image affects the contrast."""
     return len(gaussian(presmooth)) + round(reach) + len(gaussian(reach / 2.0))

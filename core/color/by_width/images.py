@@ -34,9 +34,9 @@ def sharpen_pixels_by_width(
     channels : Channels
     settings : ImageSettings
     found : Measured
-        Of the channels, in all of the image.
+        Measurements of the channels in the whole image.
     part : Part, optional
-        What is wanted, if the image is a part of another one.
+        The wanted pixels, if the image is a part of another one.
     """
     if found.width > 0:
         domain = GridDomain.of(pixels, channels, settings, part)
@@ -55,22 +55,22 @@ def follow_pixels_by_width(
     found: Sequence[Measured],
     part: Part | None = None,
 ) -> None:
-    """Let an image follow the flow of another one.
+    """Advect an image by the flow of another one.
 
     Parameters
     ----------
     lead : (h, w, c) array
-        Says how wide borders are, and how values flow.
+        The guide, which defines the width of borders and the flow.
     guides : Channels
-        Those of it that guide.
+        The guiding channels of `lead`.
     pixels, target : (h, w, c) array
     channels : Channels
         Of the image.
     settings : ImageSettings
     found : sequence of Measured
-        Of the lead, and of the image, where only the noise counts.
+        Measurements of the guide and of the image; of the latter only the noise is used.
     part : Part, optional
-        What is wanted, if both are parts of larger ones.
+        The wanted pixels, if both are parts of larger images.
     """
     if found[0].width == 0:
         return
@@ -89,7 +89,7 @@ def _plan(found: Measured, settings: ImageSettings, scale: float) -> Plan:
 
 
 def reach_by_width(found: Measured, settings: ImageSettings) -> tuple[int, int]:
-    """How far around a pixel an image counts: for the flow there, and for all else.
+    """Return the radii in pixels within which an image affects the flow, and all else.
 
     Parameters
     ----------

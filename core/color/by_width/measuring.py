@@ -24,7 +24,7 @@ class Measured(NamedTuple):
     what : str
         "drawing" or "photo".
     width : float
-        Of the borders that are closed; 0: nothing is done.
+        The width of borders to close; 0 if there are none.
     borders : Borders
     """
 
@@ -41,7 +41,7 @@ def measured(
     enlarge: int = 1,
     inside: npt.NDArray[np.bool_] | None = None,
 ) -> Measured:
-    """Measure What and Width unless they are given.
+    """Measure What and Width, except where the settings say them.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def measured(
     enlarge : int
         How many times the image was enlarged.
     inside : (h, w) bool, optional
-        What is looked at.
+        Texels to measure.
     """
     scale = SCALES[pixels.dtype.name]
     borders = measure_borders(pixels, scale, channels, inside=inside)
@@ -70,7 +70,7 @@ def tell_closed(
     *,
     inside: npt.NDArray[np.bool_] | None = None,
 ) -> None:
-    """Measure a result, and say for reports how wide borders were and are; see `tell_widths`."""
+    """Measure a result, and report the widths of borders before and after; see `tell_widths`."""
     width = None
     if found.width > 0:
         with aside("Measuring borders"):

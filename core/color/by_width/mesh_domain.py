@@ -27,12 +27,12 @@ class MeshDomain(Domain):
     ----------
     mesh : TriangleMesh
     brightness : bool
-        Whether the brightness guides the flow, and not each channel.
+        Whether the brightness, and not each channel, guides the flow.
     nearest : bool
         Whether the nearest corner is read at the ends of flow-lines.
     at_corners : bool
-        Whether results have a row for each corner of ``mesh.faces``, (3 m, d), with what its own
-        flow-line finds; else each vertex has the mean of its corners.
+        Whether results have a row for each corner of ``mesh.faces``, (3 m, d), with the value at
+        the end of its own flow-line; otherwise each vertex has the mean of its corners.
     """
 
     mesh: TriangleMesh
@@ -47,7 +47,7 @@ class MeshDomain(Domain):
         distance: float,
         use: Callable[[Any, Nearby], None],
     ) -> None:
-        """Hand out all vertices at once."""
+        """Call `use` once, for all vertices."""
         smooth = diffused(self.mesh, values, sigma)
         low, high = nearby_range(self.mesh, values, distance)
         use(slice(None), Nearby(values, smooth, low, high))
@@ -63,7 +63,7 @@ class MeshDomain(Domain):
     def advect(
         self, values: Floats, potential: Floats, times: float | npt.NDArray, out: Floats
     ) -> None:
-        """Let the signal flow to the corners, and on to the vertices where these are wanted."""
+        """Advect the signal to the corners, and average at vertices unless `at_corners`."""
         points, coordinates = corner_offsets(self.mesh)
         if isinstance(times, np.ndarray):
             times = self._of_corners(times)
@@ -72,7 +72,7 @@ class MeshDomain(Domain):
         out[...] = read if self.at_corners else average_corners(self.mesh, read, values)
 
     def as_result(self, values: Floats) -> Floats:
-        """Give each corner the value of its vertex where corners are wanted."""
+        """Return the values at the vertices or, with `at_corners`, copied to the corners."""
         return self._of_corners(values) if self.at_corners else values
 
     def _of_corners(self, values: Floats) -> Floats:

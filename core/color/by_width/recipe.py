@@ -21,14 +21,14 @@ _BLOCK = 1 << 16  # numbers that numpy takes at once, so that temporary arrays a
 
 
 class Lead(NamedTuple):
-    """Another signal, whose flow is followed.
+    """A guide: another signal that defines the flow.
 
     Attributes
     ----------
     domain : Domain
     values : array
     plan : Plan
-        Made from its own noise.
+        Its plan, made for its own noise.
     """
 
     domain: Domain
@@ -43,7 +43,7 @@ def sharpen_by_width(
     target: npt.NDArray,
     lead: Lead | None = None,
 ) -> None:
-    """Sharpen a signal, or let it follow the flow of another one.
+    """Sharpen a signal, or advect it by the flow of another one.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def sharpen_by_width(
         `plan.grain` is in the signal's range.
     values : array
     target : array
-        Holds the values as results are laid out, and gets the result; whole numbers are rounded.
+        The values in the layout of results; overwritten with the result, rounded if whole numbers.
     lead : Lead, optional
-        By default the signal follows its own flow.
+        By default, the signal defines its own flow.
     """
     if plan.unsharp_first:
         with phase(0.0, 0.2, "Sharpening"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images and what they show: pixels, tiles, maps, sequences, fields, flows.
+"""Images: pixels, tiles, material maps, sequences, fields and flows.
 
 May use `data.mesh` and the rest of `data`.
 """

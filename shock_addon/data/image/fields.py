@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read mesh objects, starting places and directions for images that are generated."""
+"""Read mesh objects, sources and directions for generated images."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _HALF = 0.5
 
 @dataclass(frozen=True)
 class FieldTarget(ImageTarget):
-    """What is to show a new image, and the image that is written; its uid is 0 if it is new.
+    """The objects that will show an image, and the image to write; its uid is 0 if it is new.
 
     Attributes
     ----------
     objects : list of str
         Names of the objects whose faces were read, the active one first.
     notes : list of str
-        What a person should know about them.
+        Remarks on them for the report.
     """
 
     objects: list[str]
@@ -48,17 +48,17 @@ def read_field(
     parameters: Any,
     places: Sequence[str],
 ) -> tuple[FieldTarget, list[str]]:
-    """Read the faces of the chosen objects, and what a new image on them is made from.
+    """Read the faces of the chosen objects, and the inputs of an image on them.
 
     Parameters
     ----------
     context : bpy.types.Context
     image : bpy.types.Image or None
-        The one to write; None for a new one.
+        The image to write; None for a new one.
     parameters : object
         Has `image_size` and `places`.
     places : sequence of str
-        Those of the properties that matter; see `modes.DATA`.
+        Names of the properties to read; see `kinds.DATA`.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def read_field(
 def add_or_reuse(
     name: str, used: str, pixels: npt.NDArray[np.float32], is_float: bool
 ) -> bpy.types.Image:
-    """Write pixels into the image named `used`, if an earlier run has made it so, or a new one."""
+    """Write pixels into the image `used` if an earlier run made it alike, or into a new one."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.get(used)
     fits = image is not None and tuple(image.size) == (width, height)
@@ -105,7 +105,7 @@ def add_or_reuse(
 
 
 def pixels_of(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Make opaque grays of (h, w) values: (h, w, 4); 0 where they are infinite."""
+    """Convert (h, w) values to opaque grays: (h, w, 4); infinite values become 0."""
     pixels = np.repeat(values[..., None], 4, axis=2)
     pixels[~np.isfinite(values)] = 0.0
     pixels[..., 3] = 1.0
@@ -150,7 +150,7 @@ def add_nodes(names: list[str], image: bpy.types.Image) -> list[str]:
     Returns
     -------
     list of str
-        A sentence for what could not be done.
+        A sentence for each object that could not get the node.
     """
     notes = []
     for obj in (bpy.data.objects[name] for name in names):
@@ -196,7 +196,7 @@ def _given(
     places: Sequence[str],
     shape: tuple[int, int],
 ) -> tuple[dict[str, Any], list[str]]:
-    # What the function in the registry takes by name, and what is to be said about it.
+    # The keyword arguments for the function in the registry, and remarks for the report.
     given: dict[str, Any] = {}
     if "start" in places and parameters.source != "given":
         return given, []
@@ -224,7 +224,7 @@ def _given(
 
 
 def read_directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any]:
-    """Read an attribute: vectors at the faces, or numbers at their corners that rise in their way.
+    """Read an attribute: vectors at the faces, or numbers at their corners, whose gradient counts.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def read_directions(objects: list[bpy.types.Object], name: str) -> dict[str, Any
 
 
 def _starts(objects: list[bpy.types.Object], parameters: Any) -> dict[str, Any]:
-    # Vertices and edges, counted on through all objects.
+    # Vertices and edges, numbered through all objects.
     start = "SELECTED" if parameters.start == "AUTO" else parameters.start
     vertices, edges, first = [], [], 0
     for obj in objects:

@@ -25,17 +25,17 @@ _BYTE = 255.0
 
 @dataclass(frozen=True)
 class Film:
-    """A flow, and the frames that are to show it.
+    """A flow, and the frames to draw of it.
 
     Attributes
     ----------
     flow : FlowSurface or FlowPlane
     frames : int
-        How many there are.
+        Number of frames.
     in_colors : bool
-        Whether colors say how fast it is.
+        Whether colors show the speed.
     parent : path
-        The folder beside whose contents they are written.
+        Frames are written to a hidden folder in this one.
     """
 
     flow: FlowSurface | FlowPlane
@@ -45,24 +45,24 @@ class Film:
 
     @property
     def size(self) -> int:
-        """How much work it is, beside others."""
+        """The amount of work, relative to other targets."""
         return self.flow.size
 
 
 @dataclass(frozen=True)
 class FlowTarget:
-    """A flow that is to be shown.
+    """A flow to show.
 
     Attributes
     ----------
     name : str
         Of the active object or the flow map.
     surface : FlowSurface, FlowPlane or Film
-        The flow, and then what is handed to the filter.
+        The flow; later the input of the filter.
     objects : list of str
         Names of the objects whose faces were read, the active one first.
     image_uid : int
-        Of the flow map; 0 if it is none.
+        Of the flow map; 0 for other flows.
     """
 
     name: str
@@ -90,7 +90,7 @@ def read_map(image: bpy.types.Image, y_axis: str) -> FlowTarget:
 def read_surface(
     context: bpy.types.Context, of: str, parameters: Any, settings: Any, colors: str
 ) -> tuple[FlowTarget, list[str]]:
-    """Read the faces of the chosen objects, and what their flow is computed from.
+    """Read the faces of the chosen objects, and the data that define their flow.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def read_surface(
     Raises
     ------
     Skipped
-        If no object could be read, or one lacks what is named.
+        If no object could be read, or one lacks the named attribute.
     """
     size = int(parameters.image_size)
     faces, names, skipped = textures.read_faces(context, mesh_users(context), None, None)

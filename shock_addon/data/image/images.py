@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between Blender's images and arrays.
+"""Conversion between Blender's images and arrays.
 
-Pixels are read and written as Blender keeps them: bytes in the image's own color space, floats
+Pixels are read and written as Blender stores them: bytes in the image's own color space, floats
 linear in the scene's color space and multiplied by their opacity.
 """
 
@@ -27,19 +27,19 @@ from ..skipped import Skipped, skip_if
 from .tiles import Tiles, dress, new_tiled_like, read_tiles, write_tiles
 
 UNTILED = 0
-"""The number under which `read_parts` gives the pixels of an image without tiles."""
+"""The key of the pixels of an image without tiles, in the result of `read_parts`."""
 
 
 @dataclass(frozen=True)
 class ImageTarget:
-    """An image as it was read, to find it again when the result is there.
+    """An image as it was read, with what is needed to find it again and write the result.
 
     Attributes
     ----------
     surface : HostImage or TexturedSurface
-        What is handed to the filter.
+        The input of the filter.
     parts : dict
-        The pixels, as `read_parts` gives them.
+        The pixels, as `read_parts` returns them.
     """
 
     name: str
@@ -49,13 +49,13 @@ class ImageTarget:
 
 
 _overwritten: dict[int, Tiles] = {}
-"""The images that the last run replaced, as they were, by their uids: undo does not bring them."""
+"""The old pixels of images that the last run replaced, by uid; undo does not restore them."""
 
 _undone = False
-"""Whether something was undone since; Adjust Last Operation does, Repeat Last does not."""
+"""Whether there was an undo since, as by Adjust Last Operation, but not by Repeat Last."""
 
 _written: dict[int, bytes] = {}
-"""Digests of what was written, by the images' uids: what people have changed since is theirs."""
+"""Digests of what was written, by the uid of the image, to tell later changes by the user."""
 
 
 def read_image(image: bpy.types.Image) -> ImageTarget:
@@ -64,7 +64,7 @@ def read_image(image: bpy.types.Image) -> ImageTarget:
     Raises
     ------
     Skipped
-        If it is none that can be sharpened.
+        If the image cannot be sharpened.
     """
     skip_if(refusal(image))
     surface = host_image(image, read_pixels(image))
@@ -72,7 +72,7 @@ def read_image(image: bpy.types.Image) -> ImageTarget:
 
 
 def host_image(image: bpy.types.Image, pixels: npt.NDArray[np.float32]) -> HostImage:
-    """Say what pixels that were read from an image mean."""
+    """Wrap pixels of an image with their color space and opacity."""
     return HostImage(
         pixels=pixels,
         opacity=image.alpha_mode,
@@ -98,7 +98,7 @@ def find_image(target: ImageTarget) -> bpy.types.Image:
 
 
 def part_sizes(image: bpy.types.Image) -> dict[int, tuple[int, int]]:
-    """Return height and width of each part of an image, as `read_parts` gives them."""
+    """Return height and width of each part of an image, with the keys of `read_parts`."""
     if image.source != "TILED":
         return {UNTILED: (image.size[1], image.size[0])}
     return {tile.number: (tile.size[1], tile.size[0]) for tile in image.tiles if tile.size[0]}
@@ -110,7 +110,7 @@ def read_parts(image: bpy.types.Image) -> Tiles:
 
 
 def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
-    """Write the pixels of all parts, and pack them into the blend file; tiles always are."""
+    """Write the pixels of all parts, and pack them into the blend file; tiles are always packed."""
     if image.source == "TILED":
         write_tiles(image, parts)
         return
@@ -128,9 +128,9 @@ def write_parts(image: bpy.types.Image, parts: Tiles, pack: bool) -> None:
 def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) -> bpy.types.Image:
     """Write the parts into an image like `source`.
 
-    It is the one named `used`, if that can take them and holds what an earlier run has written.
-    Else a new one gets the name of `source` with the suffix. It is packed, since Blender saves no
-    pixels that are in neither the blend file nor a file.
+    This is the image named `used` if it fits and still holds what an earlier run wrote. Otherwise,
+    it is a new one, named after `source` with the suffix. It is packed, because Blender does not
+    save pixels that are neither in the blend file nor in a file.
     """
     image = bpy.data.images.get(used)
     fits = image is not None and image != source and _is_like(image, source, parts)
@@ -147,9 +147,9 @@ def add_or_reuse(source: bpy.types.Image, suffix: str, used: str, parts: Tiles) 
 
 
 def keep(image: bpy.types.Image) -> None:
-    """Have the blend file keep an image, even if nothing in it uses it: Blender saves no others.
+    """Make the blend file keep an image that has no users, which Blender would not save.
 
-    Editors that show it do not count, nor what is painted on.
+    Editors that show an image, and painting on it, do not count as users.
     """
     users = bpy.data.user_map(subset={image})[image]
     if all(isinstance(user, bpy.types.Screen | bpy.types.Scene) for user in users):
@@ -157,7 +157,7 @@ def keep(image: bpy.types.Image) -> None:
 
 
 def _name(old: str, suffix: str) -> str:
-    """Put the suffix after a name without file ending, unless it is there."""
+    """Append the suffix to a name without its file ending, unless the name has it."""
     unnumbered = re.sub(r"\.\d{3}$", "", old)  # Blender adds such numbers
     if unnumbered.endswith(f" {suffix}"):
         return unnumbered
@@ -181,20 +181,20 @@ def new_like(image: bpy.types.Image, name: str, size: Sequence[int]) -> bpy.type
 
 
 def _is_like(image: bpy.types.Image, other: bpy.types.Image, parts: Tiles) -> bool:
-    """Whether an image can take these parts, made from another one."""
+    """Whether an image can take these parts of a result for another image."""
     fits = part_sizes(image) == sizes_of(parts) and image.is_float == other.is_float
     return fits and not refusal(image, tiles=True)
 
 
 def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> bytes:
-    """Write new parts and keep the old ones for `restore`; return the digest of the new ones.
+    """Write new parts, keep the old ones for `restore`, and return the digest of the new ones.
 
     See `forget_overwritten`.
 
     Raises
     ------
     Skipped
-        If the image does not hold the old parts any more.
+        If the image no longer holds the old parts.
     """
     global _undone
     check_same_parts(read_parts(image), old)
@@ -207,9 +207,9 @@ def overwrite(image: bpy.types.Image, old: Tiles, new: Tiles) -> bytes:
 
 
 def restore(image: bpy.types.Image) -> None:
-    """Undo the last run's `overwrite` of this image, if Blender has undone the rest of it.
+    """Undo `overwrite` of this image if Blender has undone the rest of the last run.
 
-    Whatever was painted on the image since stays.
+    An image that was painted on since stays as it is.
     """
     old = _overwritten.get(image.session_uid)
     painted = image.source == "TILED" and image.is_dirty  # its files are read, not its pixels
@@ -218,18 +218,18 @@ def restore(image: bpy.types.Image) -> None:
 
 
 def is_as_written(image: bpy.types.Image) -> bool:
-    """Whether an image holds what a run has written, and nothing that was painted since."""
+    """Whether an image still holds exactly what a run has written."""
     written = _written.get(image.session_uid)
     return written is not None and written == digest_of(image)
 
 
 def note_written(image: bpy.types.Image) -> None:
-    """Remember what a run has written into an image."""
+    """Remember the digest of what a run has written into an image."""
     _written[image.session_uid] = digest_of(image)
 
 
 def digest_of(image: bpy.types.Image) -> bytes:
-    """Return a word that differs when one bit of an image's pixels does."""
+    """Return a digest of the pixels of an image."""
     digest = hashlib.blake2b(digest_size=16)
     for number, pixels in read_parts(image).items():
         digest.update(f"{number} {pixels.shape} ".encode())
@@ -243,7 +243,7 @@ def _note_undo(*_: object) -> None:
 
 
 def forget_overwritten() -> None:
-    """Drop what `overwrite` has kept: only the last run can be undone."""
+    """Drop the parts that `overwrite` has kept, as only the last run can be undone."""
     _overwritten.clear()
     if _note_undo in bpy.app.handlers.undo_post:  # Blender drops it when it loads a file
         bpy.app.handlers.undo_post.remove(_note_undo)
@@ -256,6 +256,6 @@ def sizes_of(parts: Tiles) -> dict[int, tuple[int, int]]:
 
 @forgetting.with_file
 def forget() -> None:
-    """Drop what is known about images that were written."""
+    """Forget all images that were written."""
     _written.clear()
     forget_overwritten()

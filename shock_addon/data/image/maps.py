@@ -13,7 +13,7 @@ from ..materials import colors_surface, image_nodes
 from ..skipped import Skipped, sentences
 
 _ON_THE_WAY = {"REROUTE", "SEPARATE_COLOR", "COMBINE_COLOR", "CURVE_RGB", "INVERT", "GAMMA"}
-"""Kinds of nodes through which normals go on their way to a Normal Map node."""
+"""Kinds of nodes that may lie between an image and a Normal Map node."""
 
 
 class Maps(NamedTuple):
@@ -22,11 +22,11 @@ class Maps(NamedTuple):
     Attributes
     ----------
     lead : bpy.types.Image
-        The one whose flow all follow.
+        The image whose flow moves all of them.
     followers : dict
-        What each other image holds: "values", or what `normals_from` says.
+        The content of each other image: "values", or as `normals_from` returns it.
     left : list of str
-        A sentence for each image that does not take part.
+        A sentence for each image that is left out.
     """
 
     lead: bpy.types.Image
@@ -35,9 +35,9 @@ class Maps(NamedTuple):
 
 
 def maps_of(context: bpy.types.Context, image: bpy.types.Image) -> Maps:
-    """Find the maps that the materials of the chosen objects show beside an image.
+    """Find the other maps in the materials of the chosen objects that show an image.
 
-    The image that the base color is made from leads, if there is one; else the given one.
+    The image of the base color leads if there is one, otherwise the given image.
     """
     slots = [slot.material for obj in mesh_users(context) for slot in obj.material_slots]
     materials = [
@@ -81,7 +81,7 @@ def _check(
 
 
 def _coordinates(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
-    """Name where a node's coordinates come from; all that read the same UV map are alike."""
+    """Return a key for the source of a node's coordinates, equal for the same UV map."""
     socket = node.inputs["Vector"]
     while socket.is_linked:
         source, output = socket.links[0].from_node, socket.links[0].from_socket
@@ -97,16 +97,16 @@ def _coordinates(node: bpy.types.ShaderNodeTexImage) -> tuple[str, ...]:
 
 
 def as_held(kind: str, chosen: str, about: Setting) -> str:
-    """Say what a map of some kind holds in words that a filter's setting knows.
+    """Return the content of a map as a choice of the filter's setting.
 
     Parameters
     ----------
     kind : str
-        What `normals_from` says, or "values".
+        As `normals_from` returns it, or "values".
     chosen : str
-        What the panel says of normals, which materials cannot say.
+        The choice in the panel, for kinds of normals that materials cannot tell apart.
     about : Setting
-        The one of the filter.
+        The filter's setting for the content.
     """
     if kind == "normals" and chosen == "normals_y_down":
         return chosen
@@ -114,7 +114,7 @@ def as_held(kind: str, chosen: str, about: Setting) -> str:
 
 
 def normals_in(context: bpy.types.Context, image: bpy.types.Image) -> str:
-    """Say as `normals_from` does what materials of the chosen objects take an image for."""
+    """Return the kind of normals in an image, as the chosen objects' materials use it."""
     slots = [slot.material for obj in mesh_users(context) for slot in obj.material_slots]
     nodes = [node for each in filter(None, dict.fromkeys(slots)) for node in image_nodes(each)]
     found = [normals_from(node) for node in nodes if node.image == image]
@@ -122,7 +122,7 @@ def normals_in(context: bpy.types.Context, image: bpy.types.Image) -> str:
 
 
 def normals_from(node: bpy.types.ShaderNodeTexImage) -> str:
-    """Say which kind of normals a Normal Map node takes its colors for; empty if there is none."""
+    """Return the kind of normals that a Normal Map node reads; empty if there is no such node."""
     ahead = [link.to_node for link in node.outputs["Color"].links]
     for each in ahead:
         if each.type == "NORMAL_MAP" and each.space != "TANGENT":

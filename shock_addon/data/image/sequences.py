@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Frames on disk, and image sequences that play them.
 
-Frames are written on any thread, into a folder that nobody sees; the main thread moves them to
-their place. What is never moved is removed.
+Any thread may write frames, into a hidden folder. The main thread moves them to their place; frames
+that are never moved are removed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _FRAME = r"frame_\d+\.png"
 
 
 class Staged:
-    """Frames that are complete, and not in their place yet; removed with this object.
+    """Complete frames in a hidden folder, which is removed with this object.
 
     Attributes
     ----------
@@ -42,17 +42,17 @@ class Staged:
         self._removal = weakref.finalize(self, stack.close)
 
     def remove(self) -> None:
-        """Remove what is left of it."""
+        """Remove the folder, if it is still there."""
         self._removal()
 
 
 def stage(pictures: Iterator[Any], parent: Path, count: int) -> Staged:
-    """Write frames into a new folder beside their place; needs no Blender.
+    """Write frames into a new hidden folder beside their place; does not use Blender.
 
     Raises
     ------
     ShockError
-        If they cannot be written, or the run was cancelled: nothing is left then.
+        If they cannot be written, or the run was cancelled. No files are left then.
     """
     staged = Staged(parent, count)
     try:
@@ -66,7 +66,7 @@ def stage(pictures: Iterator[Any], parent: Path, count: int) -> Staged:
 
 
 def move(staged: Staged, folder: Path) -> None:
-    """Put frames in their place, where those of an earlier run are replaced."""
+    """Move frames to their place, and replace those of an earlier run."""
     folder.mkdir(exist_ok=True)
     for path in sorted(staged.folder.iterdir()):
         os.replace(path, folder / path.name)
@@ -78,21 +78,21 @@ def move(staged: Staged, folder: Path) -> None:
 
 
 def find_folder(given: str, name: str, used: str) -> Path:
-    """Choose where frames go.
+    """Choose the folder for frames.
 
     Parameters
     ----------
     given : str
-        What people have chosen; empty for a new folder beside the blend file.
+        The user's choice; empty for a new folder beside the blend file.
     name : str
         What the frames show.
     used : str
-        Where an earlier run that is repeated has written; empty for none.
+        The folder of the earlier run that is repeated; empty for none.
 
     Raises
     ------
     Refused
-        If there is no place for them, or others would be in their way.
+        If there is no such place, or other files lie there.
     """
     if used and Path(used).parent.is_dir():
         return Path(used)
@@ -147,7 +147,7 @@ def load(folder: Path, name: str, count: int) -> bpy.types.Image:
 
 
 def play(user: bpy.types.ImageUser, count: int, repeats: bool) -> None:
-    """Have a node or an editor play a sequence from frame 1 on."""
+    """Make a node or an editor play a sequence from frame 1 on."""
     user.frame_duration = count
     user.frame_start = 1
     user.frame_offset = 0
@@ -156,7 +156,7 @@ def play(user: bpy.types.ImageUser, count: int, repeats: bool) -> None:
 
 
 def play_in_materials(names: list[str], image: bpy.types.Image, count: int, repeats: bool) -> None:
-    """Have the nodes of the objects' materials that show an image play it."""
+    """Play a sequence in the nodes that show an image, in the objects' materials."""
     for name in names:
         for slot in bpy.data.objects[name].material_slots:
             tree = slot.material.node_tree if slot.material else None

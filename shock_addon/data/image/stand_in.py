@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An image that materials show instead of another one, while a preview lasts."""
+"""An image that replaces another one in materials during a preview."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .images import new_like
 _NAME = ".shock_filter preview"  # lists leave such names out
 _INTERVAL = 0.1
 _CALM = 50
-"""Rounds of this interval without an icon being drawn, before an image is removed.
+"""Number of intervals without an icon being drawn before an image is removed.
 
-Where a list or a button shows an icon, Blender waits two seconds and then draws it on a thread,
-from a copy of the material that it made at first. Nobody can ask what waits.
+If a list or a button shows an icon, Blender waits two seconds and then draws it on a thread, from a
+copy of the material made at the start. Blender does not say which icons wait.
 """
 
 _ORIGINAL = "shock_filter_original"
-"""The image that it stands for: files that are saved by themselves, and undo, may hold both."""
+"""Key of the original image, for stand-ins in auto-saved files and after undo."""
 
 
 class StandIn:
@@ -43,12 +43,12 @@ class StandIn:
 
     @property
     def is_there(self) -> bool:
-        """Whether it can be shown: undo and `put_away` take it away."""
+        """Whether the image still exists; undo and `put_away` remove it."""
         stand_in = _find(self._stand_in)
         return _find(self._image) is not None and stand_in is not None and _ORIGINAL in stand_in
 
     def show(self, pixels: npt.NDArray[np.float32]) -> None:
-        """Show these pixels, as soon as no material's icon is drawn, which reads them."""
+        """Show these pixels, as soon as no icon of a material is drawn, which would read them."""
         self._waiting = pixels
         if self._write() is not None:
             bpy.app.timers.register(self._write, first_interval=_INTERVAL)
@@ -82,23 +82,23 @@ class StandIn:
 
 
 def put_away() -> None:
-    """Show the images themselves instead of all that stands for them, whoever has made it."""
+    """Show the original images in place of all stand-ins, whoever made these."""
     for stand_in in [image for image in bpy.data.images if _ORIGINAL in image]:
         _replace(stand_in, stand_in[_ORIGINAL])
         _remove(stand_in)
 
 
 def remove_left() -> None:
-    """Remove those that were put away already; undo may bring them back."""
+    """Remove stand-ins that are put away but that undo has brought back."""
     for image in list(bpy.data.images):
         if image.name.startswith(_NAME) and _ORIGINAL not in image:
             _remove(image)
 
 
 def _remove(stand_in: bpy.types.Image) -> None:
-    """Remove it when no material's icon can need it any more: Blender crashes if its image goes.
+    """Remove a stand-in once no material's icon can need it; Blender would crash without it.
 
-    Until then nothing uses it, so that no file is saved with it.
+    Until then it has no users, so that it is not saved with a file.
     """
     if _ORIGINAL in stand_in:
         del stand_in[_ORIGINAL]
@@ -129,7 +129,7 @@ def _new(image: bpy.types.Image) -> bpy.types.Image:
 
 
 def is_shown(obj: bpy.types.Object, image: bpy.types.Image) -> bool:
-    """Whether a material of an object shows an image that a stand-in can be shown for."""
+    """Whether a material of an object shows an image that a stand-in can replace."""
     materials = [slot.material for slot in obj.material_slots if slot.material is not None]
     return image.source != "TILED" and any(_nodes(materials, image))
 

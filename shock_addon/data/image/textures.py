@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between textured mesh objects and arrays: which image, which faces show it, and its pixels."""
+"""Conversion of textured mesh objects to arrays: an image, and the faces that show it."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TextureTarget(ImageTarget):
-    """A texture as it was read, to find it again when the result is there.
+    """A texture as it was read, with what is needed to find it again and write the result.
 
     Attributes
     ----------
     mosaic : Mosaic or None
-        How UDIM tiles were put together.
+        The layout of UDIM tiles in one image.
     objects : list of str
         Names of the objects whose faces were read.
     notes : list of str
-        What a person should know about them.
+        Remarks on them for the report.
     """
 
     mosaic: Mosaic | None
@@ -61,13 +61,13 @@ def read_texture(
     context : bpy.types.Context
     image : bpy.types.Image
     parameters : object
-        Those of `color_mask`, and `mask_image` where the filter takes a mask; `gain_map` and
-        `gain_colors` where its gain may be painted; `data.PICTURES` where it makes one image of
-        several; `gutter` where it fills one, so that tiles are laid out farther apart; and
-        `content` where it takes normals.
+        Has the properties of `color_mask`, and `mask_image` if the filter has a mask; `gain_map`
+        and `gain_colors` if its gain may be painted; `data.PICTURES` if it merges images; `gutter`
+        if it fills one, so that tiles are laid out farther apart; and `content` if it takes
+        normals.
     takes_normals : bool
-        Whether the filter turns normals to object space: then an image that materials take for
-        normals counts as such, and faces are read with the normals of their shading.
+        Whether the filter turns normals to object space. Then the materials say whether the image
+        holds normals, and shading normals of the faces are read.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def read_texture(
     Raises
     ------
     Skipped
-        If the image or what is named beside it cannot be used, or no object shows it.
+        If the image or another named one cannot be used, or no object shows it.
     """
     skip_if(refusal(image, tiles=True))
     objects = mesh_users(context)
@@ -110,7 +110,7 @@ def read_texture(
 def holding(
     target: TextureTarget, content: str, lead: TextureTarget | None = None
 ) -> TextureTarget:
-    """Say what a texture holds, and whose flow its values follow."""
+    """Return the target with its content, and with the guide that moves its values."""
     guide = None if lead is None else lead.surface.picture
     return replace(target, surface=replace(target.surface, content=content, guide=guide))
 
@@ -128,9 +128,9 @@ def read_faces(
     -------
     faces : TexturedFaces
     names : list of str
-        Of the objects that were read.
+        Names of the objects that were read.
     skipped : list of str
-        A sentence for each other one.
+        A sentence for each other object.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def read_faces(
 
 
 def assign(names: list[str], old: bpy.types.Image, new: bpy.types.Image) -> list[str]:
-    """Show another image in the materials of the objects of these names, and paint on it.
+    """Replace an image in the materials of the objects of these names, and paint on the new one.
 
     Returns
     -------
@@ -350,12 +350,12 @@ def _read_mask(image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None) -
 def read_gain_map(
     image: bpy.types.Image, parameters: Any, mosaic: Mosaic | None = None
 ) -> Floats | None:
-    """Read the gain map of an image, where the parameters name one, as it is stored.
+    """Read the gain map of an image as it is stored, if the parameters name one.
 
     Raises
     ------
     Skipped
-        If it cannot be used.
+        If the map cannot be used.
     """
     name = getattr(parameters, "gain_map", "")
     if name == image.name:
@@ -421,7 +421,7 @@ _GAIN_REASONS = (
 def _read_grays(
     image: bpy.types.Image, name: str, mosaic: Mosaic | None, reasons: tuple[str, str, str, str]
 ) -> Floats:
-    """Read the named image beside another one, from 0 to 1."""
+    """Read the named image, of the size of another one, as grays from 0 to 1."""
     *of_image, not_finite = reasons
     beside = _beside(image, name, of_image)
     grays = grays_of(_whole(image_data.read_parts(beside), mosaic))

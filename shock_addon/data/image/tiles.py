@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pixels of images with UDIM tiles.
 
-Blender's scripts reach the pixels of the first tile only, so tiles are read from their files and
-written as files that are packed: bytes as PNG and floats as OpenEXR, which hold them as they are.
+Scripts can access only the pixels of the first tile in Blender. So tiles are read from their files,
+and written as packed files: bytes as PNG and floats as OpenEXR, both lossless.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _FORMATS = {False: ("PNG", ".png"), True: ("OPEN_EXR", ".exr")}
 
 
 def read_tiles(image: bpy.types.Image) -> Tiles:
-    """Read all tiles that have pixels, from the blend file or their own files.
+    """Read all tiles with pixels, from the blend file or their own files.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def write_tiles(image: bpy.types.Image, tiles: Tiles) -> None:
     Raises
     ------
     Skipped
-        Before anything has changed, if the disk has no room for the tiles.
+        If the disk has no room for the tiles; nothing has changed then.
     """
     path = image.filepath_raw
     with _files(image, tiles) as pattern:
@@ -80,7 +80,7 @@ def new_tiled_like(image: bpy.types.Image, name: str, tiles: Tiles) -> bpy.types
 
 
 def _name_files(image: bpy.types.Image, path: str) -> None:
-    """Name the files that unpacking will write: as the path says, or after the image."""
+    """Set the file names for unpacking: those of the path, or made from the image's name."""
     stem = os.path.splitext(path)[0]
     if _NUMBER not in stem and _COLUMN_AND_ROW not in stem:
         stem = f"//{bpy.path.clean_name(image.name)}.{_NUMBER}"
@@ -90,7 +90,7 @@ def _name_files(image: bpy.types.Image, path: str) -> None:
 
 
 def dress(new: bpy.types.Image, image: bpy.types.Image) -> None:
-    """Have pixels of `image`, saved as they are in memory, mean in `new` what they mean there."""
+    """Give `new` the color space and opacity of `image`, for pixels saved as in memory."""
     space, alpha = image.colorspace_settings.name, image.alpha_mode
     if image.is_float and not image.colorspace_settings.is_data:
         space = _linear_space()
@@ -102,7 +102,7 @@ def dress(new: bpy.types.Image, image: bpy.types.Image) -> None:
 
 @contextmanager
 def _files(image: bpy.types.Image, tiles: Tiles) -> Iterator[Path]:
-    """Give the pattern of a file for each tile, in a folder that is gone afterwards."""
+    """Yield a pattern for the files of tiles, in a temporary folder."""
     with tempfile.TemporaryDirectory(prefix="shock_filter_") as folder:
         file_format, suffix = _FORMATS[image.is_float]
         pattern = Path(folder, f"tile.{_NUMBER}{suffix}")
@@ -122,12 +122,12 @@ def _files(image: bpy.types.Image, tiles: Tiles) -> Iterator[Path]:
 
 
 def _save(part: bpy.types.Image, path: str, number: int) -> None:
-    """Save a tile and read it again: Blender does not always say that a disk is full.
+    """Save a tile and read it back, as Blender does not always report a full disk.
 
     Raises
     ------
     Skipped
-        If the file does not hold the tile.
+        If the file does not hold the pixels of the tile.
     """
     try:
         part.save(filepath=path)
