@@ -33,10 +33,12 @@ def test_a_remeshed_cube_becomes_twelve_triangles_or_hardly_more(turn):
     assert (mesh.twins >= 0).all()
     low = core.crisp_low_poly(mesh)
     # Off the grid, a corner that a remesh has cut may stay cut.
-    assert len(low.faces) <= (12 if (turn == np.eye(3)).all() else 16)
+    upright = (turn == np.eye(3)).all()
+    assert len(low.faces) <= (12 if upright else 16)
     assert (of(low).twins >= 0).all()
     corners = 0.8 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    assert cKDTree(low.vertices).query(corners)[0].max() < 0.3 * mesh.mean_edge_length
+    away = cKDTree(low.vertices).query(corners)[0] / mesh.mean_edge_length
+    assert away.max() < (0.3 if upright else 0.75)
     assert error(of(low), distance) < 1.0
 
 
