@@ -69,8 +69,8 @@ TOLD_FIRST = [
 ]  # fmt: skip
 """Those of them that the gate is told."""
 
-DEFINITION = digest("creases 3", repr((CANDIDATES, TAKES_SIDES, LONGER, _STILL.round(9), _PASSES,
-                                       _CHANGES, _ALIKE, _CELLS, _AROUND)))  # fmt: skip
+DEFINITION = digest("creases 3", repr((CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL), 9),
+                                       _PASSES, _CHANGES, _ALIKE, _CELLS, _AROUND)))  # fmt: skip
 """Changes with what the numbers mean; count the first word up when the code changes them."""
 
 
