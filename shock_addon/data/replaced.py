@@ -119,9 +119,8 @@ class MeshSwap:
         found: Contents = {}
         for name in self._attributes:
             each = mesh.attributes.get(name)
-            if each is not None and not arrays.is_readable(
-                each
-            ):  # another attribute, of the same name
+            # Another attribute may have the same name.
+            if each is not None and not arrays.is_readable(each):
                 continue
             found["attribute", name] = each and _Attribute(
                 each.data_type, each.domain, arrays.read_attribute(each)
