@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure Adjust Last Operation in Blender: undo, then the operator with another setting.
+"""Measure Adjust Last Operation in Blender: undo, then the operator with other settings.
 
 ``python benchmarks/redo.py`` needs Blender as a Python package, like the demo. The first run of a
 surface is compared with redos that reuse what is known about it, and with redos that do not; all
@@ -22,7 +22,11 @@ import numpy as np
 import shock_filter
 from report import Page, Target, table, targets
 
-TIMES = [200.0, 300.0, 400.0, 500.0, 600.0]
+CHANGES = {
+    "Amount": [{"amount": x} for x in (0.9, 0.8, 0.7, 0.6, 0.5)],
+    "Widest Fillet": [{"widest_fillet": x} for x in (1.0, 1.5, 2.0, 2.5, 3.0)],
+    "Time": [{"time": x} for x in (200.0, 300.0, 400.0, 500.0, 600.0)],
+}
 SIZES = {"100 K": 318, "1 M": 1002}
 
 
@@ -48,33 +52,33 @@ def add_relief(side: int) -> bpy.types.Object:
     return relief
 
 
-def run(flow_time: float) -> float:
+def run(**settings: float) -> float:
     """Sharpen what is selected; return the seconds that the person waits."""
     start = time.perf_counter()
-    bpy.ops.shock_filter.sharpen_geometry("EXEC_DEFAULT", True, time=flow_time)
+    bpy.ops.shock_filter.sharpen_geometry("EXEC_DEFAULT", True, **settings)
     return time.perf_counter() - start
 
 
-def redo(flow_time: float) -> float:
-    """Undo the last run and sharpen with another time; return the seconds of both."""
+def redo(**settings: float) -> float:
+    """Undo the last run and sharpen with other settings; return the seconds of both."""
     start = time.perf_counter()
     bpy.ops.ed.undo()
-    return time.perf_counter() - start + run(flow_time)
+    return time.perf_counter() - start + run(**settings)
 
 
-def measure(side: int) -> tuple[int, float, float, float]:
+def measure(side: int, changes: list[dict[str, float]]) -> tuple[int, float, float, float]:
     """Return the number of vertices, and the seconds of first run, quick and full redo."""
     from shock_filter.core.host import welding
 
     bpy.ops.wm.read_homefile(use_empty=True)
     count = len(add_relief(side).data.vertices)
     bpy.ops.ed.undo_push(message="Relief")
-    first = run(256.0)
-    quick = [redo(flow_time) for flow_time in TIMES]
+    first = run()
+    quick = [redo(**settings) for settings in changes]
     full = []
-    for flow_time in TIMES:
+    for settings in changes:
         welding.forget()
-        full.append(redo(flow_time))
+        full.append(redo(**settings))
     return count, first, statistics.median(quick), statistics.median(full)
 
 
@@ -86,27 +90,31 @@ def main() -> None:
     arguments = parser.parse_args()
     shock_filter.register()
     try:
-        measure(20)  # loads or compiles the kernels
-        found = [measure(SIZES[name]) for name in arguments.only.split(",")]
+        measure(20, CHANGES["Amount"])  # loads or compiles the kernels
+        found = [
+            (setting, *measure(SIZES[name], changes))
+            for name in arguments.only.split(",")
+            for setting, changes in CHANGES.items()
+        ]
     finally:
         shock_filter.unregister()
     rows = [
         [
             f"{count:,}",
+            setting,
             f"{first:.2f}",
             f"{quick:.2f}",
             f"{full:.2f}",
             f"{full / quick:.2f}",
-            f"{first / quick:.2f}",
         ]
-        for count, first, quick, full in found
+        for setting, count, first, quick, full in found
     ]
-    head = ["vertices", "first run, s", "redo, s", "redo from scratch, s"]
-    head += ["from scratch / redo", "first / redo"]
+    head = ["vertices", "changed", "first run, s", "redo, s", "redo from scratch, s"]
+    head += ["from scratch / redo"]
     text = [table(head, rows, words=0)]
     text += [
-        targets([Target(f"seconds for a redo at {count:,} vertices", quick, 0.3)])
-        for count, _, quick, _ in found
+        targets([Target(f"seconds for another {setting} at {count:,} vertices", quick, 0.3)])
+        for setting, count, _, quick, _ in found
         if count < 150_000
     ]
     Page(arguments.write).write("redo", "\n\n".join(text))

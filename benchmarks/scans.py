@@ -13,9 +13,9 @@ import peers
 import scipy.sparse as sp
 from report import Target, table, targets
 from shock_filter import core
-from shock_filter.core.shape.creases import consistent_normals
 from shock_filter.core.shape.fit import refitted
 from shock_filter.core.shape.noise import Noise, noise_of_normals, smoothed_normals
+from shock_filter.core.shape.sides import consistent_normals
 from virtual_scans import (
     MADE,
     VIEWS,

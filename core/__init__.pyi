@@ -89,6 +89,10 @@ from .settings import (
     StreakSettings,
     TextureSettings,
 )
+from .shape.crease_lines import (
+    CreaseLine,
+    find_creases,
+)
 from .shape.denoising import (
     beltrami_joint,
     beltrami_mesh,
@@ -96,6 +100,10 @@ from .shape.denoising import (
 )
 from .shape.fit import (
     fit_to_normals,
+)
+from .shape.low_poly import (
+    LowPoly,
+    crisp_low_poly,
 )
 from .shape.sharpening import (
     geometry_flow,
@@ -138,6 +146,7 @@ __all__ = [
     "BeltramiTextureSettings",
     "Cancelled",
     "ConvolutionSettings",
+    "CreaseLine",
     "DilateSettings",
     "DistanceSettings",
     "DyeSettings",
@@ -150,6 +159,7 @@ __all__ = [
     "InvalidSettings",
     "InvalidSignal",
     "InvalidUV",
+    "LowPoly",
     "NoiseSettings",
     "ReactionSettings",
     "ShockError",
@@ -173,9 +183,11 @@ __all__ = [
     "beltrami_mesh",
     "beltrami_texture",
     "beltrami_vertex_signal",
+    "crisp_low_poly",
     "denoise_geometry",
     "dilate_texture",
     "filter_texture",
+    "find_creases",
     "fit_to_normals",
     "flow_field",
     "flow_frames",

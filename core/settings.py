@@ -927,15 +927,15 @@ class GeometrySettings(FitSettings, _FlowSettings):
         "Which parts are sharpened",
         choices={
             "everywhere": "All that bends more than the threshold allows",
-            "creases": "Creases: what is sharp or smooth stays as it is, statues change half as"
-            " much, and wide roundings flow 4 times longer",
+            "creases": "Creases: face by face a small network tells rounded creases, which close,"
+            " from fillets, relief and what is sharp, which stay",
         },
     )
     widest_fillet: float = _setting(
         0.0,
-        "Where only creases are sharpened: the radius up to which roundings count as creases that"
-        " were lost; wider ones are taken for designed and stay. 0 closes all that it finds, up to"
-        " about 4; 1 keeps fillets of a radius of 2",
+        "Where only creases are sharpened: the radius up to which roundings are closed; wider ones"
+        " stay. 0 decides place by place; 1 keeps fillets of a radius of 2; 4 closes also what 0"
+        " would leave",
         unit="mean edge lengths",
         maximum=4.0,
         soft_maximum=4.0,

@@ -12,6 +12,7 @@ from bpy.app.handlers import persistent
 from ..core.host import forgetting
 from .commands import registration as command
 from .data import shown
+from .flow import marking
 from .flow import operator as flow_operator
 from .flow import showing as flow_shown
 from .operators import base as operators
@@ -26,6 +27,7 @@ _CLASSES = (
     *filtering.classes(),
     *comparing.CLASSES,
     *flow_operator.CLASSES,
+    *marking.CLASSES,
     *preview_operator.CLASSES,
     *painting.CLASSES,
     *presets.CLASSES,

@@ -91,6 +91,29 @@ def checked_number(number: Any, name: str, most: float = np.inf) -> float:
     return float(number)
 
 
+def checked_angle(angle: Any, name: str, least: float, most: float) -> float:
+    """Return an angle in degrees from `least` to `most`, or raise `InvalidSettings`."""
+    is_number = isinstance(angle, (int, float, np.integer, np.floating))
+    if not is_number or isinstance(angle, bool) or not least <= angle <= most:
+        raise InvalidSettings(f"{name} is {angle!r}; give degrees from {least:g} to {most:g}.")
+    return float(angle)
+
+
+def checked_indices(
+    indices: npt.ArrayLike, count: int, what: str, one: str
+) -> npt.NDArray[np.int64]:
+    """Return whole numbers below `count` as int64, or raise `InvalidSignal`."""
+    given = as_array(indices, f"list of {what}")
+    if given.size == 0:
+        return np.zeros(given.shape, dtype=np.int64)
+    if given.dtype.kind not in "iu":
+        raise InvalidSignal(f"The {what} are of type {given.dtype}; give whole numbers.")
+    if given.min() < 0 or given.max() >= count:
+        wrong = given.min() if given.min() < 0 else given.max()
+        raise InvalidSignal(f"There is no {one} {wrong}; give numbers from 0 to {count - 1}.")
+    return given.astype(np.int64)
+
+
 def checked_flag(value: object, name: str) -> bool:
     """Return a flag as a bool, or raise `InvalidSettings`."""
     if not isinstance(value, (bool, np.bool_, int)):

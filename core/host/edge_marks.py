@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edges where faces with any number of corners meet at an angle."""
+"""Edges to mark: where faces with any number of corners meet at an angle, and those of creases."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +14,45 @@ _ROUNDING = 1e-12
 
 _ROWS = 1 << 16
 """Faces that numpy processes at once."""
+
+
+@dataclass(frozen=True)
+class CreaseEdges:
+    """Edges of creases, between places at which one or several vertices lie.
+
+    Attributes
+    ----------
+    places : (n,) int
+        Where each vertex of the surface lies; -1 for those without faces.
+    pairs : (k, 2) int
+        Places that edges lie between.
+    """
+
+    places: npt.NDArray[np.integer]
+    pairs: npt.NDArray[np.integer]
+
+    def among(self, ends: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
+        """Tell which edges, given by their vertices (e, 2), they are: (e,)."""
+        return np.isin(_keys(self.places[ends]), _keys(self.pairs))
+
+    def owners_among(
+        self, ends: npt.NDArray[np.integer], owners: npt.NDArray[np.intp]
+    ) -> npt.NDArray[np.intp]:
+        """Give each edge (e, 2) the owner, of (k,), of the pair that it is; -1 for none."""
+        keys = _keys(self.pairs)
+        order = np.argsort(keys, kind="stable")
+        wanted = _keys(self.places[ends])
+        at = np.searchsorted(keys[order], wanted)
+        at[at == len(keys)] = 0
+        found = np.full(len(ends), -1, dtype=np.intp)
+        if len(keys):
+            same = keys[order][at] == wanted
+            found[same] = owners[order][at[same]]
+        return found
+
+
+def _keys(pairs: npt.NDArray[np.integer]) -> npt.NDArray[np.int64]:
+    return pairs.min(axis=1).astype(np.int64) << 32 | pairs.max(axis=1).astype(np.int64)
 
 
 def face_normals(

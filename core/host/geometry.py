@@ -14,8 +14,10 @@ from ..base.memo import kept
 from ..base.progress import ProgressCallback, aside, ask, reporting
 from ..registry import find
 from ..settings import GeometrySettings
-from ..shape.creases import vertices_at_creases
+from ..shape.crease_lines import CLOSES, SHARP, edges_of
 from ..shape.noise import noise_of_normals
+from .creases import lines_of, places_of
+from .edge_marks import CreaseEdges
 from .inputs import MirroredSurface, Surface
 from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
@@ -35,14 +37,15 @@ class Reshaped:
         Number of vertices that moved visibly.
     largest_move : float
         In mean edge lengths.
-    creases : (n,) bool or None
-        Which vertices lie at closed creases; None after filters that do not search for creases.
+    creases : CreaseEdges or None
+        Edges of creases: those that were closed and those that were sharp before; None where these
+        are not asked for, or not looked for.
     """
 
     positions: npt.NDArray[np.float32]
     moved: int
     largest_move: float
-    creases: npt.NDArray[np.bool_] | None = None
+    creases: CreaseEdges | None = None
 
 
 def filter_shape(
@@ -82,7 +85,7 @@ def filter_shape(
         part = welded(surface, weld)
         positions = function(part.mesh, settings=settings.kernel, mask=part.mask)
         shape = placed(surface, part, positions)
-        if not row.closes_creases:
+        if not row.closes_creases or surface.sharp_angle is None:
             return shape
         with aside("Finding creases"):
             return replace(shape, creases=_creases(surface, part, settings))
@@ -93,17 +96,15 @@ def is_scan(surface: Surface) -> bool:
     return noise_of_normals(welded(surface, weld=True).mesh).of_scan
 
 
-def _creases(
-    surface: MirroredSurface, part: Welded, settings: GeometrySettings
-) -> npt.NDArray[np.bool_]:
-    found = np.zeros(len(surface.positions), dtype=bool)
+def _creases(surface: MirroredSurface, part: Welded, settings: GeometrySettings) -> CreaseEdges:
+    places, pairs = places_of(part), np.zeros((0, 2), dtype=np.intp)
     if settings.where == "creases" and not settings.is_neutral:
-        closed = vertices_at_creases(part.mesh, settings)
+        lines = lines_of(surface, part, settings, surface.sharp_angle)
+        pairs = edges_of(line for line in lines if line.state in (CLOSES, SHARP))
         for axis in (axis for axis in range(3) if surface.mirror[axis]):
-            pairs = _pairs(surface, part, axis)
-            closed[pairs >= 0] |= closed[pairs[pairs >= 0]]
-        found[part.used] = closed[part.index]
-    return found
+            mirrored = _pairs(surface, part, axis)[pairs]
+            pairs = np.concatenate([pairs, mirrored[(mirrored >= 0).all(axis=1)]])
+    return CreaseEdges(places, pairs)
 
 
 def _pairs(surface: MirroredSurface, part: Welded, axis: int) -> npt.NDArray[np.intp]:

@@ -90,10 +90,29 @@ class MirroredSurface(Surface):
         Axes along which a symmetric surface stays symmetric.
     planes : tuple of MirrorPlane
         Where modifiers join the surface with its mirror image.
+    sharp_angle : float or None
+        Edges of creases that are stronger are wanted, too, in degrees; None wants none.
+    edges : (k, 2) int or None
+        Vertices of the edges of the faces, where these are no triangles.
     """
 
     mirror: tuple[bool, bool, bool]
     planes: tuple[MirrorPlane, ...]
+    sharp_angle: float | None = None
+    edges: npt.NDArray[np.int32] | None = None
+
+
+@dataclass(frozen=True)
+class CutSurface(Surface):
+    """A mesh object's geometry, and edges across which its data differ.
+
+    Attributes
+    ----------
+    cuts : (k, 2) int
+        Vertices of the edges: seams of UVs, borders of materials.
+    """
+
+    cuts: npt.NDArray[np.integer]
 
 
 @dataclass(frozen=True)

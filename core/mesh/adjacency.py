@@ -7,6 +7,8 @@ A half-edge is numbered ``3 * face + k`` and runs from corner k of its face to c
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -84,6 +86,14 @@ def rings(faces: Ints, twins: Ints, corners: tuple[Ints, Ints]) -> tuple[Ints, I
     ring = np.empty(start[-1], dtype=np.int32)
     run(_fill_ring, count, faces, twins, *corners, start, ring)
     return start, ring
+
+
+def faces_around(corners: tuple[Ints, Ints], vertices: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the faces that have some of the vertices, sorted; see `TriangleMesh.corners`."""
+    start, order = corners
+    counts = start[vertices + 1] - start[vertices]
+    skipped = start[vertices] - (np.cumsum(counts) - counts)
+    return np.unique(order[np.arange(counts.sum()) + np.repeat(skipped, counts)] // 3)
 
 
 @kernel

@@ -16,7 +16,7 @@ from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, ask, reporting
 from ..base.vectors import after, cross, dot, edge
 from ..errors import InvalidMesh
-from .adjacency import Ints, rings, wound_twins
+from .adjacency import Ints, count_sort, rings, wound_twins
 
 HUB = 100
 """Most faces around a vertex of ordinary meshes; up to this, no algorithm leaves any out."""
@@ -213,6 +213,37 @@ class TriangleMesh:
                 "The mesh has shrunk to a point or a line; filter it fewer times, or less."
             )
         return moved
+
+
+def part_of(mesh: TriangleMesh, chosen: npt.NDArray[np.intp]) -> tuple[TriangleMesh, Ints]:
+    """Cut some faces out of a mesh, with its unit of length: the part, and its vertices' numbers.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    chosen : (k,) int
+        The faces, in ascending order.
+    """
+    used = np.zeros(mesh.vertex_count, dtype=np.bool_)
+    used[mesh.faces[chosen]] = True
+    index = np.flatnonzero(used).astype(np.int32)
+    number = np.empty(mesh.vertex_count, dtype=np.int32)
+    number[index] = np.arange(len(index), dtype=np.int32)
+    place = np.full(mesh.face_count, -1, dtype=np.int32)
+    place[chosen] = np.arange(len(chosen), dtype=np.int32)
+    twins = mesh.twins[chosen]
+    other = place[twins // 3]
+    part = TriangleMesh.__new__(TriangleMesh)
+    part.vertices, part.faces = mesh.vertices[index], number[mesh.faces[chosen]]
+    part.flipped = mesh.flipped[chosen]
+    part.twins = np.where((twins >= 0) & (other >= 0), 3 * other + twins % 3, -1).astype(np.int32)
+    part.corners = count_sort(part.faces.reshape(-1), len(index))
+    part.__dict__.update(
+        mean_edge_length=mesh.mean_edge_length,
+        scaled_vertices=mesh.scaled_vertices[index],
+        _normals_and_areas=(mesh.normals[chosen], mesh.areas[chosen]),
+    )
+    return part, index
 
 
 def check_mesh(mesh: object) -> None:

@@ -198,7 +198,10 @@ def _border(triangles: npt.NDArray) -> npt.NDArray:
 
 
 def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[Any], Any]]:
-    """Return the part with these triangles, and the function that converts its result."""
+    """Return the part with these triangles, and the function that converts its result.
+
+    Edges of creases are not wanted in the part: previews mark none.
+    """
     if isinstance(surface, PaintedSurface):
         shape, whole_shape = _cut(surface.shape, inside)
         paint, whole_paint = _cut(surface.paint, inside)
@@ -217,6 +220,10 @@ def _cut(surface: Any, inside: npt.NDArray[np.bool_]) -> tuple[Any, Callable[[An
         triangles=index[surface.triangles[inside]],
         mask=mask,
     )
+    if isinstance(part, MirroredSurface):
+        edges = None if surface.edges is None else index[surface.edges]
+        edges = None if edges is None else edges[(edges >= 0).all(axis=1)]
+        part = replace(part, edges=edges, sharp_angle=None)
     if not isinstance(part, ColoredSurface):
         return part, lambda result: _spread(result, "positions", surface.positions, vertices)
     colored = vertices

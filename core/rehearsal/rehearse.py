@@ -20,12 +20,14 @@ from numba.core.dispatcher import Dispatcher
 from ..base.progress import ProgressCallback
 from ..host.advection import FlowPlane, FlowSurface, frames_of
 from ..host.colors import filter_colors
+from ..host.creases import creases_of
 from ..host.denoising import filter_both
 from ..host.fields import FieldSurface, generate
 from ..host.geometry import filter_shape
 from ..host.images import filter_image
 from ..host.inputs import (
     ColoredSurface,
+    CutSurface,
     Denoising,
     HostImage,
     MirroredSurface,
@@ -33,10 +35,14 @@ from ..host.inputs import (
     TexturedFaces,
     TexturedSurface,
 )
+from ..host.low_poly import low_poly_of
 from ..host.textures import filter_texture
+from ..mesh.triangle_mesh import TriangleMesh
 from ..preview.flow import flow_of_colors, flow_of_shape
 from ..registry import FILTERS, Filter, find
 from ..settings import GeometrySettings, ShockSettings, describe, named
+from ..shape.folds import mended
+from ..shape.results import tell_lost
 
 _CORE = __package__.rpartition(".")[0]
 
@@ -120,6 +126,13 @@ def _runs_of_surfaces(rows: list[Filter]) -> Iterator[Callable[[], Any]]:
             both = PaintedSurface(replace(shape, mask=mask), replace(painted, mask=mask))
             yield partial(filter_both, both, "beltrami_vertex_signal", settings, True)
     yield partial(flow_of_shape, shape, GeometrySettings(), True, None)
+    quads = replace(shape, edges=_sides_of_quads(shape))
+    yield partial(creases_of, quads, GeometrySettings(), True)
+    cut = CutSurface(
+        shape.positions, shape.triangles, None, shape.to_world, shape.triangles[:9, :2]
+    )
+    yield partial(low_poly_of, cut, GeometrySettings(), True, 0.25, 8.0)
+    yield _mend
     for surface in (painted, _at_corners()):
         yield partial(flow_of_colors, surface, ShockSettings(), True, None)
 
@@ -227,7 +240,22 @@ def _box() -> tuple[np.ndarray, np.ndarray]:
 def _shape() -> MirroredSurface:
     positions, triangles = _box()
     mask = np.linspace(0.0, 1.0, len(positions))
-    return MirroredSurface(positions, triangles, mask, np.identity(3), (True, False, False), ())
+    return MirroredSurface(
+        positions, triangles, mask, np.identity(3), (True, False, False), (), 30.0
+    )
+
+
+def _mend() -> None:
+    # What refits seldom need: folds are undone, and moves that come to nothing are told.
+    mesh = TriangleMesh(*_box())
+    moved = np.random.default_rng(0).normal(size=mesh.vertices.shape) * mesh.mean_edge_length
+    mended(mesh, mesh.normals, moved, None)
+    tell_lost(mesh, np.ones(mesh.vertex_count))
+
+
+def _sides_of_quads(surface: MirroredSurface) -> np.ndarray:
+    # The edges of each two triangles that make a square of `_box`.
+    return np.concatenate([surface.triangles[:, :2], surface.triangles[:, 1:]])
 
 
 def _painted() -> ColoredSurface:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -15,17 +16,20 @@ from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..base.vectors import after, dot, edge
 from ..errors import InvalidSignal, SolverError
+from ..flow.potential import dilation
 from ..linear.cg import SolveReport, solve
 from ..linear.system import LinearSystem
 from ..mesh.calculus import (
     average_to_vertices,
     blended_normals,
     cotangents,
+    greatest_to_faces,
+    greatest_to_vertices,
     lumped_mass,
     needle_share,
     stiffness_weights,
 )
-from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
+from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh, part_of
 from ..settings import (
     BeltramiGeometrySettings,
     FitSettings,
@@ -56,6 +60,12 @@ ADVICE = (
 
 _TURN = np.radians(5.0)
 """Turn of the faces around a vertex at which half of its freedom counts."""
+
+_RADII = 3.0
+"""How far a refit reaches around the faces that turn, in screening radii."""
+
+_MOST_RINGS, _WORTH_IT = 60, 0.8
+"""If it reaches farther, or to a larger share of the vertices, all of them are solved for."""
 
 MULTIGRID_RADIUS = 80.0
 """Screening radius, in mean edge lengths, beyond which multigrid is used from the start."""
@@ -193,6 +203,34 @@ def displacement(
     return moved, report
 
 
+def local_displacement(
+    mesh: TriangleMesh,
+    normals: Floats,
+    settings: FitSettings,
+    mask: Floats | None,
+    steps: int,
+    freedom: float,
+) -> Floats:
+    """As `displacement`, around the faces that are to turn; what is far from them stays in place.
+
+    What is left of a move falls by e in each screening radius; after `_RADII` of them it is 0.
+    """
+    rings = math.ceil(_RADII * settings.screening_radius)
+    if rings > _MOST_RINGS:
+        return displacement(mesh, normals, settings, mask, steps, freedom)[0]
+    turned = (normals != mesh.normals).any(axis=1)
+    near = dilation(mesh, greatest_to_vertices(mesh, turned.view(np.uint8)), rings)
+    if near.mean() > _WORTH_IT:
+        return displacement(mesh, normals, settings, mask, steps, freedom)[0]
+    moved = np.zeros((mesh.vertex_count, 3))
+    if near.any():
+        chosen = np.flatnonzero(greatest_to_faces(mesh, near))
+        part, index = part_of(mesh, chosen)
+        free = near[index].astype(np.float64) if mask is None else near[index] * mask[index]
+        moved[index], _ = displacement(part, normals[chosen], settings, free, steps, freedom)
+    return moved
+
+
 def _solve_far(
     system: LinearSystem,
     rhs: Floats,
@@ -228,6 +266,7 @@ def refitted(
     steps: int = 1,
     freedom: float = 0.0,
     unfolds: bool = False,
+    mend: Callable[[TriangleMesh, Floats, Floats], Floats] | None = None,
 ) -> Floats:
     """Filter the normals of a mesh and fit its positions to them, `settings.repeat` times.
 
@@ -247,6 +286,8 @@ def refitted(
         As `fit_steps` and `crease_freedom` in `GeometrySettings`.
     unfolds : bool
         Whether moves that fold faces onto each other are taken back; those that are limited are.
+    mend : callable, optional
+        Corrects each displacement, given a mesh before it and the normals that it was fitted to.
 
     Returns
     -------
@@ -261,8 +302,15 @@ def refitted(
             if weights is not None:
                 with aside(message):
                     normals = blended_normals(mesh, current.normals, normals, weights)
-            with phase(0.6, 1.0, "Fitting the surface"):
-                step, _ = displacement(current, normals, settings, weights, steps, freedom)
+            last = 1.0 if mend is None else 0.9
+            with phase(0.6, last, "Fitting the surface"):
+                if mend is None:
+                    step, _ = displacement(current, normals, settings, weights, steps, freedom)
+                else:
+                    step = local_displacement(current, normals, settings, weights, steps, freedom)
+            if mend is not None:
+                with phase(last, 1.0, "Fitting the surface"):
+                    step = mend(current, normals, step)
         moved = step if iteration == 0 else moved + step
         if limit > 0:
             _limit(moved, limit * mesh.mean_edge_length)

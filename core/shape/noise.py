@@ -13,7 +13,7 @@ from ..beltrami.mesh_smoothing import decay, smooth_faces
 from ..mesh.calculus import average_to_faces, make_unit
 from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
 from ..settings import BeltramiGeometrySettings
-from .creases import consistent_normals
+from .sides import consistent_normals
 
 LEAST_NOISE, MOST_NOISE = 6e-4, 0.45
 """Bounds of what the normals of neighbouring faces differ by for noise."""

@@ -10,30 +10,19 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.checks import by_keyword, checked_mask
+from ..base.findings import Finding, gathering, tell
 from ..base.memo import kept
-from ..base.parallel import kernel, run
 from ..base.progress import ProgressCallback, phase, reporting
-from ..flow.advect import advect_faces
-from ..flow.potential import above_surroundings, bending, flow_from_potential, flow_potential
-from ..mesh.calculus import (
-    average_to_faces,
-    average_to_vertices,
-    make_unit_or,
-    smooth_vertices,
-)
+from ..flow.potential import flow_from_potential
 from ..mesh.order import in_good_order, is_scattered, sorted_along_curve
 from ..mesh.triangle_mesh import Floats, TriangleMesh, check_mesh
 from ..settings import GeometrySettings, given_or_default
-from .creases import (
-    LONGER,
-    consistent_normals,
-    find_regions,
-    mixed_normals,
-    tell_creases,
-    turned_zone,
-)
-from .fit import moved_vertices, refitted
-from .slide import unfold
+from .advected import advected_normals, signal_and_potential
+from .creases import find_targets, tell_creases
+from .fit import LEAST_WEIGHT, moved_vertices, refitted
+from .folds import mended, undone
+from .results import tell_lost, without_worse
+from .sides import consistent_normals, turned_zone
 
 
 @by_keyword
@@ -133,8 +122,8 @@ def sharpen_geometry(
     Paper A, section 4.1. Beyond the paper: detail sampling (see `advect_faces`), the feature
     threshold (see `flow.potential.above_surroundings`), masks, repeating, the displacement limit,
     the screening radius in place of a fixed epsilon (see `fit_to_normals`), and, if asked for,
-    creases only and aligned (see `shape.creases`) and further steps of the refit (see
-    `shape.slide`).
+    creases only (see `shape.creases`), aligned (see `shape.sides`), further steps of the refit (see
+    `shape.slide`) and the repair of folds (see `shape.folds`).
 
     Examples
     --------
@@ -156,11 +145,15 @@ def sharpen_geometry(
     if settings.is_neutral:
         return mesh.vertices.copy()
     with reporting(progress):
-        moved = in_good_order(mesh, partial(_displacement, settings), weights)
+        # Kept for other amounts, with what was said.
+        key = replace(settings, amount=1.0), weights
+        moved, findings = kept(mesh, "moved", key, lambda: _displacement(mesh, *key))
+        for finding in findings:
+            tell(finding.sentence, **finding.values)
         if settings.amount < 1:
-            moved *= settings.amount
+            moved = settings.amount * moved
             if settings.where == "creases":
-                unfold(mesh, moved)  # halfway, faces may be folded that are not at the end
+                undone(mesh, mesh.normals, moved)  # halfway, faces may be folded that end flat
         with phase(1.0, 1.0, "Fitting the surface"):
             return moved_vertices(mesh, moved)
 
@@ -215,106 +208,62 @@ def geometry_flow(
     settings = given_or_default(settings, GeometrySettings)
     with reporting(progress):
         with phase(0.0, 0.9, "Computing the flow"):
-            _, _, potential = _signal_and_potential(mesh, settings)
+            _, _, potential = signal_and_potential(mesh, settings)
         with phase(0.9, 1.0, "Computing the flow"):
             return potential.copy(), flow_from_potential(mesh, potential)
 
 
-def _displacement(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | None) -> Floats:
+def _displacement(
+    mesh: TriangleMesh, settings: GeometrySettings, weights: Floats | None
+) -> tuple[Floats, list[Finding]]:
+    with gathering() as findings:
+        moved = in_good_order(mesh, partial(_displace, settings), weights)
+    return moved, findings
+
+
+def _displace(settings: GeometrySettings, mesh: TriangleMesh, weights: Floats | None) -> Floats:
     def sharpen(current: TriangleMesh) -> Floats:
         return _sharpened(current, settings)
 
-    steps, begin = settings.fit_steps, 0.0
-    if settings.where == "creases":
-        begin = 0.25
-        with phase(0.0, begin, "Finding creases"):
-            regions = find_regions(mesh, settings.widest_fillet)
-        if weights is None:
-            tell_creases(regions)
-        elif weights.any():
-            tell_creases(regions.among((weights[mesh.faces] > 0).any(axis=1)))
-        if not regions.creased.any():
-            steps = 1  # without creases to slide onto, more gain nothing
-    unfolds = settings.where == "creases" or steps > 1
-    with phase(begin, 1.0, "Sharpening"):
-        return refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
-                        steps, settings.crease_freedom, unfolds)  # fmt: skip
+    if settings.where == "everywhere":
+        with phase(0.0, 1.0, "Sharpening"):
+            return refitted(mesh, sharpen, settings, weights, "Sharpening",
+                            settings.max_displacement, settings.fit_steps,
+                            settings.crease_freedom, settings.fit_steps > 1)  # fmt: skip
+    with phase(0.0, 0.5, "Finding creases"):
+        creases = find_targets(mesh, settings)
+    if weights is None:
+        tell_creases(mesh, creases, None)
+    elif weights.any():
+        tell_creases(mesh, creases, (weights[mesh.faces] > 0).any(axis=1))
+    if not (creases.shares > 0).any():
+        return np.zeros((mesh.vertex_count, 3))
+    fixed = None if weights is None else weights <= LEAST_WEIGHT
+    lost: list[Floats] = []
+
+    def mend(current: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
+        moved, gone = without_worse(current, targets, mended(current, targets, moved, fixed))
+        lost.append(gone)
+        return undone(current, targets, moved) if gone.any() else moved
+
+    with phase(0.5, 1.0, "Sharpening"):
+        moved = refitted(mesh, sharpen, settings, weights, "Sharpening", settings.max_displacement,
+                         settings.fit_steps, settings.crease_freedom, mend=mend)  # fmt: skip
+    tell_lost(mesh, lost[0])
+    return moved
 
 
 def _sharpened(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
     if settings.where == "everywhere":
-        return _aligned(mesh, settings, None)
-    with phase(0.0, 0.1, "Finding creases"):  # the first time they are known
-        regions = find_regions(mesh, settings.widest_fillet)
-    if not regions.use.any():
-        return mesh.normals.copy()
-    with phase(0.1, 0.7, "Sharpening"):
-        normals = _aligned(mesh, settings, regions.creased > 0)
-    if regions.wide.any():
-        with phase(0.7, 1.0, "Sharpening"):
-            longer = replace(settings, time=LONGER * settings.time)
-            wide = _aligned(mesh, longer, regions.wide > 0)
-        normals = mixed_normals(normals, wide, regions.wide)
-    return mixed_normals(mesh.normals, normals, regions.use)
+        return _aligned(mesh, settings)
+    with phase(0.0, 1.0, "Finding creases"):  # the first time they are known
+        return find_targets(mesh, settings).normals.copy()
 
 
-def _aligned(
-    mesh: TriangleMesh,
-    settings: GeometrySettings,
-    creased: npt.NDArray[np.bool_] | None,
-) -> Floats:
-    # Advected normals, which take sides where they have turned; only in `creased` faces, if given.
-    normals = _advected(mesh, settings)
+def _aligned(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
+    # Advected normals, which take sides where they have turned.
+    normals = advected_normals(mesh, settings)
     if settings.align_passes == 0:
         return normals
     zone = turned_zone(mesh, mesh.normals, normals)
-    if creased is not None:
-        zone &= creased
     return consistent_normals(mesh, normals, zone, settings.align_passes)
-
-
-def _advected(mesh: TriangleMesh, settings: GeometrySettings) -> Floats:
-    with phase(0.0, 0.5, "Computing the flow"):
-        normals, signal, potential = _signal_and_potential(mesh, settings)
-    with phase(0.5, 1.0, "Tracing flow-lines"):
-        return advect_faces(mesh, normals, signal, potential, settings.time, settings.sampling)
-
-
-def _signal_and_potential(
-    mesh: TriangleMesh, settings: GeometrySettings
-) -> tuple[Floats, Floats, Floats]:
-    # Normals of the faces, mollified if asked for; their averages at the vertices; P there.
-    normals = mesh.normals
-    if settings.mollify_passes == 0:
-        with phase(0.2, 0.8, "Computing the flow"):
-            signal, potential = bending(mesh, settings.smoothing_passes)
-    else:
-        with phase(0.0, 0.2, "Mollifying"):
-            normals = _mollified(mesh, normals, settings.mollify_passes)
-        with phase(0.2, 0.3, "Computing the flow"):
-            signal = average_to_vertices(mesh, normals)
-        with phase(0.3, 0.8, "Computing the flow"):
-            potential = flow_potential(mesh, signal, settings.smoothing_passes)
-    if settings.feature_threshold > 0:
-        with phase(0.8, 1.0, "Finding features"):
-            potential = above_surroundings(
-                mesh, potential, settings.feature_threshold, settings.time
-            )
-    return normals, signal, potential
-
-
-def _mollified(mesh: TriangleMesh, normals: Floats, passes: int) -> Floats:
-    with phase(0.0, 0.1, "Mollifying"):
-        averages = average_to_vertices(mesh, normals)
-    with phase(0.1, 0.9, "Mollifying"):
-        smooth = smooth_vertices(mesh, averages, passes)
-    with phase(0.9, 1.0, "Mollifying"):
-        mollified = average_to_faces(mesh, smooth)
-        run(_make_unit_or, mesh.face_count, mollified, normals)
-    return mollified
-
-
-@kernel
-def _make_unit_or(start, stop, vectors, old):
-    for f in range(start, stop):
-        make_unit_or(vectors[f], old[f])

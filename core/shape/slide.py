@@ -22,7 +22,7 @@ from ..base.vectors import TIE_BREAKER, after, cross, dot
 from ..flow.potential import dilation
 from ..linear.cg import roughly
 from ..linear.system import LinearSystem
-from ..mesh.adjacency import count_sort
+from ..mesh.adjacency import count_sort, faces_around
 from ..mesh.calculus import cosines, cotangents_of, greatest_to_faces, greatest_to_vertices
 from ..mesh.triangle_mesh import Floats, Ints, TriangleMesh
 
@@ -206,16 +206,9 @@ def _evened(piece: _Piece, moved: Floats, rounds: int) -> Floats:
         sliding = np.flatnonzero(needs)
         moved[vertices[sliding]] += slides[sliding]
         # What lies farther has the shape that it had.
-        faces = _faces_around(piece.corners, vertices[sliding])
+        faces = faces_around(piece.corners, vertices[sliding])
         vertices = np.unique(piece.faces[faces])
     return moved
-
-
-def _faces_around(mesh_corners: tuple[Ints, Ints], vertices: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    start, corners = mesh_corners
-    counts = start[vertices + 1] - start[vertices]
-    skipped = start[vertices] - (np.cumsum(counts) - counts)
-    return np.unique(corners[np.arange(counts.sum()) + np.repeat(skipped, counts)] // 3)
 
 
 def _of_chunks(function: Callable[..., None], *arguments: Any) -> Floats:
@@ -253,7 +246,7 @@ def _without_turned(piece: _Piece, moved: Floats) -> Floats:
             corners = np.unique(piece.faces[bad])
             left = _RETREAT if attempt < _SLIDES + _RETREATS else 0.0
             moved[corners[~fixed[corners]]] *= left
-        around = _faces_around(piece.corners, np.unique(piece.faces[bad]))
+        around = faces_around(piece.corners, np.unique(piece.faces[bad]))
     return moved
 
 
@@ -280,7 +273,7 @@ def unfold(mesh: TriangleMesh, moved: Floats) -> None:
             break
         corners = np.unique(bad)
         moved[corners] *= _RETREAT if attempt < _RETREATS else 0.0
-        around = _faces_around(mesh.corners, corners)
+        around = faces_around(mesh.corners, corners)
 
 
 def _give_height(piece: _Piece, moved: Floats, chosen: npt.NDArray[Any], least: float) -> None:

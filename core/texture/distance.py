@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ..atlas import TextureAtlas
-from ..base.checks import Floats, as_array, by_keyword, checked_size
+from ..base.checks import Floats, as_array, by_keyword, checked_indices, checked_size
 from ..base.progress import ProgressCallback, aside, phase, reporting
 from ..elements.fronts import Segments, SurfaceDistance, distance_on_mesh
 from ..elements.matrices import TextureSpace
 from ..elements.multigrid import SheetSolver
 from ..errors import InvalidSettings, InvalidSignal
+from ..mesh.edges import checked_edges, half_edges_between
 from ..mesh.triangle_mesh import Ints, TriangleMesh, check_mesh
 from ..settings import DistanceSettings, given_or_default
 from .texels import Texture, checked_atlas, drawn
@@ -260,7 +261,7 @@ def _checked_sources(
     check_mesh(mesh)
     known, parts = [np.zeros(0, dtype=np.int64)], [_along(np.zeros(0, dtype=np.int64))]
     if vertices is not None:
-        given = _checked_numbers(vertices, mesh.vertex_count, "vertices", "vertex").reshape(-1)
+        given = checked_indices(vertices, mesh.vertex_count, "vertices", "vertex").reshape(-1)
         chosen = np.zeros(mesh.vertex_count, dtype=np.bool_)
         chosen[given] = True
         faces, corners = np.nonzero(chosen[mesh.faces])
@@ -286,26 +287,12 @@ def _checked_sources(
     return _Sources(_joined(parts), np.concatenate(known), painted)
 
 
-def _checked_numbers(
-    numbers: npt.ArrayLike, count: int, what: str, one: str
-) -> npt.NDArray[np.int64]:
-    given = as_array(numbers, f"list of {what}")
-    if given.size == 0:
-        return np.zeros(given.shape, dtype=np.int64)
-    if given.dtype.kind not in "iu":
-        raise InvalidSignal(f"The {what} are of type {given.dtype}; give whole numbers.")
-    if given.min() < 0 or given.max() >= count:
-        wrong = given.min() if given.min() < 0 else given.max()
-        raise InvalidSignal(f"There is no {one} {wrong}; give numbers from 0 to {count - 1}.")
-    return given.astype(np.int64)
-
-
 def _checked_points(
     mesh: TriangleMesh, points: tuple[npt.ArrayLike, npt.ArrayLike]
 ) -> tuple[npt.NDArray[np.int64], Floats]:
     if not isinstance(points, tuple | list) or len(points) != 2:
         raise InvalidSignal("The points are no pair; give their faces and barycentric coordinates.")
-    faces = _checked_numbers(points[0], mesh.face_count, "faces of the points", "face").reshape(-1)
+    faces = checked_indices(points[0], mesh.face_count, "faces of the points", "face").reshape(-1)
     shares = as_array(points[1], "barycentric coordinates")
     if shares.shape != (len(faces), 3) or shares.dtype.kind not in "fiu":
         raise InvalidSignal(
@@ -320,22 +307,14 @@ def _checked_points(
     return faces, shares
 
 
-def _checked_edges(mesh: TriangleMesh, edges: npt.ArrayLike) -> npt.NDArray[np.int64]:
+def _checked_edges(mesh: TriangleMesh, edges: npt.ArrayLike) -> npt.NDArray[np.intp]:
     # The half-edges of pairs of vertices, of both sides.
-    pairs = _checked_numbers(edges, mesh.vertex_count, "vertices of the edges", "vertex")
-    if pairs.size == 0:
-        return np.zeros(0, dtype=np.int64)
-    if pairs.ndim != 2 or pairs.shape[1] != 2:
-        raise InvalidSignal(f"The edges have the shape {pairs.shape}; give (k, 2) vertices.")
-    ends = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1), axis=-1)
-    keys = ends[..., 0].astype(np.int64).reshape(-1) * mesh.vertex_count + ends[..., 1].reshape(-1)
-    low, high = pairs.min(axis=1), pairs.max(axis=1)
-    wanted = low * mesh.vertex_count + high
-    missing = np.flatnonzero(~np.isin(wanted, keys))
-    if len(missing):
-        a, b = pairs[missing[0]]
+    pairs = checked_edges(mesh, edges)
+    half, joined = half_edges_between(mesh, pairs)
+    if not joined.all():
+        a, b = pairs[np.argmin(joined)]
         raise InvalidSignal(f"No edge joins the vertices {a} and {b}; give ends of edges.")
-    return np.flatnonzero(np.isin(keys, wanted))
+    return np.flatnonzero(half)
 
 
 def _at(faces: npt.NDArray, shares: Floats) -> Segments:

@@ -15,7 +15,7 @@ from mathutils import Vector
 from ...core.preview.arrows import DARK, LIGHT, arrows, bar, potential_colors
 from .. import data
 from ..operators import views
-from .overlay import Overlay, is_readable
+from .overlay import Overlay, is_seen
 
 _DISTANCE = 22.0
 """Pixels between arrows."""
@@ -33,7 +33,7 @@ _MOST_ACROSS = 100.0
 def draw_surface(overlay: Overlay) -> None:
     """Draw the potential and the arrows, where the view shows the object."""
     context, obj = bpy.context, overlay.object()
-    if not _is_seen(obj, context.space_data):
+    if not is_seen(obj, context.space_data):
         return
     if overlay.surface is None:
         overlay.surface = _surface(obj.data, overlay.found)
@@ -58,15 +58,6 @@ def draw_surface(overlay: Overlay) -> None:
             batch.draw(plain)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
-
-
-def _is_seen(obj: bpy.types.Object | None, view: bpy.types.SpaceView3D) -> bool:
-    return (
-        obj is not None
-        and is_readable(obj)
-        and view.overlay.show_overlays
-        and obj.visible_get(viewport=view)
-    )
 
 
 def _distance(
@@ -106,7 +97,7 @@ def _arrows(mesh: bpy.types.Mesh, found: data.mesh.flow.FlowOfMesh, distance: fl
 def draw_legend(overlay: Overlay) -> None:
     """Draw what the colors mean, at the right, since Adjust Last Operation stands at the left."""
     context = bpy.context
-    if not _is_seen(overlay.object(), context.space_data):
+    if not is_seen(overlay.object(), context.space_data):
         return
     weak = iface_("{name}: potential weak").format(name=overlay.name)
     strong = iface_("strong; arrows point where values are pulled")

@@ -3,14 +3,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import bpy
-
-if TYPE_CHECKING:
-    import gpu
-
-    from .. import data
 
 _MODES = {"OBJECT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"}
 """Modes in which the mesh holds what is seen."""
@@ -22,11 +17,11 @@ class Overlay:
     Those of arrows are kept by their distance, since each view may be zoomed in its own way.
     """
 
-    def __init__(self, obj: bpy.types.Object, found: data.mesh.flow.FlowOfMesh) -> None:
+    def __init__(self, obj: bpy.types.Object, found: Any) -> None:
         self.name = obj.name
         self.uid = obj.session_uid
         self.found = found
-        self.surface: gpu.types.GPUBatch | None = None
+        self.surface: Any = None
         self.arrows: dict[float, list[tuple]] = {}
         self.drawing: list[object] = []
 
@@ -43,6 +38,16 @@ class Overlay:
         """Have them made anew."""
         self.surface = None
         self.arrows.clear()
+
+
+def is_seen(obj: bpy.types.Object | None, view: bpy.types.SpaceView3D) -> bool:
+    """Whether a view shows an object and what is drawn over it."""
+    return (
+        obj is not None
+        and is_readable(obj)
+        and view.overlay.show_overlays
+        and obj.visible_get(viewport=view)
+    )
 
 
 def is_readable(obj: bpy.types.Object) -> bool:

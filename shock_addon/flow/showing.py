@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Show and hide the potential and flow over an object in the 3D views.
+"""Show and hide flows, or creases, over an object in the 3D views.
 
 The flow was computed once. It is drawn on the current mesh until the number of vertices or faces
 changes. While no flow is shown, no handler is registered and the drawing code is not imported.
@@ -7,32 +7,38 @@ changes. While no flow is shown, no handler is registered and the drawing code i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import bpy
 
 from ..operators import views
 from .overlay import Overlay, is_readable
 
-if TYPE_CHECKING:
-    from .. import data
-
-
 _shown: Overlay | None = None
 
 
-def shown_object() -> str | None:
-    """Name the object whose flow is drawn, if any."""
-    return None if _shown is None else _shown.name
+def shown_object(kind: str = "flow") -> str | None:
+    """Name the object whose flow, or whose creases, are drawn, if any."""
+    return None if _shown is None or _shown.found.kind != kind else _shown.name
 
 
-def show(obj: bpy.types.Object, found: data.mesh.flow.FlowOfMesh) -> None:
-    """Draw the object's flow from now on, instead of another's; without a window do nothing."""
+def show(obj: bpy.types.Object, found: Any) -> None:
+    """Draw what was found from now on, instead of what is drawn; without a window do nothing.
+
+    Parameters
+    ----------
+    obj : bpy.types.Object
+    found : FlowOfMesh or CreasesOfMesh
+        Has `kind`, "flow" or "creases", and ``fits(mesh)``.
+    """
     global _shown
     hide()
     if bpy.app.background:
         return
-    from . import drawing
+    if found.kind == "creases":
+        from . import creases as drawing
+    else:
+        from . import drawing
 
     _shown = Overlay(obj, found)
     add = bpy.types.SpaceView3D.draw_handler_add
@@ -46,7 +52,7 @@ def show(obj: bpy.types.Object, found: data.mesh.flow.FlowOfMesh) -> None:
 
 
 def hide(*_: object) -> None:
-    """Draw no flow any more."""
+    """Draw nothing any more."""
     global _shown
     if _shown is None:
         return

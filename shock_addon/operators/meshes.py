@@ -75,6 +75,10 @@ class MeshOperator(FilterOperator):
                 advice = _APPLY if has_modifiers else self.advice
                 text = pgettext_rpt(self.row.nothing)
                 advice = advice and pgettext_rpt(advice)
+                marked = sum(data.mesh.shading.count_marks(each.data.data) for each in written)
+                if self.mark_sharp and marked:
+                    marks = pgettext_rpt("Edges marked as sharp: {count:,}.").format(count=marked)
+                    advice = f"{marks} {advice}".rstrip()
         elif not kind.moves:
             meshes = pgettext_rpt("the colors of {meshes}").format(meshes=meshes)
             changes = describe_colors(results, "colors", self.advice)

@@ -178,6 +178,22 @@ def _draw_buttons(
         flow.operator("shock_filter.show_flow").mode = mode.key
     if shown is not None and context.space_data.type == "VIEW_3D":
         (row if is_active else column).operator("shock_filter.hide_flow")
+    if mode.key == "geometry":
+        _draw_creases(column, context, enabled)
+
+
+def _draw_creases(layout: bpy.types.UILayout, context: bpy.types.Context, enabled: bool) -> None:
+    """Draw the buttons that find creases and move nothing."""
+    row = layout.row(align=True)
+    finds = row.row(align=True)
+    finds.enabled = enabled
+    finds.operator("shock_filter.mark_creases")
+    finds.operator("shock_filter.crisp_low_poly")
+    shown = flow_shown.shown_object("creases")
+    if context.object is None or context.object.name != shown:
+        finds.operator("shock_filter.show_creases")
+    if shown is not None:
+        row.operator("shock_filter.hide_creases")
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:

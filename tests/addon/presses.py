@@ -29,6 +29,9 @@ def main() -> None:
             press(mode)
         bpy.ops.shock_filter.show_flow(mode="geometry")
         bpy.ops.shock_filter.show_flow(mode="colors")
+        bpy.ops.shock_filter.mark_creases()
+        bpy.ops.shock_filter.show_creases()
+        bpy.ops.shock_filter.crisp_low_poly()
     print(json.dumps(sorted(types() - before)))
     shock_filter.unregister()
 

@@ -99,6 +99,13 @@ def words(drawn, function):
     return [text for name, text in drawn if name == function]
 
 
+OF_CREASES = [
+    ("shock_filter.mark_creases",),
+    ("shock_filter.crisp_low_poly",),
+    ("shock_filter.show_creases",),
+]
+
+
 def test_the_main_panel_shows_the_mode_then_the_main_settings():
     drawn = draw(panels.SHOCK_FILTER_PT_main)
     main = [name for name, (_, _, about) in ABOUT.items() if not about.advanced]
@@ -109,6 +116,7 @@ def test_the_main_panel_shows_the_mode_then_the_main_settings():
         ("shock_filter.sharpen_geometry",),
         ("shock_filter.preview",),
         ("shock_filter.show_flow",),
+        *OF_CREASES,
     ]
 
 
@@ -235,6 +243,7 @@ def test_each_mode_draws_its_settings_and_its_button(mode, rounded_box):
     operators += [("shock_filter.dilate_texture",)] * (mode == "texture")
     operators += [("shock_filter.preview",)]
     operators += [("shock_filter.show_flow",)] * (mode in ("geometry", "colors"))
+    operators += OF_CREASES * (mode == "geometry")
     assert words(drawn, "operator") == operators
     for panel in others:
         drawn += draw(panel)
@@ -407,13 +416,28 @@ def test_the_panel_shows_how_far_kernels_are_compiled_and_has_its_buttons(monkey
 
 def test_the_flow_button_hides_what_is_shown(monkeypatch, rounded_box):
     box = rounded_box()
-    monkeypatch.setattr(flow_shown, "shown_object", lambda: box.name)
+    monkeypatch.setattr(
+        flow_shown, "shown_object", lambda kind="flow": box.name if kind == "flow" else None
+    )
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
-    assert shown[-1] == ("shock_filter.hide_flow",)
+    assert shown[-4:] == [("shock_filter.hide_flow",), *OF_CREASES]
     assert ("shock_filter.show_flow",) not in shown
     rounded_box(location=(4, 0, 0))
     shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
-    assert shown[-2:] == [("shock_filter.show_flow",), ("shock_filter.hide_flow",)]
+    assert shown[-5:-3] == [("shock_filter.show_flow",), ("shock_filter.hide_flow",)]
+
+
+def test_the_button_of_creases_hides_what_is_shown(monkeypatch, rounded_box):
+    box = rounded_box()
+    of_creases = lambda kind="flow": box.name if kind == "creases" else None  # noqa: E731
+    monkeypatch.setattr(flow_shown, "shown_object", of_creases)
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+    assert shown[-1] == ("shock_filter.hide_creases",)
+    assert ("shock_filter.show_creases",) not in shown
+    assert ("shock_filter.show_flow",) in shown
+    rounded_box(location=(4, 0, 0))
+    shown = words(draw(panels.SHOCK_FILTER_PT_main), "operator")
+    assert shown[-2:] == [("shock_filter.show_creases",), ("shock_filter.hide_creases",)]
 
 
 @pytest.mark.parametrize("mode", ["GEOMETRY", "COLORS", "TEXTURE", "DENOISE"])
@@ -421,7 +445,9 @@ def test_the_flow_can_be_hidden_in_each_mode_whatever_is_selected(monkeypatch, r
     box = rounded_box()
     box.select_set(False)
     box.data.clear_geometry()
-    monkeypatch.setattr(flow_shown, "shown_object", lambda: box.name)
+    monkeypatch.setattr(
+        flow_shown, "shown_object", lambda kind="flow": box.name if kind == "flow" else None
+    )
     bpy.context.scene.shock_filter.mode = mode
     layout = Layout()
     shown = words(draw(panels.SHOCK_FILTER_PT_main, layout=layout), "operator")

@@ -306,18 +306,18 @@ def test_editing_the_mesh_by_another_object_draws_nothing_meanwhile(rounded_box,
     seen = SimpleNamespace(
         type="MESH", mode="OBJECT", data=box.data, visible_get=lambda viewport: True
     )
-    assert flow_drawing._is_seen(seen, view)
+    assert flow_drawing.is_seen(seen, view)
     select(twin)
     bpy.ops.object.mode_set(mode="EDIT")
     assert box.mode == "OBJECT"
     flow_shown._refresh()
-    assert not flow_drawing._is_seen(seen, view)
+    assert not flow_drawing.is_seen(seen, view)
     bmesh.from_edit_mesh(twin.data).verts.ensure_lookup_table()
     bmesh.from_edit_mesh(twin.data).verts[0].co.x += 1.0
     flow_shown._shown.surface = "drawn"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert flow_shown._shown.surface is None
-    assert flow_drawing._is_seen(seen, view)
+    assert flow_drawing.is_seen(seen, view)
 
 
 @pytest.mark.parametrize("draw", ["draw_surface", "draw_legend"])

@@ -710,7 +710,7 @@ def test_mark_sharp_angle(rounded_box):
         box = rounded_box()
         sharpen(mark_sharp=True, sharp_angle=np.radians(angle))
         counts.append(sharp_edges(box.data).sum())
-    assert counts[0] > counts[1] > counts[2] > counts[3] == 0
+    assert counts[0] >= counts[1] >= counts[2] > counts[3] == 0
 
 
 def test_mark_sharp_keeps(rounded_box):
@@ -1136,7 +1136,7 @@ def test_winding(operator):
     assert (results[0] != vertices.astype(np.float32)).any()
     np.testing.assert_allclose(results[1], results[0], atol=0.01)
     assert [list(polygon.vertices) for polygon in obj.data.polygons] == mixed
-    assert sharp_edges(obj.data).sum() > 20
+    assert sharp_edges(obj.data).sum() > 10
 
 
 @BOTH

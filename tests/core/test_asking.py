@@ -113,6 +113,9 @@ RUNS = {
         mesh, mask=mask, progress=ask
     ),
     "denoising both": lambda mesh, colors, mask, ask: BOTH(mesh, colors, mask=mask, progress=ask),
+    "low poly": lambda mesh, colors, mask, ask: core.crisp_low_poly(
+        mesh, core.GeometrySettings(amount=0.0), progress=ask
+    ),
     "welding": lambda mesh, colors, mask, ask: core.weld(mesh.vertices, progress=ask),
     "welding borders": lambda mesh, colors, mask, ask: weld_borders(
         mesh.vertices, mesh.faces, progress=ask
@@ -137,8 +140,8 @@ def test_kernels_on_meshes_ask(silent, run):
 
 
 def test_the_watch_names_kernels_that_do_not_ask(silent):
-    mesh = core.TriangleMesh(*soft_cube(20))
-    assert "walk_exactly" in silent(lambda ask: core.sharpen_geometry(mesh))
+    sharpen = lambda ask: core.sharpen_geometry(core.TriangleMesh(*soft_cube(20)))  # noqa: E731
+    assert "walk_exactly" in silent(sharpen)
     image = np.zeros((300, 20), dtype=np.float32)
     assert silent(lambda ask: core.sharpen_image(image, core.ImageSettings(time=16.0)))
 

@@ -402,3 +402,26 @@ def test_progress_of_a_solve_rises():
         fractions = [fraction for fraction, _ in seen]
         assert fractions == sorted(fractions)
         assert len({fraction for fraction, message in seen if message == "Solving it"}) > 5
+
+
+def test_the_local_refit_is_that_of_the_whole_mesh_and_leaves_what_is_far_bit_for_bit():
+    # A long roof with one soft ridge.
+    n = 90
+    x, y = np.divmod(np.arange(n * n, dtype=float), n)
+    a = np.flatnonzero((x < n - 1) & (y < n - 1))
+    faces = np.stack([[a, a + n, a + 1], [a + 1, a + n, a + n + 1]]).swapaxes(1, 2).reshape(-1, 3)
+    sharp = core.TriangleMesh(np.stack([x, y, -abs(x - 45)], axis=1), faces)
+    soft = sharp.moved_to(calculus.smooth_vertices(sharp, sharp.vertices, 2))
+    inside = (soft.vertices[:, 1] > 2) & (soft.vertices[:, 1] < n - 3)
+    near = (abs(x - 45) < 5)[faces].all(axis=1) & inside[faces].all(axis=1)
+    normals = np.where(near[:, None], sharp.normals, soft.normals)
+    settings = core.FitSettings(screening_radius=5.0)
+    mask = np.clip(y / 20, 0, 1)
+    for given in (None, mask):
+        whole, _ = fit.displacement(soft, normals, settings, given, 13, 0.95)
+        local = fit.local_displacement(soft, normals, settings, given, 13, 0.95)
+        moves = np.linalg.norm(whole, axis=1)
+        assert np.linalg.norm(whole - local, axis=1).max() < 0.02 * moves.max()
+        far = abs(x - 45) > 5 + 3 * 5 + 3
+        assert far.sum() > 0.4 * len(x)
+        assert (local[far] == 0).all()

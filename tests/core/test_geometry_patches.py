@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Denoising on a patch, which previews show, beside that of the whole mesh."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shapes import grid
@@ -49,6 +51,19 @@ def test_a_patch_with_shorter_edges_shows_what_the_whole_gets(passes):
     change = np.abs(wanted - whole.positions)[:size].mean()
     assert np.abs(seen - wanted)[:size].mean() < 0.2 * change
     assert np.array_equal(seen[size:], whole.positions[size:])
+
+
+def test_edges_in_a_patch_are_those_of_its_vertices():
+    whole = sheets(0)
+    ends = whole.triangles[:, [0, 1]]
+    whole = replace(whole, edges=ends, sharp_angle=30.0)
+    patch = patch_around(whole, (CELLS + 1) * CELLS // 2, 400)
+    assert patch.surface.sharp_angle is None
+    chosen = np.flatnonzero(np.isin(whole.positions, patch.surface.positions).all(axis=1))
+    wanted = ends[np.isin(ends, chosen).all(axis=1)]
+    assert 0 < len(wanted) < len(ends)
+    assert np.array_equal(chosen[patch.surface.edges], wanted)
+    assert patch_around(sheets(0), 0, 400).surface.edges is None
 
 
 def test_steps_on_scans_have_no_length():

@@ -8,6 +8,7 @@ from shock_filter.core.base.progress import reporting
 from shock_filter.core.mesh import weld as weld_module
 from shock_filter.core.mesh.adjacency import connected_parts
 from shock_filter.core.mesh.order import is_scattered, sorted_along_curve
+from shock_filter.core.mesh.triangle_mesh import part_of
 from shock_filter.core.mesh.weld import split_at_jumps
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
@@ -343,3 +344,20 @@ def test_corners_at_a_hub_are_split_by_their_values():
     assert np.array_equal(values[cut.faces].reshape(-1, 2), signal)
     different = np.column_stack([mesh.faces.reshape(-1), signal + 0.0])
     assert cut.vertex_count == len(np.unique(different, axis=0))
+
+
+def test_a_part_of_a_mesh_is_the_mesh_of_its_faces_in_the_unit_of_the_whole():
+    vertices, faces = icosphere(3)
+    mesh = core.TriangleMesh(vertices * [1.0, 2.0, 0.5], faces)
+    chosen = np.flatnonzero(mesh.normals[:, 2] > 0.1)
+    part, index = part_of(mesh, chosen)
+    np.testing.assert_array_equal(index[part.faces], mesh.faces[chosen])
+    other = core.TriangleMesh(part.vertices, part.faces)
+    np.testing.assert_array_equal(part.twins, other.twins)
+    for mine, theirs in zip(
+        (*part.corners, *part.neighbours), (*other.corners, *other.neighbours), strict=True
+    ):
+        np.testing.assert_array_equal(mine, theirs)
+    assert part.mean_edge_length == mesh.mean_edge_length
+    np.testing.assert_array_equal(part.normals, mesh.normals[chosen])
+    np.testing.assert_array_equal(part.areas, mesh.areas[chosen])

@@ -150,6 +150,13 @@ CALLS = {
          "known": None},
         core.ImageSettings,
     ),
+    "crisp_low_poly": Call(
+        {"mesh": MESH, "tolerance": 0.2, "turn": 5.0, "angle": 20.0, "keep": [[0, 1], [3, 4]]},
+        core.GeometrySettings,
+    ),
+    "find_creases": Call(
+        {"mesh": MESH, "angle": 20.0, "edges": MESH.faces[:, :2]}, core.GeometrySettings
+    ),
     "sharpen_normals": Call({"mesh": MESH}, core.GeometrySettings),
     "sharpen_texture": Call(
         {**_TEXTURE, "image": IMAGE, "mask": WEIGHTS, "guide": GRAY, "atlas": ATLAS},

@@ -11,8 +11,10 @@ from .. import importing
 if TYPE_CHECKING:
     from . import (  # noqa: F401
         colors,
+        creases,
         flow,
         geometry,
+        low_poly,
         masks,
         meshes,
         original,

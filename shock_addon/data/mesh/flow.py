@@ -37,6 +37,11 @@ class FlowOfMesh(NamedTuple):
     potential: npt.NDArray[np.float32]
     flow: npt.NDArray[np.float32]
 
+    @property
+    def kind(self) -> str:
+        """What is shown."""
+        return "flow"
+
     def fits(self, mesh: bpy.types.Mesh) -> bool:
         """Whether a mesh has as many vertices and faces."""
         return (len(mesh.vertices), len(mesh.polygons)) == (len(self.potential), len(self.flow))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -34,8 +35,8 @@ class Place:
     custom_normals : str
         "KEEP", "RECOMPUTE" or "CLEAR".
     sharp_angle : float or None
-        Edges whose faces meet at more than this become sharp, after sharpening where creases were
-        closed; None marks none. Not where the shape is a key's, or custom normals are kept.
+        Edges whose faces meet at more than this become sharp, after sharpening those of creases;
+        None marks none. Not where the shape is a key's, or custom normals are kept.
     """
 
     output: str
@@ -76,6 +77,8 @@ def read_geometry(
         to_world=meshes.lengths_in_world(obj),
         mirror=(mesh.use_mirror_x, mesh.use_mirror_y, mesh.use_mirror_z),
         planes=tuple(_mirror_planes(obj)),
+        sharp_angle=None if place.sharp_angle is None else math.degrees(place.sharp_angle),
+        edges=meshes.read_edges(mesh),
     )
     return place, surface
 
@@ -108,8 +111,11 @@ def write_geometry(
         shape_keys.write_active(obj, result.positions)
         meshes.write_positions(obj.data, shape_keys.read(obj.data.shape_keys.reference_key))
     if place.sharp_angle is not None and _may_mark(obj, place):
-        free = _free(mask, result.creases)
-        shading.mark_sharp(obj.data, result.positions, free, place.sharp_angle)
+        free = None if mask is None else mask > 0.0
+        if result.creases is None:
+            shading.mark_sharp(obj.data, result.positions, free, place.sharp_angle)
+        else:
+            shading.mark_creases(obj.data, result.creases, free)
     obj.data.update()
     if obj.data.has_custom_normals and place.custom_normals == "RECOMPUTE":
         shading.recompute_normals(obj, mask)
@@ -127,15 +133,6 @@ def _may_mark(obj: bpy.types.Object, place: Place) -> bool:
         return False
     keys = obj.data.shape_keys
     return keys is None or shape_keys.active_key(obj) == keys.reference_key
-
-
-def _free(
-    mask: npt.NDArray[np.float64] | None, creases: npt.NDArray[np.bool_] | None
-) -> npt.NDArray[np.bool_] | None:
-    # Where marks may be set; None for everywhere.
-    if mask is None:
-        return creases
-    return mask > 0.0 if creases is None else creases & (mask > 0.0)
 
 
 def _source(obj: bpy.types.Object, place: Place) -> npt.NDArray[np.float32]:

@@ -221,6 +221,13 @@ def read_triangles(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
     return read_corner_vertices(mesh)[read_triangle_corners(mesh)]
 
 
+def read_edges(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32] | None:
+    """Read the vertices of the edges: (k, 2); None if all faces are triangles."""
+    if len(mesh.loops) == 3 * len(mesh.polygons):
+        return None
+    return arrays.read_attribute(mesh.attributes[".edge_verts"])
+
+
 def lengths_in_world(obj: bpy.types.Object) -> npt.NDArray[np.float64]:
     """Return the object's scale and shear, after which lengths are measured: (3, 3).
 

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ....core.host.edge_marks import face_normals, faces_at, sharp_edges
+from ....core.host.edge_marks import CreaseEdges, face_normals, faces_at, sharp_edges
 from .. import arrays
 from .meshes import read_corner_vertices
 
@@ -50,6 +50,28 @@ def mark_sharp(
         return
     marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
     arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
+
+
+def mark_creases(
+    mesh: bpy.types.Mesh, creases: CreaseEdges, free: npt.NDArray[np.bool_] | None
+) -> None:
+    """Mark edges of creases as sharp; marks that are there stay.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+        In Object Mode.
+    creases : CreaseEdges
+    free : (n,) bool or None
+        Edges stay as they are where it is False at one of their ends.
+    """
+    ends = arrays.read_attribute(mesh.attributes[".edge_verts"])
+    sharp = creases.among(ends)
+    if free is not None:
+        sharp &= free[ends].all(axis=1)
+    if sharp.any():
+        marks = arrays.find_or_add_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE")
+        arrays.write_attribute(marks, arrays.read_attribute(marks) | sharp)
 
 
 def count_marks(mesh: bpy.types.Mesh) -> int:

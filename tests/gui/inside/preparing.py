@@ -3,6 +3,7 @@
 
 import sys
 import time
+from collections import Counter
 
 import bpy
 import scene
@@ -53,16 +54,17 @@ def presses() -> Steps:
         report["_".join([operator, *words.values()] if small else [operator])] = {
             "result": sorted(result),
             "seconds": seconds,
-            "compiled": compiled() - before,
+            "compiled": sorted((compiled() - before).elements()),
         }
         yield 0.2
 
 
-def compiled() -> int:
-    """Count what was compiled in this session because it was not on disk."""
+def compiled() -> Counter[str]:
+    """Count, by kernels, what was compiled in this session because it was not on disk."""
     rehearsal = sys.modules.get(f"{MODULE}.core.rehearsal.rehearse")
     kernels = rehearsal.imported_kernels() if rehearsal else ()
-    return sum(sum(kernel.stats.cache_misses.values()) for kernel in kernels)
+    counts = {kernel.__name__: sum(kernel.stats.cache_misses.values()) for kernel in kernels}
+    return Counter(counts)
 
 
 def add_texture(obj: bpy.types.Object) -> None:

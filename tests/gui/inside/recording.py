@@ -24,7 +24,7 @@ from harness import (
 )
 
 LOOP = PICTURES / "loop"
-PREVIEW = -2
+PREVIEW = -5
 """The button's number in the tab, from the bottom."""
 
 

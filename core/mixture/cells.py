@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Means over a grid of cells, for what lies farther around than a few neighbours."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run, run_in_order
+from ..base.progress import ask
+
+Floats = npt.NDArray[np.float64]
+
+_CORNERS = np.array(list(product((0, 1), repeat=3)))
+"""Of a cell; the last axis changes first."""
+
+_MOST_CELLS = 5e5
+"""Along an axis, from the origin: so that 64 bits number them."""
+
+
+class MeansAround:
+    """Averages of values around places, whatever the number of them: smooth, over about a size.
+
+    Each value counts for the eight corners of its cell, as near as it is to them. Two passes of
+    (1, 2, 1) / 4 along each axis smooth the sums, which are read as they were written. So the
+    weights fall nearly evenly in all directions, however the grid of cells lies: it follows the
+    axes, and has a corner at the origin.
+
+    Parameters
+    ----------
+    places : (n, 3) float64
+    values : (n, d) float64
+    size : float
+        Two cells, in the unit of the places: the weights have a standard deviation of 0.58 of it
+        along each axis. Larger cells are taken where places lie very far apart.
+    """
+
+    def __init__(self, places: Floats, values: Floats, size: float) -> None:
+        self._places = places
+        self._size = size = max(0.5 * size, float(np.abs(places).max()) / _MOST_CELLS)
+        self._low = low = np.floor(places.min(axis=0) / size) * size
+        span = np.floor((places.max(axis=0) - low) / size).astype(np.int64) + 3
+        keys = np.empty(len(places), dtype=np.int64)
+        run(_number, len(places), places, low, size, span, keys)
+        used, self._cell = _numbered(keys)
+        ask()
+        lengths = np.array([span[1] * span[2], span[2], 1])
+        around = used[:, None] + _CORNERS @ lengths
+        corners, index = _numbered(around.reshape(-1))
+        self._index = index.reshape(around.shape).astype(np.int32)
+        ask()
+        sums = np.zeros((len(corners), values.shape[1] + 1))
+        run_in_order(_add_up, len(places), places, low, size, self._index, self._cell, values,
+                     sums)  # fmt: skip
+        beside = [_beside(corners, length) for length in lengths]
+        for _ in range(2):
+            for axis in range(3):
+                smooth = np.empty_like(sums)
+                run(_smooth, len(sums), beside[axis], sums, smooth)
+                sums = smooth
+        self._sums = sums
+
+    def at(self, rows: npt.NDArray[np.integer]) -> Floats:
+        """Return the averages around some of the places: (k, d)."""
+        out = np.empty((len(rows), self._sums.shape[1] - 1))
+        run(_read, len(rows), rows, self._places, self._low, self._size, self._index, self._cell,
+            self._sums, out)  # fmt: skip
+        return out
+
+
+def _beside(corners: npt.NDArray[np.int64], step: int) -> npt.NDArray[np.int32]:
+    # The numbers of the corners before and after each along an axis; -1 where there is none.
+    found = np.empty((len(corners), 2), dtype=np.int32)
+    for k, way in enumerate((-step, step)):
+        at = np.minimum(np.searchsorted(corners, corners + way), len(corners) - 1)
+        found[:, k] = np.where(corners[at] == corners + way, at, -1)
+    return found
+
+
+def _numbered(keys: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray]:
+    # The different keys, sorted, and which of them each is.
+    most = int(keys.max()) + 1
+    if most > 16 * len(keys) + 4096:
+        return np.unique(keys, return_inverse=True)
+    found = np.zeros(most, dtype=np.bool_)
+    found[keys] = True
+    used = np.flatnonzero(found)
+    number = np.empty(most, dtype=np.int32)
+    number[used] = np.arange(len(used), dtype=np.int32)
+    return used, number[keys]
+
+
+@kernel
+def _number(start, stop, places, low, size, span, keys):
+    for v in range(start, stop):
+        x = int((places[v, 0] - low[0]) / size)
+        y = int((places[v, 1] - low[1]) / size)
+        z = int((places[v, 2] - low[2]) / size)
+        keys[v] = (x * span[1] + y) * span[2] + z
+
+
+@kernel
+def _share(c, v, places, low, size):
+    # How much the corner c of its cell counts for a place: along each axis from 0 to 1.
+    share = 1.0
+    for axis in range(3):
+        t = (places[v, axis] - low[axis]) / size
+        t -= int(t)
+        bit = (c >> (2 - axis)) & 1
+        share *= t if bit else 1.0 - t
+    return share
+
+
+@kernel
+def _add_up(start, stop, places, low, size, index, cell, values, sums):
+    count = values.shape[1]
+    for v in range(start, stop):
+        for c in range(8):
+            share = _share(c, v, places, low, size)
+            total = sums[index[cell[v], c]]
+            for i in range(count):
+                total[i] += share * values[v, i]
+            total[count] += share
+
+
+@kernel
+def _smooth(start, stop, beside, sums, smooth):
+    for c in range(start, stop):
+        for i in range(sums.shape[1]):
+            smooth[c, i] = 0.5 * sums[c, i]
+        for k in range(2):
+            o = beside[c, k]
+            if o >= 0:
+                for i in range(sums.shape[1]):
+                    smooth[c, i] += 0.25 * sums[o, i]
+
+
+@kernel
+def _read(start, stop, rows, places, low, size, index, cell, sums, out):
+    count = out.shape[1]
+    for r in range(start, stop):
+        v = rows[r]
+        weight = 0.0
+        for i in range(count):
+            out[r, i] = 0.0
+        for c in range(8):
+            share = _share(c, v, places, low, size)
+            total = sums[index[cell[v], c]]
+            weight += share * total[count]
+            for i in range(count):
+                out[r, i] += share * total[i]
+        for i in range(count):
+            out[r, i] /= weight

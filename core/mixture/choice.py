@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Candidates: how far they are from each other, and their mixture."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from .network import Singles
+
+FAINT = 0.02
+"""Distances of this size and less look alike to a network, which is told their logarithms."""
+
+
+def pair_count(candidates: int) -> int:
+    """Number of pairs that `tell_pairs` tells of."""
+    return candidates * (candidates - 1) // 2
+
+
+def tell_pairs(candidates: Singles, told: Singles) -> None:
+    """Put the logarithms of the distances of all pairs into the first columns of `told`.
+
+    Parameters
+    ----------
+    candidates : (n, k, d) float32
+    told : (n, k (k - 1) / 2 or more) float32
+    """
+    run(_tell_pairs, len(candidates), candidates, told)
+
+
+def mixture(
+    candidates: Singles, scores: Singles, first: int = 0
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Mix unit vectors by the exponentials of their scores.
+
+    Parameters
+    ----------
+    candidates : (n, k, 3) float32
+        Unit vectors.
+    scores : (n, k) float32
+    first : int
+        Those before it do not count.
+
+    Returns
+    -------
+    mixed : (n, 3) float64
+        Unit vectors; the own one, candidate 0, where the others cancel each other.
+    shares : (n, k) float64
+        How much each counts; they add up to 1.
+    """
+    mixed = np.empty((len(candidates), 3))
+    shares = np.empty(scores.shape)
+    run(_mix, len(candidates), candidates, scores, first, mixed, shares)
+    return mixed, shares
+
+
+@kernel
+def _tell_pairs(start, stop, candidates, told):
+    k, size = candidates.shape[1], candidates.shape[2]
+    for f in range(start, stop):
+        c = 0
+        for i in range(k):
+            for j in range(i + 1, k):
+                square = np.float32(0)
+                for x in range(size):
+                    square += (candidates[f, i, x] - candidates[f, j, x]) ** 2
+                told[f, c] = np.log(np.sqrt(square) + np.float32(FAINT)) + np.float32(2)
+                c += 1
+
+
+@kernel
+def _mix(start, stop, candidates, scores, first, mixed, shares):
+    k = scores.shape[1]
+    for f in range(start, stop):
+        most = scores[f, first]
+        for i in range(first + 1, k):
+            most = max(most, scores[f, i])
+        total = 0.0
+        for i in range(k):
+            shares[f, i] = np.exp(np.float64(scores[f, i] - most)) if i >= first else 0.0
+            total += shares[f, i]
+        x = y = z = 0.0
+        for i in range(k):
+            shares[f, i] /= total
+            x += shares[f, i] * candidates[f, i, 0]
+            y += shares[f, i] * candidates[f, i, 1]
+            z += shares[f, i] * candidates[f, i, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-9:
+            mixed[f, 0], mixed[f, 1], mixed[f, 2] = x / length, y / length, z / length
+        else:
+            for i in range(3):
+                mixed[f, i] = candidates[f, 0, i]

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small networks of fully connected layers, with what they were made of."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import chunk_size, kernel, run
+
+Singles = npt.NDArray[np.float32]
+
+_CHUNK = 2048
+"""Most rows that a thread takes at once: each costs as much as many of other kernels."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """A network, and where it comes from.
+
+    Attributes
+    ----------
+    weights : tuple of (inputs, outputs) float32
+        One for each layer; between layers what is below 0 becomes 0.
+    shifts : tuple of (outputs,) float32
+    definition : str
+        Digest of what its inputs and outputs mean; see `digest`.
+    made_of : str
+        Digest of the scripts that trained it.
+    version : int
+        Counts the trainings that were shipped.
+    """
+
+    weights: tuple[Singles, ...]
+    shifts: tuple[Singles, ...]
+    definition: str = ""
+    made_of: str = ""
+    version: int = 0
+
+    def scores(self, told: Singles) -> Singles:
+        """Return the last layer's values: (n, inputs) -> (n, outputs) float32.
+
+        Each row is computed by itself, in one order: it has the same bits whatever other rows
+        there are, and on any number of threads.
+        """
+        rows = told
+        chunk = min(_CHUNK, chunk_size(len(rows)))
+        for i, (weights, shift) in enumerate(zip(self.weights, self.shifts, strict=True)):
+            out = np.empty((len(rows), len(shift)), dtype=np.float32)
+            last = i + 1 == len(self.weights)
+            run(_layer, len(rows), rows, weights, shift, last, out, chunk=chunk)
+            rows = out
+        return rows
+
+
+def digest(*texts: str) -> str:
+    """Sum up texts in 16 letters."""
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
+
+
+def load(path: Path, definition: str) -> dict[str, Network]:
+    """Read the networks of a file, by name.
+
+    Parameters
+    ----------
+    path : Path
+        As `save` has written it.
+    definition : str
+        What their inputs and outputs mean to the code that asks.
+
+    Raises
+    ------
+    ValueError
+        If they were trained for another definition.
+    """
+    with np.load(path, allow_pickle=False) as data:
+        arrays = {key: data[key] for key in data.files}
+    facts = {name: arrays.pop(name).item() for name in ("definition", "made_of", "version")}
+    if facts["definition"] != definition:
+        raise ValueError(f"{path.name} was trained for other inputs; train it again.")
+    found = {}
+    for name in {key.partition(".")[0] for key in arrays}:
+        count = sum(key.startswith(f"{name}.weights") for key in arrays)
+        weights, shifts = (
+            tuple(arrays[f"{name}.{what}{i}"].astype(np.float32) for i in range(count))
+            for what in ("weights", "shift")
+        )
+        found[name] = Network(weights, shifts, **facts)
+    return found
+
+
+def save(path: Path, networks: dict[str, Network]) -> None:
+    """Write networks of one training; their weights are rounded to half precision."""
+    arrays: dict[str, npt.NDArray] = {}
+    for name, network in networks.items():
+        for i, (weights, shift) in enumerate(zip(network.weights, network.shifts, strict=True)):
+            arrays[f"{name}.weights{i}"] = weights.astype(np.float16)
+            arrays[f"{name}.shift{i}"] = shift
+    facts = {name: getattr(network, name) for name in ("definition", "made_of", "version")}
+    np.savez_compressed(path, **facts, **arrays)
+
+
+@kernel
+def _layer(start, stop, rows, weights, shift, last, out):
+    # Four inputs at a time: the outputs are read and written a quarter as often.
+    inputs, outputs = weights.shape
+    for r in range(start, stop):
+        x, y = rows[r], out[r]
+        for j in range(outputs):
+            y[j] = shift[j]
+        i = 0
+        while i + 4 <= inputs:
+            a, b, c, d = x[i], x[i + 1], x[i + 2], x[i + 3]
+            if a != 0 or b != 0 or c != 0 or d != 0:
+                for j in range(outputs):
+                    y[j] += (a * weights[i, j] + b * weights[i + 1, j]) + (
+                        c * weights[i + 2, j] + d * weights[i + 3, j]
+                    )
+            i += 4
+        while i < inputs:
+            a = x[i]
+            for j in range(outputs):
+                y[j] += a * weights[i, j]
+            i += 1
+        if not last:
+            for j in range(outputs):
+                y[j] = max(y[j], np.float32(0))

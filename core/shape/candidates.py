@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Normals that faces near creases may take, and what a network is told to weigh them by.
+
+Not in the papers. Nine candidates a face: its own normal; means of those around, over 0, 2 and 8
+smoothing passes; two flows, one of them longer; and what is left when its own normal and both flows
+take sides, as `sides` has it. The network sees how far all pairs of them are apart, how far
+smoothing would move the surface, and the means of such measures around the face, at three sizes.
+
+A smaller network, the gate, sees what is known before anything takes sides, and tells which faces
+may turn at all; the others are not asked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.progress import phase
+from ..base.vectors import dot, edge
+from ..flow.potential import bending
+from ..mesh.calculus import average_to_vertices, make_unit_or, smooth_vertices
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mixture.cells import MeansAround
+from ..mixture.choice import pair_count, tell_pairs
+from ..mixture.network import Network, Singles, digest
+from ..settings import GeometrySettings
+from .advected import advected_normals
+from .sides import consistent_normals, grown
+
+CANDIDATES = 9
+TAKES_SIDES = 6
+"""From this candidate on they take sides."""
+
+LONGER = 8.0
+"""How many times longer the second flow takes."""
+
+_STILL = np.cos(np.radians(5.0))
+"""Faces that neither a flow nor a mean turns by more keep their normals, two rings around too."""
+
+_PASSES = 2, 8
+"""Smoothing passes of the wider means, and of the heights."""
+
+_CHANGES = (0, 1), (1, 2), (2, 3), (0, 4), (4, 5), (3, 4), (3, 5)
+"""Candidates whose distances are averaged around a face."""
+
+_ALIKE = 4e-4, 1e-2
+"""Squared distances of normals across edges up to which these look alike."""
+
+_CELLS = 5.0, 14.0
+"""Sizes of the cells over which measures are averaged, in mean edge lengths."""
+
+_AROUND = len(_CHANGES) + len(_ALIKE) + 3
+"""Measures that are averaged: also the turn across edges, the shape of faces and the height."""
+
+_BESIDE_PAIRS = len(_PASSES) + _AROUND * (1 + len(_CELLS))
+
+TOLD = pair_count(CANDIDATES) + _BESIDE_PAIRS
+"""Numbers that the network is told of a face."""
+
+TOLD_FIRST = [
+    *(number for number, pair in enumerate(combinations(range(CANDIDATES), 2))
+      if max(pair) < TAKES_SIDES),
+    *range(pair_count(CANDIDATES), TOLD),
+]  # fmt: skip
+"""Those of them that the gate is told."""
+
+DEFINITION = digest("creases 3", repr((CANDIDATES, TAKES_SIDES, LONGER, round(float(_STILL), 9),
+                                       _PASSES, _CHANGES, _ALIKE, _CELLS, _AROUND)))  # fmt: skip
+"""Changes with what the numbers mean; count the first word up when the code changes them."""
+
+
+class Candidates(NamedTuple):
+    """Candidates of the faces that something turns.
+
+    Attributes
+    ----------
+    rows : (k,) int
+        These faces.
+    normals : (k, 9, 3) float32
+        The first is their own.
+    told : (k, TOLD) float32
+        What the network is told.
+    turn, wide_turn : (n,) float64
+        RMS turn of the normals around each vertex, in radians, over 2 and 8 smoothing passes.
+    """
+
+    rows: npt.NDArray[np.intp]
+    normals: Singles
+    told: Singles
+    turn: Floats
+    wide_turn: Floats
+
+
+def flow_key(settings: GeometrySettings) -> tuple[Any, ...]:
+    """The settings that candidates depend on."""
+    return (settings.time, settings.smoothing_passes, settings.mollify_passes,
+            settings.feature_threshold, settings.sampling, settings.align_passes)  # fmt: skip
+
+
+def find_candidates(
+    mesh: TriangleMesh, settings: GeometrySettings, gate: Network | None
+) -> Candidates:
+    """Find the candidates of the faces that a gate lets pass, or of all that something turns.
+
+    Of the settings, those of `flow_key` count.
+    """
+    message = "Finding creases"
+    with phase(0.0, 0.2, message):
+        near, far = _smoothed(mesh)
+    signal, _ = bending(mesh, settings.smoothing_passes)
+    everywhere = np.empty((mesh.face_count, TAKES_SIDES, 3), dtype=np.float32)
+    with phase(0.2, 0.6, message):
+        flows = []
+        for number, factor in enumerate((1.0, LONGER)):
+            with phase(0.5 * number, 0.5 * number + 0.5, message):
+                flowing = replace(settings, time=factor * settings.time)
+                flows.append(advected_normals(mesh, flowing))
+    turned = np.empty(mesh.face_count, dtype=np.bool_)
+    with phase(0.6, 0.65, message):
+        run(_gather, mesh.face_count, mesh.faces, mesh.normals, mesh.areas, signal, near, far,
+            *flows, _STILL, everywhere, turned)  # fmt: skip
+    with phase(0.65, 0.8, message):
+        turn, wide_turn = _turn(near), _turn(far)
+        surroundings = _Surroundings(mesh, everywhere, signal, near, far)
+        del near, far
+        if gate is not None:
+            rows = np.flatnonzero(turned)
+            told = surroundings.told(rows)
+            turned[rows] = _passed(gate, everywhere[rows], told)
+            turned = grown(mesh, turned)
+        else:
+            turned = grown(mesh, grown(mesh, turned))
+        zone = turned & (mesh.areas > 0)
+        rows = np.flatnonzero(zone)
+        beside = surroundings.told(rows)
+        del surroundings
+    normals = np.empty((len(rows), CANDIDATES, 3), dtype=np.float32)
+    normals[:, :TAKES_SIDES] = everywhere[rows]
+    del everywhere
+    told = np.empty((len(rows), TOLD), dtype=np.float32)
+    told[:, pair_count(CANDIDATES) :] = beside
+    if len(rows):
+        with phase(0.85, 1.0, message):
+            for number, each in enumerate((mesh.normals, *flows)):
+                with phase(number / 3, (number + 1) / 3, message):
+                    sides = consistent_normals(mesh, each, zone, settings.align_passes)
+                normals[:, TAKES_SIDES + number] = sides[rows]
+        tell_pairs(normals, told)
+    return Candidates(rows, normals, told, turn, wide_turn)
+
+
+def _passed(gate: Network, candidates: Singles, beside: Singles) -> npt.NDArray[np.bool_]:
+    first = pair_count(TAKES_SIDES)
+    told = np.empty((len(candidates), first + beside.shape[1]), dtype=np.float32)
+    tell_pairs(candidates, told)
+    told[:, first:] = beside
+    return gate.scores(told)[:, 0] > 0
+
+
+def _smoothed(mesh: TriangleMesh) -> tuple[Floats, Floats]:
+    # Normals and places at the vertices, over both numbers of passes: (n, 6) each.
+    both = np.concatenate([average_to_vertices(mesh, mesh.normals), mesh.scaled_vertices], axis=1)
+    first, second = _PASSES
+    with phase(0.0, 0.3, "Finding creases"):
+        near = smooth_vertices(mesh, both, first)
+    with phase(0.3, 1.0, "Finding creases"):
+        return near, smooth_vertices(mesh, near, second - first)
+
+
+def _turn(means: Floats) -> Floats:
+    # The means of unit normals are the shorter the more these differ.
+    out = np.empty(len(means))
+    run(_shortness, len(means), means, out)
+    return out
+
+
+class _Surroundings:
+    # Tells of faces what is known beside the distances of pairs; of each vertex once.
+
+    def __init__(
+        self, mesh: TriangleMesh, everywhere: Singles, signal: Floats, near: Floats, far: Floats
+    ) -> None:
+        self._mesh = mesh
+        self._heights = np.empty((mesh.vertex_count, len(_PASSES)))
+        run(_measure_heights, mesh.vertex_count, mesh.scaled_vertices, signal, near, far,
+            self._heights)  # fmt: skip
+        changes = np.empty((mesh.face_count, _AROUND))
+        run(_measure_changes, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.normals,
+            mesh.areas, mesh.twins, everywhere, np.array(_CHANGES), np.array(_ALIKE),
+            changes)  # fmt: skip
+        around = average_to_vertices(mesh, changes)
+        del changes
+        around[:, -1] = self._heights[:, -1] ** 2
+        around = smooth_vertices(mesh, around, 2)
+        run(_to_logarithms, len(around), around)
+        self._around = around
+        self._known = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        self._measures = np.empty((mesh.vertex_count, _AROUND * (1 + len(_CELLS))), np.float32)
+        used = np.diff(mesh.corners[0]) > 0
+        self._cells: list[MeansAround] = []
+        self._place: npt.NDArray | None = None
+        places, values = mesh.scaled_vertices, around
+        if not used.all():  # loose vertices are nowhere
+            places, values, self._place = places[used], values[used], np.cumsum(used) - 1
+        self._grids = places, values
+
+    def told(self, rows: npt.NDArray[np.intp]) -> Singles:
+        told = np.empty((len(rows), _BESIDE_PAIRS), dtype=np.float32)
+        if len(rows) == 0:
+            return told
+        mesh = self._mesh
+        if not self._cells:
+            self._cells = [MeansAround(*self._grids, size) for size in _CELLS]
+        wanted = np.zeros(mesh.vertex_count, dtype=np.bool_)
+        wanted[mesh.faces[rows]] = True
+        new = np.flatnonzero(wanted & ~self._known)
+        self._known[new] = True
+        place = new if self._place is None else self._place[new]
+        self._measures[new, :_AROUND] = self._around[new]
+        for k, cells in enumerate(self._cells, 1):
+            self._measures[new, k * _AROUND : (k + 1) * _AROUND] = cells.at(place)
+        run(_tell_around, len(rows), rows, mesh.faces, self._heights, self._measures,
+            told)  # fmt: skip
+        return told
+
+
+@kernel
+def _shortness(start, stop, means, out):
+    for v in range(start, stop):
+        out[v] = np.sqrt(max(2.0 * (1.0 - np.sqrt(dot(means[v], means[v]))), 0.0))
+
+
+@kernel
+def _mean_to(faces, f, values, own, out):
+    # The mean of a face's corners, of unit length.
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    for x in range(3):
+        out[x] = values[a, x] + values[b, x] + values[c, x]
+    make_unit_or(out, own)
+
+
+@kernel
+def _gather(
+    start, stop, faces, normals, areas, signal, near, far, short, long, still, everywhere, turned
+):
+    # The candidates that do not take sides, and whether any of them is turned clearly.
+    mean = np.empty(3)
+    for f in range(start, stop):
+        own, out = normals[f], everywhere[f]
+        for x in range(3):
+            out[0, x], out[4, x], out[5, x] = own[x], short[f, x], long[f, x]
+        _mean_to(faces, f, signal, own, mean)
+        out[1, 0], out[1, 1], out[1, 2] = mean[0], mean[1], mean[2]
+        _mean_to(faces, f, far, own, mean)
+        out[3, 0], out[3, 1], out[3, 2] = mean[0], mean[1], mean[2]
+        _mean_to(faces, f, near, own, mean)
+        out[2, 0], out[2, 1], out[2, 2] = mean[0], mean[1], mean[2]
+        least = min(dot(own, short[f]), dot(own, long[f]), dot(own, mean))
+        turned[f] = least < still and areas[f] > 0
+
+
+@kernel
+def _measure_heights(start, stop, places, signal, near, far, heights):
+    # How far smoothing moves the surface along its normal, in mean edge lengths.
+    for v in range(start, stop):
+        n = signal[v]
+        length = max(np.sqrt(dot(n, n)), 1e-12)
+        one = two = 0.0
+        for x in range(3):
+            one += n[x] * (places[v, x] - near[v, 3 + x])
+            two += n[x] * (places[v, x] - far[v, 3 + x])
+        heights[v, 0], heights[v, 1] = one / length, two / length
+
+
+@kernel
+def _measure_changes(
+    start, stop, places, faces, normals, areas, twins, everywhere, pairs, alike, changes
+):
+    # Squared distances of candidates; how many normals across edges are alike, and how far they
+    # turn there; how even the face is.
+    for f in range(start, stop):
+        c = 0
+        for p in range(len(pairs)):
+            square = 0.0
+            for x in range(3):
+                d = float(everywhere[f, pairs[p, 0], x]) - float(everywhere[f, pairs[p, 1], x])
+                square += d * d
+            changes[f, c] = min(square, 1.0)
+            c += 1
+        first = c
+        for i in range(len(alike) + 1):
+            changes[f, first + i] = 0.0
+        total = 0.0
+        for k in range(3):
+            square = 0.0
+            if twins[f, k] >= 0:
+                g = twins[f, k] // 3
+                for x in range(3):
+                    square += (normals[f, x] - normals[g, x]) ** 2
+            for i in range(len(alike)):
+                changes[f, first + i] += np.exp(-square / alike[i]) / 3.0
+            total += square / 3.0
+        changes[f, first + len(alike)] = min(total, 1.0)
+        squares = 0.0
+        for k in range(3):
+            e = edge(places, faces[f, k], faces[f, (k + 1) % 3])
+            squares += dot(e, e)
+        changes[f, first + len(alike) + 2] = 0.0
+        changes[f, first + len(alike) + 1] = 6.928203230275509 * areas[f] / max(squares, 1e-300)
+
+
+@kernel
+def _to_logarithms(start, stop, values):
+    for v in range(start, stop):
+        for i in range(values.shape[1]):
+            values[v, i] = 0.5 * np.log(max(values[v, i], 0.0) + 1e-5) + 2.0
+
+
+@kernel
+def _tell_around(start, stop, rows, faces, heights, measures, told):
+    # Means over a face's corners.
+    for r in range(start, stop):
+        a, b, c = faces[rows[r], 0], faces[rows[r], 1], faces[rows[r], 2]
+        for i in range(heights.shape[1]):
+            height = (abs(heights[a, i]) + abs(heights[b, i]) + abs(heights[c, i])) / 3.0
+            told[r, i] = np.log(height + 0.005) + 3.0
+        begin = heights.shape[1]
+        for i in range(measures.shape[1]):
+            total = np.float64(measures[a, i]) + measures[b, i] + measures[c, i]
+            told[r, begin + i] = total / 3.0  # in double precision: the order does not matter

@@ -1,0 +1,443 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which edges of a mesh are creases: lines without gaps and spurs.
+
+Not in the papers. An edge is a crease where the normals of its faces differ much, as they will be
+once creases are closed. Single faces that belong to neither side would double a line, so that
+small regions between such edges join the side that they are most like. Lines that begin somewhere
+go on along weaker edges (two thresholds, as edge detection in images has), ends that lie close to
+another line are joined with it, and short lines with loose ends are left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run, run_in_order
+from ..base.progress import ask
+from ..base.vectors import TIE_BREAKER, after, cross, dot, edge
+from ..mesh.calculus import greatest_to_faces, greatest_to_vertices
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+
+Bools = npt.NDArray[np.bool_]
+Singles = npt.NDArray[np.float32]
+
+STRONG = 25.0
+"""Degrees between the normals across an edge from which it is a crease by itself."""
+
+_WEAK = 0.5
+"""Part of that from which an edge continues a crease."""
+
+_SMALL = 2.0
+"""Area, in squared mean edge lengths, below which a region between creases may be none."""
+
+_TURNED = np.cos(np.radians(2.0))
+"""Small regions are none if their faces, or those beside these, turn by more."""
+
+_SLIVER = 0.035
+"""Others are none if their area is less than this part of the squared length around them."""
+
+_PART = 0.25
+"""None is more than this part of the region that it joins: few large faces are regions, too."""
+
+_ROUNDS = 3
+"""So often small regions join others, which may be small, too."""
+
+_AHEAD = 0.35
+"""Cosine of the widest turn of a line that continues."""
+
+_SPECK = 3, 1
+"""A line of up to so many edges that ends at another one, or with two loose ends, is left out at
+the beginning."""
+
+_SHORT = 3, 5
+"""At last."""
+
+_OWN = 8
+"""An end is not joined with so many of the last vertices of its own line."""
+
+
+def turns_across(mesh: TriangleMesh, normals: Floats) -> Singles:
+    """Measure the angles between normals across half-edges: (m, 3), in degrees.
+
+    Positive where the crease is convex, negative where it is concave, 0 at borders.
+    """
+    turns = np.empty((mesh.face_count, 3), dtype=np.float32)
+    run(_measure_turns, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, normals,
+        turns)  # fmt: skip
+    return turns
+
+
+def crease_edges(
+    mesh: TriangleMesh,
+    normals: Floats,
+    turns: Singles,
+    angle: float = STRONG,
+    allowed: Bools | None = None,
+    hidden: Bools | None = None,
+) -> Bools:
+    """Choose the half-edges that form lines of creases.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    normals : (m, 3) float64
+        Those that the faces are to have.
+    turns : (m, 3) float32
+        From `turns_across`.
+    angle : float
+        Degrees from which an edge is a crease by itself; half of that continues one.
+    allowed : (n,) bool, optional
+        Lines only go through these vertices.
+    hidden : (m, 3) bool, optional
+        Half-edges that lines go around, such as diagonals of quads.
+
+    Returns
+    -------
+    (m, 3) bool
+        Both half-edges of each edge.
+    """
+    chosen = np.empty(mesh.faces.shape, dtype=np.bool_)
+    run(_choose_strong, mesh.face_count, turns, angle, chosen)
+    _join_small_regions(mesh, normals, turns, chosen)
+    barred = np.zeros(chosen.shape, dtype=np.bool_) if hidden is None else hidden.copy()
+    if hidden is not None:
+        _go_around(mesh.twins, turns, hidden, chosen)
+    if allowed is not None:
+        barred |= ~(allowed[mesh.faces] & allowed[mesh.faces[:, (1, 2, 0)]])
+        chosen &= ~barred
+    degrees = np.zeros(mesh.vertex_count, dtype=np.int32)
+    run_in_order(_count_edges, mesh.face_count, mesh.faces, chosen, degrees)
+    of_mesh = mesh.scaled_vertices, mesh.faces, mesh.twins, *mesh.corners
+    more = turns, angle, barred, chosen, degrees
+    _prune(_ends(mesh, degrees), *of_mesh, *_SPECK, chosen, degrees)
+    _continue(_ends(mesh, degrees), *of_mesh, *more)
+    for _ in range(2):
+        _bridge(_ends(mesh, degrees), *of_mesh, *more)
+        _drop_doubles(mesh, normals, turns, chosen, degrees)
+        _prune(_ends(mesh, degrees), *of_mesh, *_SHORT, chosen, degrees)
+        ask()
+    return chosen
+
+
+def _ends(mesh: TriangleMesh, degrees: npt.NDArray[np.int32]) -> npt.NDArray[np.intp]:
+    # In an order that does not depend on that of the vertices.
+    ends = np.flatnonzero(degrees == 1)
+    return ends[np.argsort(mesh.scaled_vertices[ends] @ np.array(TIE_BREAKER), kind="stable")]
+
+
+def _drop_doubles(
+    mesh: TriangleMesh,
+    normals: Floats,
+    turns: Singles,
+    chosen: Bools,
+    degrees: npt.NDArray[np.int32],
+) -> None:
+    # Bridges enclose small regions, too: joins these, but where a line would end.
+    before, inner = chosen.copy(), degrees > 1
+    _join_small_regions(mesh, normals, turns, chosen)
+    missing = before & ~chosen
+    while True:
+        degrees[:] = 0
+        run_in_order(_count_edges, mesh.face_count, mesh.faces, chosen, degrees)
+        ends = (inner & (degrees == 1))[mesh.faces]
+        back = missing & (ends | ends[:, (1, 2, 0)])
+        if not back.any():
+            return
+        chosen |= back
+        missing &= ~back
+
+
+def _join_small_regions(mesh: TriangleMesh, normals: Floats, turns: Singles, chosen: Bools) -> None:
+    # Takes away what bounds regions that are too small to be sides of a crease.
+    if not chosen.any():
+        return
+    parts = np.arange(mesh.face_count, dtype=np.int32)
+    run_in_order(_unite, mesh.face_count, mesh.twins, chosen, parts)
+    run_in_order(_flatten, mesh.face_count, parts)
+    face, side = np.nonzero(chosen)
+    other = mesh.twins[face, side] // 3
+    ends = mesh.faces[face, side], mesh.faces[face, (side + 1) % 3]
+    steps = mesh.scaled_vertices[ends[0]] - mesh.scaled_vertices[ends[1]]
+    # Long common borders count, and those across which normals hardly turn.
+    length = np.linalg.norm(steps, axis=1)
+    alike = length * (1.0 + np.cos(np.radians(turns[face, side])))
+    turned = (np.einsum("ij,ij->i", mesh.normals, normals) < _TURNED).astype(np.float64)
+    turned = mesh.areas * greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
+    first = parts.copy()
+    for _ in range(_ROUNDS):
+        area = np.bincount(parts, mesh.areas, minlength=mesh.face_count)
+        here, there = parts[face], parts[other]
+        around = np.bincount(here, length * (here != there), minlength=mesh.face_count)
+        none = np.bincount(parts, turned, minlength=mesh.face_count) > 0.5 * area
+        none |= area <= _SLIVER * around**2
+        rows = np.flatnonzero((here != there) & (area[here] < _SMALL) & none[here])
+        pairs = here[rows].astype(np.int64) * mesh.face_count + there[rows]
+        unique, number = np.unique(pairs, return_inverse=True)
+        likeness = np.bincount(number, alike[rows])
+        small, large = np.divmod(unique, mesh.face_count)
+        likeness[area[small] > _PART * area[large]] = 0.0
+        order = np.lexsort((area[large], likeness.round(9), small))
+        last = np.append(small[order][1:] != small[order][:-1], True) & (likeness[order] > 0)
+        joins = np.arange(mesh.face_count, dtype=np.int32)
+        _unite_pairs(small[order][last], large[order][last], joins)  # for none, too: to compile it
+        if len(rows) == 0:
+            break
+        parts = joins[parts]
+        run_in_order(_flatten, mesh.face_count, parts)
+        ask()
+    joined = (parts[face] == parts[other]) & (first[face] != first[other])
+    chosen[face[joined], side[joined]] = False
+
+
+@kernel
+def _measure_turns(start, stop, vertices, faces, twins, normals, turns):
+    for f in range(start, stop):
+        for k in range(3):
+            turns[f, k] = 0.0
+            twin = twins[f, k]
+            if twin < 0:
+                continue
+            one, other = normals[f], normals[twin // 3]
+            angle = np.degrees(np.arccos(min(max(dot(one, other), -1.0), 1.0)))
+            along = edge(vertices, faces[f, k], faces[f, after(k)])
+            turns[f, k] = angle if dot(cross(one, other), along) >= 0 else -angle
+
+
+@kernel
+def _choose_strong(start, stop, turns, least, chosen):
+    for f in range(start, stop):
+        for k in range(3):
+            chosen[f, k] = abs(turns[f, k]) >= least
+
+
+@kernel
+def _go_around(twins, turns, hidden, chosen):
+    # Instead of the diagonal of a quad, its two sides on the sharper side of it.
+    for f in range(len(twins)):
+        for k in range(3):
+            twin = twins[f, k]
+            if not (hidden[f, k] and chosen[f, k]) or twin < 3 * f + k:
+                continue
+            g, j = twin // 3, twin % 3
+            a, b = after(k), after(after(k))
+            c, d = after(j), after(after(j))
+            here, there = abs(turns[f, a]) + abs(turns[f, b]), abs(turns[g, c]) + abs(turns[g, d])
+            chosen[f, k] = chosen[g, j] = False
+            face, one, other = (f, a, b) if here >= there else (g, c, d)
+            for side in (one, other):
+                beyond = twins[face, side]
+                if beyond >= 0 and not hidden[face, side]:
+                    chosen[face, side] = True
+                    chosen[beyond // 3, beyond % 3] = True
+
+
+@kernel
+def _root(parts, f):
+    while parts[f] != f:
+        parts[f] = parts[parts[f]]
+        f = parts[f]
+    return f
+
+
+@kernel
+def _unite(start, stop, twins, chosen, parts):
+    # Faces across edges that are no creases belong together; the lowest face names them.
+    for f in range(start, stop):
+        for k in range(3):
+            if twins[f, k] >= 3 * f and not chosen[f, k]:
+                a, b = _root(parts, f), _root(parts, twins[f, k] // 3)
+                parts[max(a, b)] = min(a, b)
+
+
+@kernel
+def _unite_pairs(ones, others, parts):
+    for i in range(len(ones)):
+        a, b = _root(parts, ones[i]), _root(parts, others[i])
+        parts[max(a, b)] = min(a, b)
+
+
+@kernel
+def _flatten(start, stop, parts):
+    for f in range(start, stop):
+        parts[f] = _root(parts, f)
+
+
+@kernel
+def _count_edges(start, stop, faces, chosen, degrees):
+    for f in range(start, stop):
+        for k in range(3):
+            if chosen[f, k]:
+                degrees[faces[f, k]] += 1
+
+
+@kernel
+def _choose(faces, twins, h, chosen, degrees, chooses):
+    twin = twins[h // 3, h % 3]
+    chosen[h // 3, h % 3] = chooses
+    chosen[twin // 3, twin % 3] = chooses
+    change = 1 if chooses else -1
+    degrees[faces[h // 3, h % 3]] += change
+    degrees[faces[twin // 3, twin % 3]] += change
+
+
+@kernel
+def _next(v, h, faces, twins, corner_start, corners, chosen):
+    # The half-edge of the line that leaves v, but for that along which one came, h; -1 for none.
+    back = twins[h // 3, h % 3] if h >= 0 else -1
+    for i in range(corner_start[v], corner_start[v + 1]):
+        out = corners[i]
+        if chosen[out // 3, out % 3] and out != back:
+            return out
+    return -1
+
+
+@kernel
+def _end_of(h, faces):
+    return faces[h // 3, after(h % 3)]
+
+
+@kernel
+def _last_vertices(v, faces, twins, corner_start, corners, chosen, degrees, last):
+    # The end v of a line and those before it; returns how many.
+    last[0] = v
+    count, h = 1, -1
+    while count < len(last):
+        h = _next(last[count - 1], h, faces, twins, corner_start, corners, chosen)
+        if h < 0:
+            break
+        last[count] = _end_of(h, faces)
+        count += 1
+        if degrees[last[count - 1]] != 2:
+            break
+    return count
+
+
+@kernel
+def _way(vertices, last, count):
+    # Where a line is heading at its end.
+    x, y, z = edge(vertices, last[min(count - 1, 3)], last[0])
+    length = max(np.sqrt(x * x + y * y + z * z), 1e-30)
+    return x / length, y / length, z / length
+
+
+@kernel
+def _turn_to(vertices, way, a, b):
+    # The cosine between a direction and that from a to b, and how far that is.
+    e = edge(vertices, a, b)
+    length = max(np.sqrt(dot(e, e)), 1e-30)
+    return dot(way, e) / length, length
+
+
+@kernel
+def _continue(
+    ends, vertices, faces, twins, corner_start, corners, turns, angle, barred, chosen, degrees
+):
+    # Along the strongest of the weaker edges ahead, until another line is met or there are none.
+    last = np.empty(4, dtype=np.int32)
+    for v in ends:
+        if degrees[v] != 1:
+            continue
+        h = _next(v, -1, faces, twins, corner_start, corners, chosen)
+        convex = turns[h // 3, h % 3] >= 0
+        while degrees[v] == 1:
+            count = _last_vertices(v, faces, twins, corner_start, corners, chosen, degrees, last)
+            way = _way(vertices, last, count)
+            best, strongest = -1, 0.0
+            for i in range(corner_start[v], corner_start[v + 1]):
+                h = corners[i]
+                w = _end_of(h, faces)
+                turn = turns[h // 3, h % 3] if convex else -turns[h // 3, h % 3]
+                if (
+                    turn < _WEAK * angle
+                    or turn <= strongest
+                    or chosen[h // 3, h % 3]
+                    or barred[h // 3, h % 3]
+                ):
+                    continue
+                if _turn_to(vertices, way, v, w)[0] > _AHEAD:
+                    best, strongest = h, turn
+            if best < 0:
+                break
+            _choose(faces, twins, best, chosen, degrees, True)
+            v = _end_of(best, faces)
+
+
+@kernel
+def _price(vertices, turns, angle, way, v, h, faces):
+    # Of an edge of a bridge; infinite where it leads back.
+    w = _end_of(h, faces)
+    ahead, length = _turn_to(vertices, way, v, w)
+    if ahead < 0.0:
+        return np.inf
+    return length * (2.0 - min(abs(turns[h // 3, h % 3]) / angle, 1.0)) * (1.5 - 0.5 * ahead)
+
+
+@kernel
+def _bridge(
+    ends, vertices, faces, twins, corner_start, corners, turns, angle, barred, chosen, degrees
+):
+    # To the vertex of another line, or far along the same one, over at most three edges.
+    last = np.empty(_OWN, dtype=np.int32)
+    way_h = np.empty(3, dtype=np.int64)
+    best_h = np.empty(3, dtype=np.int64)
+    at = np.empty(4, dtype=np.int64)
+    cursor = np.empty(3, dtype=np.int64)
+    cost = np.zeros(4)
+    for v in ends:
+        if degrees[v] != 1:
+            continue
+        count = _last_vertices(v, faces, twins, corner_start, corners, chosen, degrees, last)
+        way = _way(vertices, last, count)
+        best, steps = np.inf, 0
+        at[0], depth = v, 0
+        cursor[0] = corner_start[v]
+        while depth >= 0:
+            a = at[depth]
+            if cursor[depth] == corner_start[a + 1]:
+                depth -= 1
+                continue
+            h = corners[cursor[depth]]
+            cursor[depth] += 1
+            w = _end_of(h, faces)
+            if chosen[h // 3, h % 3] or twins[h // 3, h % 3] < 0 or barred[h // 3, h % 3]:
+                continue
+            price = cost[depth] + _price(vertices, turns, angle, way, a, h, faces)
+            if not price < best:
+                continue
+            own = False
+            for i in range(count):
+                own |= last[i] == w
+            for i in range(depth + 1):
+                own |= at[i] == w
+            if own:
+                continue
+            way_h[depth] = h
+            if degrees[w] > 0:
+                whole = 0.7 * price if degrees[w] == 1 else price
+                if whole < best:
+                    best, steps = whole, depth + 1
+                    best_h[:steps] = way_h[:steps]
+            elif depth < 2:
+                depth += 1
+                at[depth], cost[depth] = w, price
+                cursor[depth] = corner_start[w]
+        for i in range(steps):
+            _choose(faces, twins, best_h[i], chosen, degrees, True)
+
+
+@kernel
+def _prune(ends, vertices, faces, twins, corner_start, corners, spur, short, chosen, degrees):
+    # Takes away short lines with loose ends.
+    last = np.empty(max(spur, short) + 2, dtype=np.int32)
+    for v in ends:
+        if degrees[v] != 1:
+            continue
+        count = _last_vertices(v, faces, twins, corner_start, corners, chosen, degrees, last)
+        goes_on = degrees[last[count - 1]]
+        if goes_on == 2 or count - 1 > (short if goes_on == 1 else spur):
+            continue
+        for _ in range(count - 1):
+            h = _next(v, -1, faces, twins, corner_start, corners, chosen)
+            _choose(faces, twins, h, chosen, degrees, False)
+            v = _end_of(h, faces)

@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""No fold is left behind: what a refit folds is slid flat, moved as its neighbours are, or undone.
+
+Not in the papers. A fold is an edge whose faces close beyond 140 degrees, and did not before; a
+face is turned over that is nearly a right angle off its target, and was not before.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.progress import ask
+from ..base.vectors import cross, dot
+from ..mesh.adjacency import faces_around
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+
+_FOLD, _CLEAR, _ALREADY = np.cos(np.radians((140.0, 149.9, 150.1)))
+"""Cosines of the angles across an edge beyond which it is a fold; where the input is nearly one
+already, or three faces and more meet; and beyond which the input is one."""
+
+_SAME = 1e-9
+"""Cosines that differ by less are equal."""
+
+_WORSE = 0.02
+"""Where an edge was a fold already, or a face turned, its cosine may fall by this."""
+
+_OFF = 0.05
+"""Cosine of the angle to its target beyond which a face is turned over."""
+
+_STIFF = (200.0,) * 6 + (20.0,) * 3
+"""How firmly vertices keep to the planes of their faces, round by round."""
+
+_SLIDES = 4
+"""In each round."""
+
+_EVENED = 24
+"""Rounds in which vertices move as their neighbours do; after each eight, one ring farther."""
+
+_RETREATS, _RETURNS, _RETREAT = 8, 32, 0.6
+"""Rounds in which vertices go part of the way back, and how much is left of it in each; after them
+they go back fully, and those around in part."""
+
+_MOST_SHEETS = 8
+"""Most faces at an edge that are compared, each with each."""
+
+Indices = npt.NDArray[Any]
+
+
+class FoldChecks:
+    """Tells which faces are folded or turned by a displacement, and were not before.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Before.
+    targets : (m, 3) float64
+        The normals that its faces should have.
+    """
+
+    def __init__(self, mesh: TriangleMesh, targets: Floats) -> None:
+        self.mesh, self.targets = mesh, targets
+        self._thick = _pairs_at_thick_edges(mesh)
+
+    def bad_faces(self, moved: Floats, among: Indices) -> Indices:
+        """Return those of some faces that are bad, sorted."""
+        mesh = self.mesh
+        bad = np.empty(len(among), dtype=np.bool_)
+        run(_find_bad, len(among), among, mesh.vertices, moved, mesh.faces, mesh.twins,
+            mesh.normals, self.targets, bad)  # fmt: skip
+        found = among[bad]
+        one, two = self._thick
+        if len(one):
+            folded = np.empty(len(one), dtype=np.bool_)
+            run(_find_folded, len(one), one, two, mesh.vertices, moved, mesh.faces, mesh.normals,
+                folded)  # fmt: skip
+            found = np.concatenate([found, one[folded], two[folded]])
+        return np.unique(found)
+
+    def faces_near(self, vertices: Indices) -> Indices:
+        """Return the faces whose folds depend on some vertices, sorted."""
+        around = faces_around(self.mesh.corners, vertices)
+        return faces_around(self.mesh.corners, np.unique(self.mesh.faces[around]))
+
+
+def mended(
+    mesh: TriangleMesh, targets: Floats, moved: Floats, fixed: npt.NDArray[np.bool_] | None
+) -> Floats:
+    """Leave no fold behind.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Before.
+    targets : (m, 3) float64
+        The normals that its faces should have.
+    moved : (n, 3) float64
+        The displacement, in the unit of `mesh.vertices`.
+    fixed : (n,) bool or None
+        Vertices that must not move.
+
+    Returns
+    -------
+    (n, 3) float64
+        The displacement, changed where something was folded.
+    """
+    checks = FoldChecks(mesh, targets)
+    near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
+    bad = checks.bad_faces(moved, near)
+    if len(bad) == 0:
+        return moved
+    moved = moved.copy()
+    bad = _slide(checks, moved, bad, fixed)
+    bad = _even_out(checks, moved, bad, fixed)
+    return _without(checks, moved, bad)
+
+
+def undone(mesh: TriangleMesh, targets: Floats, moved: Floats) -> Floats:
+    """Take moves back, in place, where something is folded."""
+    checks = FoldChecks(mesh, targets)
+    near = checks.faces_near(np.flatnonzero(moved.any(axis=1)))
+    return _without(checks, moved, checks.bad_faces(moved, near))
+
+
+def _slide(
+    checks: FoldChecks, moved: Floats, bad: Indices, fixed: npt.NDArray[np.bool_] | None
+) -> Indices:
+    # Along the planes of their faces, to the mean of their neighbours.
+    mesh = checks.mesh
+    for stiff in _STIFF:
+        if len(bad) == 0:
+            break
+        ask()
+        chosen = _free(np.unique(mesh.faces[bad]), fixed)
+        slides = np.empty((len(chosen), 3))
+        for _ in range(_SLIDES):
+            run(_find_slides, len(chosen), chosen, mesh.vertices, moved, mesh.faces, *mesh.corners,
+                mesh.areas, checks.targets, stiff, slides)  # fmt: skip
+            moved[chosen] += slides
+        bad = checks.bad_faces(moved, np.union1d(bad, checks.faces_near(chosen)))
+    return bad
+
+
+def _even_out(
+    checks: FoldChecks, moved: Floats, bad: Indices, fixed: npt.NDArray[np.bool_] | None
+) -> Indices:
+    # Vertices move as their neighbours do, which keeps the input's shape.
+    mesh = checks.mesh
+    start, ring = mesh.neighbours
+    for turn in range(_EVENED):
+        if len(bad) == 0:
+            break
+        ask()
+        chosen = np.unique(mesh.faces[bad])
+        for _ in range(turn // 8):
+            chosen = np.unique(mesh.faces[faces_around(mesh.corners, chosen)])
+        chosen = _free(chosen, fixed)
+        means = np.empty((len(chosen), 3))
+        run(_average_moves, len(chosen), chosen, start, ring, moved, means)
+        moved[chosen] = means
+        bad = checks.bad_faces(moved, np.union1d(bad, checks.faces_near(chosen)))
+    return bad
+
+
+def _without(checks: FoldChecks, moved: Floats, bad: Indices) -> Floats:
+    # Back, a little each time and at last all of the way, with more and more of what lies around.
+    mesh = checks.mesh
+    start, ring = mesh.neighbours
+    for turn in range(_RETREATS + _RETURNS):
+        if len(bad) == 0:
+            break
+        ask()
+        chosen = np.unique(mesh.faces[bad])
+        if turn < _RETREATS:
+            moved[chosen] *= _RETREAT
+        else:
+            moved[chosen] = 0.0
+            chosen = np.unique(np.concatenate([ring[start[v] : start[v + 1]] for v in chosen]))
+            moved[chosen] *= _RETREAT
+        bad = checks.bad_faces(moved, np.union1d(bad, checks.faces_near(chosen)))
+    return moved
+
+
+def _free(vertices: Indices, fixed: npt.NDArray[np.bool_] | None) -> Indices:
+    return vertices if fixed is None else vertices[~fixed[vertices]]
+
+
+def _pairs_at_thick_edges(mesh: TriangleMesh) -> tuple[Indices, Indices]:
+    # Pairs of faces at edges of three and more, whose half-edges have no twins.
+    alone = np.flatnonzero(mesh.twins.reshape(-1) < 0)
+    faces = np.unique(alone // 3)
+    ends = np.sort(np.concatenate([mesh.faces[faces][:, k] for k in ([0, 1], [1, 2], [2, 0])]), 1)
+    key = ends[:, 0].astype(np.int64) * mesh.vertex_count + ends[:, 1]
+    order = np.argsort(key, kind="stable")
+    key, faces = key[order], np.tile(faces, 3)[order]
+    ones, twos = [], []
+    for apart in range(1, _MOST_SHEETS):
+        same = np.flatnonzero(key[apart:] == key[:-apart])
+        if len(same) == 0:
+            break
+        ones.append(faces[same])
+        twos.append(faces[same + apart])
+    if not ones:
+        return faces[:0], faces[:0]
+    return np.concatenate(ones), np.concatenate(twos)
+
+
+@kernel
+def _normal(vertices, moved, faces, f):
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux = vertices[b, 0] - vertices[a, 0] + (moved[b, 0] - moved[a, 0])
+    uy = vertices[b, 1] - vertices[a, 1] + (moved[b, 1] - moved[a, 1])
+    uz = vertices[b, 2] - vertices[a, 2] + (moved[b, 2] - moved[a, 2])
+    vx = vertices[c, 0] - vertices[a, 0] + (moved[c, 0] - moved[a, 0])
+    vy = vertices[c, 1] - vertices[a, 1] + (moved[c, 1] - moved[a, 1])
+    vz = vertices[c, 2] - vertices[a, 2] + (moved[c, 2] - moved[a, 2])
+    large = max(abs(ux), abs(uy), abs(uz), abs(vx), abs(vy), abs(vz))
+    if not large > 0:
+        return 0.0, 0.0, 0.0
+    s = 1.0 / large  # products of very large and very small numbers are none
+    x, y, z = cross((s * ux, s * uy, s * uz), (s * vx, s * vy, s * vz))
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 0:
+        return x / length, y / length, z / length
+    return 0.0, 0.0, 0.0
+
+
+@kernel
+def _find_bad(start, stop, among, vertices, moved, faces, twins, before, targets, bad):
+    for i in range(start, stop):
+        f = among[i]
+        n = _normal(vertices, moved, faces, f)
+        off = dot(n, targets[f])
+        bad[i] = off < min(_OFF, dot(before[f], targets[f]) - _WORSE) and dot(n, n) > 0
+        for k in range(3):
+            if bad[i] or twins[f, k] < 0:
+                continue
+            g = twins[f, k] // 3
+            bent = dot(before[f], before[g])
+            least = bent - _WORSE
+            if bent > _ALREADY:
+                least = min(max(min(_FOLD, least), _CLEAR), bent - _SAME)
+            bad[i] = dot(n, _normal(vertices, moved, faces, g)) < least
+
+
+@kernel
+def _find_folded(start, stop, one, two, vertices, moved, faces, before, folded):
+    # Where sheets touch, what lies across an edge is not told by the edge: clear folds count.
+    for i in range(start, stop):
+        n = _normal(vertices, moved, faces, one[i])
+        m = _normal(vertices, moved, faces, two[i])
+        bent = dot(before[one[i]], before[two[i]])
+        folded[i] = bent > _ALREADY and dot(n, m) < min(_CLEAR, bent - _SAME)
+
+
+@kernel
+def _find_slides(
+    start,
+    stop,
+    chosen,
+    vertices,
+    moved,
+    faces,
+    corner_start,
+    corners,
+    areas,
+    normals,
+    stiff,
+    slides,
+):
+    # Half of the way to the mean of the neighbours, along the planes of the faces: solves
+    # (1 + stiff * mean of N N^T) slide = way.
+    for j in range(start, stop):
+        v = chosen[j]
+        mx = my = mz = count = total = 0.0
+        xx = xy = xz = yy = yz = zz = 0.0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            for k in range(3):
+                o = faces[f, k]
+                if o != v:
+                    mx += vertices[o, 0] - vertices[v, 0] + moved[o, 0]
+                    my += vertices[o, 1] - vertices[v, 1] + moved[o, 1]
+                    mz += vertices[o, 2] - vertices[v, 2] + moved[o, 2]
+                    count += 1.0
+            n, a = normals[f], areas[f]
+            total += a
+            xx += a * n[0] * n[0]
+            xy += a * n[0] * n[1]
+            xz += a * n[0] * n[2]
+            yy += a * n[1] * n[1]
+            yz += a * n[1] * n[2]
+            zz += a * n[2] * n[2]
+        count = max(count, 1.0)
+        dx, dy, dz = mx / count - moved[v, 0], my / count - moved[v, 1], mz / count - moved[v, 2]
+        s = stiff / max(total, 1e-12)
+        xx, yy, zz = 1.0 + s * xx, 1.0 + s * yy, 1.0 + s * zz
+        xy, xz, yz = s * xy, s * xz, s * yz
+        p, q, r = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        t = 0.5 / (xx * p + xy * q + xz * r)
+        slides[j, 0] = t * (p * dx + q * dy + r * dz)
+        slides[j, 1] = t * (q * dx + (xx * zz - xz * xz) * dy + (xy * xz - xx * yz) * dz)
+        slides[j, 2] = t * (r * dx + (xy * xz - xx * yz) * dy + (xx * yy - xy * xy) * dz)
+
+
+@kernel
+def _average_moves(start, stop, chosen, ring_start, ring, moved, means):
+    for j in range(start, stop):
+        v = chosen[j]
+        first, last = ring_start[v], ring_start[v + 1]
+        for x in range(3):
+            total = 0.0
+            for i in range(first, last):
+                total += moved[ring[i], x]
+            means[j, x] = 0.5 * moved[v, x]
+            if last > first:
+                means[j, x] += 0.5 * total / (last - first)

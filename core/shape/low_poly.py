@@ -1,0 +1,714 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Crisp low poly: few triangles between the creases of a part, out of a fine remesh of it.
+
+Edges collapse, the cheapest first, to where the planes around them meet best (Garland and Heckbert:
+Surface Simplification Using Quadric Error Metrics, SIGGRAPH 1997). Not in the papers: each face
+keeps the vertices and normals of the sharpened mesh that it stands for, and an edge stays if its
+collapse took a vertex too far away or turned the surface too much from these normals.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ..base.checks import Floats, by_keyword, checked_angle, checked_number
+from ..base.parallel import kernel, run
+from ..base.progress import ProgressCallback, ask, phase, reporting
+from ..base.vectors import after, cross, dot, edge
+from ..mesh.edges import checked_edges, half_edges_between
+from ..mesh.triangle_mesh import TriangleMesh, check_mesh
+from ..settings import GeometrySettings, given_or_default
+from .crease_edges import Bools
+from .sharpening import sharpen_geometry
+
+Ints = npt.NDArray[np.int32]
+
+_AREA = 1.5
+"""A collapse may turn the surface by as much as this area, in squared edge lengths, by `turn`."""
+
+_ABOUT = 0.08
+"""Squared turn, in radians, beyond which normals count no more: they are of faces that are wrong
+in the sharpened mesh, such as those across a crease."""
+
+_BESIDE = 0.1
+"""Weight of normals beside creases, which are the least sure."""
+
+_TINY = 1.2
+"""Area between creases, in squared edge lengths, of which the planes of faces count a quarter."""
+
+_CUT = 2.0
+"""How much farther vertices along creases may lie from the new faces: a remesh cuts corners."""
+
+_SMOOTHING = 12
+"""Passes over the normals that faces are held to."""
+
+_ACROSS = 1.0
+"""Squared edge lengths that count as much as normals across each other, where it is chosen which
+face stands for what."""
+
+_ALIKE = 0.01
+"""One minus the cosine between normals of which no face is sought that fits better."""
+
+_UPRIGHT = 0.5
+"""Least cosine between a face and the mean normal of what it stands for."""
+
+_SHAPE = 2e-3
+"""Height of the thinnest face over its longest edge; only those that were thinner may be."""
+
+_REACH = 2.0
+"""Edge lengths that vertices move at most."""
+
+_HOLD = 1e-3
+"""How strongly vertices are held along directions in which no plane does."""
+
+_SHORT = 1e-6
+"""Cost of squared edge lengths: among equal edges the shortest go first."""
+
+
+@dataclass(frozen=True)
+class LowPoly:
+    """A mesh of few triangles, and what it came from.
+
+    Attributes
+    ----------
+    vertices : (k, 3) float64
+        In the unit of the mesh that it was made from.
+    faces : (j, 3) int32
+        Wound as the faces of that mesh.
+    vertex_source : (k,) int
+        The vertex of that mesh which each stands for.
+    face_source : (j,) int
+        A face of that mesh on the same side of all kept edges, and between the same creases.
+    corner_source : (j, 3) int
+        A corner of that mesh, 3 * face + number, at each corner: on the same side of all kept
+        edges, so that its UVs fit, and between the same creases.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> square = core.TriangleMesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
+    ...                            [[0, 1, 2], [0, 2, 3]])
+    >>> core.crisp_low_poly(square).faces.shape
+    (2, 3)
+    """
+
+    vertices: Floats
+    faces: Ints
+    vertex_source: npt.NDArray[np.intp]
+    face_source: npt.NDArray[np.intp]
+    corner_source: npt.NDArray[np.intp]
+
+
+@by_keyword
+def crisp_low_poly(
+    mesh: TriangleMesh,
+    settings: GeometrySettings | None = None,
+    *,
+    tolerance: float = 0.25,
+    turn: float = 8.0,
+    angle: float = 15.0,
+    keep: npt.ArrayLike | None = None,
+    progress: ProgressCallback | None = None,
+) -> LowPoly:
+    """Sharpen a remeshed part and dissolve what is flat or simply curved between its creases.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Out of a voxel remesh, a scan, or sharpened already.
+    settings : GeometrySettings, optional
+        With which it is sharpened; an amount of 0 moves nothing before.
+    tolerance : float
+        How far vertices of the sharpened mesh may lie from the new faces, in mean edge lengths;
+        twice as far along creases, whose corners a remesh cuts. Above 0, up to 10.
+    turn : float
+        How far a collapse may turn the surface from that of the sharpened mesh, in degrees, from
+        0.1 to 60, over the area of a few faces, and less over larger ones: smaller keeps more
+        faces on what is round.
+    angle : float
+        Angle of the weakest edges of the sharpened mesh across which normals are not smoothed, in
+        degrees, from 5 to 170.
+    keep : (k, 2) array of int, optional
+        Vertices of edges that stay, such as seams of UVs and borders of materials. Pairs that no
+        edge joins do not count.
+    progress : callable, optional
+        ``progress(fraction, message) -> bool``; False cancels.
+
+    Returns
+    -------
+    LowPoly
+        As closed as the mesh, without T-joints. Where sheets of the mesh touch, four faces at an
+        edge or several fans at a vertex, they come apart.
+
+    Raises
+    ------
+    InvalidSettings
+        If tolerance, turn or angle are out of range.
+    InvalidSignal
+        If edges to keep are not pairs of vertices.
+    Cancelled
+        If `progress` returned False.
+
+    Notes
+    -----
+    Creases stay since faces may not turn, so they need not be found. Ends and forks of kept edges
+    and of borders stay where they are.
+
+    Examples
+    --------
+    A sheet of 128 triangles that is folded once becomes four:
+
+    >>> import numpy as np
+    >>> from shock_filter import core
+    >>> x, y = np.divmod(np.arange(81.0), 9)
+    >>> a = np.flatnonzero((x < 8) & (y < 8))
+    >>> faces = np.stack([[a, a + 9, a + 1], [a + 1, a + 9, a + 10]]).swapaxes(1, 2)
+    >>> faces = faces.reshape(-1, 3)
+    >>> sheet = core.TriangleMesh(np.stack([x, y, -abs(x - 4)], axis=1), faces)
+    >>> low = core.crisp_low_poly(sheet)
+    >>> low.vertices.shape, low.faces.shape
+    ((6, 3), (4, 3))
+    """
+    check_mesh(mesh)
+    settings = given_or_default(settings, GeometrySettings)
+    tolerance = checked_number(tolerance, "tolerance", 10.0)
+    turn = checked_angle(turn, "turn", 0.1, 60.0)
+    angle = checked_angle(angle, "angle", 5.0, 170.0)
+    kept = None if keep is None else checked_edges(mesh, keep)
+    with reporting(progress):
+        with phase(0.0, 0.7, "Sharpening"):
+            whole, origins = _parted(mesh)
+            sharp = whole.moved_to(sharpen_geometry(whole, settings))
+        held = whole.twins < 0
+        if kept is not None:
+            held |= half_edges_between(mesh, kept)[0]
+        with phase(0.7, 1.0, "Dissolving faces"):
+            vertices, faces, corners, moved = _dissolved(
+                sharp, held, angle, tolerance, np.radians(turn)
+            )
+    turned = mesh.flipped[faces]
+    for each in (vertices, corners):
+        each[turned] = each[turned][:, (0, 2, 1)]
+    face, k = np.divmod(corners, 3)
+    k = np.where(mesh.flipped[face] & (k > 0), 3 - k, k)
+    used, given = np.unique(vertices, return_inverse=True)
+    given = given.reshape(-1, 3).astype(np.int32)
+    return LowPoly(moved[used], given, origins[used], faces, 3 * face + k)
+
+
+def _lines_at(faces: Ints, held: Bools, count: int) -> Ints:
+    # How many held edges meet at each vertex; more than 2 where some edge has three faces.
+    begin, end = faces, faces[:, (1, 2, 0)]
+    keys = np.minimum(begin, end) * np.int64(count) + np.maximum(begin, end)
+    keys, counts = np.unique(keys[held], return_counts=True)
+    ends = np.concatenate(np.divmod(keys, count))
+    return np.bincount(ends, np.tile(np.where(counts > 2, 9, 1), 2), count).astype(np.int32)
+
+
+def _sectors(twins: Ints, held: Bools) -> npt.NDArray[np.int64]:
+    # For each corner, the first one at the same vertex between the same held edges.
+    here = np.flatnonzero((twins >= 0) & ~held)
+    face, k = np.divmod(twins.reshape(-1)[here], 3)
+    there = 3 * face + (k + 1) % 3
+    links = coo_array((np.ones(len(here), bool), (here, there)), (twins.size, twins.size))
+    _, labels = connected_components(links, directed=False)
+    _, firsts = np.unique(labels, return_index=True)
+    return firsts[labels].reshape(-1, 3)
+
+
+def _parted(mesh: TriangleMesh) -> tuple[TriangleMesh, npt.NDArray[np.intp]]:
+    # The mesh after sheets that touch at edges and vertices have come apart, as remeshers leave
+    # them where a part is thin, and its vertex that each of the new ones is. Four faces at an edge
+    # become the two sheets that bend less.
+    faces, twins = mesh.faces, mesh.twins.copy()
+    loose = np.flatnonzero(twins < 0)
+    face, k = np.divmod(loose, 3)
+    a, b = faces[face, k].astype(np.int64), faces[face, (k + 1) % 3]
+    keys = np.minimum(a, b) * mesh.vertex_count + np.maximum(a, b)
+    order = np.lexsort((a < b, keys))
+    _, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    rows = order[starts[counts == 4][:, None] + np.arange(4)]
+    four = loose[rows[(a < b)[rows].sum(axis=1) == 2]]
+    n, tips = mesh.normals[four // 3], mesh.scaled_vertices[faces[four // 3, (four + 2) % 3]]
+    # Equal ones become ridges, rather than grooves.
+    flat = [
+        np.einsum("gkx,gkx->g", n[:, :2], n[:, way] - 1e-3 * (tips[:, way] - tips[:, :2]))
+        for way in ((2, 3), (3, 2))
+    ]
+    here, there = four[:, :2], np.where((flat[0] > flat[1])[:, None], four[:, 2:], four[:, :1:-1])
+    twins.reshape(-1)[here], twins.reshape(-1)[there] = there, here
+    fans = _sectors(twins, np.zeros_like(twins, dtype=bool))
+    # At borders sheets that touch stay together.
+    firsts, closed = np.zeros(mesh.vertex_count, np.int64), np.ones(mesh.vertex_count, dtype=bool)
+    firsts[faces] = fans
+    for ends in (faces, faces[:, (1, 2, 0)]):
+        closed[ends[twins < 0]] = False
+    fans = np.where(closed[faces], fans, firsts[faces])
+    corners, parted = np.unique(fans, return_inverse=True)
+    origins = faces.reshape(-1)[corners]
+    return TriangleMesh(mesh.vertices[origins], parted.reshape(-1, 3)), origins
+
+
+def _chains(keys: npt.NDArray[Any], count: int) -> tuple[Ints, Ints]:
+    # Lists of the items of each key: its first one, and the one after each; -1 ends them.
+    first, following = np.full(count, -1, dtype=np.int32), np.full(len(keys), -1, dtype=np.int32)
+    order = np.argsort(keys, kind="stable").astype(np.int32)
+    same = np.diff(keys[order]) == 0
+    following[order[:-1][same]] = order[1:][same]
+    first[keys[order[::-1]]] = order[::-1]
+    return first, following
+
+
+def _dissolved(
+    mesh: TriangleMesh, held: Bools, angle: float, tolerance: float, turn: float
+) -> tuple[Ints, npt.NDArray[np.intp], npt.NDArray[np.int64], Floats]:
+    # The vertices of the faces that are left, which they are, a corner of the mesh at each of
+    # theirs, and where the vertices are.
+    sharp = _bends(mesh, angle)
+    normals = _smooth_normals(mesh, held | sharp)
+    count, faces, home = mesh.vertex_count, mesh.faces.copy(), mesh.scaled_vertices
+    points = home.copy()
+    near = np.zeros(count, dtype=bool)
+    near[faces[sharp]] = near[faces[:, (1, 2, 0)][sharp]] = True
+    areas = np.where(near[faces].any(axis=1), _BESIDE, 1.0) * mesh.areas
+    off = np.minimum(2.0 - 2.0 * (normals * mesh.normals).sum(axis=1), _ABOUT)
+    first, following = _chains(faces.reshape(-1), count)
+    # What faces stand for: the vertices and the middles of faces.
+    samples = np.concatenate([points, points[faces].mean(axis=1)])
+    lists = _chains(np.concatenate([first // 3, np.arange(mesh.face_count)]), mesh.face_count)
+    wanted = np.concatenate([np.zeros((count, 3)), normals])
+    weights = np.concatenate([np.zeros(count), areas])
+    most = np.full(len(samples), tolerance**2)
+    most[:count][near] *= _CUT**2
+    sums = np.column_stack([normals, off]) * areas[:, None]
+    quadrics = np.zeros((count, 4, 4))
+    _add_planes(points, faces, normals, areas * _share(mesh, held | sharp), held, quadrics)
+    # A corner between the same creases, and before it one between the same held edges.
+    sources = _sectors(mesh.twins, held) << 32 | _sectors(mesh.twins, held | sharp)
+    alive = np.ones(mesh.face_count, dtype=bool)
+    state = (points, home, faces, first, following, alive, held, _lines_at(faces, held, count),
+             sources, quadrics, samples, wanted, weights, most, *lists, sums)  # fmt: skip
+    changed, seen = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    tried = np.full(faces.size, -1)
+    found = np.empty((len(samples), 2), dtype=np.int32)
+    left, done = mesh.face_count, 1
+    while done:
+        done = _collapse(*state, changed, tried, seen, found, max(left // 8, 64),
+                         _AREA * turn**2)  # fmt: skip
+        left -= 2 * done
+        ask(1.0 - left / mesh.face_count)
+    kept = np.flatnonzero(alive)
+    moved = mesh.vertices + mesh.mean_edge_length * (points - home)
+    return faces[kept], kept, sources[kept] & 0xFFFFFFFF, moved
+
+
+def _share(mesh: TriangleMesh, held: Bools) -> Floats:
+    # How much the planes of faces count: little where lines leave them hardly any area.
+    here = np.flatnonzero((mesh.twins >= 0) & ~held)
+    there = mesh.twins.reshape(-1)[here] // 3
+    links = coo_array((np.ones(len(here), bool), (here // 3, there)), 2 * (mesh.face_count,))
+    count, labels = connected_components(links, directed=False)
+    areas = np.bincount(labels, mesh.areas, count)
+    return (areas / (areas + _TINY))[labels] ** 2
+
+
+def _bends(mesh: TriangleMesh, degrees: float) -> Bools:
+    # Half-edges across which normals differ by more.
+    other = np.where(mesh.twins >= 0, mesh.twins // 3, np.arange(mesh.face_count)[:, None])
+    cosines = np.einsum("fx,fkx->fk", mesh.normals, mesh.normals[other])
+    return cosines < np.cos(np.radians(degrees))
+
+
+def _smooth_normals(mesh: TriangleMesh, held: Bools) -> Floats:
+    # Of the faces, averaged over those beside them up to the lines.
+    normals = mesh.normals * mesh.areas[:, None]
+    for _ in range(_SMOOTHING):
+        smoother = np.empty_like(normals)
+        run(_average, mesh.face_count, mesh.twins, held, normals, smoother)
+        normals = smoother
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 1e-12)
+
+
+@kernel
+def _average(start, stop, twins, held, normals, smoother):
+    for f in range(start, stop):
+        for x in range(3):
+            smoother[f, x] = normals[f, x]
+        for k in range(3):
+            if twins[f, k] >= 0 and not held[f, k]:
+                for x in range(3):
+                    smoother[f, x] += normals[twins[f, k] // 3, x]
+
+
+@kernel
+def _add_plane(q, n, place, weight):
+    plane = n[0], n[1], n[2], -dot(n, place)
+    for x in range(4):
+        for y in range(4):
+            q[x, y] += weight * plane[x] * plane[y]
+
+
+@kernel
+def _add_planes(points, faces, normals, areas, held, quadrics):
+    # Of each face at its corners, and through held edges, upright on their faces.
+    for f in range(len(faces)):
+        n = normals[f, 0], normals[f, 1], normals[f, 2]
+        middle = (points[faces[f, 0]] + points[faces[f, 1]] + points[faces[f, 2]]) / 3.0
+        for k in range(3):
+            _add_plane(quadrics[faces[f, k]], n, middle, areas[f] / 3.0)
+            if held[f, k]:
+                a, b = faces[f, k], faces[f, after(k)]
+                m = cross(edge(points, a, b), n)
+                length = np.sqrt(dot(m, m))
+                if length > 1e-12:
+                    m = m[0] / length, m[1] / length, m[2] / length
+                    for v in (a, b):
+                        _add_plane(quadrics[v], m, points[a], 0.5 * length)
+
+
+@kernel
+def _value(q, p):
+    # The sum of squared distances to the planes of a quadric.
+    total, place = 0.0, (p[0], p[1], p[2], 1.0)
+    for x in range(4):
+        for y in range(4):
+            total += q[x, y] * place[x] * place[y]
+    return total
+
+
+@kernel
+def _least(q, p):
+    # Where the planes of a quadric meet best; p along directions in which they leave it open.
+    hold = _HOLD * (q[0, 0] + q[1, 1] + q[2, 2])
+    x, y, z = (
+        (q[0, 0] + hold, q[0, 1], q[0, 2]),
+        (q[1, 0], q[1, 1] + hold, q[1, 2]),
+        (q[2, 0], q[2, 1], q[2, 2] + hold),
+    )
+    r = dot(q[0], p) + q[0, 3], dot(q[1], p) + q[1, 3], dot(q[2], p) + q[2, 3]
+    yz = cross(y, z)
+    whole = dot(x, yz)
+    if not whole > 1e-12 * x[0] * y[1] * z[2]:
+        return p
+    return (
+        p[0] - dot(r, yz) / whole,
+        p[1] - dot(r, cross(z, x)) / whole,
+        p[2] - dot(r, cross(x, y)) / whole,
+    )
+
+
+@kernel
+def _distance2(p, triangle, n, height):
+    # The squared distance of a point at some height above the plane of a triangle.
+    least, inside = np.inf, True
+    for k in range(3):
+        e = edge(triangle, k, after(k))
+        w = p[0] - triangle[k, 0], p[1] - triangle[k, 1], p[2] - triangle[k, 2]
+        inside &= dot(cross(e, w), n) >= 0.0
+        t = min(max(dot(e, w) / max(dot(e, e), 1e-30), 0.0), 1.0)
+        x, y, z = w[0] - t * e[0], w[1] - t * e[1], w[2] - t * e[2]
+        least = min(least, x * x + y * y + z * z)
+    return height * height if inside else least
+
+
+@kernel
+def _merger(f, k, points, home, faces, held, lines, quadrics, q):
+    # For the edge (f, k): the vertex that goes, the one that it goes to, where that moves, and what
+    # this costs. -1 where none may go.
+    u, v = faces[f, k], faces[f, after(k)]
+    u_goes = lines[u] == 0 or (lines[u] == 2 and held[f, k])
+    v_goes = lines[v] == 0 or (lines[v] == 2 and held[f, k])
+    q[:] = quadrics[u] + quadrics[v]
+    a, b = (points[u, 0], points[u, 1], points[u, 2]), (points[v, 0], points[v, 1], points[v, 2])
+    if v_goes and (not u_goes or _value(q, a) < _value(q, b)):
+        u, v, a, b = v, u, b, a
+        u_goes, v_goes = v_goes, u_goes
+    if not u_goes:
+        return -1, -1, b, np.inf
+    p = b
+    if v_goes:
+        p = _least(q, b)
+        e = p[0] - home[u, 0], p[1] - home[u, 1], p[2] - home[u, 2]
+        d = p[0] - home[v, 0], p[1] - home[v, 1], p[2] - home[v, 2]
+        if dot(d, d) > _REACH * _REACH:
+            if dot(e, e) > _REACH * _REACH:
+                p = b
+            else:
+                u, v, a, b = v, u, b, a
+    e = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return u, v, p, max(_value(q, p), 0.0) + _SHORT * dot(e, e)
+
+
+@kernel
+def _is_linked(u, v, faces, first, following, seen, tick):
+    # Whether u may go to v without two sheets touching: their only common neighbours are the tips
+    # of the faces at their edge.
+    dying, of_u, of_v, common = 0, 0, 0, 0
+    c = first[u]
+    while c >= 0:
+        f, k = c // 3, c % 3
+        a, b = faces[f, after(k)], faces[f, after(after(k))]
+        seen[a] = seen[b] = tick
+        dying += a == v or b == v
+        of_u += 1
+        c = following[c]
+    seen[v] = 0
+    c = first[v]
+    while c >= 0:
+        f, k = c // 3, c % 3
+        for w in (faces[f, after(k)], faces[f, after(after(k))]):
+            if seen[w] == tick:
+                common += 1
+                seen[w] = 0
+        of_v += 1
+        c = following[c]
+    # A solid needs four corners.
+    return common == dying <= 2 and not (dying == 2 and of_u == 3 and of_v == 3)
+
+
+@kernel
+def _drop_dead(v, first, following, alive):
+    # Drops the corners of faces that have gone from the list of a vertex.
+    before, c = -1, first[v]
+    while c >= 0:
+        if alive[c // 3]:
+            before = c
+        elif before < 0:
+            first[v] = following[c]
+        else:
+            following[before] = following[c]
+        c = following[c]
+
+
+@kernel
+def _along(n, wanted):
+    # The cosine of the angle between a unit vector and another vector, 1 if that is zero.
+    length = np.sqrt(wanted[0] ** 2 + wanted[1] ** 2 + wanted[2] ** 2)
+    return (n[0] * wanted[0] + n[1] * wanted[1] + n[2] * wanted[2]) / length if length > 0 else 1.0
+
+
+@kernel
+def _shape(a, b, c):
+    # The unit normal of a triangle, its height over its longest edge, and twice its area.
+    x = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    y = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    z = y[0] - x[0], y[1] - x[1], y[2] - x[2]
+    n = cross(x, y)
+    double = max(np.sqrt(dot(n, n)), 1e-30)
+    longest = max(dot(x, x), dot(y, y), dot(z, z), 1e-30)
+    return (n[0] / double, n[1] / double, n[2] / double), double / longest, double
+
+
+@kernel
+def _fan(u, v, p, points, faces, sums, first, following, fan, corners, new):
+    # The faces around an edge once it is at p, those that vanish last; returns how many stay and
+    # how many there are, -1 if some would turn over or become needles.
+    size, gone = 0, 0
+    for w in (u, v):
+        c = first[w]
+        while c >= 0:
+            f, k = c // 3, c % 3
+            a, b = faces[f, after(k)], faces[f, after(after(k))]
+            if a != u and a != v and b != u and b != v:
+                if size + 2 > len(fan):
+                    return -1, -1
+                n, shape, area = _shape(p, points[a], points[b])
+                old_n, old_shape, old_area = _shape(points[w], points[a], points[b])
+                if shape < _SHAPE and shape <= old_shape:
+                    return -1, -1
+                turned = _along(n, sums[f])
+                if turned < _UPRIGHT and (turned < _along(old_n, sums[f]) or area > old_area):
+                    return -1, -1
+                fan[size] = f
+                for x in range(3):
+                    corners[size, 0, x], corners[size, 1, x] = p[x], points[a, x]
+                    corners[size, 2, x], new[size, x] = points[b, x], n[x]
+                size += 1
+            c = following[c]
+    c = first[u]
+    while c >= 0:
+        f, k = c // 3, c % 3
+        if faces[f, after(k)] == v or faces[f, after(after(k))] == v:
+            fan[size + gone] = f
+            gone += 1
+        c = following[c]
+    return size, size + gone
+
+
+@kernel
+def _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most, first_sample,
+             next_sample, found, sums, tally):  # fmt: skip
+    # Finds the new face of each sample of the old ones; returns how many there are, -1 if one lies
+    # too far from all.
+    heights = np.empty(size)
+    for i in range(size):
+        heights[i] = dot(new[i], corners[i, 0])
+        # Faces that stand for nothing stay as they were meant.
+        n = sums[fan[i]]
+        length = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+        for x in range(3):
+            tally[i, x] = 1e-6 * n[x] / max(length, 1e-30)
+        tally[i, 3] = 0.0
+    count = 0
+    for j in range(whole):
+        s = first_sample[fan[j]]
+        while s >= 0:
+            best, least, near = -1, np.inf, areas[s] > 0.0
+            for step in range(size):
+                i = (j + step) % size
+                n = new[i]
+                d = dot(n, samples[s]) - heights[i]
+                turned = _ACROSS * (1.0 - dot(n, wanted[s]))
+                if d * d + turned >= least and (near or d * d > most[s]):
+                    continue
+                d2 = _distance2(samples[s], corners[i], n, d)
+                near |= d2 <= most[s]
+                if d2 + turned < least:
+                    best, least = i, d2 + turned
+                    if near and turned < _ALIKE and d2 == d * d:
+                        break
+            if not near:
+                return -1
+            found[count, 0], found[count, 1] = s, best
+            count += 1
+            for x in range(3):
+                tally[best, x] += areas[s] * wanted[s, x]
+            off = 2.0 * (1.0 - dot(new[best], wanted[s]))
+            tally[best, 3] += areas[s] * min(off, _ABOUT)
+            s = next_sample[s]
+    return count
+
+
+@kernel
+def _collapse(points, home, faces, first, following, alive, held, lines, sources, quadrics,
+              samples, wanted, areas, most, first_sample, next_sample, sums, changed, tried, seen,
+              found, budget, worse):  # fmt: skip
+    # Merges up to so many vertices, the cheapest first; returns how many.
+    q, q2 = np.empty((4, 4)), np.empty((4, 4))
+    fan, corners, new = np.empty(512, np.int32), np.empty((512, 3, 3)), np.empty((512, 3))
+    tally = np.empty((512, 4))
+    heap = [(0.0, 0, np.int64(-1))]
+    for f in range(len(faces)):
+        if alive[f]:
+            for k in range(3):
+                a, b = faces[f, k], faces[f, after(k)]
+                stamp = changed[a] + changed[b]
+                if (a < b or held[f, k]) and tried[3 * f + k] != stamp:
+                    cost = _merger(f, k, points, home, faces, held, lines, quadrics, q)[3]
+                    if cost < np.inf:
+                        heap.append((cost, 3 * f + k, stamp))
+    heapq.heapify(heap)
+    done, tick = 0, seen.max()
+    while heap and done < budget:
+        _, c, stamp = heapq.heappop(heap)
+        f, k = c // 3, c % 3
+        if not alive[f] or changed[faces[f, k]] + changed[faces[f, after(k)]] != stamp:
+            continue
+        tried[c] = stamp
+        u, v, p, cost = _merger(f, k, points, home, faces, held, lines, quadrics, q)
+        tick += 1
+        if u < 0 or not _is_linked(u, v, faces, first, following, seen, tick):
+            continue
+        size, whole = _fan(u, v, p, points, faces, sums, first, following, fan, corners, new)
+        if size < 0:
+            p = points[v, 0], points[v, 1], points[v, 2]
+            size, whole = _fan(u, v, p, points, faces, sums, first, following, fan, corners, new)
+        if size < 1:
+            continue
+        count = _hand_on(fan, size, whole, corners, new, samples, wanted, areas, most,
+                         first_sample, next_sample, found, sums, tally)  # fmt: skip
+        if count < 0:
+            continue
+        change = -worse
+        for i in range(whole):
+            change -= sums[fan[i], 3]
+            if i < size:
+                change += tally[i, 3]
+        if change > 0.0:
+            continue
+        if not _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
+            continue
+        for x in range(3):
+            points[v, x] = p[x]
+        quadrics[v] = q
+        for i in range(size):
+            first_sample[fan[i]] = -1
+            sums[fan[i]] = tally[i]
+        for i in range(count):
+            s, g = found[i, 0], fan[found[i, 1]]
+            next_sample[s] = first_sample[g]
+            first_sample[g] = s
+        for i in range(size):
+            for j in range(3):
+                changed[faces[fan[i], j]] += 1
+        for i in range(size):
+            g = fan[i]
+            for j in range(3):
+                a, b = faces[g, j], faces[g, after(j)]
+                if a == v or (b == v and held[g, j]):
+                    cost = _merger(g, j, points, home, faces, held, lines, quadrics, q2)[3]
+                    if cost < np.inf:
+                        heapq.heappush(heap, (cost, 3 * g + j, changed[a] + changed[b]))
+        done += 1
+    return done
+
+
+@kernel
+def _go(u, v, fan, size, whole, faces, first, following, alive, held, sources):
+    # Moves the corners of u to v; the faces that have both vanish. False if lines would meet.
+    old, given = np.empty(2, np.int64), np.empty(2, np.int64)
+    for again in range(2):
+        for i in range(size, whole):
+            f = fan[i]
+            k = 0
+            while faces[f, k] != u:
+                k = after(k)
+            ahead = faces[f, after(k)] == v
+            there = after(k) if ahead else after(after(k))
+            old[i - size], given[i - size] = sources[f, k], sources[f, there]
+            # Lines along either of the sides that become one.
+            of_u, of_v = held[f, after(after(k)) if ahead else k], held[f, after(k)]
+            if again == 0 and of_u and of_v:
+                return False
+            if again == 1:
+                alive[f] = False
+                if of_u or of_v:
+                    tip = faces[f, 3 - k - there]
+                    for j in range(size):
+                        g = fan[j]
+                        for m in range(3):
+                            a, b = faces[g, m], faces[g, after(m)]
+                            if (a == tip and b in (u, v)) or (b == tip and a in (u, v)):
+                                held[g, m] = True
+    c = first[u]
+    while c >= 0:
+        f, k = c // 3, c % 3
+        if alive[f]:
+            faces[f, k] = v
+            side = 0
+            for i in range(whole - size):
+                if old[i] == sources[f, k] or (i == 1 and old[0] >> 32 != sources[f, k] >> 32):
+                    side = i
+            sources[f, k] = given[side]
+        c = following[c]
+    c = first[v]
+    while following[c] >= 0:
+        c = following[c]
+    following[c] = first[u]
+    first[u] = -1
+    _drop_dead(v, first, following, alive)
+    for i in range(size, whole):
+        for j in range(3):
+            w = faces[fan[i], j]
+            if w != v and w != u:
+                _drop_dead(w, first, following, alive)
+    return True

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a refit has come to, place by place: where it has not come nearer to its normals, it goes.
+
+Not in the papers. Where walls are as thin as their faces, or sheets touch, there is no surface of
+these faces with the wanted normals, and half of the way there is worse than none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from ..base.findings import tell
+from ..base.parallel import kernel, run
+from ..base.vectors import cross, dot, edge
+from ..flow.potential import dilation
+from ..mesh.adjacency import connected_parts
+from ..mesh.calculus import average_to_vertices, smooth_vertices
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from .creases import ramp
+
+_LEFT = 0.6, 1.0
+"""Share of the deviation from the wanted normals that is left around a vertex, from which it goes
+back in part, and fully: where more than 0.7 is left, made solids gain nothing in the mean."""
+
+_AROUND = 8
+"""Smoothing passes that add the deviations up."""
+
+_DEGREE = 1.0 - np.cos(np.radians(1.0))
+"""Deviations of that size are none."""
+
+_SEEN = 0.1
+"""A move in mean edge lengths that is missed, when it is taken back."""
+
+_THIN, _FAR = 2.0, 3.0
+"""Mean edge lengths between two sides of a thin wall; so far they are looked for."""
+
+_BESIDE = 1.5
+"""The square of how far beside a vertex the other side may lie."""
+
+
+def without_worse(mesh: TriangleMesh, targets: Floats, moved: Floats) -> tuple[Floats, Floats]:
+    """Take a displacement back where faces have hardly come nearer to their normals.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        Before.
+    targets : (m, 3) float64
+        The normals that its faces should have.
+    moved : (n, 3) float64
+        The displacement, in the unit of `mesh.vertices`.
+
+    Returns
+    -------
+    moved : (n, 3) float64
+    lost : (n,) float64
+        How far each vertex went back, in mean edge lengths.
+    """
+    off = np.empty((mesh.face_count, 2))
+    run(_measure, mesh.face_count, mesh.scaled_vertices, moved, mesh.faces, mesh.normals, targets,
+        1.0 / mesh.mean_edge_length, off)  # fmt: skip
+    off = smooth_vertices(mesh, average_to_vertices(mesh, off), _AROUND)
+    back = ramp(off[:, 1] / (off[:, 0] + _DEGREE), _LEFT)
+    if not back.any():
+        return moved, back
+    back = smooth_vertices(mesh, back.reshape(-1, 1), 2)
+    lengths = np.linalg.norm(moved, axis=1) / mesh.mean_edge_length
+    return moved * (1.0 - back), back[:, 0] * lengths
+
+
+def tell_lost(mesh: TriangleMesh, lost: Floats) -> None:
+    """Say how many places went back, and what helps."""
+    places = np.flatnonzero(lost > _SEEN)
+    if len(places) == 0:
+        return
+    thickness = _thickness(mesh, places)
+    thin = places[thickness < _THIN]
+    count, others = _count(mesh, thin), _count(mesh, places) - _count(mesh, thin)
+    if count:
+        size = mesh.mean_edge_length * float(np.median(thickness[thickness < _THIN])) / 3.0
+        tell(
+            "Places that are thinner than 2 edges and stay: {count}. Remesh finer, to about"
+            " {size:.2g}.",
+            count=count,
+            size=size,
+        )
+    if others > 0:
+        tell("Places that no faces of this size fit better, and that stay: {count}.", count=others)
+
+
+def _count(mesh: TriangleMesh, vertices: npt.NDArray[np.intp]) -> int:
+    # How many places they make: those within two edges of each other are one.
+    if len(vertices) == 0:
+        return 0
+    chosen = np.zeros(mesh.vertex_count, dtype=np.uint8)
+    chosen[vertices] = 1
+    chosen = dilation(mesh, chosen, 1)
+    start, ring = mesh.neighbours
+    inside = chosen > 0
+    keep = inside[ring] & np.repeat(inside, np.diff(start))
+    counts = np.add.reduceat(np.append(keep, False), start[:-1]) * (np.diff(start) > 0)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    part, _ = connected_parts((starts, ring[keep]))
+    return len(np.unique(part[inside]))
+
+
+def _thickness(mesh: TriangleMesh, places: npt.NDArray[np.intp]) -> Floats:
+    # Distance to what faces the other way and lies behind or before a vertex, in edges; at most
+    # _FAR.
+    normals = average_to_vertices(mesh, mesh.normals)
+    apart, _ = cKDTree(mesh.scaled_vertices[places]).query(
+        mesh.scaled_vertices, distance_upper_bound=_FAR
+    )
+    near = np.flatnonzero(np.isfinite(apart))
+    around = cKDTree(mesh.scaled_vertices[near]).query_ball_point(
+        mesh.scaled_vertices[places], _FAR
+    )
+    found = np.full(len(places), _FAR)
+    for i, (v, others) in enumerate(zip(places, around, strict=True)):
+        o, n = near[others], normals[v] / max(float(np.linalg.norm(normals[v])), 1e-12)
+        way = mesh.scaled_vertices[o[normals[o] @ n < -0.5]] - mesh.scaled_vertices[v]
+        along = abs(way @ n)
+        behind = along[(way**2).sum(axis=1) - along**2 < _BESIDE]
+        if len(behind):
+            found[i] = behind.min()
+    return found
+
+
+@kernel
+def _measure(start, stop, vertices, moved, faces, before, targets, unit, off):
+    # 1 - cos of the angle to the wanted normal, times the area in squared mean edge lengths.
+    for f in range(start, stop):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        u, v = edge(vertices, a, b), edge(vertices, a, c)
+        n = cross(u, v)
+        off[f, 0] = np.sqrt(dot(n, n)) * (1.0 - dot(before[f], targets[f]))
+        p, q = edge(moved, a, b), edge(moved, a, c)
+        n = cross(
+            (u[0] + unit * p[0], u[1] + unit * p[1], u[2] + unit * p[2]),
+            (v[0] + unit * q[0], v[1] + unit * q[1], v[2] + unit * q[2]),
+        )
+        off[f, 1] = np.sqrt(dot(n, n)) - dot(n, targets[f])

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""To which side of a crease the slanted faces along it belong. Not in the papers.
+
+Voxel remeshing, marching cubes and smoothing turn a crease into a strip of slanted faces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.progress import aside, phase
+from ..base.vectors import TIE_BREAKER, dot
+from ..mesh.calculus import cosines, greatest_to_faces, greatest_to_vertices, make_unit
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+
+_PULL = 0.3
+"""How much a face's own normal counts against the evenness of a patch, in `consistent_normals`."""
+
+_ROUNDING = 1e-12
+"""Costs that differ by less are the same, and rounding made the difference."""
+
+_MOST_FAN = 32
+"""Most faces around a vertex that are looked at; of more, evenly spread ones."""
+
+
+def consistent_normals(
+    mesh: TriangleMesh,
+    normals: Floats,
+    zone: npt.NDArray[np.bool_],
+    passes: int,
+) -> Floats:
+    """Give each face of a zone the mean normal of the most even patch of faces around it.
+
+    Kuwahara's idea for images, as guidance of normals by Zhang et al. (2015): a patch is a face and
+    all that share a vertex with it. Its cost is 1 - |sum A n| / sum A, plus 0.3 times
+    1 - (its mean normal . the face's own). A strip of slanted faces takes a side, face by face.
+    """
+    around = grown(mesh, zone)
+    means, uneven = np.empty_like(normals), np.empty(len(normals))
+    for iteration in range(passes):
+        out = np.empty_like(normals)
+        with phase(iteration / passes, (iteration + 0.5) / passes, "Aligning creases"):
+            run(_patches, mesh.face_count, mesh.faces, *mesh.corners, around, normals, mesh.areas,
+                means, uneven)  # fmt: skip
+        with phase((iteration + 0.5) / passes, (iteration + 1) / passes, "Aligning creases"):
+            run(_choose, mesh.face_count, mesh.faces, *mesh.corners, zone, normals, means, uneven,
+                _PULL, out)  # fmt: skip
+        normals = out
+    return normals
+
+
+def turned_zone(mesh: TriangleMesh, old: Floats, new: Floats) -> npt.NDArray[np.bool_]:
+    """Faces whose normals differ by 3 degrees and more, and those that share a vertex with them."""
+    turned = cosines(old, new) < np.cos(np.radians(3.0))
+    return grown(mesh, turned & (mesh.areas > 0))
+
+
+def mixed_normals(old: Floats, new: Floats, shares: Floats) -> Floats:
+    """Mix unit normals by shares (m,) of the new ones; a share of 0 keeps every bit."""
+    mixed = np.empty_like(old)
+    with aside("Sharpening"):
+        run(_mix, len(old), old, new, shares, mixed)
+    return mixed
+
+
+def grown(mesh: TriangleMesh, zone: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Add the faces that share a vertex with those of a zone: (m,) -> (m,)."""
+    with aside("Aligning creases"):
+        touched = greatest_to_vertices(mesh, zone.view(np.uint8))
+        return greatest_to_faces(mesh, touched).view(np.bool_)
+
+
+@kernel
+def _contains(faces, f, v):
+    return faces[f, 0] == v or faces[f, 1] == v or faces[f, 2] == v
+
+
+@kernel
+def _patches(start, stop, faces, corner_start, corners, around, normals, areas, means, uneven):
+    for f in range(start, stop):
+        if not around[f]:
+            continue
+        x = y = z = total = 0.0
+        for k in range(3):
+            v = faces[f, k]
+            first, last = corner_start[v], corner_start[v + 1]
+            stride = 1 + (last - first - 1) // _MOST_FAN
+            for i in range(first, last, stride):
+                g = corners[i] // 3
+                # Each face once: where it shares an earlier corner it has been counted.
+                if k > 0 and _contains(faces, g, faces[f, 0]):
+                    continue
+                if k > 1 and _contains(faces, g, faces[f, 1]):
+                    continue
+                a = areas[g]
+                x += a * normals[g, 0]
+                y += a * normals[g, 1]
+                z += a * normals[g, 2]
+                total += a
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-12 * total:
+            means[f, 0], means[f, 1], means[f, 2] = x / length, y / length, z / length
+        else:
+            means[f] = normals[f]
+        uneven[f] = 1.0 - length / total if total > 0 else 1.0
+
+
+@kernel
+def _cost(own, means, uneven, pull, f):
+    # Of taking the mean normal of the patch around face f.
+    return uneven[f] + pull * (1.0 - dot(own, means[f]))
+
+
+@kernel
+def _choose(start, stop, faces, corner_start, corners, zone, normals, means, uneven, pull, out):
+    for f in range(start, stop):
+        own = normals[f]
+        if not zone[f] or (own[0] == 0 and own[1] == 0 and own[2] == 0):
+            out[f] = own
+            continue
+        # Of costs that only rounding tells apart a direction decides, not the order of faces.
+        cost = least = _cost(own, means, uneven, pull, f)
+        for k in range(3):
+            v = faces[f, k]
+            first, last = corner_start[v], corner_start[v + 1]
+            stride = 1 + (last - first - 1) // _MOST_FAN
+            for i in range(first, last, stride):
+                least = min(least, _cost(own, means, uneven, pull, corners[i] // 3))
+        choice, most = f, -2.0
+        if cost <= least + _ROUNDING:
+            most = dot(TIE_BREAKER, means[f])
+        for k in range(3):
+            v = faces[f, k]
+            first, last = corner_start[v], corner_start[v + 1]
+            stride = 1 + (last - first - 1) // _MOST_FAN
+            for i in range(first, last, stride):
+                g = corners[i] // 3
+                if _cost(own, means, uneven, pull, g) <= least + _ROUNDING:
+                    side = dot(TIE_BREAKER, means[g])
+                    if side > most:
+                        most, choice = side, g
+        out[f] = means[choice]
+        make_unit(out[f])
+
+
+@kernel
+def _mix(start, stop, old, new, shares, mixed):
+    for f in range(start, stop):
+        mixed[f] = old[f]
+        if shares[f] > 0:
+            x = old[f, 0] + shares[f] * (new[f, 0] - old[f, 0])
+            y = old[f, 1] + shares[f] * (new[f, 1] - old[f, 1])
+            z = old[f, 2] + shares[f] * (new[f, 2] - old[f, 2])
+            length = np.sqrt(x * x + y * y + z * z)
+            if length > 1e-12:
+                mixed[f, 0], mixed[f, 1], mixed[f, 2] = x / length, y / length, z / length

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between a mesh object and a crisp low poly of it, with its materials and UVs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ....core.host.inputs import CutSurface
+from .. import arrays
+from . import creases, meshes
+from .targets import MeshTarget
+
+if TYPE_CHECKING:
+    from ....core.shape.low_poly import LowPoly
+
+
+def read_cut(obj: bpy.types.Object, mode: str, parameters: Any) -> tuple[None, CutSurface]:
+    """Read the mesh, and where its UVs and materials end; `mode` and `parameters` do not count."""
+    mesh = obj.data
+    corners = meshes.read_triangle_corners(mesh)
+    triangles = meshes.read_corner_vertices(mesh)[corners]
+    data = [_materials(mesh)[:, None, None] + np.zeros((1, 3, 1))]
+    data += [arrays.read(layer.uv, "vector", 2)[corners] for layer in mesh.uv_layers]
+    return None, CutSurface(
+        positions=meshes.read_positions(mesh),
+        triangles=triangles,
+        mask=None,
+        to_world=meshes.lengths_in_world(obj),
+        cuts=_borders(triangles, np.concatenate(data, axis=2)),
+    )
+
+
+def add_low_poly(target: MeshTarget, low: LowPoly, name: str) -> bpy.types.Object:
+    """Add an object with the new mesh where the old one is, which is hidden.
+
+    Materials, UVs and smooth shading are those of the old mesh; other attributes, shape keys and
+    modifiers are left out.
+
+    Raises
+    ------
+    Skipped
+        If the object was removed or its shape has changed since it was read.
+    """
+    obj = creases.find_same(target)
+    old = obj.data
+    old_corners = meshes.read_triangle_corners(old)
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(low.vertices.tolist(), [], low.faces.tolist())
+    for material in old.materials:
+        mesh.materials.append(material)
+    numbers = _materials(old)[low.face_source].astype(np.int32)
+    arrays.write(mesh.polygons, "material_index", numbers, np.int32)
+    corners = old_corners.reshape(-1)[low.corner_source.reshape(-1)]
+    for layer in old.uv_layers:
+        new = mesh.uv_layers.new(name=layer.name, do_init=False)
+        arrays.write(new.uv, "vector", arrays.read(layer.uv, "vector", 2)[corners])
+    mesh.update()
+    made = bpy.data.objects.new(name, mesh)
+    made.matrix_world = obj.matrix_world
+    for collection in obj.users_collection or [bpy.context.collection]:
+        collection.objects.link(made)
+    layer = bpy.context.view_layer
+    made.select_set(True)
+    if layer.objects.active == obj:
+        layer.objects.active = made
+    obj.select_set(False)
+    obj.hide_set(True)
+    return made
+
+
+def _materials(mesh: bpy.types.Mesh) -> npt.NDArray[np.int32]:
+    # The number of each triangle's material.
+    of_faces = arrays.read(mesh.polygons, "material_index", dtype=np.int32)
+    if len(mesh.loop_triangles) == len(mesh.polygons):
+        return of_faces
+    return of_faces[arrays.read(mesh.loop_triangles, "polygon_index", dtype=np.int32)]
+
+
+def _borders(triangles: npt.NDArray, data: npt.NDArray) -> npt.NDArray[np.int64]:
+    # Edges (k, 2) at whose ends the data of corners (m, 3, d) differ from face to face.
+    begin, end = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    ahead = (begin < end)[:, None]
+    here, there = (each.reshape(len(begin), -1) for each in (data, np.roll(data, -1, axis=1)))
+    of_edge = np.concatenate([np.where(ahead, here, there), np.where(ahead, there, here)], axis=1)
+    keys = np.minimum(begin, end).astype(np.int64) << 32 | np.maximum(begin, end)
+    order = np.argsort(keys, kind="stable")
+    same = keys[order][1:] == keys[order][:-1]
+    differ = (np.abs(np.diff(of_edge[order], axis=0)) > 1e-6).any(axis=1)
+    found = np.unique(keys[order][1:][same & differ])
+    return np.stack([found >> 32, found & 0xFFFFFFFF], axis=1)

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operators Mark Creases, Show Creases and Hide Creases, and the marks of sharpening."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from shock_filter.core.host.creases import creases_of
+from shock_filter.shock_addon.data.mesh.creases import ANGLE, LINE, read_creases
+from shock_filter.shock_addon.data.mesh.meshes import read_positions
+from shock_filter.shock_addon.flow import creases as drawn
+from shock_filter.shock_addon.flow import showing
+
+
+def mark_creases(**choices):
+    return bpy.ops.shock_filter.mark_creases(**choices)
+
+
+def values(mesh, name, kind=float):
+    found = np.empty(len(mesh.edges), dtype=kind)
+    mesh.attributes[name].data.foreach_get("value", found)
+    return found
+
+
+def ends(mesh):
+    found = np.empty(2 * len(mesh.edges), dtype=np.int32)
+    mesh.edges.foreach_get("vertices", found)
+    return found.reshape(-1, 2)
+
+
+def loose_ends(mesh, marked):
+    return int((np.bincount(ends(mesh)[marked].reshape(-1)) == 1).sum())
+
+
+def at_edges_of_box(mesh):
+    points = np.abs(read_positions(mesh))
+    return (points > 0.85 * points.max(axis=0)).sum(axis=1) >= 2
+
+
+def test_marks_go_around_a_rounded_box_of_quads_and_nothing_moves(rounded_box):
+    box = rounded_box()
+    before = read_positions(box.data)
+    assert mark_creases() == {"FINISHED"}
+    np.testing.assert_array_equal(read_positions(box.data), before)
+    marked = values(box.data, "sharp_edge", bool)
+    assert 100 < marked.sum() < 200
+    assert loose_ends(box.data, marked) == 0
+    assert at_edges_of_box(box.data)[ends(box.data)[marked]].all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("SEAM", "uv_seam"), ("CREASE", "crease_edge"), ("BEVEL", "bevel_weight_edge")],
+)
+def test_other_marks_lie_at_the_same_edges(rounded_box, kind, name):
+    box = rounded_box()
+    mark_creases(marks={"SHARP", kind})
+    sharp = values(box.data, "sharp_edge", bool)
+    np.testing.assert_array_equal(values(box.data, name), sharp.astype(float))
+
+
+def test_marks_that_are_there_stay(rounded_box):
+    box = rounded_box()
+    middle = int(np.flatnonzero(~at_edges_of_box(box.data)[ends(box.data)].any(axis=1))[0])
+    box.data.edges[middle].use_edge_sharp = True
+    mark_creases()
+    assert values(box.data, "sharp_edge", bool)[middle]
+
+
+def test_attributes_hold_angles_and_numbers_of_lines(rounded_box):
+    box = rounded_box()
+    mark_creases(output="ATTRIBUTE")
+    angles, lines = values(box.data, ANGLE), values(box.data, LINE, int)
+    assert ((angles != 0) == (lines > 0)).all()
+    assert np.median(np.degrees(angles[lines > 0])) == pytest.approx(90, abs=5)
+    assert lines.max() >= 12
+
+
+def test_curves_lie_where_the_lines_are(rounded_box):
+    box = rounded_box(location=(3.0, 0.0, 0.0))
+    count = len(bpy.data.objects)
+    mark_creases(output="CURVES")
+    assert len(bpy.data.objects) == count + 1
+    (curves,) = [obj for obj in bpy.data.objects if obj.type == "CURVE"]
+    assert len(curves.data.splines) >= 12
+    assert curves.matrix_world.translation.x == 3.0
+    points = [tuple(p.co[:3]) for spline in curves.data.splines for p in spline.points]
+    assert set(points) <= {tuple(row) for row in read_positions(box.data).tolist()}
+
+
+def test_marks_end_at_a_mask(rounded_box):
+    box = rounded_box()
+    right = read_positions(box.data)[:, 0] > 0
+    box.vertex_groups.new(name="Right").add(np.flatnonzero(right).tolist(), 1.0, "REPLACE")
+    bpy.context.scene.shock_filter.geometry.vertex_group = "Right"
+    mark_creases()
+    marked = values(box.data, "sharp_edge", bool)
+    assert marked.any()
+    assert right[ends(box.data)[marked]].all()
+
+
+def test_what_is_sharp_already_is_marked_by_sharpening(capfd):
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.subdivide(number_cuts=7)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    mesh = bpy.context.object.data
+    before = read_positions(mesh)
+    assert bpy.ops.shock_filter.sharpen_geometry() == {"FINISHED"}
+    np.testing.assert_array_equal(read_positions(mesh), before)
+    assert values(mesh, "sharp_edge", bool).sum() == 12 * 8
+    assert "marked as sharp: 96" in capfd.readouterr().out
+
+
+def test_sharpening_marks_what_was_found_before(rounded_box):
+    box = rounded_box()
+    mark_creases()
+    before = values(box.data, "sharp_edge", bool)
+    other = rounded_box()
+    bpy.ops.shock_filter.sharpen_geometry()
+    np.testing.assert_array_equal(values(other.data, "sharp_edge", bool), before)
+
+
+def test_shown_lines_follow_widest_fillet(rounded_box, monkeypatch):
+    box = rounded_box()
+    panel = bpy.context.scene.shock_filter.geometry
+    no_mask = SimpleNamespace(vertex_group="", invert_mask=False, selected_only=False)
+    surface = read_creases(box, "OBJECT", no_mask, np.radians(30))[1]
+    panel.widest_fillet = 4.0
+    settings = drawn.settings_of(drawn.find("geometry"), panel)
+    shown = drawn.CreasesOfMesh(box, surface, panel, creases_of(surface, settings, True))
+    assert shown.fits(box.data)
+    wide = shown.segments()
+    assert set(wide) == {"closes"}
+    assert "will close" in drawn.counts_of(shown.now()[0].lines)
+    panel.widest_fillet = 0.01
+    _, is_news = shown.now()
+    assert is_news
+    assert not shown.now()[1]
+    assert sum(map(len, shown.segments().values())) > 0
+    box.data.vertices[0].co.x += 1.0
+    assert not shown.fits(box.data)
+
+
+def test_show_and_hide(rounded_box):
+    rounded_box()
+    assert bpy.ops.shock_filter.show_creases() == {"FINISHED"}
+    assert showing.shown_object("creases") is None  # there is no window
+    assert not bpy.ops.shock_filter.hide_creases.poll()
+
+
+def test_a_soft_box_becomes_a_low_poly_with_its_materials_and_uvs(rounded_box):
+    box = rounded_box(location=(2.0, 0.0, 0.0), cuts=19)
+    for name in ("One", "Two"):
+        box.data.materials.append(bpy.data.materials.new(name))
+    for polygon in box.data.polygons:
+        polygon.material_index = int(polygon.center.z > 0.9)
+    assert bpy.ops.shock_filter.crisp_low_poly() == {"FINISHED"}
+    low = bpy.context.object
+    assert low is not box
+    assert box.hide_get()
+    assert len(low.data.polygons) < 0.1 * len(box.data.polygons)
+    assert low.matrix_world.translation.x == 2.0
+    assert [each.name for each in low.data.materials] == ["One", "Two"]
+    top = [polygon for polygon in low.data.polygons if polygon.material_index == 1]
+    assert top
+    assert all(polygon.center.z > 0.8 for polygon in top)
+    edges = {}
+    for polygon in low.data.polygons:
+        for key in polygon.edge_keys:
+            edges[key] = edges.get(key, 0) + 1
+    assert set(edges.values()) == {2}
+    uv = np.empty(2 * len(low.data.loops), dtype=np.float32)
+    low.data.uv_layers[0].uv.foreach_get("vector", uv)
+    assert np.ptp(uv) > 0.3

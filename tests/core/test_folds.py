@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Folds that a refit makes are repaired, and what cannot be fitted goes back."""
+
+import numpy as np
+import pytest
+from remeshed import turned_box
+from shapes import cube, grid
+from shock_filter import core
+from shock_filter.core.base.findings import gathering
+from shock_filter.core.shape.folds import FoldChecks, mended, undone
+from shock_filter.core.shape.results import tell_lost, without_worse
+
+
+def folded(mesh, moved, degrees=150.0):
+    """Half-edges across which faces are folded."""
+    after = mesh.moved_to(mesh.vertices + moved)
+    twins = mesh.twins.reshape(-1)
+    pairs = np.stack([np.arange(len(twins)), twins], axis=1)[twins >= 0] // 3
+    cosines = (after.normals[pairs[:, 0]] * after.normals[pairs[:, 1]]).sum(axis=1)
+    return int((cosines < np.cos(np.radians(degrees))).sum())
+
+
+@pytest.fixture(scope="module")
+def box():
+    return core.TriangleMesh(*turned_box(24)[:2])
+
+
+def shaken(mesh, size, seed=0):
+    """A displacement that folds a few places."""
+    rng = np.random.default_rng(seed)
+    moved = np.zeros(mesh.vertices.shape)
+    chosen = rng.choice(mesh.vertex_count, 12, replace=False)
+    moved[chosen] = rng.normal(size=(12, 3)) * size * mesh.mean_edge_length
+    return moved
+
+
+@pytest.mark.parametrize("repair", [lambda m, x: mended(m, m.normals, x, None),
+                                    lambda m, x: undone(m, m.normals, x.copy())])  # fmt: skip
+@pytest.mark.parametrize("seed", range(4))
+def test_no_fold_is_left(box, repair, seed):
+    moved = shaken(box, 1.2, seed)
+    assert folded(box, moved) > 0
+    assert folded(box, repair(box, moved)) == 0
+
+
+def test_what_is_not_folded_keeps_every_bit(box):
+    moved = shaken(box, 0.05)
+    assert mended(box, box.normals, moved, None) is moved
+    far = shaken(box, 1.2)
+    assert np.array_equal(undone(box, box.normals, far.copy())[far.any(axis=1) == 0] != 0,
+                          np.zeros((box.vertex_count - 12, 3), dtype=bool))  # fmt: skip
+
+
+def test_vertices_that_are_held_do_not_move(box):
+    moved = shaken(box, 1.2)
+    fixed = ~moved.any(axis=1)
+    out = mended(box, box.normals, moved, fixed)
+    assert (out[fixed] == 0).all()
+    assert folded(box, out) == 0
+
+
+def test_a_fold_that_was_there_may_stay():
+    vertices, faces = grid(12, 12)
+    vertices[:, 2] = 0.0
+    vertices[78] += [1.6, 0.0, 0.0]  # beyond its neighbour
+    mesh = core.TriangleMesh(vertices, faces)
+    still = np.zeros(vertices.shape)
+    assert folded(mesh, still) > 0
+    assert len(FoldChecks(mesh, mesh.normals).bad_faces(still, np.arange(mesh.face_count))) == 0
+
+
+def test_three_faces_at_an_edge_are_compared_in_any_order():
+    vertices = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0.5], [-1, 0.1, 0.5], [-1, -0.1, 0.5]])
+    faces = np.array([[0, 1, 2], [1, 0, 3], [1, 0, 4]])
+    moved = np.zeros(vertices.shape)
+    moved[2] = [-1.9, 0.02, 0.0]
+    found = []
+    for order in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
+        mesh = core.TriangleMesh(vertices, faces[order])
+        bad = FoldChecks(mesh, mesh.normals).bad_faces(moved, np.arange(3))
+        found.append(sorted(np.array(order)[bad].tolist()))
+    assert found[0] == found[1] == found[2]
+
+
+def test_places_that_do_not_come_nearer_go_back_and_are_told():
+    mesh = core.TriangleMesh(*cube(24))
+    x, _, z = (mesh.vertices - mesh.vertices.mean(axis=0)).T
+    targets = mesh.normals.copy()
+    top = mesh.normals[:, 2] > 0.9
+    targets[top] = [0.6, 0.0, 0.8]  # what no move below gives
+    moved = np.zeros(mesh.vertices.shape)
+    rng = np.random.default_rng(0)
+    moved[:, 2] = np.where((z > 11.9) & (abs(x) < 6), 0.3 * rng.normal(size=len(x)), 0.0)
+    kept, lost = without_worse(mesh, targets, moved)
+    assert abs(kept).max() < 0.1 * abs(moved).max()
+    with gathering() as found:
+        tell_lost(mesh, lost)
+    assert [str(f) for f in found] == ["Places that no faces of this size fit better, and that"
+                                       " stay: 1."]  # fmt: skip
+
+
+def test_what_comes_nearer_keeps_every_bit(box):
+    targets = core.sharpen_normals(box)
+    moved = core.sharpen_geometry(box) - box.vertices
+    kept, lost = without_worse(box, targets, moved)
+    near = np.linalg.norm(kept - moved, axis=1) <= 1e-12
+    assert near.mean() > 0.9
+    assert lost.max() < 0.3
+
+
+def test_thin_places_are_told_with_the_size_that_would_do():
+    plate, faces = grid(14, 14)
+    plate[:, 2] = 0.0
+    low = plate - [0.0, 0.0, 1.2]
+    mesh = core.TriangleMesh(
+        np.concatenate([plate, low]), np.concatenate([faces, faces[:, ::-1] + len(plate)])
+    )
+    lost = np.zeros(mesh.vertex_count)
+    lost[[90, 91, 20]] = 0.5
+    with gathering() as found:
+        tell_lost(mesh, lost)
+    assert str(found[0]).startswith("Places that are thinner than 2 edges and stay: 2. Remesh")
+    assert 0.2 < found[0].values["size"] < 0.5

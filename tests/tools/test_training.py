@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The training of networks, on a few solids, and that the shipped one comes from these scripts."""
+
+from functools import partial
+
+import adam
+import crease_examples
+import made
+import numpy as np
+import pytest
+import train_creases
+from distances import box, truths
+from meshings import EXTENT, sampled, surface_nets
+from shock_filter.core.mixture.network import load
+from shock_filter.core.shape.candidates import DEFINITION
+from shock_filter.core.shape.creases import WEIGHTS
+
+
+def test_the_shipped_networks_come_from_these_scripts():
+    for network in load(WEIGHTS, DEFINITION).values():
+        assert network.made_of == train_creases.made_of()
+        assert network.version == train_creases.VERSION
+
+
+def test_a_tiny_network_learns_to_come_nearer_on_solids_it_has_not_seen(tmp_path, monkeypatch):
+    tiny = partial(crease_examples.remeshed, kinds=("part",), meshings=("nets",), cells=26, noise=0)
+    monkeypatch.setattr(made, "MAKERS", {"remeshed": tiny})
+    paths = made.make_all({"remeshed": 14}, tmp_path, 1)
+    assert made.make_all({"remeshed": 14}, tmp_path, 1) == paths  # made once
+    rows = train_creases.gathered(paths, 1)
+    said = []
+    networks = train_creases.train(rows, epochs=10, log=said.append)
+    aside = train_creases.chosen(rows, rows["aside"])
+    assert len(aside["kind"]) > 100
+    own, new = train_creases.errors(networks["mixture"], aside)
+    assert new.mean() < 0.85 * own.mean()
+    losses = [float(line.split()[2]) for line in said if line.startswith("epoch")]
+    assert losses[9] < losses[0]
+    passed = networks["gate"].scores(np.ascontiguousarray(
+        rows["told"][:, train_creases.TOLD_FIRST]))[:, 0] > 0  # fmt: skip
+    turns = train_creases.turns_of(networks["mixture"], rows)
+    assert turns[passed].mean() > 2 * turns[~passed].mean()
+
+
+def test_training_gives_the_same_network_from_the_same_seed():
+    rng = np.random.default_rng(0)
+    told = rng.normal(size=(4096, 6)).astype(np.float32)
+    wanted = (told[:, 0] > 0.5).astype(np.float32)
+    one, two = (adam.trained_gate(told, wanted, (8,), 150, log=lambda _: None) for _ in range(2))
+    assert all((a == b).all() for a, b in zip(one.weights, two.weights, strict=True))
+    assert ((one.scores(told)[:, 0] > 0) == (wanted > 0)).mean() > 0.9
+
+
+def test_slopes_are_those_of_the_loss():
+    rng = np.random.default_rng(1)
+    layers = [[rng.normal(size=(4, 5)), rng.normal(size=5)],
+              [rng.normal(size=(5, 3)), rng.normal(size=3)]]  # fmt: skip
+    told, weights = rng.normal(size=(7, 4)), rng.uniform(0.5, 1, 7)
+    components, targets = rng.normal(size=(7, 3, 3)), rng.normal(size=(7, 2, 3))
+    components /= np.linalg.norm(components, axis=1, keepdims=True)
+    targets /= np.linalg.norm(targets, axis=2, keepdims=True)
+
+    def back(y):
+        return adam._mixture_back(y, components, targets, weights)
+
+    loss, slopes = adam._slopes(layers, told, back)
+    for n, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        at = (0,) * layers[n][j].ndim
+        layers[n][j][at] += 1e-6
+        change = (adam._slopes(layers, told, back)[0] - loss) / 1e-6
+        layers[n][j][at] -= 1e-6
+        assert slopes[n][j][at] * len(told) == pytest.approx(change, rel=1e-3, abs=1e-5)
+
+
+def test_samples_beside_the_surface_are_those_of_the_whole_grid():
+    solid = box((0.1, 0, 0), (0.6, 0.4, 0.05))
+    line = np.linspace(-EXTENT, EXTENT, 41)
+    points = np.stack(np.meshgrid(line, line, line, indexing="ij"), -1).reshape(-1, 3)
+    whole, found = solid(points).reshape(41, 41, 41), sampled(solid, 41)
+    near = abs(whole) < 1.8 * (line[1] - line[0])
+    assert (found[near] == whole[near]).all()
+    assert ((found < 0) == (whole < 0)).all()
+
+
+def test_truths_are_the_normals_of_both_sides_of_a_crease():
+    solid = box((0, 0, 0), (0.5, 0.5, 0.5))
+    one, two = truths(solid, np.array([[0.499, 0.0, 0.51], [0.0, 0.0, 0.52]]), 0.1, 0.1)
+    both = {tuple(np.abs(n[0]).round(2).tolist()) for n in (one, two)}
+    assert both == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
+    assert one[1] == pytest.approx([0, 0, 1], abs=1e-6)
+    assert (one[1] == two[1]).all()
+
+
+def test_examples_have_as_many_normals_as_asked_for_and_unit_length():
+    for make in (crease_examples.modelled, crease_examples.softened):
+        example = make(3)
+        one, two = example.targets(np.arange(0, example.mesh.face_count, 5))
+        assert np.linalg.norm(one, axis=1) == pytest.approx(np.ones(len(one)))
+        assert one.shape == two.shape
+    mesh = crease_examples.modelled(3).mesh
+    assert (crease_examples.modelled(3).mesh.vertices == mesh.vertices).all()
+
+
+def test_surface_nets_close():
+    _, faces = surface_nets(sampled(box((0, 0, 0), (0.5, 0.4, 0.3)), 24))
+    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
+    _, times = np.unique(ends, axis=0, return_counts=True)
+    assert (times == 2).all()

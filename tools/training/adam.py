@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Train small networks: Adam, by hand, on one core and from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from shock_filter.core.mixture.network import Network
+
+RATE, LAST_RATE = 2e-3, 1e-5
+WARM_UP = 500
+"""Steps, of at least 10 times as many, in which the rate rises: without them the first ones may
+end where nothing learns."""
+
+BATCH = 1024
+FADES = 0.9, 0.999
+"""Of Adam's means of slopes and of their squares."""
+
+SOFT = 0.02
+"""Distances from the target below this hardly count: there is no gain in the last degree."""
+
+
+def trained_mixture(
+    told: np.ndarray,
+    candidates: np.ndarray,
+    targets: np.ndarray,
+    weights: np.ndarray,
+    hidden: tuple[int, ...],
+    epochs: int,
+    seed: int = 0,
+    log: Callable[[str], None] = print,
+) -> Network:
+    """Find the network whose mixtures come closest to the targets.
+
+    Parameters
+    ----------
+    told : (n, inputs) float32
+        What the network is told of each row.
+    candidates : (n, k, 3) float32
+        Unit vectors.
+    targets : (n, 2, 3) float32
+        Unit vectors, of which the nearer one counts.
+    weights : (n,) float32
+        How much each row counts.
+    hidden : tuple of int
+        Sizes of the inner layers.
+    epochs, seed, log
+    """
+    components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
+
+    def back(y, rows):
+        return _mixture_back(y, components[rows], targets[rows], weights[rows])
+
+    return _trained(told, back, (*hidden, candidates.shape[1]), epochs, seed, log)
+
+
+def trained_gate(
+    told: np.ndarray,
+    wanted: np.ndarray,
+    hidden: tuple[int, ...],
+    epochs: int,
+    seed: int = 0,
+    log: Callable[[str], None] = print,
+) -> Network:
+    """Find the network whose one value is above 0 for what is wanted, and below it elsewhere.
+
+    Parameters
+    ----------
+    told : (n, inputs) float32
+    wanted : (n,) float32
+        0 where it is not; the more, the more a miss would cost.
+    hidden, epochs, seed, log
+        As above.
+    """
+    sign = np.where(wanted > 0, np.float32(1), np.float32(-1))[:, None]
+    weight = np.where(wanted > 0, wanted, np.float32(1))[:, None]
+
+    def back(y, rows):
+        s, w = sign[rows], weight[rows]
+        miss = 1 / (1 + np.exp(np.clip(s * y, -30, 30)))
+        loss = float((w * np.logaddexp(0, -s * y)).sum())
+        return loss, -s * w * miss / len(y)
+
+    return _trained(told, back, (*hidden, 1), epochs, seed, log)
+
+
+def _trained(told, back, sizes, epochs, seed, log) -> Network:
+    rng = np.random.default_rng(seed)
+    mean, spread = told.mean(0), told.std(0) + 1e-2
+    layers = _begun(rng, [told.shape[1], *sizes], mean, spread)
+    # The first layer learns as if its inputs were standardised.
+    scale = [np.float32(1) for _ in layers]
+    scale[0] = (1 / spread[:, None]).astype(np.float32)
+    means = [[np.zeros_like(p) for p in layer] for layer in layers]
+    squares = [[np.zeros_like(p) for p in layer] for layer in layers]
+    step, total = 0, epochs * (len(told) // BATCH)
+    rise = min(WARM_UP, max(total // 10, 1))
+    for epoch in range(epochs):
+        order, loss = rng.permutation(len(told)), 0.0
+        for i in range(0, len(told) - BATCH + 1, BATCH):
+            rows = order[i : i + BATCH]
+            found, slopes = _slopes(layers, told[rows], lambda y, rows=rows: back(y, rows))
+            loss += found
+            step += 1
+            rate = LAST_RATE + RATE * 0.5 * (1 + np.cos(np.pi * step / total))
+            rate *= min(step / rise, 1.0)
+            for n, layer in enumerate(layers):
+                for j, slope in enumerate(slopes[n]):
+                    factor = scale[n] if j == 0 else np.float32(1)
+                    slope = slope * factor
+                    m, s = means[n][j], squares[n][j]
+                    m += (1 - FADES[0]) * (slope - m)
+                    s += (1 - FADES[1]) * (slope * slope - s)
+                    change = (m / (1 - FADES[0] ** step)) / (
+                        np.sqrt(s / (1 - FADES[1] ** step)) + 1e-8
+                    )
+                    layer[j] -= (rate * change * factor).astype(np.float32)
+        log(f"epoch {epoch}: {loss / max(len(told) // BATCH * BATCH, 1):.5f}")
+    return Network(
+        tuple(w.astype(np.float16).astype(np.float32) for w, _ in layers),
+        tuple(b for _, b in layers),
+    )
+
+
+def _begun(rng, sizes, mean, spread):
+    layers = [
+        [(rng.normal(size=(a, b)) * np.sqrt(2 / a)).astype(np.float32), np.zeros(b, np.float32)]
+        for a, b in pairwise(sizes)
+    ]
+    layers[-1][0] *= 0.1
+    layers[0][0] /= spread[:, None]
+    layers[0][1] -= mean @ layers[0][0]
+    return [[np.ascontiguousarray(w, np.float32), b.astype(np.float32)] for w, b in layers]
+
+
+def _slopes(layers, told, back_of):
+    # The loss, and its slopes for all weights and shifts.
+    values = [told]
+    for w, b in layers[:-1]:
+        values.append(np.maximum(values[-1] @ w + b, 0))
+    loss, back = back_of(values[-1] @ layers[-1][0] + layers[-1][1])
+    slopes = [None] * len(layers)
+    for n in range(len(layers) - 1, -1, -1):
+        slopes[n] = values[n].T @ back, back.sum(0)
+        if n:
+            back = (back @ layers[n][0].T) * (values[n] > 0)
+    return loss, slopes
+
+
+def _mixture_back(y, components, targets, weights):
+    z = np.exp(y - y.max(1, keepdims=True))
+    share = z / z.sum(1, keepdims=True)
+    mixed = np.stack([(share * components[:, j]).sum(1) for j in range(3)], 1)
+    length = np.maximum(np.sqrt((mixed * mixed).sum(1)), 1e-3)
+    unit = mixed / length[:, None]
+    both = (unit[:, None] * targets).sum(2)
+    nearer = np.where((both[:, 0] >= both[:, 1])[:, None], targets[:, 0], targets[:, 1])
+    far = np.sqrt(np.maximum(2 - 2 * both.max(1), 0) + SOFT**2)
+    back = -(weights / far / len(y))[:, None] * nearer
+    back = (back - (back * unit).sum(1, keepdims=True) * unit) / length[:, None]
+    back = sum(components[:, j] * back[:, j, None] for j in range(3))
+    return float((far * weights).sum()), share * (back - (share * back).sum(1, keepdims=True))

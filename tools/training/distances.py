@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Signed distances of solids, near enough: functions of points (k, 3) that are negative inside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Solid = Callable[[Floats], Floats]
+
+
+def norm(x: Floats, axis: int = 1) -> Floats:
+    return np.linalg.norm(x, axis=axis)
+
+
+def turn(rng: np.random.Generator) -> Floats:
+    """A random rotation."""
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return q * np.sign(np.linalg.det(q))
+
+
+def box(centre: npt.ArrayLike, half: npt.ArrayLike) -> Solid:
+    c, h = np.array(centre, float), np.array(half, float)
+
+    def distance(p):
+        q = abs(p - c) - h
+        return norm(np.maximum(q, 0)) + np.minimum(q.max(1), 0)
+
+    return distance
+
+
+def cylinder(centre, radius, half, axis=2, slope=0.0) -> Solid:
+    """A cylinder, or with a slope a cone."""
+    k, c = [i for i in range(3) if i != axis], np.array(centre, float)
+
+    def distance(p):
+        q = p - c
+        side = (norm(q[:, k]) - radius + slope * q[:, axis]) / np.hypot(1, slope)
+        e = np.stack([side, abs(q[:, axis]) - half], 1)
+        return norm(np.maximum(e, 0)) + np.minimum(e.max(1), 0)
+
+    return distance
+
+
+def prism(rng, radius, half, axis=2) -> Solid:
+    n = int(rng.integers(3, 8))
+    a = rng.uniform(0, 6.3) + (np.arange(n) + rng.uniform(-0.2, 0.2, n)) * 2 * np.pi / n
+    ways = np.zeros((n, 3))
+    ways[:, (axis + 1) % 3], ways[:, (axis + 2) % 3] = np.cos(a), np.sin(a)
+    heights = radius * rng.uniform(0.6, 1.0, n)
+    return lambda p: np.maximum((p @ ways.T - heights).max(1), abs(p[:, axis]) - half)
+
+
+def polytope(rng, radius) -> Solid:
+    ways = rng.normal(size=(rng.integers(6, 14), 3))
+    ways /= norm(ways)[:, None]
+    heights = rng.uniform(0.5, 1.0, len(ways)) * radius
+    return lambda p: np.maximum((p @ ways.T - heights).max(1), norm(p) - 1.3 * radius)
+
+
+def ball(centre, radius) -> Solid:
+    return lambda p: norm(p - np.array(centre, float)) - radius
+
+
+def ellipsoid(centre, radii) -> Solid:
+    r = np.array(radii, float)
+
+    def distance(p):
+        q = p - np.array(centre, float)
+        k, g = norm(q / r), norm(q / r**2)
+        return k * (k - 1) / np.maximum(g, 1e-9)
+
+    return distance
+
+
+def torus(centre, large, small, axis=2) -> Solid:
+    k = [i for i in range(3) if i != axis]
+
+    def distance(p):
+        q = p - np.array(centre, float)
+        return np.hypot(norm(q[:, k]) - large, q[:, axis]) - small
+
+    return distance
+
+
+def union(*solids: Solid) -> Solid:
+    return lambda p: np.min([s(p) for s in solids], 0)
+
+
+def minus(a: Solid, *solids: Solid) -> Solid:
+    return lambda p: np.max([a(p)] + [-s(p) for s in solids], 0)
+
+
+def both(*solids: Solid) -> Solid:
+    return lambda p: np.max([s(p) for s in solids], 0)
+
+
+def grown(s: Solid, radius: float) -> Solid:
+    return lambda p: s(p) - radius
+
+
+def placed(s: Solid, at, rotation) -> Solid:
+    return lambda p: s((p - at) @ rotation)
+
+
+def blend(a: Solid, b: Solid, width: float) -> Solid:
+    def distance(p):
+        x, y = a(p), b(p)
+        h = np.clip(0.5 + 0.5 * (y - x) / width, 0, 1)
+        return y * (1 - h) + x * h - width * h * (1 - h)
+
+    return distance
+
+
+def round_union(a: Solid, b: Solid, radius: float) -> Solid:
+    """A union whose seam has a fillet of this radius; both must be distances."""
+
+    def distance(p):
+        x, y = a(p), b(p)
+        inner = norm(np.maximum(np.stack([radius - x, radius - y], 1), 0))
+        return np.maximum(radius, np.minimum(x, y)) - inner
+
+    return distance
+
+
+def waved(s: Solid, rng, high, frequency) -> Solid:
+    """Relief, of power falling with frequency."""
+    ways = rng.normal(size=(6, 3))
+    ways *= (frequency * rng.uniform(0.5, 2.0, 6) / norm(ways))[:, None]
+    start, share = rng.uniform(0, 6.3, 6), frequency / norm(ways)
+    return lambda p: (s(p) + high * (np.sin(p @ ways.T + start) * share).sum(1) / 3) * 0.8
+
+
+def bumpy(centre, radius, rng, high, frequency) -> Solid:
+    """A ball whose radius goes up and down."""
+    w, o = frequency * rng.uniform(0.7, 1.3, 3), rng.uniform(0, 6.3, 3)
+
+    def distance(p):
+        q = p - np.array(centre, float)
+        length = norm(q)
+        q = q / np.maximum(length, 1e-9)[:, None]
+        return (length - radius - high * np.sin(q * w + o).prod(1)) * 0.8
+
+    return distance
+
+
+def gradient(s: Solid, p: Floats, step: float = 1e-4) -> Floats:
+    """Unit normals of the level sets."""
+    g = np.stack([s(p + step * a) - s(p - step * a) for a in np.eye(3)], 1)
+    return g / np.maximum(norm(g), 1e-12)[:, None]
+
+
+def nearest(s: Solid, p: Floats, most: float, rounds: int = 4) -> Floats:
+    """Go to the surface by Newton's steps, each at most so long."""
+    for _ in range(rounds):
+        n = np.stack([s(p + 2e-4 * a) - s(p - 2e-4 * a) for a in np.eye(3)], 1) / 4e-4
+        p = p - (np.clip(s(p), -most, most) / np.maximum((n * n).sum(1), 0.3))[:, None] * n
+    return p
+
+
+def truths(s: Solid, centres: Floats, edge: float, most: float) -> tuple[Floats, Floats]:
+    """The normal at the nearest place, and the one across a crease within 0.1 edges, if any."""
+    c = nearest(s, centres, most)
+    first = gradient(s, c)
+    second, least = first.copy(), np.full(len(c), np.cos(np.radians(15)))
+    for a in np.r_[np.eye(3), -np.eye(3)]:
+        n = gradient(s, c + 0.1 * edge * a)
+        cos = (n * first).sum(1)
+        second[cos < least], least = n[cos < least], np.minimum(least, cos)
+    return first, second

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Examples of creases on disk: meshes, some of their faces, and the normals these should have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import crease_examples as examples
+import numpy as np
+from shock_filter import core
+from shock_filter.core.mesh.calculus import average_to_faces, average_to_vertices, smooth_vertices
+
+FACES = 24, 60_000
+"""Fewest and most of a mesh that counts."""
+
+ROWS = 2400
+"""Faces of each mesh: two thirds where normals differ from those around, the others anywhere."""
+
+DIFFERS = np.cos(np.radians(4.0))
+
+MAKERS: dict[str, Callable[[int], examples.Example]] = {
+    "remeshed": examples.remeshed,
+    "narrow": partial(examples.remeshed, kinds=("narrow",)),
+    "coarse": partial(
+        examples.remeshed, cells=(14, 44), meshings=("crisp", "crisp", "nets", "uneven", "cubes")
+    ),
+    "relief": examples.relief,
+    "scanned": examples.scanned,
+    "modelled": examples.modelled,
+    "softened": examples.softened,
+    "sculpted": examples.sculpted,
+    "sharp": partial(
+        examples.remeshed,
+        kinds=("filleted", "filleted", "part", "mixed"),
+        meshings=("crisp", "crisp", "uneven", "softened"),
+    ),
+    "decimated": examples.decimated,
+}
+"""What is learned from, by name."""
+
+
+def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]:
+    """Make so many of each; those that are in the folder already are left as they are."""
+    jobs = [(name, seed, folder) for name, count in counts.items() for seed in range(count)]
+    folder.mkdir(parents=True, exist_ok=True)
+    if processes == 1:
+        found = [_make(*job) for job in jobs]
+    else:
+        with ProcessPoolExecutor(processes) as pool:
+            found = list(pool.map(_make, *zip(*jobs, strict=True), chunksize=8))
+    return [path for path in found if path is not None]
+
+
+def _make(name: str, seed: int, folder: Path) -> Path | None:
+    path = folder / f"{name}_{seed}.npz"
+    if path.exists():
+        return path
+    try:
+        example = MAKERS[name](_seed(name, seed))
+    except (IndexError, ValueError, core.ShockError):  # nothing is left of the solid
+        return None
+    mesh = example.mesh
+    if not FACES[0] <= mesh.face_count <= FACES[1] or not mesh.areas.min() > 0:
+        return None
+    rows = _rows(mesh, seed)
+    one, two = example.targets(rows)
+    off = np.degrees(np.arccos(np.clip(np.maximum(
+        (one * mesh.normals[rows]).sum(1), (two * mesh.normals[rows]).sum(1)), -1, 1)))  # fmt: skip
+    if (off > 60).mean() > 0.1:
+        return None  # the mesh is not one of the solid
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        np.savez(file, vertices=mesh.vertices.astype(np.float32), faces=mesh.faces, rows=rows,
+                 one=one.astype(np.float32), two=two.astype(np.float32), kind=example.kind,
+                 how=example.how)  # fmt: skip
+    part.rename(path)
+    return path
+
+
+def _seed(name: str, seed: int) -> int:
+    return 1_000_000 * (1 + list(MAKERS).index(name)) + seed
+
+
+def _rows(mesh: core.TriangleMesh, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    mean = smooth_vertices(mesh, average_to_vertices(mesh, mesh.normals), 8)
+    mean = average_to_faces(mesh, mean)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+    hard = np.flatnonzero((mean * mesh.normals).sum(1) < DIFFERS)
+    chosen = rng.choice(hard, min(len(hard), 2 * ROWS // 3), replace=False)
+    others = rng.choice(mesh.face_count, min(mesh.face_count, ROWS // 3), replace=False)
+    return np.unique(np.concatenate([chosen, others]))

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes of solids as remeshing leaves them."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from distances import Floats, Solid, norm
+
+EXTENT = 1.5
+"""Solids lie within this distance of the origin along each axis."""
+
+
+def sampled(solid: Solid, n: int) -> Floats:
+    """Distances on a grid of n^3 points; far from the surface those of every other one.
+
+    A surface lies within the square root of 3 steps of a point whose distance is less than that,
+    if distances are not too long: twice is looked at.
+    """
+    line = np.linspace(-EXTENT, EXTENT, n)
+    spacing = line[1] - line[0]
+    d = np.empty((n, n, n))
+    rough = line[::2]
+    m = len(rough)
+    coarse = _evaluated(solid, _points(rough, rough, rough)).reshape(m, m, m)
+    near = abs(coarse) < 4.2 * spacing
+    for axis in range(3):  # each cell of coarse points that has one of them
+        for shift in (1, -1):
+            near = near | (np.roll(near, shift, axis) & _inner(near.shape, axis, shift))
+    index = np.minimum(np.arange(n) // 2, m - 1)
+    d = coarse[np.ix_(index, index, index)]
+    asked = np.argwhere(near[np.ix_(index, index, index)])
+    d[tuple(asked.T)] = _evaluated(solid, line[asked])
+    return d
+
+
+def _inner(shape, axis, shift):
+    # Without what `roll` brings around the border.
+    keep = np.ones(shape, bool)
+    border = [slice(None)] * 3
+    border[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
+    keep[tuple(border)] = False
+    return keep
+
+
+def _points(x, y, z):
+    return np.stack(np.meshgrid(x, y, z, indexing="ij"), -1).reshape(-1, 3)
+
+
+def _evaluated(solid, points):
+    pieces = np.array_split(points, max(len(points) // 50000, 1))
+    return np.concatenate([solid(x) for x in pieces])
+
+
+def surface_nets(d: Floats) -> tuple[Floats, np.ndarray]:
+    """One vertex a cell, at the mean of the crossings of its edges; quads become triangles."""
+    n = len(d)
+    inside, cell = d < 0, (n - 1,) * 3
+    count, total = np.zeros(cell), np.zeros((*cell, 3))
+    for axis in range(3):
+        others = [k for k in range(3) if k != axis]
+        for i, j in product((0, 1), (0, 1)):
+            lo, hi = [0, 0, 0], [0, 0, 0]
+            lo[others[0]] = hi[others[0]] = i
+            lo[others[1]] = hi[others[1]] = j
+            hi[axis] = 1
+            one, two = (d[tuple(slice(k, k + n - 1) for k in c)] for c in (lo, hi))
+            crossed = (one < 0) != (two < 0)
+            place = np.zeros((*cell, 3))
+            place[...] = lo
+            place[..., axis] = np.where(crossed, one / np.where(crossed, one - two, 1), 0)
+            count += crossed
+            total += place * crossed[..., None]
+    used = count > 0
+    number = np.full(cell, -1)
+    number[used] = np.arange(used.sum())
+    v = np.argwhere(used) + total[used] / count[used][:, None]
+    quads = []
+    for axis in range(3):
+        a, b = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
+        lo = tuple(slice(0, -1) if k == axis else slice(1, -1) for k in range(3))
+        hi = tuple(slice(1, None) if k == axis else slice(1, -1) for k in range(3))
+        at = np.argwhere(inside[lo] != inside[hi]) + 1 - np.eye(3, dtype=int)[axis]
+        quad = np.stack([number[tuple((at - s).T)] for s in (a + b, b, 0 * a, a)], 1)
+        out = inside[tuple(at.T)]
+        quad[~out] = quad[~out][:, ::-1]
+        quads.append(quad)
+    q = np.concatenate(quads)
+    short = norm(v[q[:, 0]] - v[q[:, 2]]) <= norm(v[q[:, 1]] - v[q[:, 3]])
+    halves = np.where(short[:, None, None], [[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]])
+    f = np.take_along_axis(q, halves.reshape(-1, 6), 1).reshape(-1, 3)
+    return v, np.ascontiguousarray(f, np.int32)
+
+
+def marching_cubes(d: Floats) -> tuple[Floats, np.ndarray]:
+    from skimage.measure import marching_cubes as march
+
+    v, f, _, _ = march(d, 0.0)
+    return v.astype(float), np.ascontiguousarray(f, np.int32)
+
+
+def umbrella(v: Floats, f: np.ndarray, passes: int, share: float = 1.0) -> Floats:
+    """Move vertices (or any of their values) to the means of their neighbours."""
+    ends = np.concatenate([f, f[:, [1, 2, 0]], f[:, [2, 0, 1]]])
+    count = np.maximum(np.bincount(ends[:, 0], minlength=len(v)) * 2.0, 1)
+    for _ in range(passes):
+        sums = [np.bincount(ends[:, 0], x[ends[:, 1]] + x[ends[:, 2]], len(v)) for x in v.T]
+        v = v + share * (np.stack(sums, 1) / count[:, None] - v)
+    return v
+
+
+def mean_edge(v: Floats, f: np.ndarray) -> float:
+    return float(norm(v[f] - v[f[:, [1, 2, 0]]], 2).mean())

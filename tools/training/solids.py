@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random solids of the kinds that people remesh: parts, fillets, statues, thin walls."""
+
+from __future__ import annotations
+
+import numpy as np
+from distances import (
+    Solid,
+    ball,
+    blend,
+    both,
+    box,
+    bumpy,
+    cylinder,
+    ellipsoid,
+    grown,
+    minus,
+    placed,
+    polytope,
+    prism,
+    round_union,
+    torus,
+    turn,
+    union,
+    waved,
+)
+
+KINDS = "part", "filleted", "plinth", "statue", "thin", "smooth", "mixed"
+SHARES = 0.30, 0.22, 0.16, 0.11, 0.08, 0.06, 0.07
+
+
+def solid(rng, kind: str, h: float) -> Solid:
+    """A solid inside of |coordinates| < 1.38, for a grid whose voxels are h wide."""
+    shape = _MAKE[kind](rng, h)
+    if rng.random() < 0.6:
+        whole, q = shape, turn(rng)
+        shape = lambda p: whole(p @ q)  # noqa: E731
+    # Cuts at the border of the grid are creases, too.
+    inside = shape
+    return lambda p: np.maximum(inside(p), abs(p).max(1) - 1.38)
+
+
+def simple(rng, size) -> Solid:
+    """One convex part around the origin, crisp."""
+    a, b, c = rng.uniform(0.25, 0.7, 3) * size
+    kind = rng.integers(0, 9)
+    if kind <= 3:
+        return box((0, 0, 0), (a, b, c))
+    if kind <= 5:
+        slope = rng.choice([0.0, 0.0, rng.uniform(-0.4, 0.4)])
+        return cylinder((0, 0, 0), a, b, int(rng.integers(0, 3)), slope)
+    if kind == 6:
+        return prism(rng, max(a, 0.35 * size), b, int(rng.integers(0, 3)))
+    if kind == 7:
+        return polytope(rng, 0.6 * size)
+    return both(ball((0, 0, -0.3 * a), 1.1 * a), lambda p: -0.4 * a - p[:, 2])
+
+
+def part(rng, count=None) -> Solid:
+    """A machine part: unions and cuts of simple parts, holes, slots, rows."""
+    shape = simple(rng, rng.uniform(1.3, 1.9))
+    for _ in range(rng.integers(0, 6) if count is None else count):
+        at, kind = rng.uniform(-0.7, 0.7, 3), rng.random()
+        q = turn(rng) if rng.random() < 0.25 else np.eye(3)
+        if kind < 0.35:
+            shape = union(shape, placed(simple(rng, rng.uniform(0.4, 1.2)), at, q))
+        elif kind < 0.55:
+            shape = minus(shape, placed(simple(rng, rng.uniform(0.4, 1.1)), at, q))
+        elif kind < 0.75:
+            hole = cylinder((0, 0, 0), rng.uniform(0.06, 0.35), 3, int(rng.integers(0, 3)))
+            shape = minus(shape, placed(hole, at, q))
+        elif kind < 0.85:
+            h = np.array([3, rng.uniform(0.05, 0.3), rng.uniform(0.1, 0.4)])[rng.permutation(3)]
+            shape = minus(shape, box(at, h))
+        else:
+            n, step = int(rng.integers(3, 7)), rng.uniform(0.2, 0.4)
+            h = np.array([step * rng.uniform(0.2, 0.38), *rng.uniform((0.05, 0.1), (0.8, 0.6))])
+            way, mix = np.zeros(3), rng.permutation(3)
+            way[np.argsort(mix)[0]] = step
+            row = [box(at + (i - n / 2) * way, h[mix]) for i in range(n)]
+            shape = union(shape, *row) if rng.random() < 0.6 else minus(shape, *row)
+    return shape
+
+
+def statue(rng, at, size) -> Solid:
+    """Blended balls and the like, with relief: nothing on it is crisp."""
+    if rng.random() < 0.4:
+        return bumpy(at, 0.75 * size, rng, size * rng.uniform(0.02, 0.38), rng.uniform(4, 12))
+    shape = ellipsoid(at, size * rng.uniform(0.4, 0.9, 3))
+    for _ in range(rng.integers(1, 6)):
+        c, s = at + size * rng.uniform(-0.6, 0.6, 3), size * rng.uniform(0.15, 0.55)
+        other = (
+            torus(c, s, 0.35 * s, int(rng.integers(0, 3)))
+            if rng.random() < 0.2
+            else ellipsoid(c, s * rng.uniform(0.4, 1.2, 3))
+        )
+        shape = blend(shape, other, rng.uniform(0.1, 0.4) * size)
+    if rng.random() < 0.8:
+        f = np.exp(rng.uniform(np.log(4), np.log(22)))
+        shape = waved(shape, rng, rng.uniform(0.1, 0.9) / f, f)
+    return shape
+
+
+def filleted(rng, h, voxels=(0.5, 9.0)) -> Solid:
+    """A rounded body with crisp holes, slots and parts; its radii in voxels."""
+    r = h * np.exp(rng.uniform(*np.log(voxels)))
+    a = np.maximum(rng.uniform(0.4, 0.95, 3), r + 0.1)
+    kind = rng.integers(0, 4)
+    if kind <= 1:
+        shape = grown(box((0, 0, 0), a - r), r)
+    elif kind == 2:
+        shape = grown(cylinder((0, 0, 0), a[0] - r, a[1] - r, int(rng.integers(0, 3))), r)
+    else:
+        other = box((rng.uniform(-0.3, 0.3), 0, a[2] + 0.1), rng.uniform(0.2, 0.5, 3))
+        shape = round_union(box((0, 0, -0.2), a * (1, 1, 0.6)), other, r)
+    for _ in range(rng.integers(0, 5)):
+        at = rng.uniform(-0.6, 0.6, 3)
+        if rng.random() < 0.5:
+            hole = cylinder(at, rng.uniform(0.1, 0.35), 3, int(rng.integers(0, 3)))
+            shape = minus(shape, hole)
+        elif rng.random() < 0.6:
+            half = np.array([3, rng.uniform(0.08, 0.3), rng.uniform(0.1, 0.4)])
+            shape = minus(shape, box(at, half[rng.permutation(3)]))
+        else:
+            shape = union(shape, placed(simple(rng, rng.uniform(0.4, 1.0)), at, np.eye(3)))
+    return shape
+
+
+def plinth(rng, h) -> Solid:
+    """A statue on, or in, a part."""
+    low = rng.uniform(0.2, 0.45)
+    half = np.array([rng.uniform(0.5, 0.95), rng.uniform(0.5, 0.95), low])
+    kind = rng.integers(0, 5)
+    if kind <= 1:
+        base = box((0, 0, 0), half)
+    elif kind == 2:
+        base = cylinder((0, 0, 0), half[0], low)
+    else:
+        base = prism(rng, 1.15 * half[0], low) if kind == 3 else part(rng, 2)
+    at = np.array([*rng.uniform(-0.25, 0.25, 2), 0.4 + rng.uniform(0.0, 0.35)])
+    on = statue(rng, at, rng.uniform(0.5, 0.9))
+    return union(placed(base, np.array([0, 0, -0.6]), np.eye(3)), on)
+
+
+def thin(rng, h) -> Solid:
+    """Walls, ribs and pins of 1 to 5 voxels."""
+    t = h * rng.uniform(0.5, 2.5)
+    if rng.integers(0, 4) == 0:
+        s, top = part(rng, 1), rng.uniform(-0.2, 0.3)
+        return both(lambda p: abs(s(p)) - t, lambda p: p[:, 2] - top)
+    shape = box((0, 0, -0.5), (0.9, 0.8, max(t, 0.1)))
+    for _ in range(rng.integers(2, 6)):
+        at = np.array([*rng.uniform(-0.6, 0.6, 2), 0.0])
+        if rng.random() < 0.4:
+            r = rng.uniform(0.15, 0.4)
+            shape = union(shape, minus(cylinder(at, r + t, 0.6), cylinder(at, r - t, 2)))
+        elif rng.random() < 0.5:
+            shape = union(shape, cylinder(at, 1.5 * t, 0.7, int(rng.integers(0, 3))))
+        else:
+            wall = box((0, 0, 0), np.array([t, rng.uniform(0.2, 0.8), 0.5]))
+            q = turn(rng) if rng.random() < 0.2 else np.eye(3)
+            shape = union(shape, placed(wall, at, q))
+    return shape
+
+
+def smooth(rng, h) -> Solid:
+    kind = rng.integers(0, 4)
+    if kind == 0:
+        return torus((0, 0, 0), rng.uniform(0.6, 0.85), rng.uniform(0.12, 0.4))
+    if kind == 1:
+        return ellipsoid((0, 0, 0), rng.uniform(0.3, 1.0, 3))
+    if kind == 2:
+        r = rng.uniform(0.12, 0.4)
+        return grown(box((0, 0, 0), rng.uniform(0.2, 0.6, 3)), r)
+    shape = ball((0, 0, 0), 0.5)
+    for _ in range(3):
+        shape = blend(shape, ball(rng.uniform(-0.5, 0.5, 3), rng.uniform(0.2, 0.5)),
+                      rng.uniform(0.15, 0.5))  # fmt: skip
+    return shape
+
+
+def _mixed(rng, h) -> Solid:
+    one = placed(part(rng, 1), np.array([-0.45, 0, 0]), np.eye(3))
+    return union(one, placed(smooth(rng, h), np.array([0.5, 0.1, 0]), 1.4 * np.eye(3)))
+
+
+_MAKE = {
+    "part": lambda rng, h: part(rng),
+    "filleted": filleted,
+    "narrow": lambda rng, h: filleted(rng, h, (0.7, 2.6)),
+    "plinth": plinth,
+    "statue": lambda rng, h: statue(rng, np.zeros(3), rng.uniform(0.8, 1.2)),
+    "thin": thin,
+    "smooth": smooth,
+    "mixed": _mixed,
+}
