@@ -55,6 +55,26 @@ def mixture(
     return mixed, shares
 
 
+def free_mixture(candidates: Singles, scores: Singles) -> npt.NDArray[np.float64]:
+    """Mix unit vectors by the exponentials of their scores, and a little beyond them.
+
+    Parameters
+    ----------
+    candidates : (n, k, 3) float32
+        Unit vectors.
+    scores : (n, 2 k) float32
+        The shares of the first half add up to 1; the second half is added to them.
+
+    Returns
+    -------
+    (n, 3) float64
+        Unit vectors; the own one, candidate 0, where the others cancel each other.
+    """
+    mixed = np.empty((len(candidates), 3))
+    run(_mix_freely, len(candidates), candidates, scores, mixed)
+    return mixed
+
+
 @kernel
 def _tell_pairs(start, stop, candidates, told):
     k, size = candidates.shape[1], candidates.shape[2]
@@ -86,6 +106,30 @@ def _mix(start, stop, candidates, scores, first, mixed, shares):
             x += shares[f, i] * candidates[f, i, 0]
             y += shares[f, i] * candidates[f, i, 1]
             z += shares[f, i] * candidates[f, i, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-9:
+            mixed[f, 0], mixed[f, 1], mixed[f, 2] = x / length, y / length, z / length
+        else:
+            for i in range(3):
+                mixed[f, i] = candidates[f, 0, i]
+
+
+@kernel
+def _mix_freely(start, stop, candidates, scores, mixed):
+    k = candidates.shape[1]
+    for f in range(start, stop):
+        most = scores[f, 0]
+        for i in range(1, k):
+            most = max(most, scores[f, i])
+        total = 0.0
+        for i in range(k):
+            total += np.exp(np.float64(scores[f, i] - most))
+        x = y = z = 0.0
+        for i in range(k):
+            share = np.exp(np.float64(scores[f, i] - most)) / total + scores[f, k + i]
+            x += share * candidates[f, i, 0]
+            y += share * candidates[f, i, 1]
+            z += share * candidates[f, i, 2]
         length = np.sqrt(x * x + y * y + z * z)
         if length > 1e-9:
             mixed[f, 0], mixed[f, 1], mixed[f, 2] = x / length, y / length, z / length

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The learned denoiser: many smoothings of the normals, mixed face by face, and a fit to them.
+
+Not in the papers. The smoothings are those of `smoothings`; small networks, which have learned from
+made solids (`tools/training`), weigh them in two stages. Faces that hardly turn stay as they are.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import blocks, kernel, run
+from ..base.progress import phase
+from ..base.vectors import dot
+from ..errors import InvalidMesh
+from ..mesh.calculus import (
+    average_to_faces,
+    average_to_vertices,
+    blended_normals,
+    greatest_to_faces,
+    greatest_to_vertices,
+)
+from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mixture.choice import free_mixture
+from ..mixture.network import Network, load
+from ..settings import FitSettings
+from .fit import displacement
+from .smoothings import (
+    DEFINITION,
+    Smoothings,
+    even_out,
+    first_smoothings,
+    next_smoothings,
+)
+
+WEIGHTS = Path(__file__).with_name("denoise.npz")
+
+STAGES = "first", "next"
+"""Names of the networks, in order."""
+
+FITS = 3
+"""Fits to the normals of the last stage."""
+
+_FIT = FitSettings(screening_radius=5.0)
+
+_STILL = 0.3, 1.0
+"""Degrees around a face from which faces turn, and fully."""
+
+_UPRIGHT, _TURNED = 0.4, -0.2
+"""Cosines of the angle to the wanted normal from which a face counts as turned over: a fit does not
+turn it back, so its surroundings are evened out first."""
+
+_SPREAD = 4.0
+"""How much more than in the mean over the faces around."""
+
+_BLOCK = 1 << 15
+"""Faces that are asked about at once."""
+
+_MESSAGE = "Denoising"
+
+
+@cache
+def networks() -> list[Network]:
+    """The networks that weigh smoothings, one for each stage."""
+    found = load(WEIGHTS, DEFINITION)
+    return [found[name] for name in STAGES]
+
+
+def learned_displacement(
+    mesh: TriangleMesh, weights: Floats | None, nets: list[Network] | None = None
+) -> Floats:
+    """Find how vertices should move to be without noise: (n, 3), in the unit of `mesh.vertices`.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    weights : (n,) float64 or None
+        1 filters fully, 0 leaves the vertex in place.
+    nets : list of Network, optional
+        One for each stage; those that are shipped by default.
+    """
+    moved, current, around = np.zeros((mesh.vertex_count, 3)), mesh, None
+    nets = networks() if nets is None else nets
+    for stage, network in enumerate(nets):
+        with phase(0.4 * stage, 0.4 * stage + 0.25, _MESSAGE):
+            found = smoothed(current, mesh, None if stage == 0 else (normals, around))
+        around = found.around if stage == 0 else around
+        with phase(0.4 * stage + 0.25, 0.4 * stage + 0.35, _MESSAGE):
+            normals = mixed(network, mesh, found)
+            del found
+            normals = kept_still(mesh, normals)
+            if weights is not None:
+                normals = blended_normals(mesh, mesh.normals, normals, weights)
+        last = stage == len(nets) - 1
+        with phase(0.4 * stage + 0.35, 1.0 if last else 0.4 * stage + 0.4, _MESSAGE):
+            moved = fitted(mesh, moved, normals, weights, FITS if last else 1)
+        if not moved.any():
+            return moved
+        current = mesh.moved_to(mesh.vertices + moved)
+    return moved
+
+
+def smoothed(
+    current: TriangleMesh, original: TriangleMesh, before: tuple[Floats, npt.NDArray] | None
+) -> Smoothings:
+    """Smooth normals in the ways of a stage; `before` are normals and surroundings, if any."""
+    if before is None:
+        return first_smoothings(original)
+    return next_smoothings(current, original, *before)
+
+
+def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:
+    """Mix the smoothings of all faces: (m, 3)."""
+    normals = np.empty((mesh.face_count, 3))
+    for block in blocks(mesh.face_count, _BLOCK):
+        rows = np.arange(block.start, block.stop)
+        candidates, told = found.told(mesh, rows)
+        normals[block] = free_mixture(candidates, network.scores(told))
+    return normals
+
+
+def kept_still(mesh: TriangleMesh, normals: Floats) -> Floats:
+    """Give faces their own normals, bit for bit, where none around turns."""
+    turned = np.empty(mesh.face_count)
+    run(_measure_turns, mesh.face_count, mesh.normals, normals, _STILL, turned)
+    for _ in range(2):
+        turned = greatest_to_faces(mesh, greatest_to_vertices(mesh, turned))
+    out = np.empty_like(normals)
+    run(_take, mesh.face_count, mesh.normals, normals, turned, out)
+    return out
+
+
+def fitted(
+    mesh: TriangleMesh, moved: Floats, normals: Floats, weights: Floats | None, fits: int = 1
+) -> Floats:
+    """Go on from a displacement of a mesh towards normals of its faces: (n, 3)."""
+    for fit in range(fits):
+        with phase(fit / fits, (fit + 1) / fits, "Fitting the surface"):
+            current = mesh.moved_to(mesh.vertices + moved) if moved.any() else mesh
+            even = _untangled(current, normals)
+            if even is not None:
+                even = even if weights is None else weights[:, None] * even
+                moved = moved + even
+                current = mesh.moved_to(mesh.vertices + moved)
+            moved = moved + displacement(current, normals, _FIT, weights)[0]
+    return moved
+
+
+def _untangled(mesh: TriangleMesh, normals: Floats) -> Floats | None:
+    # How vertices are evened out where faces turned over.
+    over = np.empty((mesh.face_count, 1))
+    run(_measure_over, mesh.face_count, mesh.normals, normals, over)
+    if not over.any():
+        return None
+    for _ in range(2):
+        over = average_to_faces(mesh, average_to_vertices(mesh, over))
+    share = np.minimum(_SPREAD * average_to_vertices(mesh, over), 1.0)
+    places = mesh.vertices
+    for _ in range(2):
+        even = np.empty_like(places)
+        run(even_out, mesh.vertex_count, *mesh.neighbours, places, even)
+        places = even
+    return share * (places - mesh.vertices)
+
+
+@kernel
+def _measure_turns(start, stop, old, new, ends, turned):
+    for f in range(start, stop):
+        square = 0.0
+        for x in range(3):
+            square += (old[f, x] - new[f, x]) ** 2
+        t = (np.degrees(np.sqrt(square)) - ends[0]) / (ends[1] - ends[0])
+        turned[f] = min(max(t, 0.0), 1.0)
+
+
+@kernel
+def _take(start, stop, old, new, shares, out):
+    for f in range(start, stop):
+        s, length = shares[f], 0.0
+        for x in range(3):
+            out[f, x] = old[f, x] if s == 0 else new[f, x]
+        if 0 < s < 1:
+            for x in range(3):
+                out[f, x] = old[f, x] + s * (new[f, x] - old[f, x])
+                length += out[f, x] ** 2
+            for x in range(3):
+                out[f, x] /= max(np.sqrt(length), 1e-12)
+
+
+@kernel
+def _measure_over(start, stop, own, wanted, over):
+    for f in range(start, stop):
+        away = dot(own[f], wanted[f])
+        over[f, 0] = min(max((_UPRIGHT - away) / (_UPRIGHT - _TURNED), 0.0), 1.0)

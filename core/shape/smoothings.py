@@ -1,0 +1,551 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many smoothings of the normals of faces, and what a network is told to weigh them by.
+
+Not in the papers. No filter is best for all noise: those that keep creases keep terraces too, and
+those that level wide bumps level relief. So all are tried: plain means, means of similar normals,
+means guided by the most even patches, and the normals of the mesh after umbrella passes over its
+vertices, which faces that turned over do not spoil. A network sees how far all pairs of them are
+apart, and means of such measures around the face, at three sizes. Angles cannot tell noise from
+relief, but how far smoothing moves the surface over the length of its edges can.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..base.parallel import kernel, run
+from ..base.progress import ask, phase
+from ..base.vectors import TIE_BREAKER, cross, dot, edge
+from ..mesh.triangle_mesh import HUB, Floats, TriangleMesh
+from ..mixture.cells import MeansAround
+from ..mixture.choice import pair_count, tell_pairs
+from ..mixture.network import Singles, digest
+
+FIRST, NEXT = 21, 12
+"""Number of smoothings in the first stage, and in those that follow."""
+
+_PLAIN, _NEXT_PLAIN = (1, 3, 8, 20), (1, 4, 10)
+"""Passes of plain means."""
+
+_ALIKE, _NEXT_ALIKE = ((0.2, (3, 10)), (0.4, (3, 8))), ((0.12, (2, 8)), (0.3, (4, 12)))
+"""How far apart similar normals are, which count by exp(-1/2), and passes."""
+
+_BY_MEANS = 0.25, 8
+"""The same among faces whose plain means are alike."""
+
+_GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _EACH = 0.3, 0.2, (4, 12), 4
+"""The same among faces whose most even patches are alike, which are found again after some."""
+
+_UMBRELLA = 1, 2, 4, 8, 24, 60
+"""Umbrella passes over the vertices."""
+
+_OF_ONE, _OF_TWO = (0.2, (3, 10)), 0.25
+"""Means of similar normals after one such pass, and guided ones after two."""
+
+_BANDS = (0, 2), (2, 8), (8, 24), (24, 60)
+"""Heights that the passes between take off."""
+
+_CHANGES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 6), (6, 8), (8, 4), (10, 11), (11, 8), (9, 0),
+            (0, 12), (12, 13), (13, 14), (16, 18), (14, 19), (19, 20))  # fmt: skip
+_NEXT_CHANGES = (0, 1), (1, 2), (0, 4), (0, 5), (0, 7), (7, 9), (10, 11)
+"""Smoothings whose distances are averaged around a face."""
+
+_LEVEL = 0.02, 0.1
+"""Distances of normals across edges up to which these look alike."""
+
+_NEAR, _WIDE, _CELLS = 3, 20, 12.0
+"""Passes over which measures are averaged; and the size of cells in mean edge lengths."""
+
+_FACE_MEASURES = len(_LEVEL) + 4
+_AROUND, _NEXT_AROUND = len(_CHANGES) + _FACE_MEASURES + len(_BANDS), len(_NEXT_CHANGES)
+
+TOLD = pair_count(FIRST) + 3 * _AROUND
+NEXT_TOLD = pair_count(NEXT) + 3 * (_AROUND + _NEXT_AROUND)
+"""Numbers that the networks are told of a face."""
+
+DEFINITION = digest("smoothings 1", repr((_PLAIN, _NEXT_PLAIN, _ALIKE, _NEXT_ALIKE, _BY_MEANS,
+    _GUIDED, _NEXT_GUIDED, _GUIDED_PASSES, _EACH, _UMBRELLA, _OF_ONE, _OF_TWO, _BANDS, _CHANGES,
+    _NEXT_CHANGES, _LEVEL, _NEAR, _WIDE, _CELLS)))  # fmt: skip
+"""Changes with what the numbers mean; count the first word up when the code changes them."""
+
+_MOST_AROUND = 60
+"""Most faces around one that count."""
+
+_SHRUNK = 1e-9
+"""Of a mesh that has shrunk to this share of its area, the shape before is kept."""
+
+_PULL, _ROUNDING = np.float32(0.3), np.float32(1e-6)
+"""As in `sides`, in single precision."""
+
+_MESSAGE = "Denoising"
+
+
+class Smoothings(NamedTuple):
+    """Smoothed normals of faces, and what lies around.
+
+    Attributes
+    ----------
+    normals : (m, k, 3) float32
+        The first are those that the stage begins with.
+    around : (n, c) float32
+        Logarithms of measures, of the vertices.
+    """
+
+    normals: Singles
+    around: Singles
+
+    def told(self, mesh: TriangleMesh, rows: npt.NDArray[np.integer]) -> tuple[Singles, Singles]:
+        """Return the smoothed normals of some faces, and what the network is told of them."""
+        normals = self.normals[rows]
+        first = pair_count(normals.shape[1])
+        told = np.empty((len(rows), first + self.around.shape[1]), dtype=np.float32)
+        tell_pairs(normals, told)
+        run(_tell_around, len(rows), rows, mesh.faces, self.around, first, told)
+        return normals, told
+
+
+def first_smoothings(mesh: TriangleMesh) -> Smoothings:
+    """Smooth the normals of a mesh in all ways of the first stage."""
+    found = np.empty((mesh.face_count, FIRST, 3), dtype=np.float32)
+    with phase(0.0, 0.1, _MESSAGE):
+        faces = _Faces(mesh)
+        field = _field(mesh, mesh.scaled_vertices)
+    into = _Kept(found)
+    with phase(0.1, 0.5, _MESSAGE):
+        into.keep(field)
+        plain = faces.means(field, None, 0.0, _PLAIN, into)
+        for spread, counts in _ALIKE:
+            faces.alike(field, spread, counts, into)
+        spread, count = _BY_MEANS
+        faces.means(field, plain[1], spread, (count,), into)
+        del plain
+        faces.guided(field, _GUIDED, into)
+    heights = np.empty((mesh.vertex_count, len(_BANDS)), dtype=np.float32)
+    with phase(0.5, 0.8, _MESSAGE):
+        states = _umbrella_states(mesh, heights)
+        one, two, four, eight, most = (next(states) for _ in range(5))
+        for each in (one, two, four):
+            into.keep(each)
+        faces.alike(one, *_OF_ONE, into)
+        faces.guided(two, _OF_TWO, into)
+        into.keep(eight)
+        into.keep(most)
+        next(states)
+    with phase(0.8, 1.0, _MESSAGE):
+        signal = np.empty((mesh.face_count, len(_CHANGES) + _FACE_MEASURES), dtype=np.float32)
+        run(_measure_changes, mesh.face_count, found, np.array(_CHANGES), signal)
+        run(_measure_faces, mesh.face_count, mesh.scaled_vertices, mesh.faces, mesh.twins, field,
+            np.array(_LEVEL), signal[:, len(_CHANGES) :])  # fmt: skip
+        return Smoothings(found, _around(mesh, signal, heights))
+
+
+def next_smoothings(
+    mesh: TriangleMesh, original: TriangleMesh, normals: Floats, around: Singles
+) -> Smoothings:
+    """Smooth normals further.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        After it was fitted to `normals`.
+    original : TriangleMesh
+        Before.
+    normals : (m, 3) float64
+        Unit vectors.
+    around : (n, c) float32
+        What lay around in the first stage.
+    """
+    found = np.empty((mesh.face_count, NEXT, 3), dtype=np.float32)
+    faces, into = _Faces(mesh), _Kept(found)
+    own = _field(mesh, mesh.scaled_vertices)
+    field = own.copy()
+    field[:, :3] = normals
+    with phase(0.0, 0.7, _MESSAGE):
+        into.keep(field)
+        faces.means(field, None, 0.0, _NEXT_PLAIN, into)
+        into.keep(original.normals)
+        into.keep(own)
+        for spread, counts in _NEXT_ALIKE:
+            faces.alike(field, spread, counts, into)
+        faces.guided(field, _NEXT_GUIDED, into)
+    with phase(0.7, 1.0, _MESSAGE):
+        signal = np.empty((mesh.face_count, len(_NEXT_CHANGES)), dtype=np.float32)
+        run(_measure_changes, mesh.face_count, found, np.array(_NEXT_CHANGES), signal)
+        new = _around(mesh, signal, np.empty((mesh.vertex_count, 0), dtype=np.float32))
+        return Smoothings(found, np.concatenate([new, around], axis=1))
+
+
+class _Kept:
+    # Puts smoothings into their places, one after the other.
+
+    def __init__(self, found: Singles) -> None:
+        self._found, self._next = found, 0
+
+    def keep(self, field: npt.NDArray) -> None:
+        self._found[:, self._next] = field[:, :3]
+        self._next += 1
+        ask()
+
+
+class _Faces:
+    # The faces that share a vertex with each face. A field of faces (m, 4) holds unit vectors and
+    # areas, side by side in memory.
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        count = np.empty(mesh.face_count, dtype=np.int32)
+        none = np.empty(0, dtype=np.int32)
+        run(_find_around, mesh.face_count, mesh.faces, *mesh.corners, none, none, count)
+        self.start = np.zeros(mesh.face_count + 1, dtype=np.int64)
+        np.cumsum(count, out=self.start[1:])
+        self.around = np.empty(self.start[-1], dtype=np.int32)
+        run(_find_around, mesh.face_count, mesh.faces, *mesh.corners, self.start, self.around,
+            count)  # fmt: skip
+
+    def means(
+        self,
+        field: Singles,
+        guide: Singles | None,
+        spread: float,
+        counts: tuple[int, ...],
+        into: _Kept,
+        own: bool = False,
+    ) -> list[Singles]:
+        kept = []
+        for before, count in pairwise((0, *counts)):
+            for _ in range(count - before):
+                field = self._mean(field, field if own else guide, spread)
+            into.keep(field)
+            kept.append(field)
+        return kept
+
+    def alike(self, field: Singles, spread: float, counts: tuple[int, ...], into: _Kept) -> None:
+        self.means(field, None, spread, counts, into, own=True)
+
+    def guided(self, field: Singles, spread: float, into: _Kept) -> None:
+        done = 0
+        while done < _GUIDED_PASSES[-1]:
+            guide = self._even(field)
+            for _ in range(_EACH):
+                field = self._mean(field, guide, spread)
+            done += _EACH
+            if done in _GUIDED_PASSES:
+                into.keep(field)
+
+    def _mean(self, field: Singles, guide: Singles | None, spread: float) -> Singles:
+        out = np.empty_like(field)
+        if guide is None:
+            run(_average, len(field), self.start, self.around, field, out)
+        else:
+            rate = np.float32(-0.5 / 16 / spread**2)
+            run(_average_alike, len(field), self.start, self.around, field, guide, rate, out)
+        return out
+
+    def _even(self, field: Singles) -> Singles:
+        patches, out = np.empty_like(field), np.empty_like(field)
+        run(_average_patches, len(field), self.start, self.around, field, patches)
+        run(_choose_patches, len(field), self.start, self.around, field, patches, out)
+        return out
+
+
+def _field(mesh: TriangleMesh, places: Floats) -> Singles:
+    field = np.empty((mesh.face_count, 4), dtype=np.float32)
+    run(_measure_field, mesh.face_count, places, mesh.faces, field)
+    return field
+
+
+def _umbrella_states(mesh, heights):
+    # Yields the fields after `_UMBRELLA` passes, and measures the heights of `_BANDS`.
+    start, ring = mesh.neighbours
+    lengths = np.empty(mesh.vertex_count)
+    run(_measure_lengths, mesh.vertex_count, mesh.scaled_vertices, start, ring, lengths)
+    places, upper, done, band = mesh.scaled_vertices, mesh.scaled_vertices, 0, 0
+    field = _field(mesh, places)
+    least = _SHRUNK * float(field[:, 3].sum(dtype=np.float64))
+    for count in _UMBRELLA:
+        new = places
+        for _ in range(count - done):
+            new, old = np.empty_like(places), new
+            run(even_out, mesh.vertex_count, start, ring, old, new)
+        done = count
+        smooth = _field(mesh, new)
+        if smooth[:, 3].sum(dtype=np.float64) > least:
+            places, field = new, smooth
+        if band < len(_BANDS) and count == _BANDS[band][1]:
+            run(_measure_heights, mesh.vertex_count, *mesh.corners, upper, places, field, lengths,
+                band, heights)  # fmt: skip
+            upper, band = places, band + 1
+        yield field
+
+
+def _around(mesh: TriangleMesh, signal: Singles, more: Singles) -> Singles:
+    # Logarithms of measures of faces, and of more of vertices: near by, in the region, and between.
+    first, count = signal.shape[1], signal.shape[1] + more.shape[1]
+    values = np.empty((mesh.vertex_count, count), dtype=np.float32)
+    run(_average_to_vertices, mesh.vertex_count, *mesh.corners, signal, values)
+    if count > first:
+        values[:, first:] = more
+    start, ring = mesh.neighbours
+    values = _spread(start, ring, values, _NEAR)
+    np.log(np.maximum(values, 0) + np.float32(1e-5), out=values)
+    values *= np.float32(0.5)
+    values += np.float32(2)
+    out = np.empty((mesh.vertex_count, 3 * count), dtype=np.float32)
+    out[:, :count] = values
+    used = np.flatnonzero(np.diff(mesh.corners[0]) > 0)
+    cells = MeansAround(mesh.scaled_vertices[used], values[used].astype(np.float64), _CELLS)
+    out[:, count : 2 * count] = values
+    out[used, count : 2 * count] = cells.at(np.arange(len(used)))
+    del cells
+    out[:, 2 * count :] = _spread(start, ring, values, _WIDE)
+    return out
+
+
+def _spread(start, ring, values: Singles, passes: int) -> Singles:
+    for _ in range(passes):
+        out = np.empty_like(values)
+        run(_average_ring, len(values), start, ring, values, out)
+        values = out
+    return values
+
+
+@kernel
+def _find_around(start, stop, faces, corner_start, corners, begin, around, count):
+    # Counts the faces around, or puts them into their places if there are any.
+    for f in range(start, stop):
+        found = 0
+        for k in range(3):
+            first, last = corner_start[faces[f, k]], corner_start[faces[f, k] + 1]
+            for i in range(first, last, 1 + (last - first - 1) // HUB):
+                g = corners[i] // 3
+                new = g != f and found < _MOST_AROUND
+                for j in range(k):
+                    u = faces[f, j]
+                    new = new and faces[g, 0] != u and faces[g, 1] != u and faces[g, 2] != u
+                if new:
+                    if len(around) > 0:
+                        around[begin[f] + found] = g
+                    found += 1
+        count[f] = found
+
+
+@kernel
+def _measure_field(start, stop, places, faces, field):
+    for f in range(start, stop):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = cross(edge(places, a, b), edge(places, a, c))
+        length = np.sqrt(x * x + y * y + z * z)
+        field[f, 3] = 0.5 * length
+        if length > 1e-12:
+            field[f, 0], field[f, 1], field[f, 2] = x / length, y / length, z / length
+        else:
+            field[f, 0], field[f, 1], field[f, 2] = 0.0, 0.0, 0.0
+
+
+@kernel
+def _set_unit(out, x, y, z, area):
+    length = max(np.sqrt(x * x + y * y + z * z), np.float32(1e-12))
+    out[0], out[1], out[2], out[3] = x / length, y / length, z / length, area
+
+
+@kernel
+def _average(start, stop, begin, around, field, out):
+    for f in range(start, stop):
+        w = max(field[f, 3], np.float32(1e-6))
+        x, y, z = w * field[f, 0], w * field[f, 1], w * field[f, 2]
+        for i in range(begin[f], begin[f + 1]):
+            g = field[around[i]]
+            x += g[3] * g[0]
+            y += g[3] * g[1]
+            z += g[3] * g[2]
+        _set_unit(out[f], x, y, z, field[f, 3])
+
+
+@kernel
+def _average_alike(start, stop, begin, around, field, guide, rate, out):
+    # Means of those of similar guides; (1 + x / 16)^16 stands for exp(x).
+    for f in range(start, stop):
+        gx, gy, gz = guide[f, 0], guide[f, 1], guide[f, 2]
+        w = max(field[f, 3], np.float32(1e-6))
+        x, y, z = w * field[f, 0], w * field[f, 1], w * field[f, 2]
+        for i in range(begin[f], begin[f + 1]):
+            g = around[i]
+            dx, dy, dz = guide[g, 0] - gx, guide[g, 1] - gy, guide[g, 2] - gz
+            w = np.float32(1) + rate * (dx * dx + dy * dy + dz * dz)
+            w = max(w, np.float32(0))
+            w *= w
+            w *= w
+            w *= w
+            w = w * w * field[g, 3]
+            x += w * field[g, 0]
+            y += w * field[g, 1]
+            z += w * field[g, 2]
+        _set_unit(out[f], x, y, z, field[f, 3])
+
+
+@kernel
+def _average_patches(start, stop, begin, around, field, patches):
+    # The mean normal of a face and those around, and in place of the area how uneven they are.
+    for f in range(start, stop):
+        w = field[f, 3]
+        x, y, z, total = w * field[f, 0], w * field[f, 1], w * field[f, 2], w
+        for i in range(begin[f], begin[f + 1]):
+            g = field[around[i]]
+            x += g[3] * g[0]
+            y += g[3] * g[1]
+            z += g[3] * g[2]
+            total += g[3]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > np.float32(1e-6) * total:
+            _set_unit(patches[f], x, y, z, np.float32(1) - length / total)
+        else:
+            _set_unit(patches[f], field[f, 0], field[f, 1], field[f, 2], np.float32(1))
+
+
+@kernel
+def _cost(own, patch):
+    cosine = own[0] * patch[0] + own[1] * patch[1] + own[2] * patch[2]
+    return patch[3] + _PULL * (np.float32(1) - cosine)
+
+
+@kernel
+def _choose_patches(start, stop, begin, around, field, patches, out):
+    # Of costs that only rounding tells apart a direction decides, not the order of faces.
+    for f in range(start, stop):
+        own = field[f]
+        least = _cost(own, patches[f])
+        for i in range(begin[f], begin[f + 1]):
+            least = min(least, _cost(own, patches[around[i]]))
+        choice, most = f, -2.0
+        for i in range(begin[f] - 1, begin[f + 1]):
+            g = f if i < begin[f] else around[i]
+            if _cost(own, patches[g]) <= least + _ROUNDING:
+                side = dot(TIE_BREAKER, patches[g])
+                if side > most:
+                    choice, most = g, side
+        out[f] = patches[choice]
+
+
+@kernel
+def even_out(start, stop, ring_start, ring, places, out):
+    for v in range(start, stop):
+        x, y, z = places[v, 0], places[v, 1], places[v, 2]
+        for i in range(ring_start[v], ring_start[v + 1]):
+            x += places[ring[i], 0]
+            y += places[ring[i], 1]
+            z += places[ring[i], 2]
+        n = ring_start[v + 1] - ring_start[v] + 1
+        out[v, 0], out[v, 1], out[v, 2] = x / n, y / n, z / n
+
+
+@kernel
+def _measure_lengths(start, stop, places, ring_start, ring, lengths):
+    for v in range(start, stop):
+        total = 0.0
+        for i in range(ring_start[v], ring_start[v + 1]):
+            e = edge(places, v, ring[i])
+            total += np.sqrt(dot(e, e))
+        lengths[v] = total / max(ring_start[v + 1] - ring_start[v], 1)
+
+
+@kernel
+def _measure_heights(
+    start, stop, corner_start, corners, upper, lower, field, lengths, column, heights
+):
+    # How far passes moved a vertex along its normal, over the length of its edges, squared.
+    for v in range(start, stop):
+        a = b = c = 0.0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            f = corners[i] // 3
+            a += field[f, 3] * field[f, 0]
+            b += field[f, 3] * field[f, 1]
+            c += field[f, 3] * field[f, 2]
+        x, y, z = upper[v, 0] - lower[v, 0], upper[v, 1] - lower[v, 1], upper[v, 2] - lower[v, 2]
+        d = a * x + b * y + c * z
+        square = d * d / max((a * a + b * b + c * c) * lengths[v] ** 2, 1e-30)
+        heights[v, column] = min(square, 100.0)
+
+
+@kernel
+def _measure_changes(start, stop, normals, pairs, signal):
+    for f in range(start, stop):
+        for c in range(len(pairs)):
+            one, other = normals[f, pairs[c, 0]], normals[f, pairs[c, 1]]
+            square = np.float32(0)
+            for x in range(3):
+                square += (one[x] - other[x]) ** 2
+            signal[f, c] = min(square, np.float32(1))
+
+
+@kernel
+def _measure_faces(start, stop, places, faces, twins, field, level, signal):
+    # How many normals across edges are alike, and how far they turn there: terraces are level, with
+    # rare big steps. Then how uneven, how long and how thin the faces are.
+    for f in range(start, stop):
+        for i in range(len(level)):
+            signal[f, i] = 0.0
+        mean = uneven = squares = fourths = 0.0
+        for k in range(3):
+            g = f if twins[f, k] < 0 else twins[f, k] // 3
+            square = 0.0
+            for x in range(3):
+                square += (field[f, x] - field[g, x]) ** 2
+            for i in range(len(level)):
+                signal[f, i] += np.exp(-square / level[i] ** 2) / 3.0
+            mean += square / 3.0
+            uneven += np.log((field[f, 3] + 1e-3) / (field[g, 3] + 1e-3)) ** 2 / 30.0
+            e = edge(places, faces[f, k], faces[f, (k + 1) % 3])
+            squares += dot(e, e)
+            fourths += dot(e, e) ** 2
+        c = len(level)
+        signal[f, c] = min(mean, 1.0)
+        signal[f, c + 1] = min(uneven, 1.0)
+        signal[f, c + 2] = min(squares / 3.0, 100.0)
+        flat = max(squares * squares - 2.0 * fourths, 0.0) / max(squares * squares, 1e-300)
+        signal[f, c + 3] = 1.0 - min(np.sqrt(3.0 * flat), 1.0)
+
+
+@kernel
+def _average_to_vertices(start, stop, corner_start, corners, signal, values):
+    for v in range(start, stop):
+        out = values[v]
+        for x in range(signal.shape[1]):
+            out[x] = 0.0
+        for i in range(corner_start[v], corner_start[v + 1]):
+            row = signal[corners[i] // 3]
+            for x in range(signal.shape[1]):
+                out[x] += row[x]
+        n = np.float32(max(corner_start[v + 1] - corner_start[v], 1))
+        for x in range(signal.shape[1]):
+            out[x] /= n
+
+
+@kernel
+def _average_ring(start, stop, ring_start, ring, values, out):
+    # A third of the own value, the rest from the neighbours.
+    for v in range(start, stop):
+        count = ring_start[v + 1] - ring_start[v]
+        row = out[v]
+        for x in range(values.shape[1]):
+            row[x] = 0.0
+        for i in range(ring_start[v], ring_start[v + 1]):
+            other = values[ring[i]]
+            for x in range(values.shape[1]):
+                row[x] += other[x]
+        share = np.float32(2.0 / 3.0 / count) if count > 0 else np.float32(0)
+        own = np.float32(1.0 / 3.0) if count > 0 else np.float32(1)
+        for x in range(values.shape[1]):
+            row[x] = share * row[x] + own * values[v, x]
+
+
+@kernel
+def _tell_around(start, stop, rows, faces, around, first, told):
+    third = np.float32(1.0 / 3.0)
+    for r in range(start, stop):
+        f = rows[r]
+        a, b, c = around[faces[f, 0]], around[faces[f, 1]], around[faces[f, 2]]
+        for i in range(around.shape[1]):
+            told[r, first + i] = (a[i] + b[i] + c[i]) * third
