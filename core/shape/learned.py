@@ -11,12 +11,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import phase
 from ..base.vectors import dot
-from ..errors import InvalidMesh
 from ..mesh.calculus import (
     average_to_faces,
     average_to_vertices,
@@ -26,7 +24,7 @@ from ..mesh.calculus import (
 )
 from ..mesh.triangle_mesh import Floats, TriangleMesh
 from ..mixture.choice import free_mixture
-from ..mixture.network import Network, load
+from ..mixture.network import Network, Singles, load
 from ..settings import FitSettings
 from .fit import displacement
 from .smoothings import (
@@ -83,34 +81,55 @@ def learned_displacement(
     nets : list of Network, optional
         One for each stage; those that are shipped by default.
     """
-    moved, current, around = np.zeros((mesh.vertex_count, 3)), mesh, None
     nets = networks() if nets is None else nets
+    state = _State(mesh, weights)
     for stage, network in enumerate(nets):
-        with phase(0.4 * stage, 0.4 * stage + 0.25, _MESSAGE):
-            found = smoothed(current, mesh, None if stage == 0 else (normals, around))
-        around = found.around if stage == 0 else around
-        with phase(0.4 * stage + 0.25, 0.4 * stage + 0.35, _MESSAGE):
-            normals = mixed(network, mesh, found)
-            del found
-            normals = kept_still(mesh, normals)
-            if weights is not None:
-                normals = blended_normals(mesh, mesh.normals, normals, weights)
         last = stage == len(nets) - 1
-        with phase(0.4 * stage + 0.35, 1.0 if last else 0.4 * stage + 0.4, _MESSAGE):
-            moved = fitted(mesh, moved, normals, weights, FITS if last else 1)
-        if not moved.any():
-            return moved
-        current = mesh.moved_to(mesh.vertices + moved)
-    return moved
+        with phase(0.4 * stage, 1.0 if last else 0.4 * stage + 0.4, _MESSAGE):
+            with phase(0.0, 0.5, _MESSAGE):
+                found = state.smoothed()
+            with phase(0.5, 0.8, _MESSAGE):
+                normals = mixed(network, mesh, found)
+            del found
+            with phase(0.8, 1.0, _MESSAGE):
+                state.fit(normals, FITS if last else 1)
+    return state.moved
 
 
-def smoothed(
-    current: TriangleMesh, original: TriangleMesh, before: tuple[Floats, npt.NDArray] | None
-) -> Smoothings:
-    """Smooth normals in the ways of a stage; `before` are normals and surroundings, if any."""
-    if before is None:
-        return first_smoothings(original)
-    return next_smoothings(current, original, *before)
+def found_in_stage(mesh: TriangleMesh, nets: list[Network]) -> Smoothings:
+    """Return what the stage after some networks is to mix: what the next one learns from."""
+    state = _State(mesh, None)
+    found = state.smoothed()
+    for network in nets:
+        state.fit(mixed(network, mesh, found), 1)
+        found = state.smoothed()
+    return found
+
+
+class _State:
+    # Where the vertices are between two stages, and the normals that they were fitted to.
+
+    def __init__(self, mesh: TriangleMesh, weights: Floats | None) -> None:
+        self._mesh, self._weights = mesh, weights
+        self._normals: Floats | None = None
+        self._around: Singles | None = None
+        self.moved = np.zeros((mesh.vertex_count, 3))
+
+    def smoothed(self) -> Smoothings:
+        if self._normals is None or self._around is None:
+            found = first_smoothings(self._mesh)
+            self._around = found.around
+            return found
+        current = moved_to(self._mesh, self.moved)
+        return next_smoothings(current, self._mesh, self._normals, self._around)
+
+    def fit(self, normals: Floats, fits: int) -> None:
+        mesh = self._mesh
+        normals = kept_still(mesh, normals)
+        if self._weights is not None:
+            normals = blended_normals(mesh, mesh.normals, normals, self._weights)
+        self.moved = fitted(mesh, self.moved, normals, self._weights, fits)
+        self._normals = normals
 
 
 def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:
@@ -140,14 +159,19 @@ def fitted(
     """Go on from a displacement of a mesh towards normals of its faces: (n, 3)."""
     for fit in range(fits):
         with phase(fit / fits, (fit + 1) / fits, "Fitting the surface"):
-            current = mesh.moved_to(mesh.vertices + moved) if moved.any() else mesh
+            current = moved_to(mesh, moved)
             even = _untangled(current, normals)
             if even is not None:
                 even = even if weights is None else weights[:, None] * even
                 moved = moved + even
-                current = mesh.moved_to(mesh.vertices + moved)
+                current = moved_to(mesh, moved)
             moved = moved + displacement(current, normals, _FIT, weights)[0]
     return moved
+
+
+def moved_to(mesh: TriangleMesh, moved: Floats) -> TriangleMesh:
+    """Return a mesh after a displacement; itself, if nothing moved."""
+    return mesh.moved_to(mesh.vertices + moved) if moved.any() else mesh
 
 
 def _untangled(mesh: TriangleMesh, normals: Floats) -> Floats | None:

@@ -18,6 +18,9 @@ BATCH = 1024
 FADES = 0.9, 0.999
 """Of Adam's means of slopes and of their squares."""
 
+HELD = 1e-4
+"""How firmly a free mixture's further part is held near 0."""
+
 SOFT = 0.02
 """Distances from the target below this hardly count: there is no gain in the last degree."""
 
@@ -54,6 +57,30 @@ def trained_mixture(
         return _mixture_back(y, components[rows], targets[rows], weights[rows])
 
     return _trained(told, back, (*hidden, candidates.shape[1]), epochs, seed, log)
+
+
+def trained_free_mixture(
+    told: np.ndarray,
+    candidates: np.ndarray,
+    targets: np.ndarray,
+    weights: np.ndarray,
+    hidden: tuple[int, ...],
+    epochs: int,
+    seed: int = 0,
+    log: Callable[[str], None] = print,
+) -> Network:
+    """As `trained_mixture`, for `free_mixture` and one target for each row: (n, 3)."""
+    components = np.ascontiguousarray(candidates.transpose(0, 2, 1))
+    count = candidates.shape[1]
+
+    def back(y, rows):
+        both = targets[rows][:, None]
+        shares, further = _shares(y[:, :count]), y[:, count:]
+        loss, slope = _share_back(shares + further, components[rows], both, weights[rows])
+        bent = shares * (slope - (shares * slope).sum(1, keepdims=True))
+        return loss, np.concatenate([bent, slope + HELD * further / len(y)], 1)
+
+    return _trained(told, back, (*hidden, 2 * count), epochs, seed, log)
 
 
 def trained_gate(
@@ -150,15 +177,24 @@ def _slopes(layers, told, back_of):
 
 
 def _mixture_back(y, components, targets, weights):
+    shares = _shares(y)
+    loss, slope = _share_back(shares, components, targets, weights)
+    return loss, shares * (slope - (shares * slope).sum(1, keepdims=True))
+
+
+def _shares(y):
     z = np.exp(y - y.max(1, keepdims=True))
-    share = z / z.sum(1, keepdims=True)
-    mixed = np.stack([(share * components[:, j]).sum(1) for j in range(3)], 1)
+    return z / z.sum(1, keepdims=True)
+
+
+def _share_back(shares, components, targets, weights):
+    mixed = np.stack([(shares * components[:, j]).sum(1) for j in range(3)], 1)
     length = np.maximum(np.sqrt((mixed * mixed).sum(1)), 1e-3)
     unit = mixed / length[:, None]
     both = (unit[:, None] * targets).sum(2)
-    nearer = np.where((both[:, 0] >= both[:, 1])[:, None], targets[:, 0], targets[:, 1])
+    nearer = targets[np.arange(len(targets)), both.argmax(1)]
     far = np.sqrt(np.maximum(2 - 2 * both.max(1), 0) + SOFT**2)
-    back = -(weights / far / len(y))[:, None] * nearer
+    back = -(weights / far / len(shares))[:, None] * nearer
     back = (back - (back * unit).sum(1, keepdims=True) * unit) / length[:, None]
-    back = sum(components[:, j] * back[:, j, None] for j in range(3))
-    return float((far * weights).sum()), share * (back - (share * back).sum(1, keepdims=True))
+    slope = sum(components[:, j] * back[:, j, None] for j in range(3))
+    return float((far * weights).sum()), slope

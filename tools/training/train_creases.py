@@ -9,7 +9,6 @@ two cores. Made solids stay in the folder, so that a run that was stopped goes o
 from __future__ import annotations
 
 import argparse
-import ast
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -21,13 +20,18 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 import adam
 import numpy as np
 from made import make_all
+from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.mixture.choice import mixture
-from shock_filter.core.mixture.network import Network, digest, save
+from shock_filter.core.mixture.network import Network, save
 from shock_filter.core.shape.candidates import DEFINITION, TOLD_FIRST, find_candidates
 from shock_filter.core.shape.creases import WEIGHTS
 
 HERE = Path(__file__).resolve().parent
+
+MADE_OF = ("adam.py", "crease_examples.py", "distances.py", "made.py", "meshings.py", "solids.py",
+           "train_creases.py")  # fmt: skip
+"""The scripts that the networks come from."""
 
 VERSION = 1
 """Counts the trainings that were shipped."""
@@ -61,21 +65,8 @@ that are as they should be."""
 
 
 def made_of() -> str:
-    """Digest of the scripts beside this one; spaces, comments and docstrings do not count."""
-    return digest(*(_meaning(path) for path in sorted(HERE.glob("*.py"))))
-
-
-def _meaning(path: Path) -> str:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [part for part in body if not _is_text(part)]
-    return path.name + ast.dump(tree)
-
-
-def _is_text(part: ast.stmt) -> bool:
-    return isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)
+    """Digest of the scripts that the networks come from."""
+    return meaning_of(HERE / name for name in MADE_OF)
 
 
 def table(path: Path) -> dict[str, np.ndarray] | None:

@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Noisy and clean meshes with the normals that their faces should have, made from seeds.
+
+What denoising learns from. Angles and heights alone do not tell noise from relief: the shares of
+the kinds, and how high the noise of each width is, decide what of it goes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import crease_examples
+import numpy as np
+import scipy.ndimage
+from distances import (
+    Floats,
+    Solid,
+    ball,
+    blend,
+    cylinder,
+    gradient,
+    grown,
+    minus,
+    nearest,
+    norm,
+    placed,
+    polytope,
+    torus,
+    turn,
+    union,
+)
+from distances import box as box_at
+from meshings import EXTENT, marching_cubes, mean_edge, surface_nets, umbrella
+from shock_filter import core
+
+KINDS = {"clean": 0.12, "crisp": 0.06, "white": 0.21, "field": 0.23, "both": 0.04, "binary": 0.05,
+         "range": 0.07, "low": 0.22}  # fmt: skip
+"""Shares: solids out of voxels as they are, with crisp edges, with white noise at their vertices,
+with correlated noise in their voxels, both, out of 0 and 1, as depth cameras see them; and what is
+modelled, decimated, subdivided or uneven, clean and noisy."""
+
+RELIEF = {"clean": 0.75, "crisp": 0.5, "white": 0.2, "field": 0.1, "both": 0.15, "binary": 0.05,
+          "range": 0.12, "low": 0.05}  # fmt: skip
+"""Shares of those that have waves all over."""
+
+LOW = {"modelled": 0.4, "decimated": 0.28, "subdivided": 0.14, "uneven": 0.12, "even": 0.06}
+
+UNTOUCHED = 0.5
+"""Share of these that have no noise."""
+
+
+class Example(NamedTuple):
+    """A mesh, the normals (m, 3) that its faces should have, and its kind."""
+
+    mesh: core.TriangleMesh
+    truth: Floats
+    kind: str
+
+
+def example(seed: int, kind: str | None = None) -> Example:
+    """Make a mesh of any kind or of one, all from a seed."""
+    rng = np.random.default_rng(seed)
+    cells = int(np.exp(rng.uniform(np.log(34), np.log(72))))
+    kind = str(rng.choice(list(KINDS), p=list(KINDS.values()))) if kind is None else kind
+    shape = solid(rng, cells, rng.random() < RELIEF[kind])
+    if kind == "low":
+        return _low(rng, shape, cells)
+    if kind == "range":
+        return _range_image(rng, shape, int(1.6 * cells))
+    d, h = _grid(shape, cells)
+    if kind in ("field", "both") or (kind == "binary" and rng.random() < 0.4):
+        width = np.exp(rng.uniform(np.log(0.4), np.log(3.2)))
+        noise = scipy.ndimage.gaussian_filter(rng.normal(size=d.shape), width)
+        most = 0.6 * min(1.0, 0.85 / width) ** 0.9  # what is wide and high is relief
+        d = d + np.exp(rng.uniform(np.log(0.03), np.log(most))) * h * noise / noise.std()
+    if kind == "binary":
+        d = np.where(d < 0, -1.0, 1.0)
+        if rng.random() < 0.3:
+            d = scipy.ndimage.gaussian_filter(d, rng.uniform(0.3, 0.9))
+    v, f = _meshed(rng, d, h)
+    if kind == "crisp" or (kind == "white" and rng.random() < 0.7):
+        v = _crisp(rng, shape, v, f, h)
+        truth = core.TriangleMesh(v, f).normals
+    else:
+        truth = gradient(shape, nearest(shape, v[f].mean(1), h))
+    if kind == "white" and rng.random() < 0.4:  # faces of all sizes and shapes
+        v, f = _thinned(v, f, 1 - rng.uniform(0.2, 0.85))
+        truth = core.TriangleMesh(v, f).normals
+    if kind in ("white", "both"):
+        v = _moved(rng, v, f, truth)
+    return Example(core.TriangleMesh(v, f), truth, kind)
+
+
+def solid(rng, cells: int, waves: bool) -> Solid:
+    """A random solid in a box: simple parts joined, cut or blended; with relief all over or not."""
+    organic = rng.random() < 0.45
+    smooth = organic and rng.random() < 0.6  # without any crease
+    shape = _primitive(rng, rng.uniform(1.2, 1.7), smooth)
+    for _ in range(rng.integers(1, 7) if organic else rng.integers(0, 6)):
+        at, size = rng.uniform(-0.75, 0.75, 3), rng.uniform(0.3, 1.1)
+        q = turn(rng) if rng.random() < 0.5 else np.eye(3)
+        part = placed(_primitive(rng, size, smooth), at, q)
+        way = rng.choice(3, p=(0.25, 0.15, 0.6) if organic else (0.4, 0.5, 0.1))
+        width = rng.uniform(0.1, 0.5 if smooth else 0.4)
+        if smooth or way == 2:
+            shape = blend(shape, part, width)
+        else:
+            shape = union(shape, part) if way == 0 else minus(shape, part)
+    if waves:
+        shape = _added(shape, _waves(rng, 2 * EXTENT / cells))
+    elif rng.random() < (0.3 if smooth else 0.7 if organic else 0.1):
+        shape = _added(shape, _features(rng))
+    whole, q = shape, turn(rng)
+    return lambda p: np.maximum(whole(p @ q), abs(p).max(1) - 1.35)
+
+
+def _primitive(rng, size, smooth):
+    # Around the origin.
+    a, b, c = rng.uniform(0.25, 0.65, 3) * size
+    kind = rng.choice([2, 5, 5, 6]) if smooth else rng.integers(0, 8)
+    if kind <= 2:  # a box, perhaps rounded
+        share = rng.uniform(0.4, 0.95) if smooth else 0.0 if kind < 2 else rng.uniform(0.05, 0.45)
+        r = share * min(a, b, c)
+        return grown(box_at((0, 0, 0), np.array([a, b, c]) - r), r)
+    if kind <= 4:
+        return cylinder((0, 0, 0), a, b, slope=0.0 if kind == 3 else rng.uniform(0.1, 0.6))
+    if kind == 5:
+        return ball((0, 0, 0), a)
+    return torus((0, 0, 0), 1.1 * a, 0.45 * a) if kind == 6 else polytope(rng, 0.5 * size)
+
+
+def _added(shape, relief):
+    return lambda p: shape(p) + relief(p)
+
+
+def _waves(rng, h):
+    # All over a surface, 5 to 40 edges long and up to 6 edges high.
+    length = np.exp(rng.uniform(np.log(5), np.log(40)))
+    steep = np.exp(rng.uniform(np.log(0.12), 0))
+    high = h * np.clip(steep * length / (2 * np.pi), 0.2, 3.0)
+    kind, off = rng.integers(0, 5), rng.uniform(0, 6.3, 8)
+    k = rng.normal(size=(8, 3))
+    k *= (2 * np.pi / (length * h) * rng.uniform(0.7, 1.3, 8) / norm(k))[:, None]
+    q, _ = np.linalg.qr(k[:3].T)
+
+    def wave(p):
+        if kind == 0:  # from all sides
+            return np.sin(p @ k.T + off).mean(1) * 4
+        if kind == 1:  # bumps in rows
+            rows = [np.sin(p @ (norm(k)[i] * q[:, i]) + off[i]) for i in (0, 1)]
+            return 2 * rows[0] * rows[1]
+        if kind == 2:  # ridges
+            return np.tanh(off[2] * 0.6 * np.sin(p @ k[0] + off[0])) * 1.4
+        if kind == 3:  # lumps with narrow grooves
+            return 2.6 - 3.5 * abs(np.sin(0.5 * p @ k[:3].T + off[:3])).max(1) ** 3
+        return sum(np.sin(g * p @ k[:4].T + off[:4]).mean(1) * 2.8 / g for g in (1, 2.3))
+
+    return lambda p: high * wave(p)
+
+
+def _features(rng):
+    # Of power falling with frequency; what is fine is in places: noise is everywhere.
+    local = rng.random() < 0.6
+    waves = [(f, f * rng.normal(size=(5, 3)), rng.uniform(0, 6.3, 5)) for f in (3, 6, 10)]
+    waves = waves[: 2 + local]
+    high, where, off = rng.uniform(0.02, 0.12), 2.5 * rng.normal(size=3), rng.uniform(0, 6.3)
+
+    def relief(p):
+        gate = np.clip(0.5 + 2 * np.sin(p @ where + off), 0, 1) if local else 1
+        return high * gate * sum(np.sin(p @ w.T + o).mean(1) / f**0.7 for f, w, o in waves)
+
+    return relief
+
+
+def _grid(shape, cells):
+    line = np.linspace(-EXTENT, EXTENT, cells)
+    p = np.stack(np.meshgrid(line, line, line, indexing="ij"), -1).reshape(-1, 3)
+    return shape(p).reshape((cells,) * 3), line[1] - line[0]
+
+
+def _meshed(rng, d, h):
+    v, f = marching_cubes(d) if rng.random() < 0.3 else surface_nets(d)
+    return v * h - EXTENT, f
+
+
+def _crisp(rng, shape, v, f, h):
+    # Even faces, and edges on the creases, as computer-aided design gives.
+    for _ in range(rng.integers(2, 6)):
+        v = nearest(shape, umbrella(v, f, 1, 0.7), h)
+    mesh = core.TriangleMesh(v, f)
+    for _ in range(2):
+        normals = gradient(shape, nearest(shape, mesh.vertices[f].mean(1), h))
+        settings = core.FitSettings(screening_radius=8.0)
+        mesh = mesh.moved_to(core.fit_to_normals(mesh, normals, settings))
+    return mesh.vertices
+
+
+def _thinned(v, f, share):
+    import fast_simplification  # only for this
+
+    v, f = fast_simplification.simplify(v, f, target_reduction=1 - share)
+    return np.asarray(v, float), np.ascontiguousarray(f, np.int32)
+
+
+def _moved(rng, v, f, normals):
+    # White noise in all directions, along the normals, or of few vertices.
+    amount = np.exp(rng.uniform(np.log(0.03), np.log(0.65))) * mean_edge(v, f)
+    move = rng.normal(size=v.shape) * amount
+    if rng.random() < 0.4:
+        along = np.zeros_like(v)
+        for k in range(3):
+            np.add.at(along, f[:, k], normals)
+        along /= np.maximum(norm(along), 1e-9)[:, None]
+        move = rng.normal(size=(len(v), 1)) * amount * along
+    if rng.random() < 0.2:
+        share = rng.uniform(0.05, 0.7)
+        move *= (rng.random(len(v)) < share)[:, None] * min(1.5, share**-0.5)
+    return v + move
+
+
+def _range_image(rng, shape, cells):
+    # Depths along parallel rays, with noise and in steps.
+    line = (np.arange(cells) - cells / 2 + 0.5) * 2.6 / cells
+    x, y = np.meshgrid(line, line, indexing="ij")
+    z, hit, h = np.full(x.shape, 1.6), np.zeros(x.shape, bool), line[1] - line[0]
+    for _ in range(60):
+        d = shape(np.stack([x, y, z], -1).reshape(-1, 3)).reshape(x.shape)
+        hit, z = abs(d) < 2e-3, z - np.maximum(d, 0) * 0.8
+    width = rng.uniform(0, 3.5)
+    amount = min(np.exp(rng.uniform(np.log(0.04), np.log(1.2))) * (width + 0.6), 1.6)
+    noise = scipy.ndimage.gaussian_filter(rng.normal(size=x.shape), width)
+    noisy = z + amount * h * noise / noise.std()
+    if rng.random() < 0.8:
+        step = amount * h * rng.choice([0.5, 1, 2, 3])
+        noisy = step * np.round(noisy / step)
+    at = np.arange(x.size).reshape(x.shape)
+    a, b = at[:-1, :-1].reshape(-1), at[1:, :-1].reshape(-1)
+    c, d = at[1:, 1:].reshape(-1), at[:-1, 1:].reshape(-1)
+    f = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    f = f[hit.reshape(-1)[f].all(1) & (np.ptp(z.reshape(-1)[f], axis=1) < 3 * h)]
+    used, f = np.unique(f, return_inverse=True)
+    f = np.ascontiguousarray(f.reshape(-1, 3), np.int32)
+    clean, spoilt = (np.stack([x, y, w], -1).reshape(-1, 3)[used] for w in (z, noisy))
+    return Example(core.TriangleMesh(spoilt, f), core.TriangleMesh(clean, f).normals, "range")
+
+
+def _low(rng, shape, cells):
+    # Their own normals are wanted.
+    how = str(rng.choice(list(LOW), p=list(LOW.values())))
+    if how in ("modelled", "decimated", "subdivided"):
+        mesh = getattr(crease_examples, how)(int(rng.integers(1 << 40))).mesh
+        v, f = mesh.vertices, mesh.faces
+    elif how == "uneven":
+        v, f = _uneven(rng, shape, cells // 2)
+    else:
+        d, h = _grid(shape, max(cells // 3, 14))
+        v, f = _meshed(rng, d, h)
+        v = nearest(shape, v, h)
+    if how != "even" and rng.random() < 0.3:  # open: a part is cut away
+        d = v[f].mean(1) @ rng.normal(size=3)
+        used, f = np.unique(f[d < np.quantile(d, rng.uniform(0.6, 0.97))], return_inverse=True)
+        v, f = v[used], np.ascontiguousarray(f.reshape(-1, 3), np.int32)
+    mesh = core.TriangleMesh(v, f)
+    if rng.random() < UNTOUCHED:
+        return Example(mesh, mesh.normals, how)
+    lengths = norm(v[f] - v[f[:, [1, 2, 0]]], 2)
+    if how == "modelled" or rng.random() < 0.3:  # of the shortest edge
+        local = np.full(len(v), np.inf)
+        for k in range(3):
+            np.minimum.at(local, f[:, k], lengths.min(1))
+    elif rng.random() < 0.5:  # of those around
+        total, count = np.zeros(len(v)), np.zeros(len(v))
+        for k in range(3):
+            np.add.at(total, f[:, k], lengths.mean(1))
+            np.add.at(count, f[:, k], 1)
+        local = total / np.maximum(count, 1)
+    else:
+        local = np.full(len(v), lengths.mean())
+    strong = rng.random() < 0.5
+    amount = rng.uniform(0.1, 0.65) if strong else np.exp(rng.uniform(np.log(0.05), np.log(0.5)))
+    move = amount * np.where(np.isfinite(local), local, 0)[:, None]
+    noisy = core.TriangleMesh(v + rng.normal(size=v.shape) * move, f)
+    return Example(noisy, mesh.normals, "noisy " + how)
+
+
+def _uneven(rng, shape, cells):
+    # Faces of a grid whose lines are not evenly apart.
+    steps = scipy.ndimage.gaussian_filter(rng.normal(size=(3, cells)), (0, rng.uniform(0.3, 3)))
+    lines = np.cumsum(np.exp(3 * rng.uniform(0.3, 1.2) * steps), axis=1)
+    lines -= lines[:, :1]
+    axes = [EXTENT * (2 * line / line[-1] - 1) for line in lines]
+    p = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    v, f = surface_nets(shape(p).reshape((cells,) * 3))
+    v = np.stack([np.interp(v[:, x], np.arange(cells), axes[x]) for x in range(3)], 1)
+    return nearest(shape, v, 2 * EXTENT / cells), f

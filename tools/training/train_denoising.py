@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Train the networks that mix smoothed normals for denoising.
+
+``python tools/training/train_denoising.py`` makes meshes from seeds, learns from them, and writes
+``core/shape/denoise.npz``. It needs what the extra ``training`` names, and less than 40 minutes on
+two cores. Made meshes stay in the folder, so that a run that was stopped goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machine
+
+import adam
+import numpy as np
+from denoise_examples import example
+from scripts import meaning_of
+from shock_filter import core
+from shock_filter.core.mixture.choice import free_mixture
+from shock_filter.core.mixture.network import Network, save
+from shock_filter.core.shape.learned import STAGES, WEIGHTS, found_in_stage
+from shock_filter.core.shape.smoothings import DEFINITION
+
+HERE = Path(__file__).resolve().parent
+
+MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py", "meshings.py",
+           "solids.py", "train_denoising.py")  # fmt: skip
+"""The scripts that the networks come from."""
+
+VERSION = 1
+"""Counts the trainings that were shipped."""
+
+COUNT = 1500
+"""Number of seeds."""
+
+FACES, ROWS = (24, 60_000), (600, 1600)
+"""Fewest and most faces of a mesh that counts, and of a mesh that are learned from; of small ones
+some count more than once."""
+
+FEWEST_OF_SOLIDS = 1500
+"""Faces of solids out of voxels: what has fewer has no shape."""
+
+HIDDEN = 128, 64
+"""Sizes of the inner layers."""
+
+EPOCHS = 10
+KEPT_ASIDE = 16
+"""One mesh in so many tells the error and is not learned from."""
+
+USUAL = 1.5
+"""Degrees: a mesh counts the less the farther its best smoothing is from the truth."""
+
+UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0}
+"""How much more those count that have few faces and no noise."""
+
+TURNED = np.cos(np.radians(60.0))
+"""Faces of which no smoothing is nearer to the truth say nothing: they are of the other side."""
+
+
+def made(seed: int, folder: Path) -> Path | None:
+    """Make a mesh, unless it is in the folder already."""
+    path = folder / f"denoise_{seed}.npz"
+    if path.exists():
+        return path
+    try:
+        mesh, truth, kind = example(seed)
+    except (IndexError, ValueError, core.ShockError):  # nothing is left of the solid
+        return None
+    of_solid = kind in ("clean", "crisp", "white", "field", "both", "binary", "range")
+    if not (FEWEST_OF_SOLIDS if of_solid else FACES[0]) <= mesh.face_count <= FACES[1]:
+        return None
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        np.savez(file, vertices=mesh.vertices, faces=mesh.faces, truth=truth.astype(np.float32),
+                 kind=kind)  # fmt: skip
+    part.rename(path)
+    return path
+
+
+def table(path: Path, networks: list[Network]) -> dict[str, np.ndarray]:
+    """What the next network learns from one mesh, after those that are trained."""
+    with np.load(path) as data:
+        mesh = core.TriangleMesh(data["vertices"], data["faces"])
+        truth, kind = data["truth"], data["kind"].item()
+    found = found_in_stage(mesh, networks)
+    seed = int(path.stem.rsplit("_", 1)[1])
+    rng = np.random.default_rng(seed)
+    faces = np.flatnonzero(mesh.areas > 0)
+    fewest, most = ROWS
+    count = min(max(len(faces), fewest), most)
+    rows = rng.choice(faces, count, replace=len(faces) < count)
+    candidates, told = found.told(mesh, rows)
+    cosines = (candidates * truth[rows][:, None]).sum(2)
+    keep = cosines.max(1) > TURNED
+    off = np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean(0).min() if len(rows) else 0.0
+    weight = UNTOUCHED.get(kind, 1.0) / (off + USUAL)
+    count = int(keep.sum())
+    return {
+        "told": told[keep], "candidates": candidates[keep], "targets": truth[rows[keep]],
+        "weights": np.full(count, weight, np.float32),
+        "aside": np.full(count, seed % KEPT_ASIDE == 0), "kind": np.full(count, kind, "U24"),
+    }  # fmt: skip
+
+
+def errors(network: Network, rows: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Degrees to the truth, of the normals that the stage begins with and of the mixtures."""
+    mixed = free_mixture(rows["candidates"], network.scores(rows["told"]))
+    pair = []
+    for normals in (rows["candidates"][:, 0], mixed):
+        cosines = (normals * rows["targets"]).sum(1)
+        pair.append(np.degrees(np.arccos(np.clip(cosines, -1, 1))))
+    return pair[0], pair[1]
+
+
+def gathered(function, jobs: list, processes: int) -> list:
+    """Call a function for each job, in processes of their own if there are several."""
+    if processes == 1:
+        return [function(job) for job in jobs]
+    with ProcessPoolExecutor(processes) as pool:
+        return list(pool.map(function, jobs, chunksize=8))
+
+
+def make_all(count: int, folder: Path, processes: int) -> list[Path]:
+    """Make meshes of so many seeds."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = gathered(partial(made, folder=folder), list(range(count)), processes)
+    return [path for path in found if path is not None]
+
+
+def train(
+    paths: list[Path], processes: int = 1, epochs: int = EPOCHS, hidden=HIDDEN, log=print
+) -> dict[str, Network]:
+    """Learn stage by stage, and say how well it does on meshes that are kept aside."""
+    networks: list[Network] = []
+    for stage, name in enumerate(STAGES):
+        each = gathered(partial(table, networks=networks), paths, processes)
+        rows = {key: np.concatenate([part[key] for part in each]) for key in each[0]}
+        del each
+        log(f"{name}: {rows['told'].shape} rows")
+        aside = {key: values[rows["aside"]] for key, values in rows.items()}
+        for key in list(rows):  # one after the other: they are large
+            if key != "aside":
+                rows[key] = rows[key][~rows["aside"]]
+        weights = rows["weights"] / rows["weights"].mean()
+        network = adam.trained_free_mixture(
+            rows["told"],
+            rows["candidates"],
+            rows["targets"],
+            weights,
+            hidden,
+            epochs,
+            seed=stage,
+            log=log,
+        )
+        del rows
+        tell(network, aside, log)
+        facts = {"definition": DEFINITION, "made_of": made_of(), "version": VERSION}
+        networks.append(replace(network, **facts))
+    return dict(zip(STAGES, networks, strict=True))
+
+
+def tell(network: Network, aside: dict[str, np.ndarray], log) -> None:
+    """Say how far the meshes that are kept aside come."""
+    own, new = errors(network, aside)
+    for kind in (*np.unique(aside["kind"]), "all"):
+        at = (aside["kind"] == kind) | (kind == "all")
+        log(f"{kind:24s} {at.sum():7d} {own[at].mean():6.2f} -> {new[at].mean():6.2f}")
+
+
+def made_of() -> str:
+    """Digest of the scripts that the networks come from."""
+    return meaning_of(HERE / name for name in MADE_OF)
+
+
+def main() -> None:
+    """Make meshes, learn, write."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--folder", type=Path, default=HERE / ".made", help="for made meshes")
+    parser.add_argument("--out", type=Path, default=WEIGHTS)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--share", type=float, default=1.0, help="of all that is made, to try out")
+    options = parser.parse_args()
+    begin = time.time()
+    log = lambda text: print(f"{time.time() - begin:6.0f} s  {text}", flush=True)  # noqa: E731
+    count = max(int(options.share * COUNT), 1)
+    paths = make_all(count, options.folder, options.processes)
+    log(f"{len(paths)} meshes")
+    save(options.out, train(paths, options.processes, log=log))
+    log(f"written: {options.out}")
+
+
+if __name__ == "__main__":
+    main()
