@@ -41,9 +41,8 @@ class Setting(NamedTuple):
     length_power : int
         The power of length in the unit of a number.
     counts_in : str
-        The unit of that length: mean ``"edges"``, ``"texels"`` or ``"pixels"``; or ``"faces"``, see
-        `_Settings.counts_in`. Previews with shorter edges or larger texels convert the number.
-        Empty for other lengths.
+        The unit of that length: mean ``"edges"``, ``"texels"`` or ``"pixels"``. Previews with
+        shorter edges or larger texels convert the number. Empty for other lengths.
     label : str
         Label on screen, if the field's name is too long or too technical; at most 14 letters,
         which fit into Blender's sidebar.
@@ -176,14 +175,6 @@ class _Settings:
     def reach(self) -> float:
         """Number of pixels read for each pixel, if the time depends on it; otherwise 0."""
         return 0.0
-
-    def counts_in(self, name: str) -> str:
-        """Return the unit of the length of a setting; see `Setting`.
-
-        On surfaces that are taken for scans, numbers in faces are steps from face to face, whatever
-        the size of the faces; on other surfaces their unit is the mean edge.
-        """
-        return describe(type(self))[name][2].counts_in
 
     def __setattr__(self, name: str, value: Any) -> None:
         # Each field is set once, when the object is made.
@@ -1135,15 +1126,35 @@ class BeltramiTextureSettings(DilateSettings, BeltramiSettings):
 
 @_fields
 class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
-    """Settings of :func:`shock_filter.core.denoise_geometry`."""
+    """Settings of :func:`shock_filter.core.denoise_geometry`.
 
+    All but Method and Strength count for the Beltrami kernel only.
+    """
+
+    method: str = _setting(
+        "automatic",
+        "How noise is told from the shape",
+        choices={
+            "automatic": "A small network, which has learned what is noise, mixes many smoothings"
+            " of the faces' directions, face by face; only Strength matters then",
+            "beltrami": "One kernel for all faces, as in the paper, with the settings below",
+        },
+    )
+    strength: float = _setting(
+        1.0,
+        "How much of the change is taken. 0 changes nothing, 1 takes all of it; 2 goes twice as"
+        " far, beyond the smooth surface",
+        unit="of the change",
+        maximum=2.0,
+        soft_maximum=1.0,
+    )
     time: float = _changed(
         BeltramiMeshSettings,
         "time",
         0.5,
         "Time of the kernel, applied at once. 0 changes nothing; on a plane it is a Gaussian of"
         " variance 2 * time. 10 removes coarse noise, and fine relief with it",
-        counts_in="faces",
+        advanced=True,
     )
     beta: float = _changed(
         BeltramiMeshSettings,
@@ -1154,7 +1165,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         " many. 0 blurs across creases; 5 keeps even faint ones, and noise with them",
         unit="mean edge lengths for the noise",
         soft_maximum=5.0,
-        counts_in="faces",
+        advanced=True,
     )
     iterations: int = _changed(
         BeltramiMeshSettings,
@@ -1162,6 +1173,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
         3,
         "How often the kernel is applied, each time measured on the last result. 1 is for"
         " light noise; 10 is for strong noise, and flattens fine relief",
+        advanced=True,
     )
     filtered: str = _setting(
         "normals",
@@ -1185,7 +1197,7 @@ class BeltramiGeometrySettings(FitSettings, BeltramiMeshSettings):
     )
     repeat: int = _changed(GeometrySettings, "repeat", 3)
 
-    def counts_in(self, name: str) -> str:
-        """See `_Settings.counts_in`; positions are also averaged by lengths on scans."""
-        unit = super().counts_in(name)
-        return "edges" if unit == "faces" and self.filtered == "positions" else unit
+    @property
+    def is_neutral(self) -> bool:
+        """Whether nothing changes."""
+        return self.strength == 0 or (self.method == "beltrami" and self.time == 0)

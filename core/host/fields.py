@@ -112,7 +112,7 @@ def reduced_settings(settings: Any, large: tuple[int, int], small: tuple[int, in
     changes = {}
     for name, (_, _, about) in describe(type(settings)).items():
         value = getattr(settings, name)
-        if settings.counts_in(name) == "texels":
+        if about.counts_in == "texels":
             value = max(smaller**about.length_power * value, about.minimum)
         if about.tried_at_most < math.inf:
             value = min(value, about.tried_at_most)

@@ -15,10 +15,9 @@ from ..base.progress import ProgressCallback, aside, ask, reporting
 from ..registry import find
 from ..settings import GeometrySettings
 from ..shape.crease_lines import CLOSES, SHARP, edges_of
-from ..shape.noise import noise_of_normals
 from .creases import lines_of, places_of
 from .edge_marks import CreaseEdges
-from .inputs import MirroredSurface, Surface
+from .inputs import MirroredSurface
 from .symmetry import mirror_pairs, symmetrise
 from .welding import Welded, welded
 
@@ -89,11 +88,6 @@ def filter_shape(
             return shape
         with aside("Finding creases"):
             return replace(shape, creases=_creases(surface, part, settings))
-
-
-def is_scan(surface: Surface) -> bool:
-    """Return whether denoising takes the surface for a scan, whose bumps are wide."""
-    return noise_of_normals(welded(surface, weld=True).mesh).of_scan
 
 
 def _creases(surface: MirroredSurface, part: Welded, settings: GeometrySettings) -> CreaseEdges:

@@ -24,10 +24,6 @@ def _no_borders(what: str) -> float:
     return 0.0
 
 
-def _no_scan() -> bool:
-    return False
-
-
 @dataclass(frozen=True)
 class Patch:
     """A part of a surface, or all of it.
@@ -46,8 +42,6 @@ class Patch:
         Ends of the edges at the border of the part, in the object's space; empty for all of it.
     width : callable
         Measures the borders between colors on the whole surface; see `colors.width_of_borders`.
-    is_scan : callable
-        Returns whether denoising takes the part for a scan; see `geometry.is_scan`.
     """
 
     surface: Any
@@ -56,7 +50,6 @@ class Patch:
     share: float
     outline: npt.NDArray[np.float32]
     width: Callable[[str], float] = _no_borders
-    is_scan: Callable[[], bool] = _no_scan
 
     def settings(self, settings: Any) -> Any:
         """Convert settings for the whole surface to the part's units of length."""
@@ -78,15 +71,10 @@ class Patch:
             if not given["width"] > 0:
                 new["amount"] = 0.0
         for name, (_, _, about) in fields.items():
-            if not about.length_power:
-                continue
-            if not self._in_edges(settings.counts_in(name)) or not given[name] > 0:
+            if about.counts_in != "edges" or not given[name] > 0:
                 continue  # a time below 0 is no length
             new[name] = min(given[name] * self.lengths**about.length_power, about.maximum)
         return new
-
-    def _in_edges(self, unit: str) -> bool:
-        return unit == "edges" or (unit == "faces" and not self.is_scan())
 
 
 def whole_surface(surface: Any) -> Patch:
@@ -127,7 +115,7 @@ def patch_around(surface: Any, vertex: int, size: int) -> Patch:
     if isinstance(surface, ColoredSurface):
         width = cache(partial(_width_of_borders, surface))
         return Patch(part, whole, lengths, share, outline, width)
-    return Patch(part, whole, lengths, share, outline, is_scan=cache(partial(_is_scan, part)))
+    return Patch(part, whole, lengths, share, outline)
 
 
 def seen_vertex(
@@ -168,12 +156,6 @@ def _width_of_borders(surface: ColoredSurface, what: str) -> float:
     )
 
     return width_of_borders(surface, what)
-
-
-def _is_scan(part: Surface) -> bool:
-    from ..host.geometry import is_scan
-
-    return is_scan(part)
 
 
 def _distances(shape: Surface, vertex: int) -> npt.NDArray:

@@ -12,9 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.memo import kept
 from ..base.parallel import blocks, kernel, run
 from ..base.progress import phase
 from ..base.vectors import dot
+from ..flow.potential import dilation
 from ..mesh.calculus import (
     average_to_faces,
     average_to_vertices,
@@ -22,11 +24,12 @@ from ..mesh.calculus import (
     greatest_to_faces,
     greatest_to_vertices,
 )
-from ..mesh.triangle_mesh import Floats, TriangleMesh
+from ..mesh.triangle_mesh import Floats, TriangleMesh, part_of
 from ..mixture.choice import free_mixture
 from ..mixture.network import Network, Singles, load
 from ..settings import FitSettings
-from .fit import displacement
+from .fit import LEAST_WEIGHT, displacement
+from .folds import mended
 from .smoothings import (
     DEFINITION,
     Smoothings,
@@ -55,6 +58,10 @@ turn it back, so its surroundings are evened out first."""
 _SPREAD = 4.0
 """How much more than in the mean over the faces around."""
 
+_RINGS, _WORTH_IT = 24, 0.6
+"""Around what a mask chooses, so many rings of vertices are looked at, unless they make up so much
+of the mesh."""
+
 _BLOCK = 1 << 15
 """Faces that are asked about at once."""
 
@@ -69,7 +76,10 @@ def networks() -> list[Network]:
 
 
 def learned_displacement(
-    mesh: TriangleMesh, weights: Floats | None, nets: list[Network] | None = None
+    mesh: TriangleMesh,
+    weights: Floats | None,
+    strength: float = 1.0,
+    nets: list[Network] | None = None,
 ) -> Floats:
     """Find how vertices should move to be without noise: (n, 3), in the unit of `mesh.vertices`.
 
@@ -78,10 +88,40 @@ def learned_displacement(
     mesh : TriangleMesh
     weights : (n,) float64 or None
         1 filters fully, 0 leaves the vertex in place.
+    strength : float
+        How much of the displacement is taken; the rest is kept with the mesh for another one.
     nets : list of Network, optional
         One for each stage; those that are shipped by default.
     """
-    nets = networks() if nets is None else nets
+    given = networks() if nets is None else nets
+    key = (weights, *map(id, given))
+    with phase(0.0, 0.9, _MESSAGE):
+        moved, normals = kept(mesh, "denoised", key, lambda: _denoised(mesh, weights, given))
+    with phase(0.9, 1.0, _MESSAGE):
+        fixed = None if weights is None else weights <= LEAST_WEIGHT
+        return mended(mesh, normals, strength * moved, fixed)
+
+
+def _denoised(
+    mesh: TriangleMesh, weights: Floats | None, nets: list[Network]
+) -> tuple[Floats, Floats]:
+    # The displacement, and the normals that it is fitted to.
+    if weights is None:
+        return _in_stages(mesh, None, nets)
+    near = dilation(mesh, (weights > LEAST_WEIGHT).view(np.uint8), _RINGS)
+    if near.mean() > _WORTH_IT:
+        return _in_stages(mesh, weights, nets)
+    moved, normals = np.zeros((mesh.vertex_count, 3)), mesh.normals.copy()
+    chosen = np.flatnonzero(greatest_to_faces(mesh, near))
+    if len(chosen) and mesh.areas[chosen].any():
+        part, index = part_of(mesh, chosen)
+        moved[index], normals[chosen] = _in_stages(part, weights[index], nets)
+    return moved, normals
+
+
+def _in_stages(
+    mesh: TriangleMesh, weights: Floats | None, nets: list[Network]
+) -> tuple[Floats, Floats]:
     state = _State(mesh, weights)
     for stage, network in enumerate(nets):
         last = stage == len(nets) - 1
@@ -93,7 +133,7 @@ def learned_displacement(
             del found
             with phase(0.8, 1.0, _MESSAGE):
                 state.fit(normals, FITS if last else 1)
-    return state.moved
+    return state.moved, state.normals
 
 
 def found_in_stage(mesh: TriangleMesh, nets: list[Network]) -> Smoothings:
@@ -111,17 +151,17 @@ class _State:
 
     def __init__(self, mesh: TriangleMesh, weights: Floats | None) -> None:
         self._mesh, self._weights = mesh, weights
-        self._normals: Floats | None = None
+        self.normals = mesh.normals
         self._around: Singles | None = None
         self.moved = np.zeros((mesh.vertex_count, 3))
 
     def smoothed(self) -> Smoothings:
-        if self._normals is None or self._around is None:
+        if self._around is None:
             found = first_smoothings(self._mesh)
             self._around = found.around
             return found
         current = moved_to(self._mesh, self.moved)
-        return next_smoothings(current, self._mesh, self._normals, self._around)
+        return next_smoothings(current, self._mesh, self.normals, self._around)
 
     def fit(self, normals: Floats, fits: int) -> None:
         mesh = self._mesh
@@ -129,7 +169,7 @@ class _State:
         if self._weights is not None:
             normals = blended_normals(mesh, mesh.normals, normals, self._weights)
         self.moved = fitted(mesh, self.moved, normals, self._weights, fits)
-        self._normals = normals
+        self.normals = normals
 
 
 def mixed(network: Network, mesh: TriangleMesh, found: Smoothings) -> Floats:

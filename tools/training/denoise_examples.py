@@ -45,8 +45,12 @@ RELIEF = {"clean": 0.75, "crisp": 0.5, "white": 0.2, "field": 0.1, "both": 0.15,
 
 LOW = {"modelled": 0.4, "decimated": 0.28, "subdivided": 0.14, "uneven": 0.12, "even": 0.06}
 
-UNTOUCHED = 0.5
-"""Share of these that have no noise."""
+UNTOUCHED, UNTOUCHED_FIGURES = 0.5, 0.65
+"""Shares of these, and of sculptures, that have no noise."""
+
+
+FIGURES = {"scanned": 0.5, "sculpted": 0.4, "relief": 0.1}
+"""Shares among sculptures; see `crease_examples`."""
 
 
 class Example(NamedTuple):
@@ -89,6 +93,21 @@ def example(seed: int, kind: str | None = None) -> Example:
     if kind in ("white", "both"):
         v = _moved(rng, v, f, truth)
     return Example(core.TriangleMesh(v, f), truth, kind)
+
+
+def figure(seed: int) -> Example:
+    """Make a sculpture with folds and ridges a few edges wide, most of them without noise."""
+    rng = np.random.default_rng(seed)
+    how = str(rng.choice(list(FIGURES), p=list(FIGURES.values())))
+    made = getattr(crease_examples, how)(int(rng.integers(1 << 40)))
+    mesh, (truth, _) = made.mesh, made.targets(np.arange(made.mesh.face_count))
+    if rng.random() < 0.35:  # faces of all sizes and shapes
+        mesh = core.TriangleMesh(*_thinned(mesh.vertices, mesh.faces, rng.uniform(0.1, 0.8)))
+        truth = mesh.normals
+    if rng.random() < UNTOUCHED_FIGURES:
+        return Example(mesh, truth, "figure")
+    noisy = mesh.moved_to(_moved(rng, mesh.vertices, mesh.faces, truth))
+    return Example(noisy, truth, "noisy figure")
 
 
 def solid(rng, cells: int, waves: bool) -> Solid:

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same sums on any machi
 
 import adam
 import numpy as np
-from denoise_examples import example
+from denoise_examples import example, figure
 from scripts import meaning_of
 from shock_filter import core
 from shock_filter.core.mixture.choice import free_mixture
@@ -37,8 +37,9 @@ MADE_OF = ("adam.py", "crease_examples.py", "denoise_examples.py", "distances.py
 VERSION = 1
 """Counts the trainings that were shipped."""
 
-COUNT = 1500
-"""Number of seeds."""
+MAKERS = {"solid": example, "figure": figure}
+COUNTS = {"solid": 1500, "figure": 350}
+"""How many seeds of each."""
 
 FACES, ROWS = (24, 60_000), (600, 1600)
 """Fewest and most faces of a mesh that counts, and of a mesh that are learned from; of small ones
@@ -57,20 +58,21 @@ KEPT_ASIDE = 16
 USUAL = 1.5
 """Degrees: a mesh counts the less the farther its best smoothing is from the truth."""
 
-UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0}
-"""How much more those count that have few faces and no noise."""
+UNTOUCHED = {"modelled": 2.0, "decimated": 2.0, "subdivided": 2.0, "uneven": 2.0, "figure": 2.0}
+"""How much more those count that have few faces, or are sculptures, and have no noise."""
 
 TURNED = np.cos(np.radians(60.0))
 """Faces of which no smoothing is nearer to the truth say nothing: they are of the other side."""
 
 
-def made(seed: int, folder: Path) -> Path | None:
+def made(job: tuple[str, int], folder: Path) -> Path | None:
     """Make a mesh, unless it is in the folder already."""
-    path = folder / f"denoise_{seed}.npz"
+    name, seed = job
+    path = folder / f"denoise_{name}_{seed}.npz"
     if path.exists():
         return path
     try:
-        mesh, truth, kind = example(seed)
+        mesh, truth, kind = MAKERS[name](seed)
     except (IndexError, ValueError, core.ShockError):  # nothing is left of the solid
         return None
     of_solid = kind in ("clean", "crisp", "white", "field", "both", "binary", "range")
@@ -127,10 +129,11 @@ def gathered(function, jobs: list, processes: int) -> list:
         return list(pool.map(function, jobs, chunksize=8))
 
 
-def make_all(count: int, folder: Path, processes: int) -> list[Path]:
-    """Make meshes of so many seeds."""
+def make_all(counts: dict[str, int], folder: Path, processes: int) -> list[Path]:
+    """Make so many of each."""
     folder.mkdir(parents=True, exist_ok=True)
-    found = gathered(partial(made, folder=folder), list(range(count)), processes)
+    jobs = [(name, seed) for name, count in counts.items() for seed in range(count)]
+    found = gathered(partial(made, folder=folder), jobs, processes)
     return [path for path in found if path is not None]
 
 
@@ -189,8 +192,8 @@ def main() -> None:
     options = parser.parse_args()
     begin = time.time()
     log = lambda text: print(f"{time.time() - begin:6.0f} s  {text}", flush=True)  # noqa: E731
-    count = max(int(options.share * COUNT), 1)
-    paths = make_all(count, options.folder, options.processes)
+    counts = {name: max(int(options.share * count), 1) for name, count in COUNTS.items()}
+    paths = make_all(counts, options.folder, options.processes)
     log(f"{len(paths)} meshes")
     save(options.out, train(paths, options.processes, log=log))
     log(f"written: {options.out}")
